@@ -1,0 +1,2 @@
+//! Placeholder tour.
+#![cfg_attr(not(test), no_std)]

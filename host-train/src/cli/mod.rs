@@ -1,0 +1,69 @@
+//! The command line: one file per command, each with its `Args` and its `run`.
+
+pub mod check;
+pub mod demo;
+pub mod evaluate;
+pub mod export;
+pub mod init;
+pub mod inspect;
+pub mod latency;
+pub mod predict;
+pub mod synth;
+pub mod train;
+
+use crate::Result;
+use clap::{Parser, Subcommand};
+
+/// Terrain models of the Moon from one orbiter image and a coarse DTM.
+#[derive(Debug, Parser)]
+#[command(name = "host-train", version, about, arg_required_else_help = false)]
+pub struct Cli {
+    /// What to do; without a command, the demo.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+/// One per file of this folder.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Make a scene, train, export, predict and evaluate, with a report (the default).
+    Demo(demo::Args),
+    /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
+    Synth(synth::Args),
+    /// Write freshly initialised weights.
+    Init(init::Args),
+    /// Compare the network with a golden file, map by map.
+    Check(check::Args),
+    /// Train a network.
+    Train(train::Args),
+    /// Turn weights into the model file of the int8 runner.
+    Export(export::Args),
+    /// Predict a DTM from an image and a coarse DTM.
+    Predict(predict::Args),
+    /// Judge a DTM against a truth.
+    Evaluate(evaluate::Args),
+    /// Say what a model or weights file holds.
+    Inspect(inspect::Args),
+    /// Measure the latency of one tile.
+    Latency(latency::Args),
+}
+
+/// Runs the parsed command.
+///
+/// # Errors
+/// The command's own.
+pub fn run(cli: Cli) -> Result<()> {
+    match cli.command {
+        Some(Command::Demo(args)) => demo::run(args),
+        None => demo::run(demo::Args {}),
+        Some(Command::Synth(args)) => synth::run(args),
+        Some(Command::Init(args)) => init::run(args),
+        Some(Command::Check(args)) => check::run(args),
+        Some(Command::Train(args)) => train::run(args),
+        Some(Command::Export(args)) => export::run(args),
+        Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Inspect(args)) => inspect::run(args),
+        Some(Command::Latency(args)) => latency::run(args),
+    }
+}

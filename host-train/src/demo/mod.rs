@@ -1,0 +1,1 @@
+//! The tour: everything once, with a report.

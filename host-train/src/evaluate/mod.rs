@@ -1,0 +1,1 @@
+//! A DTM judged against a truth.

@@ -1,0 +1,20 @@
+//! The ground side of ELunarDTM: makes and reads data, trains the network, exports it for flight, predicts and evaluates.
+//!
+//! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`model`] is the float network,
+//! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene,
+//! [`mosaic`] joins the tiles, [`evaluate`] judges the result, [`picture`] shows it, [`demo`] does all of this once.
+
+pub mod cli;
+pub mod demo;
+pub mod error;
+pub mod evaluate;
+pub mod export;
+pub mod model;
+pub mod mosaic;
+pub mod picture;
+pub mod predict;
+pub mod raster;
+pub mod synth;
+pub mod train;
+
+pub use error::{Error, Result};

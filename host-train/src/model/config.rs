@@ -1,0 +1,146 @@
+//! Every width, depth and switch of the network, with the paper's value or "our choice".
+
+use serde::{Deserialize, Serialize};
+
+/// Output head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Head {
+    /// 3x3 convolution and ReLU: absolute normalised elevation (the paper's).
+    Relu,
+    /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: converges in minutes).
+    Residual,
+}
+
+/// Whose minimum and relief normalise the true DTM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum TargetRange {
+    /// The truth's own (Sec. III-A1). Recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
+    Own,
+    /// The coarse tile's, widened by [`NetConfig::range_margin`] on both sides, for both DTMs: recovery is exact (our choice).
+    Reference,
+}
+
+/// Image encoder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum ImageEncoderKind {
+    /// Swin transformer beside a 7x7 stem (the paper's).
+    Swin,
+    /// Residual basic blocks (the paper's ablation).
+    Resnet,
+}
+
+/// Decoder blocks 2 to 5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum DecoderKind {
+    /// The shortcut sees the previous decoder output only (the paper's).
+    Residual,
+    /// Up-projection block: the shortcut sees skip and previous output (the paper's ablation).
+    Upb,
+}
+
+/// Named sizes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The paper's network, 321 M parameters.
+    Paper,
+    /// Half the width.
+    Small,
+    /// A quarter.
+    Tiny,
+    /// An eighth, 1.3 M parameters: trains on a laptop, flies on a microcontroller.
+    Nano,
+}
+
+/// The network's shape. The first seven fields carry the reference implementation's names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NetConfig {
+    /// Swin channels C after patch embedding; stage i has `embed << i`.
+    pub embed: usize,
+    /// Swin blocks per stage.
+    pub depths: [usize; 4],
+    /// Attention heads per stage.
+    pub heads: [usize; 4],
+    /// Window side, tokens.
+    pub window: usize,
+    /// Channels of the 7x7 stem.
+    pub stem: usize,
+    /// Channels of the five coarse-DTM convolutions.
+    pub dtm: [usize; 5],
+    /// Output channels of the five decoder blocks.
+    pub decoder: [usize; 5],
+    /// Output head.
+    #[serde(default = "relu")]
+    pub head: Head,
+    /// Whose range normalises the truth.
+    #[serde(default = "own")]
+    pub target_range: TargetRange,
+    /// With [`TargetRange::Reference`]: the coarse relief is widened by this share below and above (0 with `own`).
+    #[serde(default)]
+    pub range_margin: f32,
+    /// Upper end of the normalised range, NR (Eq. 1): 50 in the paper, 1 for its max–min ablation.
+    #[serde(default = "nr")]
+    pub nr: f32,
+    /// Image encoder.
+    #[serde(default = "swin")]
+    pub image_encoder: ImageEncoderKind,
+    /// Decoder blocks.
+    #[serde(default = "residual_decoder")]
+    pub decoder_kind: DecoderKind,
+    /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
+    #[serde(default = "yes")]
+    pub use_coarse: bool,
+}
+
+fn relu() -> Head {
+    Head::Relu
+}
+fn own() -> TargetRange {
+    TargetRange::Own
+}
+fn nr() -> f32 {
+    50.0
+}
+fn swin() -> ImageEncoderKind {
+    ImageEncoderKind::Swin
+}
+fn residual_decoder() -> DecoderKind {
+    DecoderKind::Residual
+}
+fn yes() -> bool {
+    true
+}
+
+impl NetConfig {
+    /// The reference configuration of a preset, with the paper's switches.
+    pub fn preset(preset: Preset) -> Self {
+        let (embed, depths, heads, window, stem, dtm, decoder) = match preset {
+            Preset::Paper => {
+                (192, [2, 2, 18, 2], [6, 12, 24, 48], 7, 64, [32, 64, 128, 256, 512], [768, 384, 192, 96, 48])
+            }
+            Preset::Small => (96, [2, 2, 6, 2], [3, 6, 12, 24], 7, 32, [16, 32, 64, 128, 256], [384, 192, 96, 48, 32]),
+            Preset::Tiny => (48, [2, 2, 4, 2], [2, 4, 8, 16], 8, 16, [8, 16, 32, 64, 128], [192, 96, 48, 24, 16]),
+            Preset::Nano => (24, [1, 1, 2, 1], [1, 2, 4, 8], 8, 8, [8, 8, 16, 32, 64], [96, 48, 24, 12, 8]),
+        };
+        Self {
+            embed,
+            depths,
+            heads,
+            window,
+            stem,
+            dtm,
+            decoder,
+            head: Head::Relu,
+            target_range: TargetRange::Own,
+            range_margin: 0.0,
+            nr: 50.0,
+            image_encoder: ImageEncoderKind::Swin,
+            decoder_kind: DecoderKind::Residual,
+            use_coarse: true,
+        }
+    }
+}

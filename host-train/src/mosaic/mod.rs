@@ -1,0 +1,1 @@
+//! Overlapping tiles joined into one map.

@@ -1,0 +1,1 @@
+//! PNG pictures: hillshades, error maps, curves.

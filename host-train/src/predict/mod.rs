@@ -1,0 +1,3 @@
+//! A scene through the network, tile by tile.
+
+pub mod network;

@@ -1,0 +1,40 @@
+//! What the tile loop needs of a network, float or int8.
+
+use crate::Result;
+use crate::model::config::TargetRange;
+
+/// How a model wants its tiles normalised, and how its output turns back into metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Normalisation {
+    /// Upper end of the normalised elevation range, NR (Eq. 1).
+    pub nr: f32,
+    /// Share of the coarse relief by which the range is widened below and above; 0 is the paper's Eq. 2.
+    pub range_margin: f32,
+    /// Whose range normalised the truth in training.
+    pub target_range: TargetRange,
+}
+
+/// A loaded model: immutable, shared by all threads.
+pub trait Model: Sync {
+    /// Tile rows and columns the model takes.
+    fn tile(&self) -> (usize, usize);
+    /// How tiles are normalised.
+    fn normalisation(&self) -> Normalisation;
+    /// One line for file metadata: kind, name, SHA-256 of the model file.
+    fn description(&self) -> String;
+    /// A worker with its own scratch memory; one per thread.
+    ///
+    /// # Errors
+    /// If the worker's memory cannot be set up.
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>>;
+}
+
+/// One thread's instance of a model.
+pub trait TileNetwork {
+    /// Predicts one tile. `image` in [0, 1], `coarse` in [0, NR], `output` in the same units as `coarse` (a residual head may
+    /// leave the range slightly); all row-major `rows * cols`.
+    ///
+    /// # Errors
+    /// If the network reports a fault.
+    fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()>;
+}

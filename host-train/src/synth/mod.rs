@@ -1,0 +1,1 @@
+//! The synthetic Moon: terrain, photometry, scenes.

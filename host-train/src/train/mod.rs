@@ -1,0 +1,1 @@
+//! Training: data feed, schedule, checkpoints, metrics.

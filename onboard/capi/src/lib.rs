@@ -1,0 +1,3 @@
+//! C interface of the flight runner.
+#![no_std]
+pub use elunar_core;
