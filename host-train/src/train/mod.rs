@@ -1,1 +1,3 @@
 //! Training: data feed, schedule, checkpoints, metrics.
+
+pub mod loss;
