@@ -9,3 +9,6 @@ pub const METRIC: f64 = 1e-12;
 
 /// Slope against GDAL, degrees: GDAL stores `f32` and computes with `f32` coefficients.
 pub const SLOPE_DEG: f64 = 1e-5;
+
+/// Loss gradients by automatic differentiation in `f32` against the analytic ones, relative to the largest derivative.
+pub const LOSS_GRADIENT: f32 = 1e-5;
