@@ -1,6 +1,7 @@
 //! Rasters with a place on a sphere, and the files they live in.
 
 pub mod geotiff;
+pub mod resample;
 
 use crate::{Error, Result};
 use std::io::Write;

@@ -3,9 +3,7 @@
 use burn::tensor::module::conv2d;
 use burn::tensor::ops::{ConvOptions, PadMode};
 use burn::tensor::{Device, Tensor, TensorData};
-
-/// The "small offset" on the means of Eq. 6 and 7.
-pub const MEAN_OFFSET: f64 = 1e-3;
+use elunar_core::loss::PAD_EPS;
 
 /// Which elevation term leads (the paper's ablation swaps it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
@@ -44,7 +42,7 @@ fn sobel(z: Tensor<4>) -> (Tensor<4>, Tensor<4>) {
 /// The terms between `truth` and `prediction`, both `[B, 1, H, W]` in [0, NR].
 pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation) -> Terms {
     let relative = |z: Tensor<4>| {
-        let mean = z.clone().mean_dim(3).mean_dim(2).add_scalar(MEAN_OFFSET);
+        let mean = z.clone().mean_dim(3).mean_dim(2).add_scalar(PAD_EPS);
         z.div(mean)
     };
     let elevation = match kind {
@@ -82,5 +80,53 @@ impl LossWeights {
         weigh(&terms.elevation, self.elevation)
             .add(weigh(&terms.gradient, self.gradient))
             .add(weigh(&terms.normal, self.normal))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_core::loss::Pair;
+    use elunar_core::loss::hybrid::{self, ElevationTerm, Weights};
+    use rand::{Rng, SeedableRng};
+
+    const ROWS: usize = 12;
+    const COLS: usize = 16;
+    /// f32 tensors against f64 slices: a few hundred roundings of 2^-24.
+    const PARITY: f64 = 1e-4;
+
+    fn tile(seed: u64) -> Vec<f32> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        (0..ROWS * COLS).map(|i| 20.0 + 0.8 * (i % COLS) as f32 + rng.random_range(-3.0..3.0f32)).collect()
+    }
+
+    fn tensor(data: &[f32], device: &Device) -> Tensor<4> {
+        Tensor::from_data(TensorData::new(data.to_vec(), [1, 1, ROWS, COLS]), device)
+    }
+
+    #[test]
+    fn autodiff_matches_the_analytic_loss_and_gradient() {
+        let device = Device::default().autodiff();
+        let (truth, predicted) = (tile(1), tile(2));
+        for (kind, core_kind) in
+            [(Elevation::MeanNormalised, ElevationTerm::MeanNormalised), (Elevation::L1, ElevationTerm::L1)]
+        {
+            let prediction = tensor(&predicted, &device).require_grad();
+            let terms = terms(tensor(&truth, &device), prediction.clone(), kind);
+            let total = LossWeights::PAPER.total(&terms);
+            let grads = total.backward();
+            let found = prediction.grad(&grads).unwrap().into_data().try_to_vec::<f32>().unwrap();
+
+            let pair = Pair::new(&truth, &predicted, None, (ROWS, COLS)).unwrap();
+            let mut expected = vec![0.0f32; ROWS * COLS];
+            let slices = hybrid::add_gradient(&pair, core_kind, Weights::default(), &mut expected).unwrap();
+            let total = f64::from(total.into_scalar::<f32>());
+            let wanted = slices.total(Weights::default());
+            assert!((total - wanted).abs() <= PARITY * wanted, "{kind:?}: loss {total} against {wanted}");
+            let peak = expected.iter().fold(0.0f32, |m, g| m.max(g.abs()));
+            for (i, (f, e)) in found.iter().zip(&expected).enumerate() {
+                assert!((f - e).abs() <= PARITY as f32 * peak, "{kind:?}: gradient at {i}: {f} against {e}");
+            }
+        }
     }
 }
