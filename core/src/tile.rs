@@ -2,10 +2,10 @@
 
 use crate::error::TileError;
 
-/// Rows of the paper's tile (Sec. III-A).
+/// Rows of the paper's tile.
 pub const TILE_ROWS: usize = 256;
 
-/// Columns of the paper's tile (Sec. III-A).
+/// Columns of the paper's tile.
 pub const TILE_COLS: usize = 320;
 
 /// Pixels by which neighbouring tiles overlap at inference (Sec. V-B: "padding (100 pixels)"); 0 in training.
