@@ -3,6 +3,7 @@
 mod crs;
 mod georef;
 pub mod geotiff;
+pub mod resample;
 
 pub use crs::{Crs, MOON_RADIUS_M};
 pub use georef::{GeoRef, GeoTransform, PixelMap};
