@@ -1,12 +1,13 @@
 //! Rasters with a place on a sphere, and the files they live in.
 
+pub mod align;
 mod crs;
 mod georef;
 pub mod geotiff;
 pub mod resample;
 
 pub use crs::{Crs, MOON_RADIUS_M};
-pub use georef::{GeoRef, GeoTransform, PixelMap};
+pub use georef::{GeoRef, GeoTransform};
 
 use crate::{Error, Result};
 use std::io::Write;
