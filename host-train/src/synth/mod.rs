@@ -21,3 +21,6 @@ pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
 pub use kind::TerrainKind;
 pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;
+
+#[cfg(test)]
+mod tests;
