@@ -8,6 +8,7 @@ pub mod elunar;
 pub mod encoder;
 pub mod init;
 pub mod norm;
+pub mod published;
 pub mod resnet;
 pub mod store;
 pub mod swin;

@@ -4,6 +4,7 @@
 //! [`network::Model`] over them and joins the heights. The network is float or int8: [`open`] looks at the file's extension.
 
 mod fill;
+pub mod float;
 pub mod network;
 mod run;
 mod scene;
@@ -25,9 +26,9 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Unsupported`] for another extension; [`Error::Io`] and [`Error::Broken`] from reading the file.
 pub fn open(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
-    let _ = backend;
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("eld" | "safetensors") => Err(Error::unsupported(path, "this build runs no model of this kind yet")),
+        Some("safetensors") => Ok(Box::new(float::open(path, backend)?)),
+        Some("eld") => Err(Error::unsupported(path, "this build runs no model of this kind yet")),
         _ => Err(Error::unsupported(path, "expected a model with extension .eld or .safetensors")),
     }
 }
