@@ -152,6 +152,25 @@ mod tests {
     }
 
     #[test]
+    fn matches_numpy_and_scipy() {
+        let bytes = include_bytes!("../../../tests/golden/mosaic/blend.f32");
+        let numbers: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+        let (tile_px, corners) = (48 * 60, [(0, 0), (10, 30), (22, 7)]);
+        let mut mosaic = Mosaic::new(70, 90);
+        for ((row, col), heights_m) in corners.into_iter().zip(numbers.chunks_exact(tile_px)) {
+            let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
+            mosaic.add(row, col, 60, heights_m, &tile_weights(&valid, 48, 60, Blend::DemMosaic)).unwrap();
+        }
+        let (found, expected) = (mosaic.finish(), &numbers[3 * tile_px..]);
+        assert_eq!((found.len(), expected.len()), (6300, 6300));
+        let ulps = |a: f32, b: f32| a.to_bits().abs_diff(b.to_bits());
+        for (i, (&a, &b)) in found.iter().zip(expected).enumerate() {
+            // Both sum in f64, in different orders: the rounding to f32 may fall either way.
+            assert!((a.is_nan() && b.is_nan()) || ulps(a, b) <= 1, "pixel {i}: {a} instead of {b}");
+        }
+    }
+
+    #[test]
     fn gaps_and_what_lies_beyond_stay_out() {
         let mut mosaic = Mosaic::new(5, 4);
         mosaic.add(2, 1, 2, &[1.0, f32::NAN, 3.0, 4.0], &[1.0, 0.0, 1.0, 1.0]).unwrap();

@@ -6,7 +6,7 @@ use super::tile::{Outcome, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
-use elunar_core::tile::{INFERENCE_OVERLAP_PX, Tiling};
+use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_ROWS, Tiling};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -15,7 +15,7 @@ use std::sync::mpsc;
 /// How a scene is cut, shared out and joined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Pixels by which neighbouring tiles overlap: 100, "padding (100 pixels)" of Sec. V-B, unless the tile is smaller than twice that.
+    /// Pixels by which neighbouring tiles overlap; less than either side of a tile. See [`Options::overlap_for`].
     pub overlap_px: usize,
     /// How overlapping tiles are weighed.
     pub blend: Blend,
@@ -26,6 +26,16 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self { overlap_px: INFERENCE_OVERLAP_PX, blend: Blend::DemMosaic, threads: 0 }
+    }
+}
+
+impl Options {
+    /// The overlap for tiles of (rows, columns): 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
+    /// the paper's a third of their shorter side (our choice).
+    #[must_use]
+    pub fn overlap_for(tile: (usize, usize)) -> usize {
+        let side = tile.0.min(tile.1);
+        if side >= TILE_ROWS { INFERENCE_OVERLAP_PX } else { side / 3 }
     }
 }
 
