@@ -3,25 +3,8 @@
 use super::tests::{heights, same_bits, scratch};
 use super::*;
 use crate::raster::{Crs, GeoRef};
+use crate::testing::{rasterio as gdal, shared_folder};
 use std::path::Path;
-use std::process::Command;
-use std::sync::LazyLock;
-
-/// Runs a script with rasterio and numpy imported; `None`, said aloud, where they are missing. The script fails by raising.
-fn gdal(script: &str, folder: &Path) -> Option<String> {
-    static PRESENT: LazyLock<bool> = LazyLock::new(|| {
-        Command::new("python3").args(["-c", "import rasterio, numpy"]).output().is_ok_and(|out| out.status.success())
-    });
-    if !*PRESENT {
-        println!("SKIPPED: python3 with rasterio is not here");
-        return None;
-    }
-    let script = format!("import rasterio, numpy as np, struct\nfrom rasterio.transform import Affine\n{script}");
-    let out =
-        Command::new("python3").args(["-W", "ignore", "-c", &script]).current_dir(folder).output().expect("python3");
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    Some(String::from_utf8_lossy(&out.stdout).into_owned())
-}
 
 fn raw(path: impl AsRef<Path>) -> Vec<f32> {
     let bytes = std::fs::read(path).expect("what the script left");
@@ -188,7 +171,7 @@ with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True):
 
 #[test]
 fn real_files_are_read_as_gdal_reads_them() {
-    let Some(shared) = crate::raster::shared_folder() else { return };
+    let Some(shared) = shared_folder() else { return };
     let folder = scratch();
     let files = [
         "nac_m139939938le/image.tif",
