@@ -15,6 +15,7 @@ pub mod mosaic;
 pub mod picture;
 pub mod predict;
 pub mod raster;
+mod shade;
 pub mod synth;
 #[cfg(test)]
 mod testing;

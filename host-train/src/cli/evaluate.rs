@@ -1,10 +1,10 @@
 //! `host-train evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
 
-use super::shade::write_error_map;
 use crate::Result;
 use crate::evaluate::{Candidate, compare, json, table};
 use crate::raster::align::Named;
 use crate::raster::geotiff;
+use crate::shade::write_error_map;
 use std::path::PathBuf;
 
 /// Options of `evaluate`.

@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Usage`] if the pixel size is unknown, [`Error::Io`] if the file cannot be written.
-pub(super) fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
+pub(crate) fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
     let (row_m, col_m) =
         dtm.pixel_m().ok_or_else(|| Error::usage(format!("{}: pixel size in metres unknown", path.display())))?;
     let mut shade = vec![0; dtm.rows * dtm.cols];
@@ -28,7 +28,7 @@ pub(super) fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be written.
-pub(super) fn write_error_map(path: &Path, error_m: &Raster) -> Result<()> {
+pub(crate) fn write_error_map(path: &Path, error_m: &Raster) -> Result<()> {
     const HIGH: [[u8; 3]; 4] = [[245, 245, 240], [253, 204, 138], [240, 100, 60], [150, 0, 20]];
     const LOW: [[u8; 3]; 4] = [[235, 240, 245], [166, 200, 230], [60, 130, 200], [10, 40, 120]];
     let colour = |error: f32| {
