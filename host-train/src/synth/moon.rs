@@ -12,8 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Albedo between the craters: standard deviation of its logarithm about 4 %, rougher than terrain (our choice).
-const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.015, corner_m: 100.0, hurst_long: 0.3, hurst_short: 0.5 };
+/// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
+const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
 const ROUGHNESS_SPREAD: f64 = 0.25;
 /// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation, maria lower than highlands (our choice).
