@@ -29,7 +29,7 @@ impl TerrainKind {
     pub(super) fn recipe(self) -> Recipe {
         match self {
             Self::Mare => Recipe {
-                spectrum: Spectrum { corner_rms_m: 0.18, corner_m: 100.0, hurst_long: 1.20, hurst_short: 1.4 },
+                spectrum: Spectrum { corner_rms_m: 0.19, corner_m: 100.0, hurst_long: 1.20, hurst_short: 1.4 },
                 saturation_diameter_m: 120.0,
             },
             Self::Highland => Recipe {
