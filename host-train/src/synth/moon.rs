@@ -64,6 +64,8 @@ pub struct SynthTile {
 /// An image and its truth on one grid, with the coarse DTM on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
+    /// Its number on its Moon.
+    pub index: u64,
     /// Rows of image and truth.
     pub rows: usize,
     /// Columns of image and truth.
@@ -180,6 +182,7 @@ impl Moon {
         let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
         let image = self.image(rng, &heights_m, &log_albedo, &sun, shop);
         SynthScene {
+            index,
             rows: shop.rows,
             cols: shop.cols,
             pixel_m: options.pixel_m,
