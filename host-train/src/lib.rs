@@ -15,7 +15,6 @@ pub mod mosaic;
 pub mod picture;
 pub mod predict;
 pub mod raster;
-mod shade;
 pub mod synth;
 #[cfg(test)]
 mod testing;

@@ -1,10 +1,10 @@
 //! A prediction as files: the DTM with its provenance, and a hillshade beside it.
 
 use super::run::Prediction;
-use crate::Result;
-use crate::raster::MOON_RADIUS_M;
 use crate::raster::geotiff::{self, WriteOptions};
-use crate::shade::write_hillshade;
+use crate::raster::{MOON_RADIUS_M, Raster};
+use crate::{Error, Result, picture};
+use elunar_core::terrain::PixelSize;
 use std::path::{Path, PathBuf};
 
 /// Where a DTM comes from; goes into the file's metadata.
@@ -38,6 +38,12 @@ pub fn write_dtm(output: &Path, made: &Prediction, from: &Provenance) -> Result<
     let shade = hillshade_path(output);
     write_hillshade(&shade, &made.dtm)?;
     geotiff::write(output, &made.dtm, &options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+}
+
+fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
+    let unknown = || Error::usage(format!("{}: pixel size in metres unknown", path.display()));
+    let (row_m, col_m) = dtm.pixel_m().ok_or_else(unknown)?;
+    picture::write_png(path, picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?)
 }
 
 /// `dtm.tif` has `dtm_hillshade.png` beside it.
