@@ -8,7 +8,6 @@ pub mod init;
 pub mod inspect;
 pub mod latency;
 pub mod predict;
-mod shade;
 pub mod synth;
 pub mod train;
 

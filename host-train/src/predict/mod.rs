@@ -6,6 +6,7 @@
 mod fill;
 pub mod float;
 pub mod network;
+mod output;
 mod run;
 mod scene;
 mod tile;
@@ -13,6 +14,7 @@ mod tile;
 #[cfg(test)]
 mod tests;
 
+pub use output::{Provenance, hillshade_path, write_dtm};
 pub use run::{Options, Prediction, predict};
 pub use scene::Scene;
 

@@ -12,8 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Albedo between the craters: standard deviation of its logarithm about 4 %, rougher than terrain (our choice).
-const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.015, corner_m: 100.0, hurst_long: 0.3, hurst_short: 0.5 };
+/// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
+const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
 const ROUGHNESS_SPREAD: f64 = 0.25;
 /// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation, maria lower than highlands (our choice).
@@ -64,6 +64,8 @@ pub struct SynthTile {
 /// An image and its truth on one grid, with the coarse DTM on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
+    /// Its number on its Moon.
+    pub index: u64,
     /// Rows of image and truth.
     pub rows: usize,
     /// Columns of image and truth.
@@ -180,6 +182,7 @@ impl Moon {
         let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
         let image = self.image(rng, &heights_m, &log_albedo, &sun, shop);
         SynthScene {
+            index,
             rows: shop.rows,
             cols: shop.cols,
             pixel_m: options.pixel_m,
