@@ -12,4 +12,5 @@ pub mod published;
 pub mod resnet;
 pub mod store;
 pub mod swin;
+pub mod up2_conv5;
 pub mod weights;
