@@ -251,3 +251,58 @@ fn each_pixel(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    #[test]
+    fn craters_keep_the_published_share_of_their_depth_after_three_billion_years() {
+        let profiles = Profiles::new();
+        let depth = |tau: f64| {
+            let heights = &profiles.at(tau).heights;
+            heights.iter().copied().fold(f32::MIN, f32::max) - heights[0]
+        };
+        // Fassett & Thomson 2014, abstract: a crater 1 km wide keeps 52 %, one 300 m wide 7 %.
+        for (diameter_m, share) in [(1000.0f64, 0.52), (300.0, 0.07)] {
+            let kept = depth(SURFACE_KAPPA_T_M2 / (diameter_m / 2.0).powi(2)) / depth(0.0);
+            assert!((kept - share).abs() < 0.05, "{diameter_m} m keeps {kept}, published {share}");
+        }
+    }
+
+    #[test]
+    fn diffusion_keeps_the_volume() {
+        let profiles = Profiles::new();
+        let volume =
+            |level: &Profile| level.heights.iter().enumerate().map(|(k, h)| k as f64 * f64::from(*h)).sum::<f64>();
+        let fresh = volume(&profiles.levels[0]);
+        for level in &profiles.levels {
+            let change = volume(level) / fresh - 1.0;
+            assert!(change.abs() < 0.1, "volume changed by {change} at age {}", level.tau);
+        }
+    }
+
+    #[test]
+    fn counted_craters_are_in_equilibrium() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        // Only centres inside 2 km x 2 km count.
+        let craters = population(&mut rng, 1000, 1000, 2.0, 200.0);
+        let inside = |c: &&Crater| (0.0..1000.0).contains(&c.row) && (0.0..1000.0).contains(&c.col);
+        let counted = craters.iter().filter(inside).filter(|c| c.radius_m > 5.0 && c.tau < TAU_COUNTED).count();
+        let per_km2 = counted as f64 / 4.0;
+        assert!((per_km2 / 336.0 - 1.0).abs() < 0.1, "{per_km2} craters wider than 10 m per km², published 336");
+    }
+
+    #[test]
+    fn a_fresh_crater_is_as_deep_as_it_should_be() {
+        let crater = Crater { row: 50.0, col: 60.0, radius_m: 40.0, tau: 0.0, depth_ratio: 0.2, stretch: (1.0, 0.0) };
+        let (mut heights_m, mut albedo) = (vec![0.0f32; 100 * 120], vec![0.0f32; 100 * 120]);
+        stamp(&crater, &Profiles::new(), 2.0, &mut heights_m, &mut albedo, 120);
+        let rim = heights_m.iter().copied().fold(f32::MIN, f32::max);
+        let depth = rim - heights_m[50 * 120 + 60];
+        assert!((depth - 0.2 * 80.0).abs() < 0.3, "{depth} m");
+        assert!((heights_m[50 * 120 + 80] - rim).abs() < 0.3, "the rim is one radius from the centre");
+        assert!(albedo[50 * 120 + 85] >= 0.0 && albedo[50 * 120 + 60] > 0.1);
+    }
+}

@@ -5,7 +5,7 @@ use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
 use super::crater::{self, Profiles};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
-use super::{SynthOptions, TerrainKind};
+use super::{SynthOptions, TerrainKind, boulder};
 use crate::Result;
 use crate::raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
@@ -215,6 +215,9 @@ impl Moon {
         shop.plan.long_waves(rng, &recipe.spectrum).add_to(&mut heights_m, cols, roughness);
         for crater in crater::population(rng, rows, cols, pixel_m, recipe.saturation_diameter_m) {
             crater::stamp(&crater, &self.profiles, pixel_m, &mut heights_m, &mut log_albedo, cols);
+            if self.options.boulders {
+                boulder::strew(rng, &crater, pixel_m, &mut heights_m, cols);
+            }
         }
         heights_m.iter_mut().for_each(|height| *height += base_m);
         (heights_m, log_albedo)
