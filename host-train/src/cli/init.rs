@@ -1,15 +1,37 @@
-//! `host-train init`.
+//! `host-train init`: freshly initialised weights.
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::model::config::{NetConfig, Preset, Switches};
+use crate::model::init::initial_weights;
+use std::path::PathBuf;
 
 /// Options of `init`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Example:\n  host-train init --preset tiny --seed 7 -o tiny.safetensors")]
+pub struct Args {
+    /// Size of the network.
+    #[arg(long, default_value = "nano")]
+    pub preset: Preset,
+    /// Departures from the paper's network.
+    #[command(flatten)]
+    pub switches: Switches,
+    /// Seed of the random weights.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// File to write.
+    #[arg(short, long, value_name = "W.safetensors")]
+    pub output: PathBuf,
+}
 
 /// Runs the command.
 ///
 /// # Errors
-/// Always: not built yet.
-pub fn run(_args: Args) -> Result<()> {
-    Err(Error::usage("init: not built yet"))
+/// If the switches contradict each other or the file cannot be written.
+pub fn run(args: Args) -> Result<()> {
+    let config = args.switches.apply(NetConfig::preset(args.preset))?;
+    let weights = initial_weights(&config, args.seed);
+    weights.write(&args.output)?;
+    let count: usize = weights.tensors.values().map(|a| a.data.len()).sum();
+    println!("{}: {:?}, {} tensors, {count} numbers", args.output.display(), args.preset, weights.tensors.len());
+    Ok(())
 }

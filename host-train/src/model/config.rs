@@ -1,5 +1,6 @@
 //! Every width, depth and switch of the network, with the paper's value or "our choice".
 
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Output head.
@@ -54,6 +55,57 @@ pub enum Preset {
     Tiny,
     /// An eighth, 1.3 M parameters: trains on a laptop, flies on a microcontroller.
     Nano,
+}
+
+/// Departures from the paper's network, as command-line options.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct Switches {
+    /// Output head [default: relu].
+    #[arg(long)]
+    pub head: Option<Head>,
+    /// Whose range normalises the truth [default: own].
+    #[arg(long)]
+    pub target_range: Option<TargetRange>,
+    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
+    #[arg(long)]
+    pub range_margin: Option<f32>,
+    /// Upper end of the normalised range; 1 is the paper's max-min ablation [default: 50].
+    #[arg(long)]
+    pub nr: Option<f32>,
+    /// Image encoder [default: swin].
+    #[arg(long)]
+    pub image_encoder: Option<ImageEncoderKind>,
+    /// Decoder blocks [default: residual].
+    #[arg(long)]
+    pub decoder_kind: Option<DecoderKind>,
+    /// Leave out the coarse-DTM branch (the paper's ablation).
+    #[arg(long)]
+    pub no_coarse: bool,
+}
+
+/// Default of [`NetConfig::range_margin`] with [`TargetRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
+/// to 10 %, so a tenth on both sides keeps nearly all truth inside [0, NR]).
+pub const REFERENCE_MARGIN: f32 = 0.1;
+
+impl Switches {
+    /// `config` with the given switches set.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if they contradict each other.
+    pub fn apply(&self, mut config: NetConfig) -> Result<NetConfig> {
+        config.head = self.head.unwrap_or(config.head);
+        if let Some(target_range) = self.target_range {
+            config.target_range = target_range;
+            config.range_margin = if target_range == TargetRange::Reference { REFERENCE_MARGIN } else { 0.0 };
+        }
+        config.range_margin = self.range_margin.unwrap_or(config.range_margin);
+        config.nr = self.nr.unwrap_or(config.nr);
+        config.image_encoder = self.image_encoder.unwrap_or(config.image_encoder);
+        config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
+        config.use_coarse &= !self.no_coarse;
+        config.check().map_err(Error::usage)?;
+        Ok(config)
+    }
 }
 
 /// The network's shape. The first seven fields carry the reference implementation's names.
@@ -142,5 +194,35 @@ impl NetConfig {
             decoder_kind: DecoderKind::Residual,
             use_coarse: true,
         }
+    }
+
+    /// Whether a network can be built: positive widths, heads that divide, and switches that do not contradict.
+    ///
+    /// # Errors
+    /// One line naming the first field that does not fit, with what was expected and found.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let sizes = [self.embed, self.window, self.stem].into_iter().chain(self.depths).chain(self.heads);
+        let sizes = sizes.chain(self.dtm).chain(self.decoder);
+        if sizes.clone().any(|n| n == 0 || n > 1 << 14) {
+            return Err("configuration: expected every width, depth and window in 1..=16384".into());
+        }
+        for (i, heads) in self.heads.iter().enumerate() {
+            let dim = self.embed << i;
+            if dim % heads != 0 {
+                return Err(format!(
+                    "configuration: stage {i}: expected heads to divide {dim} channels, found {heads}"
+                ));
+            }
+        }
+        if !(self.nr.is_finite() && self.nr > 0.0) {
+            return Err(format!("configuration: expected nr > 0, found {}", self.nr));
+        }
+        if !(0.0..=10.0).contains(&self.range_margin) {
+            return Err(format!("configuration: expected range_margin in 0..=10, found {}", self.range_margin));
+        }
+        if self.head == Head::Residual && !self.use_coarse {
+            return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());
+        }
+        Ok(())
     }
 }

@@ -1,4 +1,14 @@
 //! The float network: configuration, weights, and the Burn modules named as in the paper's figures.
 
+pub mod backend;
 pub mod config;
+pub mod conv;
+pub mod decoder;
+pub mod elunar;
+pub mod encoder;
+pub mod init;
+pub mod norm;
+pub mod resnet;
+pub mod store;
+pub mod swin;
 pub mod weights;

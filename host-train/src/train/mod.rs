@@ -1,1 +1,13 @@
-//! Training: data feed, schedule, checkpoints, metrics.
+//! Training: data feed, loss, schedule, checkpoints, validation.
+//!
+//! [`run`] is the loop; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
+//! holds the hyper-parameters; [`checkpoint`] makes a killed run go on; [`validate`] and [`journal`] say how it goes.
+
+pub mod checkpoint;
+pub mod feed;
+pub mod journal;
+pub mod loss;
+pub mod recipe;
+pub mod run;
+pub mod sample;
+pub mod validate;

@@ -1,0 +1,183 @@
+//! A rectangle of somebody else's pixels: rows, columns and the distance between rows.
+
+use crate::error::{LengthError, same_length};
+use crate::tile::Window;
+
+/// A borrowed, read-only image. Row `r` starts at sample `r * stride` and has `cols` samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridView<'a, T> {
+    samples: &'a [T],
+    rows: usize,
+    cols: usize,
+    stride: usize,
+}
+
+impl<'a, T: Copy> GridView<'a, T> {
+    /// A dense image of `rows * cols` samples.
+    ///
+    /// # Errors
+    /// [`LengthError`] if `samples` has another length.
+    pub fn new(samples: &'a [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
+        same_length(rows.saturating_mul(cols), samples.len())?;
+        Ok(Self { samples, rows, cols, stride: cols })
+    }
+
+    /// Rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Columns.
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
+    /// The sample at `row`, `col`; `None` outside.
+    pub fn get(&self, row: usize, col: usize) -> Option<T> {
+        self.row(row).get(col).copied()
+    }
+
+    /// The samples of one row; empty outside.
+    pub fn row(&self, row: usize) -> &'a [T] {
+        if row >= self.rows {
+            return &[];
+        }
+        self.samples.get(row * self.stride..row * self.stride + self.cols).unwrap_or(&[])
+    }
+
+    /// The part of the image inside `window`, without copying; `None` if the window leaves the image.
+    ///
+    /// ```
+    /// use elunar_core::{grid::GridView, tile::Window};
+    /// let pixels = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+    /// let image = GridView::new(&pixels, 3, 3)?;
+    /// let corner = image.window(Window { row: 1, col: 1, rows: 2, cols: 2 }).unwrap();
+    /// assert_eq!(corner.row(0), [4, 5]);
+    /// assert_eq!(corner.row(1), [7, 8]);
+    /// # Ok::<(), elunar_core::error::LengthError>(())
+    /// ```
+    pub fn window(&self, window: Window) -> Option<Self> {
+        let Window { row, col, rows, cols } = window;
+        if row.checked_add(rows)? > self.rows || col.checked_add(cols)? > self.cols {
+            return None;
+        }
+        let samples = if rows == 0 || cols == 0 { &[] } else { self.samples.get(row * self.stride + col..)? };
+        Some(Self { samples, rows, cols, stride: self.stride })
+    }
+
+    /// Copies the image, densely, into `out`.
+    ///
+    /// # Errors
+    /// [`LengthError`] unless `out` has `rows * cols` samples.
+    pub fn copy_to(&self, out: &mut [T]) -> Result<(), LengthError> {
+        same_length(self.rows * self.cols, out.len())?;
+        for row in 0..self.rows {
+            out[row * self.cols..(row + 1) * self.cols].copy_from_slice(self.row(row));
+        }
+        Ok(())
+    }
+}
+
+/// A borrowed, writable image; laid out as [`GridView`].
+#[derive(Debug, PartialEq)]
+pub struct GridViewMut<'a, T> {
+    samples: &'a mut [T],
+    rows: usize,
+    cols: usize,
+    stride: usize,
+}
+
+impl<'a, T: Copy> GridViewMut<'a, T> {
+    /// A dense image of `rows * cols` samples.
+    ///
+    /// # Errors
+    /// [`LengthError`] if `samples` has another length.
+    pub fn new(samples: &'a mut [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
+        same_length(rows.saturating_mul(cols), samples.len())?;
+        Ok(Self { samples, rows, cols, stride: cols })
+    }
+
+    /// The same image, read-only.
+    pub fn view(&self) -> GridView<'_, T> {
+        GridView { samples: self.samples, rows: self.rows, cols: self.cols, stride: self.stride }
+    }
+
+    /// The samples of one row; empty outside.
+    pub fn row_mut(&mut self, row: usize) -> &mut [T] {
+        if row >= self.rows {
+            return &mut [];
+        }
+        self.samples.get_mut(row * self.stride..row * self.stride + self.cols).unwrap_or(&mut [])
+    }
+
+    /// The part of the image inside `window`, writable; `None` if the window leaves the image.
+    pub fn window_mut(&mut self, window: Window) -> Option<GridViewMut<'_, T>> {
+        let Window { row, col, rows, cols } = window;
+        if row.checked_add(rows)? > self.rows || col.checked_add(cols)? > self.cols {
+            return None;
+        }
+        let samples = if rows == 0 || cols == 0 { &mut [] } else { self.samples.get_mut(row * self.stride + col..)? };
+        Some(GridViewMut { samples, rows, cols, stride: self.stride })
+    }
+
+    /// Copies `source` over the image.
+    ///
+    /// # Errors
+    /// [`LengthError`] naming the sample counts if the shapes differ.
+    pub fn copy_from(&mut self, source: GridView<'_, T>) -> Result<(), LengthError> {
+        if (source.rows, source.cols) != (self.rows, self.cols) {
+            return Err(LengthError { expected: self.rows * self.cols, found: source.rows * source.cols });
+        }
+        for row in 0..self.rows {
+            self.row_mut(row).copy_from_slice(source.row(row));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn rejects_a_wrong_length_and_an_overflowing_shape() {
+        assert_eq!(GridView::new(&[1, 2, 3], 2, 2), Err(LengthError { expected: 4, found: 3 }));
+        assert!(GridView::new(&[0u8; 4], usize::MAX, 2).is_err());
+    }
+
+    #[test]
+    fn windows_at_and_beyond_the_edge() {
+        let pixels = [0u8; 12];
+        let grid = GridView::new(&pixels, 3, 4).unwrap();
+        assert!(grid.window(Window { row: 0, col: 0, rows: 3, cols: 4 }).is_some());
+        assert!(grid.window(Window { row: 3, col: 4, rows: 0, cols: 0 }).is_some());
+        assert!(grid.window(Window { row: 1, col: 0, rows: 3, cols: 1 }).is_none());
+        assert!(grid.window(Window { row: usize::MAX, col: 0, rows: 2, cols: 1 }).is_none());
+        assert_eq!(grid.get(2, 3), Some(0));
+        assert_eq!(grid.get(3, 0), None);
+    }
+
+    proptest! {
+        #[test]
+        fn a_window_of_a_window_holds_the_same_pixels(r in 0usize..4, c in 0usize..5, h in 0usize..5, w in 0usize..5) {
+            let pixels: Vec<usize> = (0..8 * 9).collect();
+            let outer = GridView::new(&pixels, 8, 9).unwrap();
+            if let Some(inner) = outer.window(Window { row: r, col: c, rows: h, cols: w }) {
+                let mut out = vec![0; h * w];
+                inner.copy_to(&mut out).unwrap();
+                let mut copy = vec![0; 8 * 9];
+                let mut target = GridViewMut::new(&mut copy, 8, 9).unwrap();
+                target.window_mut(Window { row: r, col: c, rows: h, cols: w }).unwrap().copy_from(inner).unwrap();
+                for i in 0..h {
+                    for j in 0..w {
+                        prop_assert_eq!(out[i * w + j], (r + i) * 9 + c + j);
+                        prop_assert_eq!(target.view().get(r + i, c + j), outer.get(r + i, c + j));
+                    }
+                }
+            } else {
+                prop_assert!(r + h > 8 || c + w > 9);
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Which pixels are real.
+//!
+//! One rule everywhere: a pixel counts if the mask, where there is one, says so **and** its value is neither NaN, infinite
+//! nor one of the float specials of PDS3 and ISIS. A forgotten mask therefore cannot smuggle a nodata value into a mean.
+
+/// Floats at or below this are special (ISIS NULL is -3.4028226550889045e38, its kin lie below; GDAL writes -3.4028234663852886e38).
+pub const FLOAT_SPECIAL_MAX: f32 = -3.4e38;
+
+/// 16-bit samples at or below this are special: -32768 NULL, -32767 LRS, -32766 LIS, -32765 HIS, -32764 HRS.
+pub const INT16_SPECIAL_MAX: i16 = -32764;
+
+/// Fewer valid pixels than this cannot be normalised: one height has no relief (our choice).
+pub const MIN_VALID_PX: usize = 2;
+
+/// Whether a float sample is a measurement.
+///
+/// ```
+/// use elunar_core::mask::is_real;
+/// assert!(is_real(-1907.5));
+/// assert!(!is_real(f32::from_bits(0xFF7F_FFFB))); // ISIS NULL
+/// assert!(!is_real(f32::NAN));
+/// ```
+pub fn is_real(sample: f32) -> bool {
+    sample.is_finite() && sample > FLOAT_SPECIAL_MAX
+}
+
+/// Whether a 16-bit sample of a PDS3 image is a measurement.
+pub fn is_real_i16(sample: i16) -> bool {
+    sample > INT16_SPECIAL_MAX
+}
+
+/// Whether the pixel at `index` counts. A mask shorter than the image masks the rest.
+pub fn counts(samples: &[f32], valid: Option<&[bool]>, index: usize) -> bool {
+    samples.get(index).is_some_and(|&v| is_real(v)) && valid.is_none_or(|m| m.get(index) == Some(&true))
+}
+
+/// Minimum and maximum of the pixels that count; their number as the error if there are fewer than [`MIN_VALID_PX`].
+pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Result<(f32, f32), usize> {
+    let (mut low, mut high, mut found) = (f32::INFINITY, f32::NEG_INFINITY, 0);
+    for (i, &sample) in samples.iter().enumerate() {
+        if counts(samples, valid, i) {
+            low = low.min(sample);
+            high = high.max(sample);
+            found += 1;
+        }
+    }
+    if found < MIN_VALID_PX { Err(found) } else { Ok((low, high)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn specials_of_every_family_are_not_real() {
+        for bits in 0xFF7F_FFFAu32..=0xFF7F_FFFF {
+            assert!(!is_real(f32::from_bits(bits)), "{bits:#x}");
+        }
+        assert!(!is_real(f32::INFINITY));
+        assert!(is_real(-1e6));
+        for special in -32768..=-32764 {
+            assert!(!is_real_i16(special));
+        }
+        assert!(is_real_i16(-32763));
+    }
+
+    #[test]
+    fn extent_needs_two_pixels_that_count() {
+        let samples = [f32::NAN, 3.0, 9.0, -3.4028235e38, 5.0];
+        assert_eq!(extent(&samples, None), Ok((3.0, 9.0)));
+        assert_eq!(extent(&samples, Some(&[true, true, false, true, true])), Ok((3.0, 5.0)));
+        assert_eq!(extent(&samples, Some(&[true, true, false, true, false])), Err(1));
+        assert_eq!(extent(&[], None), Err(0));
+    }
+}

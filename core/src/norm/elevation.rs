@@ -1,0 +1,223 @@
+//! Elevation normalisation and scale recovery (Eq. 1, 2 and 8).
+
+use crate::error::{NormError, same_length};
+use crate::mask;
+
+/// Upper end of the normalised elevation range in the paper: Eq. 1 over its training tiles gave 50.
+pub const NR: f32 = 50.0;
+
+/// A relief at or below this, in metres, is no relief: heights of some kilometres carry a millimetre of rounding in `f32`
+/// (our choice; the paper does not say what happens on flat tiles).
+pub const RELIEF_EPS_M: f32 = 0.01;
+
+/// NR from the reliefs ΔZ of a set of tiles, in metres: their harmonic mean (Eq. 1), NR = N / Σ 1/ΔZ.
+///
+/// The harmonic mean leans towards the flat tiles, so that they are not squeezed into a sliver of the range.
+///
+/// ```
+/// use elunar_core::norm::nr_from_reliefs;
+/// assert_eq!(nr_from_reliefs([30.0, 60.0])?, 40.0);
+/// # Ok::<(), elunar_core::error::NormError>(())
+/// ```
+///
+/// # Errors
+/// [`NormError::Relief`] at the first relief that is not finite and above [`RELIEF_EPS_M`]; [`NormError::TooFewValid`] if
+/// there is none at all.
+pub fn nr_from_reliefs(reliefs_m: impl IntoIterator<Item = f32>) -> Result<f32, NormError> {
+    let (mut count, mut inverse_sum) = (0usize, 0.0f64);
+    for relief_m in reliefs_m {
+        inverse_sum += 1.0 / f64::from(check_relief(relief_m)?);
+        count += 1;
+    }
+    if count == 0 { Err(NormError::TooFewValid { found: 0 }) } else { Ok((count as f64 / inverse_sum) as f32) }
+}
+
+/// What ties a tile's normalised elevations to metres: its lowest height, its relief, and NR.
+///
+/// Holding one proves that the heights it was made from had a finite relief above [`RELIEF_EPS_M`]. Recovery (Eq. 8) needs
+/// the very value that normalised the tile, so there is no free function that takes a minimum and a maximum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ElevationScale {
+    min_m: f32,
+    relief_m: f32,
+    nr: f32,
+}
+
+impl ElevationScale {
+    /// The scale of a tile, from its heights in metres above the 1737.4 km sphere.
+    ///
+    /// Pixels that do not count (see [`mask`]) are ignored. `nr` is the upper end of the normalised range: [`NR`] in the
+    /// paper, 1 for its max–min ablation.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::Relief`] for flat
+    /// tiles, [`NormError::Range`] for an `nr` that is not finite and positive.
+    pub fn from_heights(heights_m: &[f32], valid: Option<&[bool]>, nr: f32) -> Result<Self, NormError> {
+        if let Some(mask) = valid {
+            same_length(heights_m.len(), mask.len())?;
+        }
+        if !(nr.is_finite() && nr > 0.0) {
+            return Err(NormError::Range { nr });
+        }
+        let (low, high) = mask::extent(heights_m, valid).map_err(|found| NormError::TooFewValid { found })?;
+        Ok(Self { min_m: low, relief_m: check_relief(high - low)?, nr })
+    }
+
+    /// The same scale with the range widened, below and above, by `share` of the relief, so that detail finer than the
+    /// coarse DTM still fits into [0, NR] (our choice; 0 is the paper's Eq. 2).
+    ///
+    /// # Errors
+    /// [`NormError::Margin`] if `share` is negative or not finite, [`NormError::Relief`] if the relief overflows.
+    pub fn with_margin(self, share: f32) -> Result<Self, NormError> {
+        if !(share.is_finite() && share >= 0.0) {
+            return Err(NormError::Margin { share });
+        }
+        let min_m = self.min_m - share * self.relief_m;
+        let relief_m = check_relief(self.relief_m * (1.0 + 2.0 * share))?;
+        if min_m.is_finite() { Ok(Self { min_m, relief_m, ..self }) } else { Err(NormError::Margin { share }) }
+    }
+
+    /// Normalises heights in metres (Eq. 2): z* = NR (Z − Z_min) / ΔZ.
+    ///
+    /// Linear, without clamping: heights outside the tile's own range leave [0, NR]. Pixels that are not real (see
+    /// [`mask::is_real`]) become 0, because one NaN would spread over the whole tile.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if the buffers differ in length.
+    pub fn normalise(&self, heights_m: &[f32], out: &mut [f32]) -> Result<(), NormError> {
+        same_length(heights_m.len(), out.len())?;
+        for (out, &height_m) in out.iter_mut().zip(heights_m) {
+            // The difference first: it is exact or nearly so, and small, whatever the height above the sphere.
+            *out = if mask::is_real(height_m) { (height_m - self.min_m) / self.relief_m * self.nr } else { 0.0 };
+        }
+        Ok(())
+    }
+
+    /// Recovers heights in metres (Eq. 8): Z = z* ΔZ / NR + Z_min.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if the buffers differ in length.
+    pub fn recover(&self, normalised: &[f32], out_m: &mut [f32]) -> Result<(), NormError> {
+        same_length(normalised.len(), out_m.len())?;
+        for (out_m, &z) in out_m.iter_mut().zip(normalised) {
+            *out_m = z / self.nr * self.relief_m + self.min_m;
+        }
+        Ok(())
+    }
+
+    /// The height, in metres, that normalises to 0.
+    pub fn min_m(&self) -> f32 {
+        self.min_m
+    }
+
+    /// The relief ΔZ, in metres, that normalises to NR; above [`RELIEF_EPS_M`].
+    pub fn relief_m(&self) -> f32 {
+        self.relief_m
+    }
+
+    /// The upper end of the normalised range.
+    pub fn nr(&self) -> f32 {
+        self.nr
+    }
+
+    /// Metres per normalised unit, ΔZ / NR.
+    pub fn metres_per_unit(&self) -> f32 {
+        self.relief_m / self.nr
+    }
+}
+
+fn check_relief(relief_m: f32) -> Result<f32, NormError> {
+    if relief_m.is_finite() && relief_m > RELIEF_EPS_M { Ok(relief_m) } else { Err(NormError::Relief { relief_m }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn scale(heights: &[f32]) -> ElevationScale {
+        ElevationScale::from_heights(heights, None, NR).unwrap()
+    }
+
+    #[test]
+    fn lowest_is_zero_and_highest_is_nr() {
+        let heights = [-2000.0, -1975.0, -1900.0];
+        let mut out = [9.0; 3];
+        scale(&heights).normalise(&heights, &mut out).unwrap();
+        assert_eq!(out, [0.0, 12.5, 50.0]);
+    }
+
+    #[test]
+    fn masked_and_nodata_pixels_do_not_widen_the_range() {
+        let heights = [f32::NAN, -3.4028227e38, 0.0, 10.0, 9999.0];
+        let valid = [true, true, true, true, false];
+        let scale = ElevationScale::from_heights(&heights, Some(&valid), NR).unwrap();
+        assert_eq!((scale.min_m(), scale.relief_m(), scale.nr()), (0.0, 10.0, 50.0));
+        let mut out = [7.0; 5];
+        scale.normalise(&heights, &mut out).unwrap();
+        assert_eq!(out, [0.0, 0.0, 0.0, 50.0, 49995.0]);
+    }
+
+    #[test]
+    fn margin_widens_both_sides() {
+        let wide = scale(&[100.0, 140.0]).with_margin(0.25).unwrap();
+        assert_eq!((wide.min_m(), wide.relief_m()), (90.0, 60.0));
+        assert_eq!(wide.metres_per_unit(), 1.2);
+        assert_eq!(wide.with_margin(0.0).unwrap(), wide);
+    }
+
+    #[test]
+    fn refuses_what_it_cannot_prove() {
+        let err = |h: &[f32], nr| ElevationScale::from_heights(h, None, nr).unwrap_err();
+        assert_eq!(err(&[5.0, 5.0], NR), NormError::Relief { relief_m: 0.0 });
+        assert_eq!(err(&[-3.3e38, 3.3e38], NR), NormError::Relief { relief_m: f32::INFINITY });
+        assert_eq!(err(&[f32::NAN; 4], NR), NormError::TooFewValid { found: 0 });
+        assert_eq!(err(&[1.0, 2.0], 0.0), NormError::Range { nr: 0.0 });
+        assert!(matches!(err(&[1.0, 2.0], f32::NAN), NormError::Range { .. }));
+        assert!(matches!(ElevationScale::from_heights(&[1.0, 2.0], Some(&[true]), NR), Err(NormError::Length(_))));
+        let good = scale(&[1.0, 2.0]);
+        assert_eq!(good.with_margin(-0.1), Err(NormError::Margin { share: -0.1 }));
+        assert!(good.with_margin(f32::INFINITY).is_err());
+        assert!(good.with_margin(3e38).is_err());
+        assert!(matches!(good.normalise(&[1.0], &mut []), Err(NormError::Length(_))));
+        assert!(matches!(good.recover(&[], &mut [1.0]), Err(NormError::Length(_))));
+    }
+
+    #[test]
+    fn nr_is_the_harmonic_mean_and_refuses_flat_tiles() {
+        assert_eq!(nr_from_reliefs([50.0; 7]), Ok(50.0));
+        assert_eq!(nr_from_reliefs([]), Err(NormError::TooFewValid { found: 0 }));
+        assert_eq!(nr_from_reliefs([50.0, 0.0]), Err(NormError::Relief { relief_m: 0.0 }));
+    }
+
+    proptest! {
+        #[test]
+        fn scale_recovery_inverts_normalisation(
+            base in -9000.0f32..11000.0, relief in proptest::collection::vec(0.0f32..3000.0, 2..50),
+            nr in prop_oneof![Just(NR), Just(1.0), 0.5f32..200.0], margin in prop_oneof![Just(0.0f32), 0.0f32..2.0],
+        ) {
+            let heights: Vec<f32> = relief.iter().map(|r| base + r).collect();
+            let Ok(scale) = ElevationScale::from_heights(&heights, None, nr) else { return Ok(()) };
+            let scale = scale.with_margin(margin).unwrap();
+            let (mut z, mut back) = (vec![0.0; heights.len()], vec![0.0; heights.len()]);
+            scale.normalise(&heights, &mut z).unwrap();
+            scale.recover(&z, &mut back).unwrap();
+            // Each of the six operations rounds once, at the magnitude of the relief or of the height.
+            let tolerance_m = 6.0 * f32::EPSILON * (scale.relief_m() + scale.min_m().abs());
+            for ((&z, &h), &b) in z.iter().zip(&heights).zip(&back) {
+                prop_assert!((h - b).abs() <= tolerance_m, "{h} came back as {b}");
+                prop_assert!((0.0..=nr * 1.000_001).contains(&z));
+            }
+        }
+
+        #[test]
+        fn harmonic_mean_lies_within_the_reliefs_and_below_the_arithmetic_mean(
+            reliefs in proptest::collection::vec(0.02f32..5000.0, 1..40),
+        ) {
+            let nr = nr_from_reliefs(reliefs.iter().copied()).unwrap();
+            let low = reliefs.iter().copied().fold(f32::INFINITY, f32::min);
+            let mean = reliefs.iter().sum::<f32>() / reliefs.len() as f32;
+            prop_assert!(nr >= low * 0.9999 && nr <= mean * 1.0001);
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! The hillshade of `gdaldem`, so that pictures can be laid beside those of other tools.
+
+use super::{PixelSize, gradient};
+use crate::error::{LengthError, same_length};
+use crate::grid::GridView;
+
+/// Where the light comes from, and how much the heights are exaggerated. The default is that of `gdaldem hillshade`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sun {
+    /// Degrees clockwise from north.
+    pub azimuth_deg: f64,
+    /// Degrees above the horizon.
+    pub elevation_deg: f64,
+    /// Factor on the heights; 1 is true to scale.
+    pub exaggeration: f64,
+}
+
+impl Default for Sun {
+    fn default() -> Self {
+        Self { azimuth_deg: 315.0, elevation_deg: 45.0, exaggeration: 1.0 }
+    }
+}
+
+/// Shaded relief, one byte per pixel: 0 where there is no value, else 1 to 255 (`gdaldem hillshade`, Horn).
+///
+/// `max(1, 1 + 254 c)`, rounded to nearest, with c the cosine between surface normal and Sun. GDAL takes the reciprocal
+/// square root from an approximation good to about 1e-11, so a pixel closer than that to a rounding boundary could differ.
+///
+/// # Errors
+/// [`LengthError`] if `out` does not have one byte per pixel.
+pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: &mut [u8]) -> Result<(), LengthError> {
+    let (rows, cols) = (heights_m.rows(), heights_m.cols());
+    same_length(rows * cols, out.len())?;
+    let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
+    let light = [
+        libm::sin(azimuth) * libm::cos(elevation), // east
+        libm::cos(azimuth) * libm::cos(elevation), // north
+        libm::sin(elevation),                      // up
+    ];
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = gradient(heights_m, i / cols, i % cols, pixel).map_or(0, |(east, south)| {
+            let normal = super::normal::from_gradient(east * sun.exaggeration, south * sun.exaggeration);
+            let cosine = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2];
+            libm::floor(1.5 + 254.0 * cosine.max(0.0)) as u8
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flat_ground_shows_the_sine_of_the_suns_elevation() {
+        let mut out = [9u8; 9];
+        let sun = Sun { elevation_deg: 90.0, ..Sun::default() };
+        hillshade(GridView::new(&[5.0; 9], 3, 3).unwrap(), PixelSize::square(2.0), sun, &mut out).unwrap();
+        assert_eq!(out, [0, 0, 0, 0, 255, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn slopes_facing_away_are_one() {
+        let mut out = [9u8; 9];
+        let steep_east = [900.0, 600.0, 300.0, 900.0, 600.0, 300.0, 900.0, 600.0, 300.0];
+        hillshade(GridView::new(&steep_east, 3, 3).unwrap(), PixelSize::square(1.0), Sun::default(), &mut out).unwrap();
+        assert_eq!(out[4], 1);
+    }
+}

@@ -1,0 +1,63 @@
+//! Slope by Horn's method.
+
+use super::{PixelSize, gradient};
+use crate::error::{LengthError, same_length};
+use crate::grid::GridView;
+
+/// Slope in degrees from horizontal, [0, 90), of every pixel; NaN at the grid's edge and beside pixels that are not real.
+/// As `gdaldem slope`.
+///
+/// ```
+/// use elunar_core::{grid::GridView, terrain::{PixelSize, slope_deg}};
+/// let plane = [0.0, 2.0, 4.0, 0.0, 2.0, 4.0, 0.0, 2.0, 4.0]; // rises 2 m per 2 m pixel
+/// let mut out = [0.0; 9];
+/// slope_deg(GridView::new(&plane, 3, 3)?, PixelSize::square(2.0), &mut out)?;
+/// assert_eq!(out[4], 45.0);
+/// assert!(out[0].is_nan());
+/// # Ok::<(), elunar_core::error::LengthError>(())
+/// ```
+///
+/// # Errors
+/// [`LengthError`] if `out` does not have one sample per pixel.
+pub fn slope_deg(heights_m: GridView<'_, f32>, pixel: PixelSize, out: &mut [f32]) -> Result<(), LengthError> {
+    let (rows, cols) = (heights_m.rows(), heights_m.cols());
+    same_length(rows * cols, out.len())?;
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = at_deg(heights_m, i / cols, i % cols, pixel).map_or(f32::NAN, |slope| slope as f32);
+    }
+    Ok(())
+}
+
+/// Slope of one pixel in degrees; `None` where [`gradient`] has none.
+pub(crate) fn at_deg(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<f64> {
+    let (east, south) = gradient(heights_m, row, col, pixel)?;
+    Some(libm::atan(libm::sqrt(east * east + south * south)).to_degrees())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn non_square_pixels_and_voids() {
+        let mut heights = [0.0f32; 25];
+        for (i, h) in heights.iter_mut().enumerate() {
+            *h = (i / 5) as f32 * 3.0; // 3 m per row
+        }
+        heights[24] = f32::NAN;
+        let mut out = [0.0; 25];
+        let pixel = PixelSize { row_m: 3.0, col_m: 100.0 };
+        slope_deg(GridView::new(&heights, 5, 5).unwrap(), pixel, &mut out).unwrap();
+        assert_eq!(out[2 * 5 + 2], 45.0);
+        assert!(out[3 * 5 + 3].is_nan(), "touches the void");
+        assert_eq!(out.iter().filter(|s| s.is_finite()).count(), 8);
+    }
+
+    #[test]
+    fn grids_without_an_inside_have_no_slope() {
+        let mut out = [0.0; 4];
+        slope_deg(GridView::new(&[1.0, 2.0, 3.0, 4.0], 2, 2).unwrap(), PixelSize::square(1.0), &mut out).unwrap();
+        assert!(out.iter().all(|s| s.is_nan()));
+        slope_deg(GridView::new(&[], 3, 0).unwrap(), PixelSize::square(1.0), &mut []).unwrap();
+    }
+}

@@ -1,0 +1,171 @@
+//! Cutting a scene into the windows the network sees.
+
+use crate::error::TileError;
+
+/// Rows of the paper's tile (Sec. III-A).
+pub const TILE_ROWS: usize = 256;
+
+/// Columns of the paper's tile (Sec. III-A).
+pub const TILE_COLS: usize = 320;
+
+/// Pixels by which neighbouring tiles overlap at inference (Sec. V-B: "padding (100 pixels)"); 0 in training.
+pub const INFERENCE_OVERLAP_PX: usize = 100;
+
+/// A rectangle of a scene, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// First row.
+    pub row: usize,
+    /// First column.
+    pub col: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+}
+
+/// How a scene is covered: equal windows, row by row, `tile - overlap` apart; the last row and column of windows are moved
+/// back to end at the scene's edge, so every pixel is covered and no window leaves the scene (our choice; the paper is
+/// silent about edges).
+///
+/// Holding one proves that the scene holds at least one tile.
+///
+/// ```
+/// use elunar_core::tile::Tiling;
+/// let tiling = Tiling::new((500, 320), (256, 320), 100)?;
+/// let first_rows: Vec<usize> = tiling.iter().map(|w| w.row).collect();
+/// assert_eq!(first_rows, [0, 156, 244]);
+/// # Ok::<(), elunar_core::error::TileError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tiling {
+    scene: (usize, usize),
+    tile: (usize, usize),
+    stride: (usize, usize),
+}
+
+impl Tiling {
+    /// Covers a scene with tiles, both given as (rows, columns).
+    ///
+    /// # Errors
+    /// [`TileError::Overlap`] if a tile is empty or not larger than the overlap, [`TileError::SceneTooSmall`] if the scene
+    /// is smaller than one tile.
+    pub fn new(scene: (usize, usize), tile: (usize, usize), overlap_px: usize) -> Result<Self, TileError> {
+        if overlap_px >= tile.0 || overlap_px >= tile.1 {
+            return Err(TileError::Overlap { overlap_px, tile });
+        }
+        if scene.0 < tile.0 || scene.1 < tile.1 {
+            return Err(TileError::SceneTooSmall { scene, tile });
+        }
+        Ok(Self { scene, tile, stride: (tile.0 - overlap_px, tile.1 - overlap_px) })
+    }
+
+    /// Rows and columns of windows.
+    pub fn shape(&self) -> (usize, usize) {
+        let along = |scene: usize, tile: usize, stride: usize| (scene - tile).div_ceil(stride) + 1;
+        (along(self.scene.0, self.tile.0, self.stride.0), along(self.scene.1, self.tile.1, self.stride.1))
+    }
+
+    /// Number of windows; at least 1.
+    #[allow(clippy::len_without_is_empty)] // a tiling is never empty
+    pub fn len(&self) -> usize {
+        let (rows, cols) = self.shape();
+        rows * cols
+    }
+
+    /// Window `index`, counted along rows; `None` from [`Self::len`] on.
+    pub fn get(&self, index: usize) -> Option<Window> {
+        let (_, across) = self.shape();
+        if index >= self.len() {
+            return None;
+        }
+        let at = |i: usize, scene: usize, tile: usize, stride: usize| (i * stride).min(scene - tile);
+        Some(Window {
+            row: at(index / across, self.scene.0, self.tile.0, self.stride.0),
+            col: at(index % across, self.scene.1, self.tile.1, self.stride.1),
+            rows: self.tile.0,
+            cols: self.tile.1,
+        })
+    }
+
+    /// All windows, row by row.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Window> + use<> {
+        Windows { tiling: *self, next: 0 }
+    }
+}
+
+struct Windows {
+    tiling: Tiling,
+    next: usize,
+}
+
+impl Iterator for Windows {
+    type Item = Window;
+
+    fn next(&mut self) -> Option<Window> {
+        let window = self.tiling.get(self.next)?;
+        self.next += 1;
+        Some(window)
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.tiling.len() - self.next;
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for Windows {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_scene_of_one_tile_has_one_window() {
+        let tiling = Tiling::new((TILE_ROWS, TILE_COLS), (TILE_ROWS, TILE_COLS), INFERENCE_OVERLAP_PX).unwrap();
+        assert_eq!(tiling.iter().len(), 1);
+        assert_eq!(tiling.get(0), Some(Window { row: 0, col: 0, rows: 256, cols: 320 }));
+        assert_eq!(tiling.get(1), None);
+    }
+
+    #[test]
+    fn refuses_small_scenes_and_overlaps_as_wide_as_the_tile() {
+        let (scene, tile) = ((255, 320), (256, 320));
+        assert_eq!(Tiling::new(scene, tile, 100), Err(TileError::SceneTooSmall { scene, tile }));
+        assert_eq!(Tiling::new((999, 999), tile, 256), Err(TileError::Overlap { overlap_px: 256, tile }));
+        assert_eq!(Tiling::new((9, 9), (0, 4), 0), Err(TileError::Overlap { overlap_px: 0, tile: (0, 4) }));
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_is_covered_and_no_window_leaves_the_scene(
+            tile in (1usize..9, 1usize..9), more in (0usize..30, 0usize..30), overlap in 0usize..8,
+        ) {
+            let scene = (tile.0 + more.0, tile.1 + more.1);
+            let overlap = overlap.min(tile.0 - 1).min(tile.1 - 1);
+            let tiling = Tiling::new(scene, tile, overlap).unwrap();
+            let mut covered = vec![false; scene.0 * scene.1];
+            let mut count = 0;
+            for w in tiling.iter() {
+                prop_assert!(w.row + w.rows <= scene.0 && w.col + w.cols <= scene.1);
+                prop_assert_eq!((w.rows, w.cols), tile);
+                for r in w.row..w.row + w.rows {
+                    covered[r * scene.1 + w.col..][..w.cols].fill(true);
+                }
+                count += 1;
+            }
+            prop_assert!(covered.iter().all(|&c| c));
+            prop_assert_eq!(count, tiling.len());
+        }
+
+        #[test]
+        fn neighbours_overlap_by_at_least_what_was_asked(rows in 40usize..300, overlap in 0usize..30) {
+            let tiling = Tiling::new((rows, 40), (40, 40), overlap).unwrap();
+            let starts: Vec<usize> = tiling.iter().map(|w| w.row).collect();
+            for pair in starts.windows(2) {
+                prop_assert!(pair[1] > pair[0] && pair[0] + 40 - pair[1] >= overlap);
+            }
+        }
+    }
+}

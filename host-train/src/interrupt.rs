@@ -1,0 +1,27 @@
+//! Ctrl-C as a question a long loop asks, not as a sudden end.
+
+use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static ASKED: AtomicBool = AtomicBool::new(false);
+static HANDLER: Once = Once::new();
+
+/// From now on the first Ctrl-C (or SIGTERM) only sets the flag that [`requested`] reads; the second ends the program.
+pub fn listen() {
+    HANDLER.call_once(|| {
+        let installed = ctrlc::set_handler(|| {
+            if ASKED.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+            eprintln!("\nstopping at the next safe point; press Ctrl-C again to stop at once");
+        });
+        if let Err(error) = installed {
+            eprintln!("note: Ctrl-C will stop at once ({error})");
+        }
+    });
+}
+
+/// Whether the user asked to stop.
+pub fn requested() -> bool {
+    ASKED.load(Ordering::SeqCst)
+}

@@ -1,0 +1,67 @@
+//! The convolution unit every branch is made of, and the x2 upsampling between them.
+
+use super::norm::BatchNorm2d;
+use burn::module::Module;
+use burn::nn::PaddingConfig2d;
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::tensor::activation::relu;
+use burn::tensor::module::interpolate;
+use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
+use burn::tensor::{Device, Tensor};
+
+/// Convolution without bias, batch normalisation, optionally ReLU.
+#[derive(Module, Debug)]
+pub struct ConvBn {
+    conv: Conv2d,
+    bn: BatchNorm2d,
+    relu: bool,
+}
+
+/// Shape of a [`ConvBn`].
+#[derive(Debug, Clone, Copy)]
+pub struct ConvBnShape {
+    /// Input channels.
+    pub input: usize,
+    /// Output channels.
+    pub output: usize,
+    /// Kernel side k, odd; the padding is k/2.
+    pub kernel: usize,
+    /// Stride.
+    pub stride: usize,
+    /// Whether a ReLU ends the unit.
+    pub relu: bool,
+}
+
+impl ConvBn {
+    /// Builds the unit; the weights are set later.
+    pub fn new(shape: ConvBnShape, device: &Device) -> Self {
+        Self {
+            conv: conv(shape.input, shape.output, shape.kernel, shape.stride, false, device),
+            bn: BatchNorm2d::new(shape.output, device),
+            relu: shape.relu,
+        }
+    }
+
+    /// `[B, C_in, H, W]` to `[B, C_out, H/stride, W/stride]`.
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = self.bn.forward(self.conv.forward(x));
+        if self.relu { relu(x) } else { x }
+    }
+}
+
+/// A square convolution with padding k/2.
+pub fn conv(input: usize, output: usize, kernel: usize, stride: usize, bias: bool, device: &Device) -> Conv2d {
+    let pad = kernel / 2;
+    Conv2dConfig::new([input, output], [kernel, kernel])
+        .with_stride([stride, stride])
+        .with_padding(PaddingConfig2d::Explicit(pad, pad, pad, pad))
+        .with_bias(bias)
+        .init(device)
+}
+
+/// Bilinear upsampling by two, half-pixel centres (align_corners = false; our choice, the paper is silent).
+pub fn up2(x: Tensor<4>) -> Tensor<4> {
+    let options =
+        InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_scale_factor([2.0, 2.0]);
+    interpolate(x, options)
+}

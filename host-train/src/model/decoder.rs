@@ -1,0 +1,49 @@
+//! Decoder blocks (Fig. 6): upsample by two, refine, add a shortcut.
+
+use super::config::{DecoderKind, NetConfig};
+use super::conv::{ConvBn, ConvBnShape, up2};
+use burn::module::Module;
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+
+/// Main path: concat(E, D), up2, 5x5 conv-BN-ReLU, 3x3 conv-BN. Shortcut: D (or all of it, `upb`), up2, 5x5 conv-BN. Sum, ReLU.
+#[derive(Module, Debug)]
+pub struct DecoderBlock {
+    main: Vec<ConvBn>,
+    shortcut: ConvBn,
+    upb: bool,
+}
+
+impl DecoderBlock {
+    fn new(previous: usize, skip: usize, output: usize, upb: bool, device: &Device) -> Self {
+        let all = skip + previous;
+        let unit = |input, kernel, relu| ConvBn::new(ConvBnShape { input, output, kernel, stride: 1, relu }, device);
+        Self {
+            main: vec![unit(all, 5, true), unit(output, 3, false)],
+            shortcut: unit(if upb { all } else { previous }, 5, false),
+            upb,
+        }
+    }
+
+    /// `d` `[B, C, h, w]` and the skip map `e` of the same size to `[B, C_out, 2h, 2w]`.
+    pub fn forward(&self, d: Tensor<4>, e: Option<Tensor<4>>) -> Tensor<4> {
+        let all = match e {
+            Some(e) => Tensor::cat(vec![e, d.clone()], 1),
+            None => d.clone(),
+        };
+        let up = up2(all.clone());
+        // Where both paths see the same map, upsample it once.
+        let short = if self.upb || all.dims()[1] == d.dims()[1] { up.clone() } else { up2(d) };
+        let main = self.main.iter().fold(up, |x, unit| unit.forward(x));
+        relu(main.add(self.shortcut.forward(short)))
+    }
+}
+
+/// The five blocks of a network.
+pub fn decoder(config: &NetConfig, device: &Device) -> Vec<DecoderBlock> {
+    let c = config.embed;
+    let previous = [8 * c, config.decoder[0], config.decoder[1], config.decoder[2], config.decoder[3]];
+    let skip = [0, 4 * c, 2 * c, c, config.stem];
+    let upb = config.decoder_kind == DecoderKind::Upb;
+    (0..5).map(|i| DecoderBlock::new(previous[i], skip[i], config.decoder[i], upb, device)).collect()
+}

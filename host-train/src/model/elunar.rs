@@ -1,0 +1,78 @@
+//! The whole network (Fig. 2).
+
+use super::config::{Head, NetConfig};
+use super::conv::{ConvBn, ConvBnShape, conv};
+use super::decoder::{DecoderBlock, decoder};
+use super::encoder::{ImageEncoder, dtm_encoder};
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+
+/// ELunarDTMNet: image and coarse DTM in, DTM at the image's resolution out.
+#[derive(Module, Debug)]
+pub struct ELunarDtmNet {
+    image_encoder: ImageEncoder,
+    dtm_encoder: Vec<ConvBn>,
+    fusion: ConvBn,
+    decoder: Vec<DecoderBlock>,
+    head: Conv2d,
+    residual: bool,
+}
+
+/// Feature maps by the names the golden files use: `e1`..`e5`, `s5`, `fused`, `d1`..`d5`.
+pub type Trace = Vec<(String, Tensor<4>)>;
+
+impl ELunarDtmNet {
+    /// Builds the network on `device`; weights come from [`super::init`] or a file.
+    pub fn new(config: &NetConfig, device: &Device) -> Self {
+        let c5 = 8 * config.embed;
+        let s5 = if config.use_coarse { config.dtm[4] } else { 0 };
+        Self {
+            image_encoder: ImageEncoder::new(config, device),
+            dtm_encoder: if config.use_coarse { dtm_encoder(config, device) } else { Vec::new() },
+            fusion: ConvBn::new(ConvBnShape { input: c5 + s5, output: c5, kernel: 3, stride: 1, relu: false }, device),
+            decoder: decoder(config, device),
+            head: conv(config.decoder[4], 1, 3, 1, true, device),
+            residual: config.head == Head::Residual,
+        }
+    }
+
+    /// `image` `[B, 1, H, W]` in [0, 1], `coarse` `[B, 1, H, W]` in [0, NR] to normalised elevation `[B, 1, H, W]`; H and W are
+    /// multiples of 32.
+    pub fn forward(&self, image: Tensor<4>, coarse: Tensor<4>) -> Tensor<4> {
+        self.run(image, coarse, None)
+    }
+
+    /// As [`Self::forward`], and the feature maps on the way.
+    pub fn forward_traced(&self, image: Tensor<4>, coarse: Tensor<4>) -> (Tensor<4>, Trace) {
+        let mut trace = Trace::new();
+        let output = self.run(image, coarse, Some(&mut trace));
+        (output, trace)
+    }
+
+    fn run(&self, image: Tensor<4>, coarse: Tensor<4>, mut trace: Option<&mut Trace>) -> Tensor<4> {
+        let mut note = |name: String, map: &Tensor<4>| {
+            if let Some(trace) = trace.as_mut() {
+                trace.push((name, map.clone()));
+            }
+        };
+        let e = self.image_encoder.forward(image);
+        e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));
+        let mut deepest = vec![e[4].clone()];
+        if !self.dtm_encoder.is_empty() {
+            let s5 = self.dtm_encoder.iter().fold(coarse.clone(), |x, unit| unit.forward(x));
+            note("s5".into(), &s5);
+            deepest.push(s5);
+        }
+        // Eq. 3: concatenation, 3x3 convolution, batch norm, no ReLU.
+        let mut d = self.fusion.forward(Tensor::cat(deepest, 1));
+        note("fused".into(), &d);
+        for (u, block) in self.decoder.iter().enumerate() {
+            d = block.forward(d, (u > 0).then(|| e[4 - u].clone()));
+            note(format!("d{}", u + 1), &d);
+        }
+        let z = self.head.forward(d);
+        if self.residual { z.add(coarse) } else { relu(z) }
+    }
+}

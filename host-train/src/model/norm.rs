@@ -1,0 +1,55 @@
+//! Batch normalisation with PyTorch's running statistics.
+
+use burn::module::{Initializer, Module, Param, RunningState};
+use burn::tensor::module::{batch_norm, batch_norm_train};
+use burn::tensor::{Device, Tensor};
+
+/// Share of a batch in the running statistics; PyTorch's default.
+pub const MOMENTUM: f64 = 0.1;
+/// Added to the variance; PyTorch's default.
+pub const EPSILON: f64 = 1e-5;
+
+/// Batch normalisation of `[B, C, H, W]` over B, H and W. On an autodiff device it uses and records the batch's statistics,
+/// elsewhere the running ones.
+///
+/// Unlike Burn's own module, the running variance takes the unbiased batch variance, as PyTorch's does: at 1/32 resolution a
+/// small crop has so few samples that the difference shows.
+#[derive(Module, Debug)]
+pub struct BatchNorm2d {
+    weight: Param<Tensor<1>>,
+    bias: Param<Tensor<1>>,
+    running_mean: RunningState<Tensor<1>>,
+    running_var: RunningState<Tensor<1>>,
+}
+
+impl BatchNorm2d {
+    /// Identity: weight 1, bias 0, mean 0, variance 1.
+    pub fn new(channels: usize, device: &Device) -> Self {
+        Self {
+            weight: Initializer::Ones.init([channels], device),
+            bias: Initializer::Zeros.init([channels], device),
+            running_mean: RunningState::new(Tensor::zeros([channels], device)),
+            running_var: RunningState::new(Tensor::ones([channels], device)),
+        }
+    }
+
+    /// `[B, C, H, W]` to the same shape.
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let device = x.device();
+        if !device.is_autodiff() {
+            let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
+            return batch_norm(x, self.weight.val(), self.bias.val(), mean, var, EPSILON);
+        }
+        let [b, _, h, w] = x.dims();
+        let samples = (b * h * w) as f64;
+        let unbiased = samples / (samples - 1.0).max(1.0);
+        let out = batch_norm_train(x, self.weight.val(), self.bias.val(), EPSILON);
+        let blend = |old: &RunningState<Tensor<1>>, new: Tensor<1>, scale: f64| {
+            let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - MOMENTUM);
+            old.update(kept.add(new.detach().mul_scalar(MOMENTUM * scale)).detach());
+        };
+        blend(&self.running_mean, out.mean, 1.0);
+        blend(&self.running_var, out.variance, unbiased);
+        out.output
+    }
+}

@@ -1,0 +1,180 @@
+//! Between the Burn modules and named arrays: parameter names and layouts of the reference implementation.
+
+use super::config::NetConfig;
+use super::elunar::ELunarDtmNet;
+use super::weights::{Array, Weights};
+use crate::{Error, Result};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::tensor::{Device, Tensor, TensorData};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// The network with these weights, on `device`; `path` names them in messages.
+///
+/// # Errors
+/// [`Error::Broken`] if names or shapes do not fit the configuration; every misfit is listed.
+pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
+    config.check().map_err(|what| Error::broken(path, what))?;
+    check_fit(&shapes(config, device), weights, path)?;
+    Ok(ELunarDtmNet::new(config, device).map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
+}
+
+/// The network's weights and buffers, with `config` in the metadata.
+pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
+    // `valid` settles pending running statistics.
+    let mut saver = Saver::default();
+    net.valid().visit(&mut saver);
+    let text = serde_json::to_string(config).expect("a plain struct");
+    saver.weights.metadata.insert("config".into(), text);
+    saver.weights
+}
+
+/// Every expected tensor with its shape, zero-filled.
+pub fn shapes(config: &NetConfig, device: &Device) -> Weights {
+    save(config, &ELunarDtmNet::new(config, device))
+}
+
+/// The configuration stored beside the weights.
+///
+/// # Errors
+/// [`Error::Broken`] if it is missing or malformed.
+pub fn config_of(weights: &Weights, path: &Path) -> Result<NetConfig> {
+    let text = weights
+        .metadata
+        .get("config")
+        .ok_or_else(|| Error::broken(path, "expected the network configuration in metadata `config`, found none"))?;
+    let config: NetConfig =
+        serde_json::from_str(text).map_err(|e| Error::broken(path, format!("metadata `config`: {e}")))?;
+    config.check().map_err(|what| Error::broken(path, what))?;
+    Ok(config)
+}
+
+/// Names in weight files that are not parameters: golden files carry their inputs and outputs beside the weights.
+fn is_payload(name: &str) -> bool {
+    name.starts_with("input.") || name.starts_with("trace.") || name == "output" || name == "truth"
+}
+
+fn check_fit(expected: &Weights, found: &Weights, path: &Path) -> Result<()> {
+    let mut misfits = Vec::new();
+    for (name, array) in &expected.tensors {
+        match found.tensors.get(name) {
+            None => misfits.push(format!("{name}: expected {:?}, found none", array.shape)),
+            Some(f) if f.shape != array.shape => {
+                misfits.push(format!("{name}: expected {:?}, found {:?}", array.shape, f.shape));
+            }
+            Some(f) if f.data.iter().any(|v| !v.is_finite()) => {
+                misfits.push(format!("{name}: expected finite numbers, found NaN or infinity"));
+            }
+            Some(_) => {}
+        }
+    }
+    let extra = found.tensors.iter().filter(|(name, _)| !expected.tensors.contains_key(*name) && !is_payload(name));
+    misfits.extend(extra.map(|(name, a)| format!("{name}: expected none, found {:?}", a.shape)));
+    if misfits.is_empty() {
+        return Ok(());
+    }
+    let what = format!("the weights do not fit the configuration ({} misfits): {}", misfits.len(), misfits.join("; "));
+    Err(Error::broken(path, what))
+}
+
+/// Where a walk through the modules stands.
+#[derive(Default)]
+struct Walk {
+    names: Vec<String>,
+    kinds: Vec<String>,
+}
+
+impl Walk {
+    fn enter(&mut self, name: &str, kind: &str) {
+        self.names.push(name.into());
+        self.kinds.push(kind.into());
+    }
+
+    fn exit(&mut self) {
+        self.names.pop();
+        self.kinds.pop();
+    }
+
+    /// Interchange name of the parameter underfoot: Burn's layer norm calls weight and bias gamma and beta.
+    fn name(&self) -> String {
+        let joined = self.names.join(".");
+        match joined.rsplit_once('.') {
+            Some((module, "gamma")) => format!("{module}.weight"),
+            Some((module, "beta")) => format!("{module}.bias"),
+            _ => joined,
+        }
+    }
+
+    /// Burn keeps linear weights as `[in, out]`, PyTorch as `[out, in]`.
+    fn transposed(&self) -> bool {
+        self.kinds.last().is_some_and(|k| k == "Struct:Linear") && self.names.last().is_some_and(|n| n == "weight")
+    }
+}
+
+fn transpose(data: &[f32], rows: usize, cols: usize) -> Vec<f32> {
+    (0..rows * cols).map(|i| data[(i % rows) * cols + i / rows]).collect()
+}
+
+#[derive(Default)]
+struct Saver {
+    walk: Walk,
+    weights: Weights,
+}
+
+impl ModuleVisitor for Saver {
+    fn enter_module(&mut self, name: &str, kind: &str) {
+        self.walk.enter(name, kind);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.walk.exit();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let tensor = param.val();
+        let mut shape = tensor.dims().to_vec();
+        let mut data = tensor.into_data().try_to_vec::<f32>().expect("the network is f32");
+        if self.walk.transposed() {
+            data = transpose(&data, shape[0], shape[1]);
+            shape.reverse();
+        }
+        self.weights.tensors.insert(self.walk.name(), Array { shape, data });
+    }
+}
+
+struct Loader<'a> {
+    weights: &'a Weights,
+    walk: Walk,
+    device: Device,
+}
+
+impl ModuleMapper for Loader<'_> {
+    fn enter_module(&mut self, name: &str, kind: &str) {
+        self.walk.enter(name, kind);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.walk.exit();
+    }
+
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let name = self.walk.name();
+        let array = &self.weights.tensors[&name];
+        let mut shape = array.shape.clone();
+        let mut data = array.data.clone();
+        if self.walk.transposed() {
+            data = transpose(&data, shape[0], shape[1]);
+            shape.reverse();
+        }
+        let (_, old, mapper) = param.consume();
+        let value =
+            Tensor::from_data(TensorData::new(data, shape), &self.device).set_require_grad(old.is_require_grad());
+        Param::from_mapped_value(stable_id(&name), value, mapper)
+    }
+}
+
+/// A parameter id that depends on the name alone, so that a saved optimiser finds its parameters after a restart.
+fn stable_id(name: &str) -> ParamId {
+    let digest = Sha256::digest(name.as_bytes());
+    ParamId::from(u64::from_le_bytes(digest[..8].try_into().expect("eight bytes")))
+}

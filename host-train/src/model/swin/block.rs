@@ -1,0 +1,74 @@
+//! One Swin block: windowed attention and a two-layer perceptron, each behind a layer norm and a residual connection.
+
+use super::attention::WindowAttention;
+use super::windows::{WindowPlan, merge, partition};
+use burn::module::Module;
+use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
+use burn::tensor::activation::gelu;
+use burn::tensor::ops::PadMode;
+use burn::tensor::{Device, Tensor};
+
+/// Two linear layers, four times as wide between them, with GELU.
+#[derive(Module, Debug)]
+pub struct Mlp {
+    fc1: Linear,
+    fc2: Linear,
+}
+
+/// Swin block. Pads right and bottom to whole windows after `norm1` (padded tokens are zeros and are not masked, as published
+/// segmentation code does), then shifts, attends, shifts back and crops.
+#[derive(Module, Debug)]
+pub struct Block {
+    norm1: LayerNorm,
+    attn: WindowAttention,
+    norm2: LayerNorm,
+    mlp: Mlp,
+    window: usize,
+    shift: usize,
+}
+
+impl Block {
+    /// A block of `dim` channels; `shift` is 0 or half a window.
+    pub fn new(dim: usize, window: usize, heads: usize, shift: usize, device: &Device) -> Self {
+        let mlp = Mlp {
+            fc1: LinearConfig::new(dim, 4 * dim).init(device),
+            fc2: LinearConfig::new(4 * dim, dim).init(device),
+        };
+        Self {
+            norm1: LayerNormConfig::new(dim).init(device),
+            attn: WindowAttention::new(dim, window, heads, device),
+            norm2: LayerNormConfig::new(dim).init(device),
+            mlp,
+            window,
+            shift,
+        }
+    }
+
+    /// `[B, H, W, C]` to the same shape.
+    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = x.clone().add(self.attend(self.norm1.forward(x)));
+        let y = self.mlp.fc1.forward(self.norm2.forward(x.clone()));
+        x.add(self.mlp.fc2.forward(gelu(y)))
+    }
+
+    fn attend(&self, y: Tensor<4>) -> Tensor<4> {
+        let [b, h, w, _] = y.dims();
+        let plan = WindowPlan::new(h, w, self.window, self.shift);
+        let [hp, wp] = plan.padded;
+        let [sy, sx] = plan.shift.map(|s| s as i64);
+        let mut y = if [hp, wp] == [h, w] {
+            y
+        } else {
+            y.pad([(0, 0), (0, hp - h), (0, wp - w), (0, 0)], PadMode::Constant(0.0))
+        };
+        if plan.shifted() {
+            y = y.roll(&[-sy, -sx], &[1, 2]);
+        }
+        let mask = plan.mask(&y.device());
+        let mut y = merge(self.attn.forward(partition(y, self.window), mask), self.window, [b, hp, wp]);
+        if plan.shifted() {
+            y = y.roll(&[sy, sx], &[1, 2]);
+        }
+        if [hp, wp] == [h, w] { y } else { y.slice([0..b, 0..h, 0..w]) }
+    }
+}

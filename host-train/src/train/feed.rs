@@ -1,0 +1,108 @@
+//! Where batches come from: any source of tiles, cropped and mirrored by the seed and the step alone, made ahead of the device.
+
+use super::recipe::Recipe;
+use super::sample::{RawTile, Sample};
+use crate::model::config::NetConfig;
+use crate::{Error, Result};
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, sync_channel};
+
+/// A source of tiles; `index` runs without end, and the same index gives the same tile.
+pub trait TileSource: Send + Sync {
+    /// The tile of an index.
+    ///
+    /// # Errors
+    /// If it cannot be made or read.
+    fn tile(&self, index: u64) -> Result<RawTile>;
+    /// Where the tiles come from, for the run's record.
+    fn describe(&self) -> String;
+}
+
+/// The samples of one step.
+pub type Batch = Vec<Sample>;
+
+/// Batches by step, deterministic from the seed.
+#[derive(Clone)]
+pub struct Feed {
+    source: Arc<dyn TileSource>,
+    config: NetConfig,
+    recipe: Recipe,
+    seed: u64,
+}
+
+/// Tries before a step gives up on tiles that cannot be normalised (flat or blank).
+const TRIES: u64 = 8;
+
+impl Feed {
+    /// A feed of `recipe`-sized batches from `source`.
+    pub fn new(source: Arc<dyn TileSource>, config: NetConfig, recipe: Recipe, seed: u64) -> Self {
+        Self { source, config, recipe, seed }
+    }
+
+    /// The batch of a step.
+    ///
+    /// # Errors
+    /// If tiles cannot be made, are smaller than the crop, or cannot be normalised.
+    pub fn batch(&self, step: usize) -> Result<Batch> {
+        let per_tile = self.recipe.crops_per_tile.min(self.recipe.batch);
+        let tiles = self.recipe.batch.div_ceil(per_tile);
+        let made: Result<Vec<Sample>> =
+            (0..tiles).into_par_iter().map(|slot| self.sample((step * tiles + slot) as u64)).collect();
+        let made = made?;
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(step as u64);
+        let [rows, cols] = self.recipe.crop;
+        (0..self.recipe.batch)
+            .map(|i| {
+                let sample = &made[i / per_tile];
+                if sample.rows < rows || sample.cols < cols {
+                    return Err(Error::usage(format!(
+                        "training tiles: expected at least {rows}x{cols} pixels, found {}x{}",
+                        sample.rows, sample.cols
+                    )));
+                }
+                let corner = [rng.random_range(0..=sample.rows - rows), rng.random_range(0..=sample.cols - cols)];
+                Ok(sample.window(corner, [rows, cols], [rng.random(), rng.random()]))
+            })
+            .collect()
+    }
+
+    /// The sample of a tile index; tiles that cannot be normalised are replaced by the next far-off index.
+    fn sample(&self, index: u64) -> Result<Sample> {
+        let mut last = None;
+        for attempt in 0..TRIES {
+            match Sample::new(&self.config, &self.source.tile(index + (attempt << 40))?) {
+                Ok(sample) => return Ok(sample),
+                Err(error) => last = Some(error),
+            }
+        }
+        Err(last.unwrap_or_else(|| Error::usage("no usable tile")))
+    }
+
+    /// Batches from `first` on, made by a thread that stays two steps ahead.
+    pub fn ahead(&self, first: usize) -> Receiver<Result<Batch>> {
+        let (send, receive) = sync_channel(2);
+        let feed = self.clone();
+        std::thread::spawn(move || {
+            for step in first..feed.recipe.steps {
+                if send.send(feed.batch(step)).is_err() {
+                    return;
+                }
+            }
+        });
+        receive
+    }
+}
+
+/// Image, coarse DTM and truth of a batch as `[B, 1, H, W]` tensors.
+pub fn tensors(batch: &[Sample], device: &Device) -> [Tensor<4>; 3] {
+    let pick: [fn(&Sample) -> &Vec<f32>; 3] = [|s| &s.image, |s| &s.coarse, |s| &s.truth];
+    pick.map(|field| {
+        let data: Vec<f32> = batch.iter().flat_map(|s| field(s).iter().copied()).collect();
+        Tensor::from_data(TensorData::new(data, [batch.len(), 1, batch[0].rows, batch[0].cols]), device)
+    })
+}

@@ -1,0 +1,157 @@
+//! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
+
+use super::loss::{Elevation, LossWeights};
+use crate::model::config::{Head, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
+use serde::{Deserialize, Serialize};
+
+/// Everything that, with the data and the seed, determines a training run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recipe {
+    /// Tiles (or crops) per step.
+    pub batch: usize,
+    /// Optimiser steps; the cosine ends here.
+    pub steps: usize,
+    /// Learning rate at the start of the cosine, after warm-up.
+    pub learning_rate: f64,
+    /// Steps of linear warm-up.
+    pub warm_up: usize,
+    /// AdamW weight decay.
+    pub weight_decay: f32,
+    /// Gradients are scaled down to this norm, parameter by parameter.
+    pub clip_norm: f32,
+    /// Share of the steps trained on the elevation term alone (the paper: 5k of 15k).
+    pub elevation_only: f64,
+    /// Weights of the loss terms (Eq. 5).
+    pub weights: LossWeights,
+    /// Elevation term.
+    pub elevation: Elevation,
+    /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
+    pub crop: [usize; 2],
+    /// Crops taken from one tile.
+    pub crops_per_tile: usize,
+    /// Steps between validations.
+    pub validate_every: usize,
+    /// Tiles of the fixed validation set.
+    pub validation_tiles: usize,
+    /// Steps between checkpoints.
+    pub checkpoint_every: usize,
+}
+
+impl Recipe {
+    /// The recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
+    pub fn preset(preset: Preset) -> Self {
+        let paper = Self {
+            batch: 4,
+            steps: 60_000,
+            learning_rate: 1e-4,
+            warm_up: 0,
+            weight_decay: 1e-4,
+            clip_norm: 1.0,
+            elevation_only: 1.0 / 3.0,
+            weights: LossWeights::PAPER,
+            elevation: Elevation::MeanNormalised,
+            crop: [256, 320],
+            crops_per_tile: 1,
+            validate_every: 5_000,
+            validation_tiles: 64,
+            checkpoint_every: 1_000,
+        };
+        match preset {
+            Preset::Paper | Preset::Small => paper,
+            Preset::Tiny | Preset::Nano => Self {
+                steps: 4_000,
+                learning_rate: 1e-3,
+                warm_up: 100,
+                elevation_only: 0.0,
+                crop: [128, 160],
+                crops_per_tile: 2,
+                validate_every: 250,
+                validation_tiles: 16,
+                checkpoint_every: 100,
+                ..paper
+            },
+        }
+    }
+
+    /// Learning rate of a step, counted from 0: linear warm-up, then one cosine to zero.
+    pub fn learning_rate_at(&self, step: usize) -> f64 {
+        if step < self.warm_up {
+            return self.learning_rate * (step + 1) as f64 / self.warm_up as f64;
+        }
+        let done = (step - self.warm_up) as f64 / (self.steps.saturating_sub(self.warm_up)).max(1) as f64;
+        self.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos())
+    }
+
+    /// Loss weights of a step.
+    pub fn weights_at(&self, step: usize) -> LossWeights {
+        if (step as f64) < self.elevation_only * self.steps as f64 {
+            LossWeights { gradient: 0.0, normal: 0.0, ..self.weights }
+        } else {
+            self.weights
+        }
+    }
+
+    /// What is wrong with the recipe, if anything.
+    ///
+    /// # Errors
+    /// One line naming the field, what is expected and what was found.
+    pub fn check(&self) -> Result<(), String> {
+        for (name, n) in [("crop rows", self.crop[0]), ("crop columns", self.crop[1])] {
+            if n == 0 || n % 32 != 0 {
+                return Err(format!("{name}: expected a multiple of 32, found {n}"));
+            }
+        }
+        let counts = [
+            ("batch", self.batch),
+            ("steps", self.steps),
+            ("crops per tile", self.crops_per_tile),
+            ("validate every", self.validate_every),
+            ("validation tiles", self.validation_tiles),
+            ("checkpoint every", self.checkpoint_every),
+        ];
+        for (name, n) in counts {
+            if n == 0 {
+                return Err(format!("{name}: expected at least 1, found 0"));
+            }
+        }
+        if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
+            return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
+        }
+        Ok(())
+    }
+}
+
+/// The network a preset trains by default: the paper's for `paper` and `small`; a residual head on the reference range for
+/// `tiny` and `nano`, which converge in minutes that way (our choice).
+pub fn trained_network(preset: Preset) -> NetConfig {
+    let config = NetConfig::preset(preset);
+    match preset {
+        Preset::Paper | Preset::Small => config,
+        Preset::Tiny | Preset::Nano => NetConfig {
+            head: Head::Residual,
+            target_range: TargetRange::Reference,
+            range_margin: REFERENCE_MARGIN,
+            ..config
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cosine_ends_at_zero_and_never_restarts() {
+        let recipe = Recipe::preset(Preset::Nano);
+        let rates: Vec<f64> = (recipe.warm_up..=recipe.steps).map(|s| recipe.learning_rate_at(s)).collect();
+        assert!(rates.windows(2).all(|w| w[1] <= w[0]), "must fall monotonically");
+        assert!(rates[rates.len() - 1].abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_papers_first_third_trains_elevation_alone() {
+        let recipe = Recipe { steps: 15_000, ..Recipe::preset(Preset::Paper) };
+        assert_eq!(recipe.weights_at(4_999).gradient, 0.0);
+        assert_eq!(recipe.weights_at(5_000), LossWeights::PAPER);
+    }
+}

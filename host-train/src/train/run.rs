@@ -1,0 +1,250 @@
+//! The training loop: steps, validation, checkpoints, progress, and an end that Ctrl-C or a kill cannot spoil.
+
+use super::checkpoint;
+use super::feed::{Batch, Feed, TileSource, tensors};
+use super::journal::{Journal, StepRecord};
+use super::loss::terms;
+use super::recipe::Recipe;
+use super::validate::{Validation, ValidationSet};
+use crate::model::backend::Backend;
+use crate::model::config::NetConfig;
+use crate::model::elunar::ELunarDtmNet;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::{Error, Result, interrupt};
+use burn::grad_clipping::GradientClippingConfig;
+use burn::module::Module;
+use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
+use burn::tensor::Device;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Weights with the lowest validation RMSE.
+pub const BEST: &str = "best.safetensors";
+/// Weights after the last step.
+pub const LAST: &str = "last.safetensors";
+/// The run's record: network, recipe, data, seed, backend.
+pub const RECORD: &str = "run.json";
+
+/// All that determines a run; written to its folder before the first step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The network.
+    pub network: NetConfig,
+    /// The hyper-parameters.
+    pub recipe: Recipe,
+    /// Where the training tiles come from.
+    pub data: String,
+    /// Where the validation tiles come from.
+    pub validation_data: String,
+    /// Seed of initial weights and of cropping.
+    pub seed: u64,
+    /// Backend.
+    pub backend: Backend,
+    /// What the weights started from.
+    pub started_from: String,
+}
+
+/// A run about to start or to go on.
+pub struct Run {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What determines it.
+    pub record: Record,
+    /// Weights of step 0.
+    pub initial: Weights,
+    /// Training tiles.
+    pub training: Arc<dyn TileSource>,
+    /// Validation tiles.
+    pub validation: Arc<dyn TileSource>,
+    /// Whether to go on from the folder's checkpoint.
+    pub resume: bool,
+    /// Stop after this step although the recipe goes on, as if killed there (`None`: run to the end).
+    pub stop_after: Option<usize>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Steps done in all.
+    pub steps: usize,
+    /// Whether the recipe was finished.
+    pub finished: bool,
+    /// The last validation.
+    pub last: Option<Validation>,
+    /// Validation of the best weights of this session.
+    pub best: Option<Validation>,
+    /// Training steps per second of this session, validation and checkpoints included.
+    pub steps_per_s: f64,
+}
+
+struct Loop {
+    device: Device,
+    net: ELunarDtmNet,
+    optimiser: ModuleOptimizer,
+    journal: Journal,
+    set: ValidationSet,
+    best_rmse: Option<f64>,
+    best: Option<Validation>,
+    last: Option<Validation>,
+}
+
+impl Run {
+    /// Trains until the recipe is done, the user interrupts, or `stop_after`.
+    ///
+    /// # Errors
+    /// If the folder holds another run, tiles cannot be made, the loss is not finite, or files cannot be written.
+    pub fn train(self) -> Result<Outcome> {
+        self.record.recipe.check().map_err(Error::usage)?;
+        interrupt::listen();
+        let (mut state, first) = self.open()?;
+        let recipe = &self.record.recipe;
+        let feed = Feed::new(
+            self.training.clone(),
+            self.record.network.clone(),
+            recipe.clone(),
+            self.record.seed,
+        );
+        let batches = feed.ahead(first);
+        let bar = progress(first, recipe.steps);
+        let (start, mut done) = (Instant::now(), first);
+        while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
+            let batch = batches.recv().map_err(|_| Error::usage("the data feed stopped early"))??;
+            let figures = self.step(&mut state, done, &batch)?;
+            done += 1;
+            state.journal.step(&figures)?;
+            bar.set_message(format!("loss {:.4}", figures.loss));
+            bar.set_position(done as u64);
+            if done % recipe.validate_every == 0 || done == recipe.steps {
+                self.validate(&mut state, done, &bar)?;
+            }
+            if done % recipe.checkpoint_every == 0 || done == recipe.steps {
+                self.checkpoint(&state, done)?;
+            }
+        }
+        let finished = done == recipe.steps;
+        if !finished {
+            self.checkpoint(&state, done)?;
+        }
+        bar.abandon();
+        store::save(&self.record.network, &state.net).write(&self.folder.join(LAST))?;
+        let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
+        Ok(Outcome { steps: done, finished, last: state.last, best: state.best, steps_per_s })
+    }
+
+    /// Sets the loop up at step 0 or at the checkpoint.
+    fn open(&self) -> Result<(Loop, usize)> {
+        let saved = if self.resume { checkpoint::load(&self.folder)? } else { None };
+        let record_path = self.folder.join(RECORD);
+        if self.resume {
+            self.same_run(&record_path)?;
+        } else {
+            std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
+            if record_path.exists() {
+                let what = "expected a new folder, found a run in it; choose another --out or add --resume";
+                return Err(Error::usage(format!("{}: {what}", self.folder.display())));
+            }
+            let text = serde_json::to_vec_pretty(&self.record).expect("plain struct");
+            crate::raster::atomic_write(&record_path, &text)?;
+        }
+        let device = self.record.backend.device()?.autodiff();
+        let recipe = &self.record.recipe;
+        let mut optimiser = AdamWConfig::new()
+            .with_weight_decay(recipe.weight_decay)
+            .with_epsilon(1e-8)
+            .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
+            .init();
+        let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
+        let weights = saved.as_ref().map_or(&self.initial, |c| &c.weights);
+        let net = store::load(&self.record.network, weights, &self.folder, &device)?;
+        if let Some(saved) = &saved {
+            optimiser = saved.restore(optimiser)?;
+        }
+        let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.validation_tiles)?;
+        let journal = Journal::open(&self.folder, first)?;
+        Ok((Loop { device, net, optimiser, journal, set, best_rmse, best: None, last: None }, first))
+    }
+
+    /// Resuming must mean the same run.
+    fn same_run(&self, record_path: &Path) -> Result<()> {
+        let text = std::fs::read(record_path).map_err(Error::io(record_path))?;
+        let found: Record =
+            serde_json::from_slice(&text).map_err(|e| Error::broken(record_path, format!("run record: {e}")))?;
+        if found == self.record {
+            return Ok(());
+        }
+        let (e, f) = (serde_json::to_value(&self.record), serde_json::to_value(&found));
+        let (e, f) = (e.expect("plain struct"), f.expect("plain struct"));
+        let differing: Vec<String> = e
+            .as_object()
+            .into_iter()
+            .flatten()
+            .filter(|(key, value)| f.get(key) != Some(value))
+            .map(|(key, value)| format!("{key}: expected {value}, found {}", f[key]))
+            .collect();
+        Err(Error::usage(format!("{}: cannot resume a different run: {}", record_path.display(), differing.join("; "))))
+    }
+
+    fn step(&self, state: &mut Loop, step: usize, batch: &Batch) -> Result<StepRecord> {
+        let recipe = &self.record.recipe;
+        let [image, coarse, truth] = tensors(batch, &state.device);
+        let prediction = state.net.forward(image, coarse);
+        let terms = terms(truth, prediction, recipe.elevation);
+        let total = recipe.weights_at(step).total(&terms);
+        let number = |t: &burn::tensor::Tensor<1>| f64::from(t.clone().into_scalar::<f32>());
+        let learning_rate = recipe.learning_rate_at(step);
+        let figures = StepRecord {
+            step: step + 1,
+            learning_rate,
+            loss: number(&total),
+            elevation: number(&terms.elevation),
+            gradient: number(&terms.gradient),
+            normal: number(&terms.normal),
+        };
+        if !figures.loss.is_finite() {
+            let what = "expected a finite loss; lower the learning rate or look at the data";
+            return Err(Error::usage(format!("step {}: {what}, found {}", step + 1, figures.loss)));
+        }
+        let grads = GradientsParams::from_grads(total.backward(), &state.net);
+        state.net = state.optimiser.step(learning_rate, state.net.clone(), grads);
+        Ok(figures)
+    }
+
+    fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
+        let found = state.set.run(&state.net.valid(), &state.device.clone().inner())?;
+        state.journal.validation(step, &found)?;
+        let best = state.best_rmse.is_none_or(|best| found.rmse < best);
+        bar.suspend(|| {
+            eprintln!(
+                "step {step:6}  validation: RMSE {:.2} m (coarse {:.2}), slope {:.2}° (coarse {:.2}°){}",
+                found.network.rmse_m,
+                found.coarse.rmse_m,
+                found.network.slope_mae_deg,
+                found.coarse.slope_mae_deg,
+                if best { "  best" } else { "" }
+            );
+        });
+        if best {
+            state.best_rmse = Some(found.rmse);
+            state.best = Some(found);
+            store::save(&self.record.network, &state.net).write(&self.folder.join(BEST))?;
+        }
+        state.last = Some(found);
+        Ok(())
+    }
+
+    fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
+        let weights = store::save(&self.record.network, &state.net);
+        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.optimiser)
+    }
+}
+
+fn progress(first: usize, steps: usize) -> ProgressBar {
+    let bar = ProgressBar::new(steps as u64).with_position(first as u64);
+    bar.reset_eta();
+    let template = "training {bar:24} {pos}/{len} steps  {per_sec}  {eta} left  {msg}";
+    bar.with_style(ProgressStyle::with_template(template).expect("fixed template"))
+}

@@ -1,0 +1,99 @@
+//! One tile as the network sees it: normalised image, coarse DTM and truth.
+
+use crate::model::config::{NetConfig, TargetRange};
+use crate::{Error, Result};
+use elunar_core::norm::elevation::ElevationScale;
+use elunar_core::norm::intensity;
+
+/// A tile in metres and relative brightness; the source of a [`Sample`].
+#[derive(Debug, Clone)]
+pub struct RawTile {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Ground size of a pixel, metres.
+    pub pixel_m: f32,
+    /// Relative brightness.
+    pub image: Vec<f32>,
+    /// Coarse DTM on the image's grid, metres.
+    pub coarse_m: Vec<f32>,
+    /// True DTM, metres.
+    pub truth_m: Vec<f32>,
+}
+
+/// A normalised tile.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Image in [0, 1].
+    pub image: Vec<f32>,
+    /// Coarse DTM in [0, NR].
+    pub coarse: Vec<f32>,
+    /// Truth in [0, NR] (own range) or about that (reference range).
+    pub truth: Vec<f32>,
+    /// How the coarse DTM was normalised: turns the network's output into metres (Eq. 8).
+    pub scale: ElevationScale,
+}
+
+impl Sample {
+    /// Normalises a tile as `config` wants it (Eq. 2, Sec. III-A2).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the tile has no relief or a constant image.
+    pub fn new(config: &NetConfig, tile: &RawTile) -> Result<Self> {
+        let bad = |e: &dyn std::fmt::Display| Error::usage(format!("tile cannot be normalised: {e}"));
+        let n = tile.rows * tile.cols;
+        let mut sample = Self {
+            rows: tile.rows,
+            cols: tile.cols,
+            image: vec![0.0; n],
+            coarse: vec![0.0; n],
+            truth: vec![0.0; n],
+            scale: coarse_scale(config, &tile.coarse_m)?,
+        };
+        intensity::normalise(&tile.image, None, &mut sample.image).map_err(|e| bad(&e))?;
+        sample.scale.normalise(&tile.coarse_m, &mut sample.coarse).map_err(|e| bad(&e))?;
+        let truth_scale = match config.target_range {
+            TargetRange::Reference => sample.scale,
+            TargetRange::Own => ElevationScale::from_heights(&tile.truth_m, None, config.nr).map_err(|e| bad(&e))?,
+        };
+        truth_scale.normalise(&tile.truth_m, &mut sample.truth).map_err(|e| bad(&e))?;
+        Ok(sample)
+    }
+
+    /// A window of the normalised tile, mirrored left–right and up–down as asked; image and heights turn together, so light
+    /// and shape stay consistent.
+    pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], [flip_rows, flip_cols]: [bool; 2]) -> Self {
+        let cut = |map: &[f32]| -> Vec<f32> {
+            let mut out = Vec::with_capacity(rows * cols);
+            for i in 0..rows {
+                let row = top + if flip_rows { rows - 1 - i } else { i };
+                let line = &map[row * self.cols + left..][..cols];
+                if flip_cols { out.extend(line.iter().rev()) } else { out.extend(line) }
+            }
+            out
+        };
+        Self {
+            rows,
+            cols,
+            image: cut(&self.image),
+            coarse: cut(&self.coarse),
+            truth: cut(&self.truth),
+            scale: self.scale,
+        }
+    }
+}
+
+/// The scale a coarse tile is normalised with: its own range, widened by the configured margin.
+///
+/// # Errors
+/// [`Error::Usage`] if the tile has no relief.
+pub fn coarse_scale(config: &NetConfig, coarse_m: &[f32]) -> Result<ElevationScale> {
+    ElevationScale::from_heights(coarse_m, None, config.nr)
+        .and_then(|s| s.with_margin(config.range_margin))
+        .map_err(|e| Error::usage(format!("coarse DTM tile cannot be normalised: {e}")))
+}

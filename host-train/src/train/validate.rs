@@ -1,0 +1,133 @@
+//! The network on a fixed set of tiles it never trains on, with the interpolated coarse DTM as baseline.
+
+use super::feed::{TileSource, tensors};
+use super::sample::Sample;
+use crate::model::config::NetConfig;
+use crate::model::elunar::ELunarDtmNet;
+use crate::{Error, Result};
+use burn::tensor::Device;
+use elunar_core::grid::GridView;
+use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
+use elunar_core::terrain::PixelSize;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Heights and slopes of one DTM against the truth, over the whole set.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Scores {
+    /// Root mean square height error, metres.
+    pub rmse_m: f64,
+    /// Mean absolute height error, metres.
+    pub mae_m: f64,
+    /// Mean absolute slope error, degrees.
+    pub slope_mae_deg: f64,
+}
+
+/// What a validation found.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Validation {
+    /// RMSE in normalised units: the figure that chooses the best weights, as in the paper.
+    pub rmse: f64,
+    /// Mean relative difference REL, normalised units.
+    pub rel: f64,
+    /// Share of pixels with ratio below 1.25.
+    pub a1: f64,
+    /// The network, in metres and degrees.
+    pub network: Scores,
+    /// The interpolated coarse DTM, in metres and degrees.
+    pub coarse: Scores,
+}
+
+/// One validation tile: the normalised maps, and the truth in metres.
+struct Case {
+    sample: Sample,
+    coarse_m: Vec<f32>,
+    truth_m: Vec<f32>,
+    pixel_m: f32,
+}
+
+/// A fixed set of tiles.
+pub struct ValidationSet {
+    cases: Vec<Case>,
+}
+
+impl ValidationSet {
+    /// The first `count` tiles of `source` that can be normalised.
+    ///
+    /// # Errors
+    /// If tiles cannot be made, or none can be normalised.
+    pub fn new(source: &dyn TileSource, config: &NetConfig, count: usize) -> Result<Self> {
+        let cases: Result<Vec<Option<Case>>> = (0..count as u64)
+            .into_par_iter()
+            .map(|index| {
+                let tile = source.tile(index)?;
+                let sample = Sample::new(config, &tile).ok();
+                Ok(sample.map(|sample| Case {
+                    sample,
+                    coarse_m: tile.coarse_m,
+                    truth_m: tile.truth_m,
+                    pixel_m: tile.pixel_m,
+                }))
+            })
+            .collect();
+        let cases: Vec<Case> = cases?.into_iter().flatten().collect();
+        if cases.is_empty() {
+            return Err(Error::usage(format!("validation: expected usable tiles among {count}, found none")));
+        }
+        Ok(Self { cases })
+    }
+
+    /// Runs `net` (without gradients) over the set.
+    ///
+    /// # Errors
+    /// If the network's output has the wrong size, or holds no finite height.
+    pub fn run(&self, net: &ELunarDtmNet, device: &Device) -> Result<Validation> {
+        let mut relative = RelativeErrors::default();
+        let (mut network, mut coarse) = (Tally::default(), Tally::default());
+        for case in &self.cases {
+            let sample = &case.sample;
+            let [image, input, _] = tensors(std::slice::from_ref(sample), device);
+            let output = net.forward(image, input).into_data().try_to_vec::<f32>();
+            let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
+            let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
+            relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?;
+            let mut output_m = vec![0.0; output.len()];
+            sample.scale.recover(&output, &mut output_m).map_err(|e| wrong(&e))?;
+            network.add(case, &output_m)?;
+            coarse.add(case, &case.coarse_m)?;
+        }
+        let none = || Error::usage("validation: the network's output has no finite height");
+        Ok(Validation {
+            rmse: relative.rmse().ok_or_else(none)?,
+            rel: relative.rel().ok_or_else(none)?,
+            a1: relative.share_within_ratio().ok_or_else(none)?[0],
+            network: network.scores().ok_or_else(none)?,
+            coarse: coarse.scores().ok_or_else(none)?,
+        })
+    }
+}
+
+#[derive(Default)]
+struct Tally {
+    heights: HeightErrors,
+    slopes: SlopeErrors,
+}
+
+impl Tally {
+    fn add(&mut self, case: &Case, dtm_m: &[f32]) -> Result<()> {
+        let wrong = |e: elunar_core::error::LengthError| Error::usage(format!("validation tile: {e}"));
+        let (rows, cols) = (case.sample.rows, case.sample.cols);
+        let view = |map| GridView::new(map, rows, cols).map_err(wrong);
+        self.heights.extend(&case.truth_m, dtm_m, None).map_err(wrong)?;
+        let pixel = PixelSize::square(f64::from(case.pixel_m));
+        self.slopes.extend(view(&case.truth_m)?, view(dtm_m)?, pixel).map_err(wrong)
+    }
+
+    fn scores(&self) -> Option<Scores> {
+        Some(Scores {
+            rmse_m: self.heights.rmse_m()?,
+            mae_m: self.heights.mae_m()?,
+            slope_mae_deg: self.slopes.mae_deg()?,
+        })
+    }
+}
