@@ -28,7 +28,9 @@ pub use error::{ModelError, OperatorFault, RunError};
 pub use model::{
     ConvShape, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model, TruthRange,
 };
-pub use program::{Attention, Conv, Dtype, LayerNorm, OPERATOR_BYTES, Operator, Source, TENSOR_BYTES, Tensor};
+pub use program::{
+    Attention, Conv, Dtype, LayerNorm, MAX_ADD_SHIFT, OPERATOR_BYTES, Operator, Source, TENSOR_BYTES, Tensor,
+};
 pub use runner::{Progress, Runner, Telemetry, required};
 
 /// Fraction bits of a normalised value before a layer norm's gain.

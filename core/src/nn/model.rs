@@ -211,6 +211,7 @@ impl<'a> Model<'a> {
         let sides = [conv.kernel_rows, conv.kernel_cols];
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
             && (1..=MAX_KERNEL).contains(&conv.stride)
+            && conv.add_shift <= MAX_ADD_SHIFT
             && conv.sources().all(|s| s.shift <= if s.up { 4 } else { 0 });
         if !legal {
             return Err(OperatorFault::Parameter);

@@ -17,6 +17,9 @@ const KIND_CONV: u32 = 1;
 const KIND_LAYER_NORM: u32 = 2;
 const KIND_ATTENTION: u32 = 3;
 
+/// Largest left shift of an added tensor: i16 times `2^30` times `2^15` stays below `2^60`.
+pub const MAX_ADD_SHIFT: u32 = 15;
+
 /// Sample type of a tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dtype {
@@ -175,7 +178,7 @@ pub struct Source {
 
 /// Convolution over the sources' channels side by side, zero-padded, then requantised.
 ///
-/// `code = clamp(zero + (acc*M[o] + r*A[o] + half) >> shift)` with `acc = bias[o] + Σ x*w`, `r` the added tensor; or through a
+/// `code = clamp(zero + (acc*M[o] + (r*A[o] << add_shift) + half) >> shift)` with `acc = bias[o] + Σ x*w`, `r` the added tensor; or through a
 /// table; or, if the output is F32, `acc * m[o] + r` in floats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conv {
@@ -205,6 +208,8 @@ pub struct Conv {
     pub add: Option<u32>,
     /// Constants: i32 multipliers `[out]` of the added tensor (not used with an F32 output).
     pub add_multipliers: usize,
+    /// Left shift of the added tensor's product, at most [`MAX_ADD_SHIFT`].
+    pub add_shift: u32,
     /// Constants: 256 output codes by clamped intermediate code.
     pub table: Option<usize>,
     /// With a table: the intermediate code that stands for 0.
@@ -295,7 +300,7 @@ impl Operator {
         let used;
         let operator = match word(0) {
             KIND_CONV => {
-                used = 21;
+                used = 22;
                 let source = |i| Ok(Source { tensor: word(i), up: flag(i + 1)?, shift: word(i + 2) });
                 Self::Conv(Conv {
                     out: word(1),
@@ -314,6 +319,7 @@ impl Operator {
                     table: option(word(18)).map(|offset| offset as usize),
                     table_zero: word(19) as i32,
                     relu: flag(20)?,
+                    add_shift: word(21),
                 })
             }
             KIND_LAYER_NORM => {
@@ -366,7 +372,7 @@ impl Operator {
                 put(8, &[c.kernel_rows, c.kernel_cols, c.stride, c.pad].map(|v| v as u32));
                 put(12, &[c.weights, c.bias, c.multipliers].map(|v| v as u32));
                 put(15, &[c.shift, c.add.unwrap_or(NONE), c.add_multipliers as u32]);
-                put(18, &[c.table.map_or(NONE, |t| t as u32), c.table_zero as u32, c.relu as u32]);
+                put(18, &[c.table.map_or(NONE, |t| t as u32), c.table_zero as u32, c.relu as u32, c.add_shift]);
             }
             Self::LayerNorm(n) => {
                 put(0, &[KIND_LAYER_NORM, n.out, n.input, n.merge as u32, n.gains as u32, n.biases as u32, n.shift]);

@@ -42,7 +42,13 @@ pub struct Checkpoint {
 ///
 /// # Errors
 /// If the run folder cannot be written.
-pub fn save(run: &Path, step: usize, best_rmse: Option<f64>, weights: &Weights, optimiser: &ModuleOptimizer) -> Result<()> {
+pub fn save(
+    run: &Path,
+    step: usize,
+    best_rmse: Option<f64>,
+    weights: &Weights,
+    optimiser: &ModuleOptimizer,
+) -> Result<()> {
     let fresh = run.join(FRESH);
     remove(&fresh)?;
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;

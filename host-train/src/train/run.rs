@@ -102,12 +102,7 @@ impl Run {
         interrupt::listen();
         let (mut state, first) = self.open()?;
         let recipe = &self.record.recipe;
-        let feed = Feed::new(
-            self.training.clone(),
-            self.record.network.clone(),
-            recipe.clone(),
-            self.record.seed,
-        );
+        let feed = Feed::new(self.training.clone(), self.record.network.clone(), recipe.clone(), self.record.seed);
         let batches = feed.ahead(first);
         let bar = progress(first, recipe.steps);
         let (start, mut done) = (Instant::now(), first);

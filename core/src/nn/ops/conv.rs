@@ -78,7 +78,7 @@ struct Finish<'a> {
     multiplier: i32,
     scale: f32,
     shift: u32,
-    add: Option<(Tensor, i32)>,
+    add: Option<(Tensor, i64)>,
     table: Option<(&'a [u8], i64)>,
     relu: bool,
 }
@@ -92,7 +92,7 @@ impl<'a> Finish<'a> {
             multiplier: model.constant_i32(conv.multipliers, channel),
             scale: model.constant_f32(conv.multipliers, channel),
             shift: conv.shift,
-            add: conv.add.map(|add| (model.tensor(add), add_multiplier)),
+            add: conv.add.map(|add| (model.tensor(add), (add_multiplier as i64) << conv.add_shift)),
             table: conv.table.map(|table| (model.constants(table, CODE_TABLE_LEN), conv.table_zero as i64)),
             relu: conv.relu,
         }
@@ -107,7 +107,7 @@ impl<'a> Finish<'a> {
             arena.store_float(out, index, if self.relu && value < 0.0 { 0.0 } else { value });
             return false;
         }
-        let added = self.add.map_or(0, |(tensor, m)| arena.value(&tensor, index) as i64 * m as i64);
+        let added = self.add.map_or(0, |(tensor, m)| arena.value(&tensor, index) as i64 * m);
         let v = round_shift(acc as i64 * self.multiplier as i64 + added, self.shift);
         let (code, cut) = match self.table {
             Some((table, zero)) => (table[(v + zero).clamp(0, 255) as usize] as i32, false),
