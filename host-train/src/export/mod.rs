@@ -18,4 +18,6 @@ pub use calibrate::CalibrationTile;
 pub use compile::{Options, Precision, export};
 
 #[cfg(test)]
+mod emulate;
+#[cfg(test)]
 mod tests;

@@ -443,7 +443,7 @@ pub(crate) fn quantise_weights(kernel: &Kernel, read_scales: &[f64]) -> Integers
 }
 
 /// Table from intermediate code to GELU's code, with the intermediate step and zero.
-fn gelu_table(codes: &Codes) -> (Vec<u8>, f64, i32) {
+pub(crate) fn gelu_table(codes: &Codes) -> (Vec<u8>, f64, i32) {
     let top = (codes.hi - codes.zero) as f64 * codes.scales[0];
     let step = (top - GELU_MINIMUM - GELU_FLOOR) / (CODE_TABLE_LEN - 1) as f64;
     let zero = (-GELU_FLOOR / step).round() as i32;
