@@ -19,6 +19,7 @@ impl<'a, T: Copy> GridView<'a, T> {
     /// [`LengthError`] if `samples` has another length.
     pub fn new(samples: &'a [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
         same_length(rows.saturating_mul(cols), samples.len())?;
+        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over rows of nothing
         Ok(Self { samples, rows, cols, stride: cols })
     }
 
@@ -94,6 +95,7 @@ impl<'a, T: Copy> GridViewMut<'a, T> {
     /// [`LengthError`] if `samples` has another length.
     pub fn new(samples: &'a mut [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
         same_length(rows.saturating_mul(cols), samples.len())?;
+        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over rows of nothing
         Ok(Self { samples, rows, cols, stride: cols })
     }
 
@@ -144,6 +146,7 @@ mod tests {
     fn rejects_a_wrong_length_and_an_overflowing_shape() {
         assert_eq!(GridView::new(&[1, 2, 3], 2, 2), Err(LengthError { expected: 4, found: 3 }));
         assert!(GridView::new(&[0u8; 4], usize::MAX, 2).is_err());
+        assert_eq!(GridView::<u8>::new(&[], usize::MAX, 0).unwrap().rows(), 0);
     }
 
     #[test]

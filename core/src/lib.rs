@@ -4,7 +4,7 @@
 //!
 //! 1. [`grid`] lends a rectangle of somebody's pixels with its row stride; nothing here owns an image.
 //! 2. [`mask`] says which of those pixels are real: PDS3 specials, nodata and NaN are not.
-//! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns (Sec. III-A), overlapping at inference.
+//! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, overlapping at inference.
 //! 4. [`norm`] brings the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] it makes
 //!    is the only thing that can bring heights back.
 //! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight ([`nn`], with the

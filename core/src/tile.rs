@@ -2,10 +2,10 @@
 
 use crate::error::TileError;
 
-/// Rows of the paper's tile (Sec. III-A).
+/// Rows of the paper's tile.
 pub const TILE_ROWS: usize = 256;
 
-/// Columns of the paper's tile (Sec. III-A).
+/// Columns of the paper's tile.
 pub const TILE_COLS: usize = 320;
 
 /// Pixels by which neighbouring tiles overlap at inference (Sec. V-B: "padding (100 pixels)"); 0 in training.
@@ -70,7 +70,7 @@ impl Tiling {
     #[allow(clippy::len_without_is_empty)] // a tiling is never empty
     pub fn len(&self) -> usize {
         let (rows, cols) = self.shape();
-        rows * cols
+        rows.saturating_mul(cols)
     }
 
     /// Window `index`, counted along rows; `None` from [`Self::len`] on.
@@ -79,7 +79,7 @@ impl Tiling {
         if index >= self.len() {
             return None;
         }
-        let at = |i: usize, scene: usize, tile: usize, stride: usize| (i * stride).min(scene - tile);
+        let at = |i: usize, scene: usize, tile: usize, stride: usize| i.saturating_mul(stride).min(scene - tile);
         Some(Window {
             row: at(index / across, self.scene.0, self.tile.0, self.stride.0),
             col: at(index % across, self.scene.1, self.tile.1, self.stride.1),
@@ -134,6 +134,8 @@ mod tests {
         let (scene, tile) = ((255, 320), (256, 320));
         assert_eq!(Tiling::new(scene, tile, 100), Err(TileError::SceneTooSmall { scene, tile }));
         assert_eq!(Tiling::new((999, 999), tile, 256), Err(TileError::Overlap { overlap_px: 256, tile }));
+        let endless = Tiling::new((usize::MAX, usize::MAX), (2, 2), 1).unwrap();
+        assert_eq!(endless.get(usize::MAX - 1).map(|w| w.row), Some(1));
         assert_eq!(Tiling::new((9, 9), (0, 4), 0), Err(TileError::Overlap { overlap_px: 0, tile: (0, 4) }));
     }
 

@@ -1,9 +1,9 @@
-//! Height errors in metres (Eq. 12, 16, 18 and the shares of Sec. V).
+//! Height errors in metres (among Eq. 11–18, and the shares the paper tests with).
 
 use super::{each_pair, mean};
 use crate::error::LengthError;
 
-/// Limits, in metres, of [`HeightErrors::share_within`] (Sec. V).
+/// Limits, in metres, of [`HeightErrors::share_within`] (the paper's).
 pub const LIMITS_M: [f64; 3] = [2.0, 4.0, 10.0];
 
 /// Accumulates errors e = predicted − truth.
@@ -76,7 +76,7 @@ impl HeightErrors {
         mean(self.absolute, self.count)
     }
 
-    /// Root mean square error, metres (Eq. 12).
+    /// Root mean square error, metres.
     pub fn rmse_m(&self) -> Option<f64> {
         mean(self.square, self.count).map(libm::sqrt)
     }

@@ -1,4 +1,4 @@
-//! Relative errors on normalised elevations in [0, NR] (Eq. 11–15 and 17), as used for validation.
+//! Relative errors on normalised elevations in [0, NR] (among Eq. 11–17), as used for validation.
 
 use super::{each_pair, mean};
 use crate::error::LengthError;
@@ -81,22 +81,22 @@ impl RelativeErrors {
         self.count
     }
 
-    /// Mean of |z − z*| / z (REL, Eq. 11); `None`, here and below, before the first pixel that counts.
+    /// Mean of |z − z*| / z (REL); `None`, here and below, before the first pixel that counts.
     pub fn rel(&self) -> Option<f64> {
         mean(self.relative, self.positive)
     }
 
-    /// Root mean square error, normalised units (Eq. 12).
+    /// Root mean square error, normalised units.
     pub fn rmse(&self) -> Option<f64> {
         mean(self.square, self.count).map(libm::sqrt)
     }
 
-    /// Mean of |log10 z − log10 z*| (Eq. 13).
+    /// Mean of |log10 z − log10 z*|.
     pub fn log10(&self) -> Option<f64> {
         mean(self.log10, self.positive)
     }
 
-    /// Shares, in [0, 1], of max(z/z*, z*/z) below 1.25, 1.25², 1.25³ (a1 to a3, Eq. 14).
+    /// Shares, in [0, 1], of max(z/z*, z*/z) below 1.25, 1.25², 1.25³ (a1 to a3).
     pub fn share_within_ratio(&self) -> Option<[f64; 3]> {
         if self.positive == 0 { None } else { Some(self.within.map(|n| n as f64 / self.positive as f64)) }
     }

@@ -23,8 +23,8 @@ impl Default for Sun {
 
 /// Shaded relief, one byte per pixel: 0 where there is no value, else 1 to 255 (`gdaldem hillshade`, Horn).
 ///
-/// `max(1, 1 + 254 c)`, rounded to nearest, with c the cosine between surface normal and Sun. GDAL takes the reciprocal
-/// square root from an approximation good to about 1e-11, so a pixel closer than that to a rounding boundary could differ.
+/// `max(1, 1 + 254 c)`, rounded to nearest, with c the cosine between surface normal and Sun. GDAL takes 1/√x from an
+/// approximation, so a pixel that lies within its error of a rounding boundary could differ by 1.
 ///
 /// # Errors
 /// [`LengthError`] if `out` does not have one byte per pixel.
@@ -41,7 +41,8 @@ pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: 
         *out = gradient(heights_m, i / cols, i % cols, pixel).map_or(0, |(east, south)| {
             let normal = super::normal::from_gradient(east * sun.exaggeration, south * sun.exaggeration);
             let cosine = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2];
-            libm::floor(1.5 + 254.0 * cosine.max(0.0)) as u8
+            let shade = (1.0 + 254.0 * cosine.max(0.0)) as f32; // GDAL rounds to `f32` on the way to bytes; so do we
+            libm::floorf(shade + 0.5) as u8
         });
     }
     Ok(())

@@ -34,7 +34,7 @@ impl PixelSize {
 ///
 /// Horn (1981): each side of the pixel is averaged with weights 1, 2, 1; the difference of the sides spans two pixels.
 pub fn gradient(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<(f64, f64)> {
-    if row == 0 || col == 0 {
+    if row == 0 || col == 0 || row >= heights_m.rows() || col >= heights_m.cols() {
         return None;
     }
     let mut w = [[0.0f64; 3]; 3];

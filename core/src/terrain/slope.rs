@@ -58,6 +58,10 @@ mod tests {
         let mut out = [0.0; 4];
         slope_deg(GridView::new(&[1.0, 2.0, 3.0, 4.0], 2, 2).unwrap(), PixelSize::square(1.0), &mut out).unwrap();
         assert!(out.iter().all(|s| s.is_nan()));
+        let grid = GridView::new(&[0.0f32; 9], 3, 3).unwrap();
+        for (row, col) in [(usize::MAX, 1), (1, usize::MAX), (3, 1), (1, 2)] {
+            assert_eq!(gradient(grid, row, col, PixelSize::square(1.0)), None);
+        }
         slope_deg(GridView::new(&[], 3, 0).unwrap(), PixelSize::square(1.0), &mut []).unwrap();
     }
 }

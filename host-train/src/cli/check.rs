@@ -3,9 +3,14 @@
 use crate::model::backend::Backend;
 use crate::model::store;
 use crate::model::weights::{Array, Weights};
-use crate::train::loss::{Elevation, terms};
+use crate::train::loss::{Elevation, LossWeights, terms};
 use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_core::error::{LengthError, LossError};
+use elunar_core::loss::Pair;
+use elunar_core::loss::hybrid::{ElevationTerm, add_gradient};
+use elunar_core::metrics::{HeightErrors, RelativeErrors};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Largest accepted relative error of a map, the output or a loss term.
@@ -81,14 +86,75 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
         lines.push(Line { name, error, tolerance: MAP_TOLERANCE });
     }
 
-    let t = terms(map("truth")?, output, Elevation::MeanNormalised);
+    let t = terms(map("truth")?, output.clone(), Elevation::MeanNormalised);
     let expected: Vec<f64> = json(&golden, "loss_terms", path)?;
     let found = [("elevation", t.elevation), ("gradient", t.gradient), ("normal", t.normal)];
     for ((name, value), e) in found.into_iter().zip(&expected) {
         let error = (f64::from(value.into_scalar::<f32>()) - e).abs() / e.abs();
         lines.push(Line { name: format!("loss.{name}"), error, tolerance: MAP_TOLERANCE });
     }
+    lines.extend(compare_metrics(&golden, path)?);
+    lines.push(compare_gradient(&golden, path, device)?);
     Ok(lines)
+}
+
+/// The metrics (Eq. 11–17) of the golden output against the golden truth.
+fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
+    let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
+    let wrong = |e: LengthError| Error::broken(path, format!("truth against output: {e}"));
+    let (mut relative, mut height) = (RelativeErrors::default(), HeightErrors::default());
+    relative.extend(truth, output, None).map_err(wrong)?;
+    height.extend(truth, output, None).map_err(wrong)?;
+    let ratio = relative.share_within_ratio();
+    let within = height.share_within();
+    let found = [
+        ("rel", relative.rel()),
+        ("rmse", relative.rmse()),
+        ("log10", relative.log10()),
+        ("psnr", relative.psnr_db()),
+        ("mae", height.mae_m()),
+        ("a1", ratio.map(|r| r[0])),
+        ("a2", ratio.map(|r| r[1])),
+        ("a3", ratio.map(|r| r[2])),
+        ("re_2m", within.map(|w| w[0])),
+        ("re_4m", within.map(|w| w[1])),
+        ("re_10m", within.map(|w| w[2])),
+    ];
+    let expected: BTreeMap<String, f64> = json(golden, "metrics", path)?;
+    found
+        .into_iter()
+        .map(|(name, value)| {
+            let expected = expected
+                .get(name)
+                .ok_or_else(|| Error::broken(path, format!("metadata `metrics`: expected {name}")))?;
+            let error = value.map_or(f64::INFINITY, |v| (v - expected).abs() / expected.abs().max(f64::MIN_POSITIVE));
+            Ok(Line { name: format!("metric.{name}"), error, tolerance: METRIC_TOLERANCE })
+        })
+        .collect()
+}
+
+/// Automatic differentiation of the hybrid loss against the analytic gradient on plain slices, at the golden output.
+fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Line> {
+    let device = device.clone().autodiff();
+    let prediction = tensor(golden, "output", path, &device)?.require_grad();
+    let [_, _, rows, cols] = prediction.dims();
+    let terms = terms(tensor(golden, "truth", path, &device)?, prediction.clone(), Elevation::MeanNormalised);
+    let grads = LossWeights::PAPER.total(&terms).backward();
+    let found = prediction.grad(&grads).ok_or_else(|| Error::usage("the backend gave no gradient"))?;
+
+    let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
+    let wrong = |e: LossError| Error::broken(path, format!("truth against output: {e}"));
+    let pair = Pair::new(truth, output, None, (rows, cols)).map_err(wrong)?;
+    let mut data = vec![0.0; truth.len()];
+    add_gradient(&pair, ElevationTerm::MeanNormalised, Default::default(), &mut data).map_err(wrong)?;
+    let expected = Array { shape: vec![1, 1, rows, cols], data };
+    let error = relative_error(&Some(&expected), &found).unwrap_or(f64::INFINITY);
+    Ok(Line { name: "gradient".into(), error, tolerance: MAP_TOLERANCE })
+}
+
+fn flat<'a>(golden: &'a Weights, name: &str, path: &Path) -> Result<&'a [f32]> {
+    let array = golden.tensors.get(name).ok_or_else(|| Error::broken(path, format!("expected tensor {name}")))?;
+    Ok(&array.data)
 }
 
 fn tensor(golden: &Weights, name: &str, path: &Path, device: &Device) -> Result<Tensor<4>> {

@@ -8,6 +8,7 @@ pub mod init;
 pub mod inspect;
 pub mod latency;
 pub mod predict;
+mod shade;
 pub mod synth;
 pub mod train;
 

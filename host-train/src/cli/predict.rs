@@ -1,15 +1,130 @@
-//! `host-train predict`.
+//! `host-train predict`: an image and a coarse DTM in, a DTM out.
 
-use crate::{Error, Result};
+use super::shade::write_hillshade;
+use crate::model::backend::Backend;
+use crate::mosaic::Blend;
+use crate::predict::{Options, Prediction, Scene, network::Model, open, predict};
+use crate::raster::MOON_RADIUS_M;
+use crate::raster::align::Named;
+use crate::raster::geotiff::{self, WriteOptions};
+use crate::{Error, Result, interrupt};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 
 /// Options of `predict`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Example:
+  host-train predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif
+
+The coarse DTM may lie on a grid of its own, but must be in the image's reference system. The DTM gets the image's grid; pixels
+without a valid image sample or coarse height become nodata. A hillshade, dtm_hillshade.png, is written beside it.")]
+pub struct Args {
+    /// Orbiter image, GeoTIFF.
+    #[arg(long, value_name = "I.tif")]
+    pub image: PathBuf,
+    /// Coarse DTM, GeoTIFF, heights in metres above the sphere.
+    #[arg(long, value_name = "C.tif")]
+    pub coarse: PathBuf,
+    /// Model: .eld for the int8 runner, .safetensors for the float network.
+    #[arg(long, value_name = "M")]
+    pub model: PathBuf,
+    /// DTM to write.
+    #[arg(short, long, value_name = "DTM.tif")]
+    pub output: PathBuf,
+    /// Threads; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Pixels by which neighbouring tiles overlap [default: 100, or a third of a smaller tile].
+    #[arg(long, value_name = "PX")]
+    pub overlap: Option<usize>,
+    /// How overlapping tiles are weighed.
+    #[arg(long, default_value = "dem-mosaic")]
+    pub blend: Blend,
+    /// Where a float network runs.
+    #[arg(long, default_value = "flex")]
+    pub backend: Backend,
+}
 
 /// Runs the command.
 ///
 /// # Errors
-/// Always: not built yet.
-pub fn run(_args: Args) -> Result<()> {
-    Err(Error::usage("predict: not built yet"))
+/// From reading the inputs, opening the model, predicting and writing; nothing is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    check_output(&args)?;
+    let model = open(&args.model, args.backend)?;
+    let (image, coarse) = (geotiff::read(&args.image)?, geotiff::read(&args.coarse)?);
+    let (image_name, coarse_name) = (args.image.display().to_string(), args.coarse.display().to_string());
+    let scene = Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?;
+    let overlap_px = args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile()));
+    let options = Options { overlap_px, blend: args.blend, threads: args.threads };
+    interrupt::listen();
+    let made = with_progress(|progress| predict(&scene, model.as_ref(), &options, progress))?;
+    write(&args, model.as_ref(), &made)?;
+    println!("{}", summary(&args.output, &made));
+    Ok(())
+}
+
+/// Fails before the work rather than after it.
+fn check_output(args: &Args) -> Result<()> {
+    let same = |input: &Path| {
+        input.canonicalize().is_ok_and(|input| args.output.canonicalize().is_ok_and(|output| input == output))
+    };
+    if let Some(input) = [&args.image, &args.coarse, &args.model].into_iter().find(|input| same(input)) {
+        return Err(Error::usage(format!("{}: the output must not overwrite an input", input.display())));
+    }
+    let folder = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::NamedTempFile::new_in(folder).map_err(Error::io(&args.output)).map(drop)
+}
+
+fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {
+    let style = "{bar:40} {pos}/{len} tiles, {per_sec}, {eta} left";
+    let bar = ProgressBar::new(0)
+        .with_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let result = work(&mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    bar.finish_and_clear();
+    result
+}
+
+/// Hillshade first, so that a DTM that is there is a finished one.
+fn write(args: &Args, model: &dyn Model, made: &Prediction) -> Result<()> {
+    let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let radius_m = made.dtm.georef.as_ref().and_then(|g| g.crs.sphere_radius_m()).unwrap_or(MOON_RADIUS_M);
+    let (image, coarse) = (file(&args.image), file(&args.coarse));
+    let description = format!(
+        "DTM from one image: heights above the {radius_m} m sphere; {}; image {image}; coarse DTM {coarse}",
+        model.description()
+    );
+    let options = WriteOptions::heights(description)
+        .with_item("MODEL", model.description())
+        .with_item("IMAGE", image)
+        .with_item("COARSE_DTM", coarse)
+        .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
+        .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
+    let shade = hillshade_path(&args.output);
+    write_hillshade(&shade, &made.dtm)?;
+    geotiff::write(&args.output, &made.dtm, &options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+}
+
+/// `dtm.tif` has `dtm_hillshade.png` beside it.
+fn hillshade_path(output: &Path) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}_hillshade.png"))
+}
+
+fn summary(output: &Path, made: &Prediction) -> String {
+    let (rows, cols) = (made.dtm.rows, made.dtm.cols);
+    let heights = made.dtm.range().map_or("no valid pixel".into(), |(low, high)| format!("{low:.1} to {high:.1} m"));
+    let mut text = format!("{}: {rows} x {cols} pixels, {heights}, {} tiles", output.display(), made.tiles);
+    if made.tiles_coarse > 0 {
+        text += &format!(", {} of them without contrast or relief (coarse heights kept)", made.tiles_coarse);
+    }
+    if made.tiles_empty > 0 {
+        text += &format!(", {} of them without a valid pixel", made.tiles_empty);
+    }
+    text
 }

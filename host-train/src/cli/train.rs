@@ -1,15 +1,146 @@
-//! `host-train train`.
+//! `host-train train`: train a network.
 
+use crate::model::backend::Backend;
+use crate::model::config::{Preset, Switches};
+use crate::model::init::initial_weights;
+use crate::model::weights::Weights;
+use crate::model::{published, store};
+use crate::train::recipe::{Recipe, RecipeFlags, trained_network};
+use crate::train::run::{BEST, LAST, Outcome, Record, Run};
+use crate::train::source::{DataSpec, VALIDATION_SEED};
 use crate::{Error, Result};
+use std::path::{Path, PathBuf};
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(after_help = "Examples:\n  host-train train --preset nano --data synth --out runs/nano\n  \
+    host-train train --out runs/nano --resume\n  \
+    host-train train --preset paper --data tiles/ --validation held-out/ --out runs/paper --backend cuda")]
+pub struct Args {
+    /// Folder of the run: record, checkpoints, weights, curves.
+    #[arg(long, value_name = "RUN")]
+    pub out: PathBuf,
+    /// Go on from the folder's checkpoint; everything else comes from its record.
+    #[arg(long)]
+    pub resume: bool,
+    /// What to train, and how.
+    #[command(flatten)]
+    pub start: Start,
+}
+
+/// What determines a new run.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+pub struct Start {
+    /// Size of the network, and its recipe [default: nano].
+    #[arg(long)]
+    pub preset: Option<Preset>,
+    /// `synth`, or a folder of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
+    #[arg(long, value_name = "DIR|synth")]
+    pub data: Option<PathBuf>,
+    /// Tiles to validate on: `synth` (a Moon of another seed) or a folder [default: synth].
+    #[arg(long, value_name = "DIR|synth")]
+    pub validation: Option<PathBuf>,
+    /// Seed of weights, data and cropping [default: 0].
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Start from these weights instead of random ones; their configuration comes with them.
+    #[arg(long, value_name = "W.safetensors")]
+    pub start_from: Option<PathBuf>,
+    /// Start the image encoder from a published Swin checkpoint (timm or original names).
+    #[arg(long, value_name = "SWIN.safetensors")]
+    pub swin: Option<PathBuf>,
+    /// Backend [default: flex].
+    #[arg(long)]
+    pub backend: Option<Backend>,
+    /// Departures from the preset's recipe.
+    #[command(flatten)]
+    pub recipe: RecipeFlags,
+    /// Departures from the preset's network.
+    #[command(flatten)]
+    pub switches: Switches,
+}
 
 /// Runs the command.
 ///
 /// # Errors
-/// Always: not built yet.
-pub fn run(_args: Args) -> Result<()> {
-    Err(Error::usage("train: not built yet"))
+/// If options contradict each other, data or weights cannot be read, or the run fails.
+pub fn run(args: Args) -> Result<()> {
+    let run = if args.resume { resume(&args)? } else { start(args.start, &args.out)? };
+    let (record, folder) = (run.record.clone(), run.folder.clone());
+    eprintln!(
+        "{}: {} parameters, {} steps of {} crops {}x{}, {:?}",
+        folder.display(),
+        parameters(&store::shapes(&record.network, &record.backend.device()?)),
+        record.recipe.steps,
+        record.recipe.batch,
+        record.recipe.crop[0],
+        record.recipe.crop[1],
+        record.backend
+    );
+    report(&folder, &run.train()?);
+    Ok(())
+}
+
+/// Trainable numbers: everything but the running statistics.
+fn parameters(weights: &Weights) -> usize {
+    let trainable = weights.tensors.iter().filter(|(name, _)| !name.contains(".running_"));
+    trainable.map(|(_, a)| a.data.len()).sum()
+}
+
+fn report(folder: &Path, outcome: &Outcome) {
+    let at = folder.display();
+    println!("{} steps done, {:.2} steps/s", outcome.steps, outcome.steps_per_s);
+    if !outcome.finished {
+        println!("stopped early; go on with: host-train train --out {at} --resume");
+    }
+    if let Some(v) = outcome.best.or(outcome.last) {
+        println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
+        println!("coarse DTM: RMSE {:.3} m, slope error {:.3}°", v.coarse.rmse_m, v.coarse.slope_mae_deg);
+    }
+    println!("weights: {at}/{BEST} (lowest validation RMSE), {at}/{LAST}");
+}
+
+fn resume(args: &Args) -> Result<Run> {
+    if args.start != Start::default() {
+        return Err(Error::usage("--resume takes everything from the run's record: leave out all options but --out"));
+    }
+    let record = Record::read(&args.out)?;
+    let (training, validation) = (record.data.open()?, record.validation_data.open()?);
+    Ok(Run { folder: args.out.clone(), record, initial: None, training, validation, stop_after: None })
+}
+
+/// A new run as the options say.
+///
+/// # Errors
+/// If options contradict each other, or data or weights cannot be read.
+pub fn start(start: Start, out: &Path) -> Result<Run> {
+    let preset = start.preset.unwrap_or(Preset::Nano);
+    let seed = start.seed.unwrap_or(0);
+    let loaded = start.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    let network = match (&loaded, &start.start_from) {
+        (Some(weights), Some(path)) => store::config_of(weights, path)?,
+        _ => trained_network(preset),
+    };
+    let network = start.switches.apply(network)?;
+    let mut started_from = match &start.start_from {
+        Some(path) => path.display().to_string(),
+        None => format!("random weights, seed {seed}"),
+    };
+    let mut initial = loaded.unwrap_or_else(|| initial_weights(&network, seed));
+    if let Some(path) = &start.swin {
+        published::load_swin(&mut initial, &Weights::read(path)?, path)?;
+        started_from += &format!(", image encoder {}", path.display());
+    }
+    let record = Record {
+        network,
+        recipe: start.recipe.apply(Recipe::preset(preset))?,
+        data: DataSpec::parse(start.data, seed),
+        // The validation Moon shares nothing with the training Moon but its statistics.
+        validation_data: DataSpec::parse(start.validation, seed.wrapping_add(VALIDATION_SEED)),
+        seed,
+        backend: start.backend.unwrap_or(Backend::Flex),
+        started_from,
+    };
+    let (training, validation) = (record.data.open()?, record.validation_data.open()?);
+    Ok(Run { folder: out.into(), record, initial: Some(initial), training, validation, stop_after: None })
 }

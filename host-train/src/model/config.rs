@@ -58,7 +58,7 @@ pub enum Preset {
 }
 
 /// Departures from the paper's network, as command-line options.
-#[derive(Debug, Clone, Default, clap::Args)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct Switches {
     /// Output head [default: relu].
     #[arg(long)]

@@ -1,6 +1,7 @@
 //! The convolution unit every branch is made of, and the x2 upsampling between them.
 
 use super::norm::BatchNorm2d;
+use super::up2_conv5::up2_conv5;
 use burn::module::Module;
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -44,7 +45,16 @@ impl ConvBn {
 
     /// `[B, C_in, H, W]` to `[B, C_out, H/stride, W/stride]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = self.bn.forward(self.conv.forward(x));
+        self.finish(self.conv.forward(x))
+    }
+
+    /// The unit on the map upsampled by two: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
+    pub fn forward_up2(&self, x: Tensor<4>) -> Tensor<4> {
+        self.finish(up2_conv5(x, self.conv.weight.val()))
+    }
+
+    fn finish(&self, x: Tensor<4>) -> Tensor<4> {
+        let x = self.bn.forward(x);
         if self.relu { relu(x) } else { x }
     }
 }

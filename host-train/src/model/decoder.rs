@@ -1,7 +1,7 @@
 //! Decoder blocks (Fig. 6): upsample by two, refine, add a shortcut.
 
 use super::config::{DecoderKind, NetConfig};
-use super::conv::{ConvBn, ConvBnShape, up2};
+use super::conv::{ConvBn, ConvBnShape};
 use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
@@ -31,11 +31,9 @@ impl DecoderBlock {
             Some(e) => Tensor::cat(vec![e, d.clone()], 1),
             None => d.clone(),
         };
-        let up = up2(all.clone());
-        // Where both paths see the same map, upsample it once.
-        let short = if self.upb || all.dims()[1] == d.dims()[1] { up.clone() } else { up2(d) };
-        let main = self.main.iter().fold(up, |x, unit| unit.forward(x));
-        relu(main.add(self.shortcut.forward(short)))
+        let short = self.shortcut.forward_up2(if self.upb { all.clone() } else { d });
+        let main = self.main[1].forward(self.main[0].forward_up2(all));
+        relu(main.add(short))
     }
 }
 

@@ -1,3 +1,34 @@
 //! A scene through the network, tile by tile.
+//!
+//! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict()`] cuts the scene into overlapping tiles, runs a
+//! [`network::Model`] over them and joins the heights. The network is float or int8: [`open`] looks at the file's extension.
 
+mod fill;
+pub mod float;
 pub mod network;
+mod run;
+mod scene;
+mod tile;
+
+#[cfg(test)]
+mod tests;
+
+pub use run::{Options, Prediction, predict};
+pub use scene::Scene;
+
+use crate::model::backend::Backend;
+use crate::{Error, Result};
+use network::Model;
+use std::path::Path;
+
+/// Opens a model: `.safetensors` is a float network, run on `backend`; `.eld` an exported one for the int8 runner.
+///
+/// # Errors
+/// [`Error::Unsupported`] for another extension; [`Error::Io`] and [`Error::Broken`] from reading the file.
+pub fn open(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("safetensors") => Ok(Box::new(float::open(path, backend)?)),
+        Some("eld") => Err(Error::unsupported(path, "this build runs no model of this kind yet")),
+        _ => Err(Error::unsupported(path, "expected a model with extension .eld or .safetensors")),
+    }
+}

@@ -1,34 +1,17 @@
 //! Rasters with a place on a sphere, and the files they live in.
 
+pub mod align;
+mod crs;
+mod georef;
 pub mod geotiff;
+pub mod resample;
+
+pub use crs::{Crs, MOON_RADIUS_M};
+pub use georef::{GeoRef, GeoTransform};
 
 use crate::{Error, Result};
 use std::io::Write;
 use std::path::Path;
-
-/// Affine pixel-to-map transform in GDAL's order: x = t0 + col*t1 + row*t2, y = t3 + col*t4 + row*t5, with (0, 0) the outer
-/// corner of the first pixel. Map units are metres for projected systems, degrees for geographic ones.
-pub type GeoTransform = [f64; 6];
-
-/// Where a raster lies: its transform and its coordinate reference system.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GeoRef {
-    /// Pixel-to-map transform.
-    pub transform: GeoTransform,
-    /// Coordinate reference system.
-    pub crs: Crs,
-}
-
-/// A coordinate reference system as GeoTIFF keys carry it. Kept verbatim, so that what comes in goes out.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Crs {
-    /// GeoKeyDirectoryTag (34735), header included.
-    pub directory: Vec<u16>,
-    /// GeoDoubleParamsTag (34736).
-    pub doubles: Vec<f64>,
-    /// GeoAsciiParamsTag (34737).
-    pub ascii: String,
-}
 
 /// One band of samples with its place, mask and unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +22,31 @@ pub struct Raster {
     pub cols: usize,
     /// Row-major samples; metres above the sphere for heights, relative brightness for images. Invalid samples hold NaN.
     pub samples: Vec<f32>,
-    /// Where the raster lies; `None` when the file has no CRS and transform.
+    /// Where the raster lies; `None` when the file has no transform.
     pub georef: Option<GeoRef>,
+}
+
+impl Raster {
+    /// How many samples are real numbers.
+    #[must_use]
+    pub fn valid_count(&self) -> usize {
+        self.samples.iter().filter(|v| v.is_finite()).count()
+    }
+
+    /// Smallest and largest valid sample; `None` if there is none.
+    #[must_use]
+    pub fn range(&self) -> Option<(f32, f32)> {
+        self.samples.iter().filter(|v| v.is_finite()).fold(None, |range, &v| match range {
+            None => Some((v, v)),
+            Some((low, high)) => Some((low.min(v), high.max(v))),
+        })
+    }
+
+    /// Pixel size on the ground as (row spacing, column spacing) in metres, at the raster's centre; `None` without a place.
+    #[must_use]
+    pub fn pixel_m(&self) -> Option<(f64, f64)> {
+        self.georef.as_ref()?.pixel_m(self.rows, self.cols)
+    }
 }
 
 /// Writes `bytes` to `path` whole or not at all: a temporary sibling is filled, synced and renamed into place.
@@ -54,4 +60,16 @@ pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     file.as_file().sync_all().map_err(Error::io(path))?;
     file.persist(path).map_err(|e| Error::Io { path: path.into(), source: e.error })?;
     Ok(())
+}
+
+/// The folder of outside test data, by `ELUNAR_SHARED` or beside the repository; says aloud where it is absent.
+#[cfg(test)]
+pub(crate) fn shared_folder() -> Option<std::path::PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let folder = std::env::var_os("ELUNAR_SHARED").map_or_else(beside, Into::into);
+    if !folder.join("data").is_dir() {
+        println!("SKIPPED: no test data at {} (set ELUNAR_SHARED)", folder.display());
+        return None;
+    }
+    Some(folder)
 }

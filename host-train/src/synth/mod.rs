@@ -1,1 +1,26 @@
-//! The synthetic Moon: terrain, photometry, scenes.
+//! The synthetic Moon: terrain, photometry, camera and coarse DTM, so that every test, demo and training run works without
+//! downloads.
+//!
+//! One scene is made in this order: [`field`] draws the spectral terrain and the albedo, [`crater`] adds craters in all
+//! states of decay, [`light`] illuminates it (Lunar–Lambert, cast shadows), [`camera`] turns radiance into DN, [`coarse`]
+//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt. [`structure`] measures how rough the result is.
+//!
+//! Everything follows from `(seed, options, index)`; the number of threads changes nothing.
+
+mod camera;
+mod coarse;
+mod crater;
+mod field;
+mod kind;
+mod light;
+mod moon;
+mod options;
+pub mod structure;
+
+pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
+pub use kind::TerrainKind;
+pub use moon::{Moon, SynthScene, SynthTile};
+pub use options::SynthOptions;
+
+#[cfg(test)]
+mod tests;

@@ -18,8 +18,6 @@ pub trait TileSource: Send + Sync {
     /// # Errors
     /// If it cannot be made or read.
     fn tile(&self, index: u64) -> Result<RawTile>;
-    /// Where the tiles come from, for the run's record.
-    fn describe(&self) -> String;
 }
 
 /// The samples of one step.

@@ -3,9 +3,7 @@
 use burn::tensor::module::conv2d;
 use burn::tensor::ops::{ConvOptions, PadMode};
 use burn::tensor::{Device, Tensor, TensorData};
-
-/// The "small offset" on the means of Eq. 6 and 7.
-pub const MEAN_OFFSET: f64 = 1e-3;
+use elunar_core::loss::PAD_EPS;
 
 /// Which elevation term leads (the paper's ablation swaps it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
@@ -44,7 +42,7 @@ fn sobel(z: Tensor<4>) -> (Tensor<4>, Tensor<4>) {
 /// The terms between `truth` and `prediction`, both `[B, 1, H, W]` in [0, NR].
 pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation) -> Terms {
     let relative = |z: Tensor<4>| {
-        let mean = z.clone().mean_dim(3).mean_dim(2).add_scalar(MEAN_OFFSET);
+        let mean = z.clone().mean_dim(3).mean_dim(2).add_scalar(PAD_EPS);
         z.div(mean)
     };
     let elevation = match kind {

@@ -5,9 +5,14 @@
 
 pub mod checkpoint;
 pub mod feed;
+pub mod folder;
 pub mod journal;
 pub mod loss;
 pub mod recipe;
 pub mod run;
 pub mod sample;
+pub mod source;
 pub mod validate;
+
+#[cfg(test)]
+mod tests;

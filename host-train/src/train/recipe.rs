@@ -2,6 +2,7 @@
 
 use super::loss::{Elevation, LossWeights};
 use crate::model::config::{Head, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Everything that, with the data and the seed, determines a training run.
@@ -59,6 +60,7 @@ impl Recipe {
         match preset {
             Preset::Paper | Preset::Small => paper,
             Preset::Tiny | Preset::Nano => Self {
+                batch: 6,
                 steps: 4_000,
                 learning_rate: 1e-3,
                 warm_up: 100,
@@ -95,7 +97,7 @@ impl Recipe {
     ///
     /// # Errors
     /// One line naming the field, what is expected and what was found.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> std::result::Result<(), String> {
         for (name, n) in [("crop rows", self.crop[0]), ("crop columns", self.crop[1])] {
             if n == 0 || n % 32 != 0 {
                 return Err(format!("{name}: expected a multiple of 32, found {n}"));
@@ -118,6 +120,74 @@ impl Recipe {
             return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
         }
         Ok(())
+    }
+}
+
+/// Departures from a recipe, as command-line options.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+pub struct RecipeFlags {
+    /// Optimiser steps [default: the preset's].
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Tiles or crops per step [default: the preset's].
+    #[arg(long)]
+    pub batch: Option<usize>,
+    /// Learning rate at the start of the cosine [default: the preset's].
+    #[arg(long)]
+    pub learning_rate: Option<f64>,
+    /// Steps of linear warm-up [default: the preset's].
+    #[arg(long)]
+    pub warm_up: Option<usize>,
+    /// Rows and columns of the crop [default: the preset's].
+    #[arg(long, num_args = 2, value_names = ["ROWS", "COLS"])]
+    pub crop: Option<Vec<usize>>,
+    /// Crops taken from one tile [default: the preset's].
+    #[arg(long)]
+    pub crops_per_tile: Option<usize>,
+    /// Share of the steps on the elevation term alone [default: the preset's].
+    #[arg(long)]
+    pub elevation_only: Option<f64>,
+    /// Elevation term of the loss [default: mean-normalised].
+    #[arg(long)]
+    pub elevation: Option<Elevation>,
+    /// Weights of elevation, gradient and normal term [default: 10 1 1].
+    #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
+    pub loss_weights: Option<Vec<f32>>,
+    /// Steps between validations [default: the preset's].
+    #[arg(long)]
+    pub validate_every: Option<usize>,
+    /// Tiles of the validation set [default: the preset's].
+    #[arg(long)]
+    pub validation_tiles: Option<usize>,
+    /// Steps between checkpoints [default: the preset's].
+    #[arg(long)]
+    pub checkpoint_every: Option<usize>,
+}
+
+impl RecipeFlags {
+    /// `recipe` with the given options set.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the option that is out of range.
+    pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
+        recipe.steps = self.steps.unwrap_or(recipe.steps);
+        recipe.batch = self.batch.unwrap_or(recipe.batch);
+        recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
+        recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
+        if let Some([rows, cols]) = self.crop.as_deref() {
+            recipe.crop = [*rows, *cols];
+        }
+        recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
+        recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
+        recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
+        if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
+            recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
+        }
+        recipe.validate_every = self.validate_every.unwrap_or(recipe.validate_every);
+        recipe.validation_tiles = self.validation_tiles.unwrap_or(recipe.validation_tiles);
+        recipe.checkpoint_every = self.checkpoint_every.unwrap_or(recipe.checkpoint_every);
+        recipe.check().map_err(Error::usage)?;
+        Ok(recipe)
     }
 }
 

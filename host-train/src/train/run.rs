@@ -1,10 +1,11 @@
 //! The training loop: steps, validation, checkpoints, progress, and an end that Ctrl-C or a kill cannot spoil.
 
-use super::checkpoint;
+use super::checkpoint::{self, Checkpoint};
 use super::feed::{Batch, Feed, TileSource, tensors};
 use super::journal::{Journal, StepRecord};
 use super::loss::terms;
 use super::recipe::Recipe;
+use super::source::DataSpec;
 use super::validate::{Validation, ValidationSet};
 use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
@@ -37,9 +38,9 @@ pub struct Record {
     /// The hyper-parameters.
     pub recipe: Recipe,
     /// Where the training tiles come from.
-    pub data: String,
+    pub data: DataSpec,
     /// Where the validation tiles come from.
-    pub validation_data: String,
+    pub validation_data: DataSpec,
     /// Seed of initial weights and of cropping.
     pub seed: u64,
     /// Backend.
@@ -48,20 +49,30 @@ pub struct Record {
     pub started_from: String,
 }
 
+impl Record {
+    /// The record of a run folder.
+    ///
+    /// # Errors
+    /// If it is missing or malformed.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(RECORD);
+        let text = std::fs::read(&path).map_err(Error::io(&path))?;
+        serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("run record: {e}")))
+    }
+}
+
 /// A run about to start or to go on.
 pub struct Run {
     /// Its folder.
     pub folder: PathBuf,
     /// What determines it.
     pub record: Record,
-    /// Weights of step 0.
-    pub initial: Weights,
+    /// Weights of step 0; `None` goes on from the folder's checkpoint.
+    pub initial: Option<Weights>,
     /// Training tiles.
     pub training: Arc<dyn TileSource>,
     /// Validation tiles.
     pub validation: Arc<dyn TileSource>,
-    /// Whether to go on from the folder's checkpoint.
-    pub resume: bool,
     /// Stop after this step although the recipe goes on, as if killed there (`None`: run to the end).
     pub stop_after: Option<usize>,
 }
@@ -132,19 +143,10 @@ impl Run {
 
     /// Sets the loop up at step 0 or at the checkpoint.
     fn open(&self) -> Result<(Loop, usize)> {
-        let saved = if self.resume { checkpoint::load(&self.folder)? } else { None };
-        let record_path = self.folder.join(RECORD);
-        if self.resume {
-            self.same_run(&record_path)?;
-        } else {
-            std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
-            if record_path.exists() {
-                let what = "expected a new folder, found a run in it; choose another --out or add --resume";
-                return Err(Error::usage(format!("{}: {what}", self.folder.display())));
-            }
-            let text = serde_json::to_vec_pretty(&self.record).expect("plain struct");
-            crate::raster::atomic_write(&record_path, &text)?;
-        }
+        let saved = match &self.initial {
+            Some(_) => self.claim().map(|()| None)?,
+            None => Some(self.checkpointed()?),
+        };
         let device = self.record.backend.device()?.autodiff();
         let recipe = &self.record.recipe;
         let mut optimiser = AdamWConfig::new()
@@ -153,34 +155,40 @@ impl Run {
             .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
             .init();
         let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
-        let weights = saved.as_ref().map_or(&self.initial, |c| &c.weights);
+        let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
+        let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
         let net = store::load(&self.record.network, weights, &self.folder, &device)?;
         if let Some(saved) = &saved {
             optimiser = saved.restore(optimiser)?;
         }
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
-        Ok((Loop { device, net, optimiser, journal, set, best_rmse, best: None, last: None }, first))
+        let state = Loop { device, net, optimiser, journal, set, best_rmse, best: None, last: None };
+        if first == 0 {
+            self.checkpoint(&state, 0)?;
+        }
+        Ok((state, first))
     }
 
-    /// Resuming must mean the same run.
-    fn same_run(&self, record_path: &Path) -> Result<()> {
-        let text = std::fs::read(record_path).map_err(Error::io(record_path))?;
-        let found: Record =
-            serde_json::from_slice(&text).map_err(|e| Error::broken(record_path, format!("run record: {e}")))?;
-        if found == self.record {
-            return Ok(());
+    /// Makes the folder this run's: writes the record, refuses a folder that has one.
+    fn claim(&self) -> Result<()> {
+        std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
+        let path = self.folder.join(RECORD);
+        if path.exists() {
+            let what = "expected a new folder, found a run in it; choose another --out or add --resume";
+            return Err(Error::usage(format!("{}: {what}", self.folder.display())));
         }
-        let (e, f) = (serde_json::to_value(&self.record), serde_json::to_value(&found));
-        let (e, f) = (e.expect("plain struct"), f.expect("plain struct"));
-        let differing: Vec<String> = e
-            .as_object()
-            .into_iter()
-            .flatten()
-            .filter(|(key, value)| f.get(key) != Some(value))
-            .map(|(key, value)| format!("{key}: expected {value}, found {}", f[key]))
-            .collect();
-        Err(Error::usage(format!("{}: cannot resume a different run: {}", record_path.display(), differing.join("; "))))
+        crate::raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
+    }
+
+    /// The folder's checkpoint, if the folder holds this very run.
+    fn checkpointed(&self) -> Result<Checkpoint> {
+        if Record::read(&self.folder)? != self.record {
+            let what = format!("{}: expected the record of the run to resume, found another", self.folder.display());
+            return Err(Error::usage(what));
+        }
+        let found = checkpoint::load(&self.folder)?;
+        found.ok_or_else(|| Error::usage(format!("{}: expected a checkpoint, found none", self.folder.display())))
     }
 
     fn step(&self, state: &mut Loop, step: usize, batch: &Batch) -> Result<StepRecord> {

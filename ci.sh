@@ -1,0 +1,77 @@
+#!/usr/bin/env bash
+# The one check: run it before you commit; continuous integration runs the same file.
+#
+#   ./ci.sh               everything, in this order
+#   ./ci.sh format lint   only these steps: format lint test no_std architecture
+#
+# The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
+set -euo pipefail
+cd "$(dirname "$0")"
+
+target="${CARGO_TARGET_DIR:-$PWD/target}"
+flight=onboard/flight/Cargo.toml
+bare=thumbv7em-none-eabihf # Cortex-M4F and M7: no operating system, so nothing of std exists there
+
+say() { printf '\n== %s\n' "$*"; }
+fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
+
+format() {
+    cargo fmt --all --check
+    cargo fmt --manifest-path "$flight" --all --check
+}
+
+lint() {
+    cargo clippy --locked --workspace --all-targets -- -D warnings
+    cargo clippy --locked --manifest-path "$flight" --target-dir "$target/flight" -- -D warnings
+}
+
+test() {
+    cargo test --locked --workspace
+}
+
+# Symbols that give away an allocator or the standard library, in either of Rust's mangling schemes.
+forbidden='__rust_alloc|__rust_realloc|__rust_dealloc|__rdl_|__rg_|__rust_no_alloc_shim|3std|5alloc[0-9]'
+
+# $1: an archive. Names of all symbols, defined or referenced, of every object in it.
+symbols() { nm "$1" 2>/dev/null | awk 'NF >= 2 { print $NF }' | sort -u; }
+
+inspect() {
+    local archive="$1" all found
+    [ -f "$archive" ] || fail "expected an archive at $archive"
+    all="$(symbols "$archive")"
+    # An archive without our code would pass for the wrong reason.
+    [ "$(grep -c elunar_core <<<"$all")" -gt 20 ] || fail "$archive: expected the symbols of elunar-core, found almost none"
+    found="$(grep -E "$forbidden" <<<"$all" || true)"
+    [ -z "$found" ] || fail "$archive: expected neither std nor an allocator, found: $(head -3 <<<"$found" | tr '\n' ' ')"
+    echo "$archive: $(wc -l <<<"$all") symbols, none of std or of an allocator"
+}
+
+no_std() {
+    command -v nm >/dev/null || fail "expected nm (Debian package binutils)"
+    cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight"
+    inspect "$target/flight/release/libelunar.a"
+    if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
+        cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight" --target "$bare"
+        inspect "$target/flight/$bare/release/libelunar.a"
+    else
+        echo "SKIPPED: bare-metal build: target $bare is not installed (rustup target add $bare)"
+    fi
+}
+
+architecture() {
+    cargo test --locked --quiet -p elunar-tests --test architecture
+}
+
+[ $# -gt 0 ] || set -- format lint test no_std architecture
+for step in "$@"; do
+    case "$step" in
+    format | lint | test | no_std | architecture)
+        say "$step"
+        SECONDS=0
+        "$step"
+        echo "$step: ${SECONDS} s"
+        ;;
+    *) fail "expected a step (format lint test no_std architecture), found '$step'" ;;
+    esac
+done
+say "all good"

@@ -1,0 +1,75 @@
+//! A comparison as text and as JSON.
+
+use super::{Comparison, Judged};
+use elunar_core::metrics::height::LIMITS_M;
+use serde_json::{Value, json as value};
+
+/// A row of the table: heading, unit, and how to get the figure.
+type Line = (&'static str, &'static str, fn(&Judged) -> f64);
+
+const LINES: [Line; 12] = [
+    ("|error| < 2 m", "%", |j| 100.0 * j.scores.share_within[0]),
+    ("|error| < 4 m", "%", |j| 100.0 * j.scores.share_within[1]),
+    ("|error| < 10 m", "%", |j| 100.0 * j.scores.share_within[2]),
+    ("MAE", "m", |j| j.scores.mae_m),
+    ("RMSE", "m", |j| j.scores.rmse_m),
+    ("RMSE, median removed", "m", |j| j.scores.rmse_median_removed_m),
+    ("mean error", "m", |j| j.scores.bias_m),
+    ("median error", "m", |j| j.scores.median_m),
+    ("largest |error|", "m", |j| j.scores.largest_m),
+    ("slope MAE", "deg", |j| j.scores.slope_mae_deg),
+    ("slope RMSE", "deg", |j| j.scores.slope_rmse_deg),
+    ("slope mean error", "deg", |j| j.scores.slope_bias_deg),
+];
+
+/// One column per candidate, one line per figure; ends with a newline.
+#[must_use]
+pub fn table(comparison: &Comparison) -> String {
+    let heading = LINES.iter().map(|(name, unit, _)| name.len() + unit.len() + 3).max().unwrap_or(0);
+    let widths: Vec<usize> = comparison.judged.iter().map(|j| j.name.chars().count().max(10)).collect();
+    let mut text = format!(
+        "against {}: {} of {} valid pixels, {:.3} x {:.3} m\n{:heading$}",
+        comparison.truth,
+        comparison.common_pixels,
+        comparison.truth_pixels,
+        comparison.pixel.row_m,
+        comparison.pixel.col_m,
+        ""
+    );
+    for (judged, width) in comparison.judged.iter().zip(&widths) {
+        text += &format!("  {:>width$}", judged.name);
+    }
+    text.push('\n');
+    for (name, unit, figure) in LINES {
+        text += &format!("{:heading$}", format!("{name} [{unit}]"));
+        for (judged, width) in comparison.judged.iter().zip(&widths) {
+            text += &format!("  {:>width$.3}", figure(judged));
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The same for programs: one object, units in the names, shares in [0, 1].
+#[must_use]
+pub fn json(comparison: &Comparison) -> String {
+    let candidates: Vec<Value> = comparison.judged.iter().map(candidate).collect();
+    let whole = value!({
+        "truth": comparison.truth,
+        "truth_pixels": comparison.truth_pixels,
+        "common_pixels": comparison.common_pixels,
+        "pixel_row_m": comparison.pixel.row_m,
+        "pixel_col_m": comparison.pixel.col_m,
+        "candidates": candidates,
+    });
+    format!("{whole:#}")
+}
+
+fn candidate(judged: &Judged) -> Value {
+    let mut object = serde_json::to_value(judged.scores).unwrap_or_default();
+    object["name"] = judged.name.clone().into();
+    for (limit_m, share) in LIMITS_M.iter().zip(judged.scores.share_within) {
+        object[format!("share_within_{limit_m}_m")] = share.into();
+    }
+    object
+}

@@ -1,0 +1,97 @@
+//! The figures of one candidate.
+
+use crate::raster::Raster;
+use crate::{Error, Result};
+use elunar_core::grid::GridView;
+use elunar_core::metrics::{HeightErrors, SlopeErrors};
+use elunar_core::terrain::PixelSize;
+use serde::Serialize;
+
+/// Errors are candidate minus truth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Scores {
+    /// Pixels judged.
+    pub pixels: u64,
+    /// Shares, in [0, 1], of |error| below 2, 4 and 10 m (the paper's RE, Sec. V).
+    #[serde(skip)]
+    pub share_within: [f64; 3],
+    /// Mean absolute error, metres (the paper's MAE).
+    pub mae_m: f64,
+    /// Root mean square error, metres (Eq. 12).
+    pub rmse_m: f64,
+    /// Mean error, metres.
+    pub bias_m: f64,
+    /// Median error, metres.
+    pub median_m: f64,
+    /// Root mean square error after taking away the median: what remains when the datum is off by a constant.
+    pub rmse_median_removed_m: f64,
+    /// Largest |error|, metres.
+    pub largest_m: f64,
+    /// Pixels with a slope in both, which needs 3 x 3 valid pixels; 0 makes the slope figures below 0 as well.
+    pub slope_pixels: u64,
+    /// Mean absolute error of the Horn slope, degrees.
+    pub slope_mae_deg: f64,
+    /// Root mean square error of the slope, degrees.
+    pub slope_rmse_deg: f64,
+    /// Mean error of the slope, degrees; negative for a candidate that is too smooth.
+    pub slope_bias_deg: f64,
+}
+
+impl Scores {
+    /// Judges `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.
+    pub fn of(truth: &Raster, dtm: &Raster, pixel: PixelSize) -> Result<Self> {
+        let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("evaluate: {e}"));
+        let mut heights = HeightErrors::default();
+        heights.extend(&truth.samples, &dtm.samples, None).map_err(misfit)?;
+        let mut slopes = SlopeErrors::default();
+        let truth_grid = GridView::new(&truth.samples, truth.rows, truth.cols).map_err(misfit)?;
+        let dtm_grid = GridView::new(&dtm.samples, dtm.rows, dtm.cols).map_err(misfit)?;
+        slopes.extend(truth_grid, dtm_grid, pixel).map_err(misfit)?;
+        let both = truth.samples.iter().zip(&dtm.samples).filter(|(t, z)| t.is_finite() && z.is_finite());
+        let mut errors: Vec<f64> = both.map(|(t, z)| f64::from(*z) - f64::from(*t)).collect();
+        let median_m =
+            median(&mut errors).ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
+        let square = errors.iter().map(|e| (e - median_m).powi(2)).sum::<f64>() / errors.len() as f64;
+        Ok(Self {
+            pixels: heights.count(),
+            share_within: heights.share_within().unwrap_or_default(),
+            mae_m: heights.mae_m().unwrap_or_default(),
+            rmse_m: heights.rmse_m().unwrap_or_default(),
+            bias_m: heights.bias_m().unwrap_or_default(),
+            median_m,
+            rmse_median_removed_m: square.sqrt(),
+            largest_m: heights.max_m().unwrap_or_default(),
+            slope_pixels: slopes.count(),
+            slope_mae_deg: slopes.mae_deg().unwrap_or_default(),
+            slope_rmse_deg: slopes.rmse_deg().unwrap_or_default(),
+            slope_bias_deg: slopes.bias_deg().unwrap_or_default(),
+        })
+    }
+}
+
+/// The middle value, or the mean of the middle two; reorders `values`.
+fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    let odd = values.len() % 2 == 1;
+    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = if odd { upper } else { below.iter().copied().fold(f64::NEG_INFINITY, f64::max) };
+    Some(0.5 * (lower + upper))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_of_odd_and_even_counts() {
+        assert_eq!(median(&mut [3.0, -1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&mut [3.0, -1.0, 2.0, 9.0]), Some(2.5));
+        assert_eq!(median(&mut []), None);
+    }
+}

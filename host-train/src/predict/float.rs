@@ -1,0 +1,76 @@
+//! Float weights as a model the tile loop can run.
+
+use super::network::{Model, Normalisation, TileNetwork};
+use crate::model::backend::Backend;
+use crate::model::config::NetConfig;
+use crate::model::elunar::ELunarDtmNet;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::{Error, Result};
+use burn::tensor::{Device, Tensor, TensorData};
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// A float network loaded from a `.safetensors` file.
+pub struct FloatModel {
+    config: NetConfig,
+    net: ELunarDtmNet,
+    device: Device,
+    description: String,
+}
+
+/// Opens float weights on a backend.
+///
+/// # Errors
+/// If the file cannot be read, is broken, holds no configuration, or its tensors do not fit it.
+pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let hash: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let weights = Weights::from_bytes(path, &bytes)?;
+    let config = store::config_of(&weights, path)?;
+    let device = backend.device()?;
+    let net = store::load(&config, &weights, path, &device)?;
+    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    Ok(FloatModel { config, net, device, description: format!("float network {name} sha256:{hash}") })
+}
+
+impl Model for FloatModel {
+    fn tile(&self) -> (usize, usize) {
+        (TILE_ROWS, TILE_COLS)
+    }
+
+    fn normalisation(&self) -> Normalisation {
+        let NetConfig { nr, range_margin, target_range, .. } = self.config;
+        Normalisation { nr, range_margin, target_range }
+    }
+
+    fn description(&self) -> String {
+        self.description.clone()
+    }
+
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        Ok(Box::new(Worker { model: self }))
+    }
+}
+
+struct Worker<'a> {
+    model: &'a FloatModel,
+}
+
+impl TileNetwork for Worker<'_> {
+    fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
+        let (rows, cols) = self.model.tile();
+        for (name, found) in [("image", image.len()), ("coarse DTM", coarse.len()), ("output", output.len())] {
+            if found != rows * cols {
+                return Err(Error::usage(format!("{name} tile: expected {rows}x{cols} samples, found {found}")));
+            }
+        }
+        let tensor = |data: &[f32]| -> Tensor<4> {
+            Tensor::from_data(TensorData::new(data.to_vec(), [1, 1, rows, cols]), &self.model.device)
+        };
+        let found = self.model.net.forward(tensor(image), tensor(coarse)).into_data().try_to_vec::<f32>();
+        output.copy_from_slice(&found.map_err(|e| Error::usage(format!("network output: {e:?}")))?);
+        Ok(())
+    }
+}

@@ -1,1 +1,0 @@
-//! GeoTIFF in and out.

@@ -1,0 +1,33 @@
+//! GeoTIFF in and out: one band, with place, nodata, scale and unit.
+//!
+//! [`read`] takes what GDAL, ISIS and the Ames Stereo Pipeline write: strips or tiles, classic or BigTIFF, uncompressed, LZW, Deflate
+//! or PackBits, predictors 2 and 3, integers up to 32 bits and floats. [`write()`] makes tiled Deflate files. Whatever is not
+//! read correctly is refused: several bands, palettes, internal masks, ground control points.
+
+mod metadata;
+mod read;
+mod write;
+
+#[cfg(test)]
+mod gdal_tests;
+#[cfg(test)]
+mod tests;
+
+pub use read::read;
+pub use write::{SampleType, WriteOptions, write};
+
+/// Nodata of float files: ISIS NULL4 (bits 0xFF7FFFFB), what LROC's own terrain models hold. It is not the lowest `f32`.
+pub const NODATA: f32 = f32::from_bits(0xFF7F_FFFB);
+
+/// [`NODATA`] as text, for tag 42113.
+pub const NODATA_TEXT: &str = "-3.40282265508890445e+38";
+
+/// Floats at or below this are invalid even where no nodata tag says so: the ISIS special pixels and `-f32::MAX` lie below it.
+const LOWEST_VALID: f64 = -3.4e38;
+
+/// Tag numbers the `tiff` crate has no name for.
+mod tag {
+    use tiff::tags::Tag;
+
+    pub(super) const GDAL_METADATA: Tag = Tag::Unknown(42112);
+}

@@ -1,0 +1,278 @@
+//! Bringing a coarse grid onto a fine one: interpolating bicubic, through an affine map between pixel centres.
+//!
+//! The same function serves the synthetic Moon, training and prediction, so that all three see the coarse DTM alike.
+//!
+//! Catmull–Rom is our choice (SPEC A5): it passes through the nodes (0.22 m rms against thin-plate splines where GDAL's
+//! approximating B-spline leaves 1.43 m), and, unlike the prefiltered spline (0.19 m), it is local, so a hole in the coarse
+//! DTM spoils only its own neighbourhood.
+
+use super::GeoTransform;
+use rayon::prelude::*;
+
+/// Where the centre of output pixel (row, col) lies on the source grid, in source pixels with (0, 0) the *centre* of the
+/// first source pixel: `source_row = row0 + row·row_per_row + col·row_per_col`, likewise for the column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelMap {
+    /// Source row of output pixel (0, 0).
+    pub row0: f64,
+    /// Source rows per output row.
+    pub row_per_row: f64,
+    /// Source rows per output column.
+    pub row_per_col: f64,
+    /// Source column of output pixel (0, 0).
+    pub col0: f64,
+    /// Source columns per output row.
+    pub col_per_row: f64,
+    /// Source columns per output column.
+    pub col_per_col: f64,
+}
+
+impl PixelMap {
+    /// The map between two rasters of one coordinate system; `None` if `source` cannot be inverted.
+    pub fn between(output: &GeoTransform, source: &GeoTransform) -> Option<Self> {
+        let det = source[1] * source[5] - source[2] * source[4];
+        if !det.is_finite() || det == 0.0 {
+            return None;
+        }
+        // Map coordinates of a corner-based (col, row) on the output grid, then the inverse of the source transform.
+        let to_source = |col: f64, row: f64| {
+            let dx = (output[0] - source[0]) + col * output[1] + row * output[2];
+            let dy = (output[3] - source[3]) + col * output[4] + row * output[5];
+            ((dx * source[5] - dy * source[2]) / det, (dy * source[1] - dx * source[4]) / det)
+        };
+        let (col0, row0) = to_source(0.5, 0.5);
+        let (col_c, row_c) = to_source(1.5, 0.5);
+        let (col_r, row_r) = to_source(0.5, 1.5);
+        Some(Self {
+            row0: row0 - 0.5,
+            row_per_row: row_r - row0,
+            row_per_col: row_c - row0,
+            col0: col0 - 0.5,
+            col_per_row: col_r - col0,
+            col_per_col: col_c - col0,
+        })
+    }
+
+    /// The source position (row, col) of the centre of output pixel (`row`, `col`).
+    pub fn apply(&self, row: f64, col: f64) -> (f64, f64) {
+        (
+            self.row0 + row * self.row_per_row + col * self.row_per_col,
+            self.col0 + row * self.col_per_row + col * self.col_per_col,
+        )
+    }
+
+    /// The same map for an output window whose first pixel is (`row`, `col`) of this one's.
+    pub fn window(&self, row: usize, col: usize) -> Self {
+        let (row0, col0) = self.apply(row as f64, col as f64);
+        Self { row0, col0, ..*self }
+    }
+}
+
+/// Interpolates `source` (row-major `src_rows` × `src_cols`, NaN = invalid) at the `rows` × `cols` output pixels of `map`.
+///
+/// Beyond the outermost centres, up to the outer edge of the outermost pixels, the grid is continued in a straight line from
+/// its last two samples; further out the result is NaN. Where one of the sixteen samples is invalid the four nearest decide
+/// by bilinear interpolation, and where one of those is invalid too (and has any weight), the result is NaN.
+///
+/// # Panics
+/// If `source` does not hold `src_rows · src_cols` samples.
+pub fn resample_bicubic(
+    source: &[f32],
+    src_rows: usize,
+    src_cols: usize,
+    map: &PixelMap,
+    rows: usize,
+    cols: usize,
+) -> Vec<f32> {
+    assert_eq!(source.len(), src_rows * src_cols, "samples of a {src_rows} x {src_cols} grid");
+    let mut out = vec![f32::NAN; rows * cols];
+    if source.is_empty() || out.is_empty() {
+        return out;
+    }
+    let padded = Padded::new(source, src_rows, src_cols);
+    out.par_chunks_mut(cols).enumerate().for_each(|(row, line)| {
+        for (col, value) in line.iter_mut().enumerate() {
+            let (r, c) = map.apply(row as f64, col as f64);
+            *value = padded.sample(r, c);
+        }
+    });
+    out
+}
+
+/// Ghost samples around the source, so that the inner loop needs no edge cases.
+const RING: usize = 2;
+
+/// The source with [`RING`] linearly continued samples on every side.
+struct Padded {
+    samples: Vec<f32>,
+    rows: usize,
+    cols: usize,
+    stride: usize,
+}
+
+impl Padded {
+    fn new(source: &[f32], rows: usize, cols: usize) -> Self {
+        let stride = cols + 2 * RING;
+        let mut samples = vec![0.0; (rows + 2 * RING) * stride];
+        for row in 0..rows {
+            let at = (row + RING) * stride + RING;
+            samples[at..at + cols].copy_from_slice(&source[row * cols..(row + 1) * cols]);
+            continue_line(&mut samples, at, cols, 1);
+        }
+        for col in 0..stride {
+            continue_line(&mut samples, RING * stride + col, rows, stride);
+        }
+        Self { samples, rows, cols, stride }
+    }
+
+    /// The value at source position (`r`, `c`); NaN outside the outer pixel edges.
+    fn sample(&self, r: f64, c: f64) -> f32 {
+        // The slack keeps a pixel whose centre lies on the outer edge from being lost to rounding.
+        const EDGE: f64 = 0.5 + 1e-9;
+        if !(r >= -EDGE && c >= -EDGE && r <= self.rows as f64 - 1.0 + EDGE && c <= self.cols as f64 - 1.0 + EDGE) {
+            return f32::NAN;
+        }
+        let (row, col) = (r.floor(), c.floor());
+        let (fr, fc) = ((r - row) as f32, (c - col) as f32);
+        // The first of the 4 x 4 samples is one before the floor; the slack may put the floor at -1 at the least.
+        let first =
+            (row as isize - 1 + RING as isize) as usize * self.stride + (col as isize - 1 + RING as isize) as usize;
+        let (wr, wc) = (catmull_rom(fr), catmull_rom(fc));
+        let mut sum = 0.0;
+        for (k, weight) in wr.iter().enumerate() {
+            let line = &self.samples[first + k * self.stride..][..4];
+            sum += weight * (wc[0] * line[0] + wc[1] * line[1] + wc[2] * line[2] + wc[3] * line[3]);
+        }
+        if sum.is_finite() { sum } else { self.bilinear(first + self.stride + 1, fr, fc) }
+    }
+
+    fn bilinear(&self, at: usize, fr: f32, fc: f32) -> f32 {
+        let corners = [
+            ((1.0 - fr) * (1.0 - fc), self.samples[at]),
+            ((1.0 - fr) * fc, self.samples[at + 1]),
+            (fr * (1.0 - fc), self.samples[at + self.stride]),
+            (fr * fc, self.samples[at + self.stride + 1]),
+        ];
+        corners.iter().filter(|(weight, _)| *weight > 0.0).map(|(weight, value)| weight * value).sum()
+    }
+}
+
+/// Fills the [`RING`] samples before and after `len` samples that start at `at` and lie `step` apart.
+fn continue_line(samples: &mut [f32], at: usize, len: usize, step: usize) {
+    let (first, last) = (samples[at], samples[at + (len - 1) * step]);
+    let (rise_before, rise_after) =
+        if len > 1 { (samples[at + step] - first, last - samples[at + (len - 2) * step]) } else { (0.0, 0.0) };
+    for k in 1..=RING {
+        samples[at - k * step] = first - k as f32 * rise_before;
+        samples[at + (len - 1 + k) * step] = last + k as f32 * rise_after;
+    }
+}
+
+/// Catmull–Rom weights of the four samples around a point at fraction `t` after the second; they sum to one.
+fn catmull_rom(t: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [0.5 * (-t + 2.0 * t2 - t3), 0.5 * (2.0 - 5.0 * t2 + 3.0 * t3), 0.5 * (t + 4.0 * t2 - 3.0 * t3), 0.5 * (t3 - t2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scale(factor: f64) -> PixelMap {
+        // Output pixels `factor` times finer than the source, both grids sharing their outer corner.
+        let step = 1.0 / factor;
+        let origin = 0.5 * step - 0.5;
+        PixelMap {
+            row0: origin,
+            row_per_row: step,
+            row_per_col: 0.0,
+            col0: origin,
+            col_per_row: 0.0,
+            col_per_col: step,
+        }
+    }
+
+    #[test]
+    fn passes_through_the_nodes() {
+        let source: Vec<f32> = (0..30).map(|k| ((k * 7919) % 101) as f32).collect();
+        let out = resample_bicubic(&source, 5, 6, &scale(1.0), 5, 6);
+        assert_eq!(out, source);
+    }
+
+    #[test]
+    fn keeps_a_plane_up_to_the_outer_edge() {
+        let source: Vec<f32> = (0..5 * 7).map(|k| 3.0 + 2.0 * (k / 7) as f32 - 0.5 * (k % 7) as f32).collect();
+        let out = resample_bicubic(&source, 5, 7, &scale(30.0), 150, 210);
+        for (k, value) in out.iter().enumerate() {
+            let (r, c) = scale(30.0).apply((k / 210) as f64, (k % 210) as f64);
+            assert!((f64::from(*value) - (3.0 + 2.0 * r - 0.5 * c)).abs() < 1e-5, "pixel {k}: {value}");
+        }
+    }
+
+    #[test]
+    fn matches_the_cubic_formula_written_out() {
+        // Keys' kernel with a = -1/2, evaluated naively by distance.
+        let keys = |x: f64| {
+            let x = x.abs();
+            if x < 1.0 {
+                1.5 * x * x * x - 2.5 * x * x + 1.0
+            } else if x < 2.0 {
+                -0.5 * x * x * x + 2.5 * x * x - 4.0 * x + 2.0
+            } else {
+                0.0
+            }
+        };
+        let source: Vec<f32> = (0..100).map(|k| ((k * k * 31 + 17 * k) % 97) as f32).collect();
+        let map = PixelMap {
+            row0: 3.1,
+            row_per_row: 0.21,
+            row_per_col: 0.11,
+            col0: 3.7,
+            col_per_row: -0.13,
+            col_per_col: 0.17,
+        };
+        let out = resample_bicubic(&source, 10, 10, &map, 8, 9);
+        for (k, value) in out.iter().enumerate() {
+            let (r, c) = map.apply((k / 9) as f64, (k % 9) as f64);
+            let mut expected = 0.0;
+            for i in 0..10 {
+                for j in 0..10 {
+                    expected += f64::from(source[i * 10 + j]) * keys(r - i as f64) * keys(c - j as f64);
+                }
+            }
+            assert!((f64::from(*value) - expected).abs() < 1e-3, "pixel {k}: {value} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn a_hole_spoils_only_its_own_neighbourhood() {
+        let mut source = vec![1.0f32; 9 * 9];
+        source[4 * 9 + 4] = f32::NAN;
+        let out = resample_bicubic(&source, 9, 9, &scale(4.0), 36, 36);
+        for (k, value) in out.iter().enumerate() {
+            let (r, c) = scale(4.0).apply((k / 36) as f64, (k % 36) as f64);
+            let near = (r - 4.0).abs() < 1.0 && (c - 4.0).abs() < 1.0;
+            assert_eq!(value.is_nan(), near, "pixel {k} at ({r}, {c})");
+        }
+    }
+
+    #[test]
+    fn outside_is_invalid() {
+        let out = resample_bicubic(&[1.0, 2.0, 3.0, 4.0], 2, 2, &PixelMap { row0: -2.0, ..scale(1.0) }, 5, 2);
+        assert!(out[..4].iter().all(|v| v.is_nan()) && out[8..].iter().all(|v| v.is_nan() || v.is_finite()));
+        assert_eq!(out[4..8], [1.0, 2.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn maps_go_through_the_coordinates() {
+        let image = [1000.0, 2.0, 0.0, -500.0, 0.0, -2.0];
+        let coarse = [900.0, 59.0, 0.0, -300.0, 0.0, -59.0];
+        let map = PixelMap::between(&image, &coarse).unwrap();
+        let (row, col) = map.apply(10.0, 20.0);
+        // Centre of image pixel (10, 20): x = 1041, y = -521.
+        assert!((col - ((1041.0 - 900.0) / 59.0 - 0.5)).abs() < 1e-9);
+        assert!((row - ((521.0 - 300.0) / 59.0 - 0.5)).abs() < 1e-9);
+        assert_eq!(map.window(10, 20).apply(0.0, 0.0), (row, col));
+        assert!(PixelMap::between(&image, &[0.0; 6]).is_none());
+    }
+}

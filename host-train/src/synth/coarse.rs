@@ -1,0 +1,130 @@
+//! The coarse DTM: what a global model (SLDEM2015) knows of the terrain, and what it gets wrong.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::TAU;
+
+/// Pixel of SLDEM2015 at 512 pixels per degree, metres.
+pub const COARSE_PIXEL_M: f64 = 59.2252938;
+/// Whole coarse pixels beyond each edge of the scene, so that interpolation never lacks a neighbour.
+const SPARE: usize = 2;
+/// Wavelengths of the error, metres: its correlation length (about a quarter wave) is a few hundred metres to a kilometre.
+const ERROR_WAVELENGTH_M: std::ops::Range<f64> = 800.0..5000.0;
+/// Plane waves the error is made of.
+const ERROR_WAVES: usize = 24;
+
+/// A coarse grid over a scene, on its own pixel phase.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoarseGrid {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// South of the scene's upper edge lies the grid's upper edge, metres (negative: north of it).
+    pub south_m: f64,
+    /// East of the scene's left edge lies the grid's left edge, metres (negative: west of it).
+    pub east_m: f64,
+    /// Heights, metres, row-major.
+    pub heights_m: Vec<f32>,
+}
+
+/// Metres of terrain needed beyond the scene on each side, for a misregistration of at most `misregistration_m`.
+pub(super) fn margin_m(misregistration_m: f64) -> f64 {
+    (SPARE + 1) as f64 * COARSE_PIXEL_M + misregistration_m
+}
+
+/// Terrain with a border around the scene.
+pub(super) struct Ground<'a> {
+    /// Heights, row-major.
+    pub heights_m: &'a [f32],
+    /// Columns of `heights_m`.
+    pub cols: usize,
+    /// Pixels above and left of the scene.
+    pub margin_px: usize,
+    /// Pixel, metres.
+    pub pixel_m: f64,
+}
+
+/// What is wrong with a coarse DTM.
+pub(super) struct Flaws {
+    /// RMS of the low-frequency error, metres.
+    pub error_m: f64,
+    /// Largest horizontal shift, metres.
+    pub misregistration_m: f64,
+}
+
+/// Averages the ground over coarse pixels of a randomly placed grid that covers a scene of `rows` × `cols` pixels, shifted
+/// by a random misregistration, and adds the low-frequency error.
+pub(super) fn observe(rng: &mut ChaCha8Rng, ground: &Ground, rows: usize, cols: usize, flaws: &Flaws) -> CoarseGrid {
+    let mut place = |pixels: usize| {
+        let start_m = -(SPARE as f64 + rng.random::<f64>()) * COARSE_PIXEL_M;
+        let end_m = pixels as f64 * ground.pixel_m + SPARE as f64 * COARSE_PIXEL_M;
+        (start_m, ((end_m - start_m) / COARSE_PIXEL_M).ceil() as usize)
+    };
+    let ((south_m, coarse_rows), (east_m, coarse_cols)) = (place(rows), place(cols));
+    // Uniform over the disc.
+    let shift_m = flaws.misregistration_m * rng.random::<f64>().sqrt();
+    let (shift_south, shift_east) = (rng.random::<f64>() * TAU).sin_cos();
+    let spans = |start_m: f64, shift_m: f64, count: usize| {
+        let edge_px =
+            move |k: usize| (start_m + shift_m + k as f64 * COARSE_PIXEL_M) / ground.pixel_m + ground.margin_px as f64;
+        (0..count).map(|k| Span::new(edge_px(k), edge_px(k + 1))).collect::<Vec<_>>()
+    };
+    let row_spans = spans(south_m, shift_m * shift_south, coarse_rows);
+    let col_spans = spans(east_m, shift_m * shift_east, coarse_cols);
+    let mut heights_m = average(ground, &row_spans, &col_spans);
+    add_error(rng, &mut heights_m, coarse_cols, flaws.error_m);
+    CoarseGrid { rows: coarse_rows, cols: coarse_cols, south_m, east_m, heights_m }
+}
+
+/// Consecutive fine pixels and their shares of one coarse pixel.
+struct Span {
+    first: usize,
+    weights: Vec<f64>,
+}
+
+impl Span {
+    /// The pixels between two edges given in pixels, weighted by their overlap.
+    fn new(from: f64, to: f64) -> Self {
+        let first = from.floor() as usize;
+        let overlap = |k: usize| ((k + 1) as f64).min(to) - (k as f64).max(from);
+        let weights = (first..to.ceil() as usize).map(|k| overlap(k) / (to - from)).collect();
+        Self { first, weights }
+    }
+}
+
+fn average(ground: &Ground, row_spans: &[Span], col_spans: &[Span]) -> Vec<f32> {
+    let mut out = Vec::with_capacity(row_spans.len() * col_spans.len());
+    for rows in row_spans {
+        // One coarse row at a time: first down the columns, then across.
+        let mut column_means = vec![0.0f64; ground.cols];
+        for (k, weight) in rows.weights.iter().enumerate() {
+            let line = &ground.heights_m[(rows.first + k) * ground.cols..][..ground.cols];
+            for (mean, height) in column_means.iter_mut().zip(line) {
+                *mean += weight * f64::from(*height);
+            }
+        }
+        out.extend(col_spans.iter().map(|cols| {
+            let values = &column_means[cols.first..];
+            cols.weights.iter().zip(values).map(|(weight, value)| weight * value).sum::<f64>() as f32
+        }));
+    }
+    out
+}
+
+/// Adds a smooth random error with the given RMS over all scenes.
+fn add_error(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f64) {
+    let (shortest, longest) = (ERROR_WAVELENGTH_M.start, ERROR_WAVELENGTH_M.end);
+    for _ in 0..ERROR_WAVES {
+        let wavelength_px = shortest * (longest / shortest).powf(rng.random::<f64>()) / COARSE_PIXEL_M;
+        let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
+        let phase = rng.random::<f64>() * TAU;
+        let size: f64 = StandardNormal.sample(rng);
+        let amplitude = size * rms_m * (2.0 / ERROR_WAVES as f64).sqrt();
+        for (k, height) in heights_m.iter_mut().enumerate() {
+            let along_px = (k / cols) as f64 * south + (k % cols) as f64 * east;
+            *height += (amplitude * (TAU * along_px / wavelength_px + phase).cos()) as f32;
+        }
+    }
+}

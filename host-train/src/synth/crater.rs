@@ -1,0 +1,244 @@
+//! Craters: how many, how old, what they look like after that time.
+//!
+//! *Shape.* A fresh simple crater (Fassett & Thomson 2014, d/D = 0.22) is let decay by topographic diffusion, which is what
+//! micrometeorites do to it: `∂h/∂t = κ ∇²h`. In units of the radius there is one age only, `τ = κt/R²`, so one radial
+//! solution serves all craters ([`Profiles`]).
+//! *Number.* Small craters are in equilibrium: `N(>r) = 0.0084 r^-2` per m² (SPEC B2), each new one erasing an old one, so
+//! their ages are uniform up to [`TAU_ERASED`]. Above the saturation diameter the production function takes over,
+//! `N ∝ r^-3.2`, and ages are uniform over the age of the surface.
+
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Poisson, StandardNormal};
+use std::f64::consts::TAU;
+
+/// Equilibrium: craters per m² with a radius above 1 m, extrapolated (336 per km² wider than 10 m).
+const EQUILIBRIUM_PER_M2: f64 = 0.0084;
+/// Exponent of the equilibrium distribution.
+const EQUILIBRIUM_EXPONENT: f64 = 2.0;
+/// Exponent of the production function of small craters.
+const PRODUCTION_EXPONENT: f64 = 3.2;
+/// Largest radius, metres: our choice; wider craters are regional slope to a tile.
+const LARGEST_RADIUS_M: f64 = 600.0;
+/// Diffusivity times age of the surface, m²: 5.5 m²/Myr for 3 Gyr (Fassett & Thomson 2014).
+const SURFACE_KAPPA_T_M2: f64 = 5.5 * 3000.0;
+/// Age at which a crater no longer counts, in κt/R²: it keeps about a tenth of its depth.
+const TAU_ERASED: f64 = 0.6;
+/// Depth over diameter of the profile below.
+const PROFILE_DEPTH: f64 = 0.218;
+
+/// One crater, in pixels of the domain.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Crater {
+    /// Row of the centre.
+    pub row: f64,
+    /// Column of the centre.
+    pub col: f64,
+    /// Radius, metres.
+    pub radius_m: f64,
+    /// Age as κt/R².
+    pub tau: f64,
+    /// Depth over diameter when fresh.
+    pub depth_ratio: f64,
+    /// Elongation: long axis over mean axis, and its direction in radians.
+    pub stretch: (f64, f64),
+}
+
+/// Height of a fresh crater over its diameter, at `x` radii from the centre.
+fn fresh(x: f64) -> f64 {
+    if x < 0.2 {
+        -0.181
+    } else if x < 0.98 {
+        -0.229 + 0.228 * x + 0.083 * x * x - 0.039 * x * x * x
+    } else if x < 1.5 {
+        0.188 - 0.187 * x + 0.018 * x * x + 0.015 * x * x * x
+    } else {
+        0.0
+    }
+}
+
+/// Radial profiles of a decaying crater.
+pub(super) struct Profiles {
+    levels: Vec<Profile>,
+}
+
+/// One age: heights over diameter, [`PER_RADIUS`] samples a radius.
+struct Profile {
+    tau: f64,
+    heights: Vec<f32>,
+    reach: f64,
+}
+
+/// Samples per radius in the tables.
+const PER_RADIUS: usize = 40;
+/// Radii the diffusion is solved over.
+const RADII: usize = 8;
+
+impl Profiles {
+    /// Solves the radial diffusion equation once, explicitly, and keeps the profile at ages 0 to [`TAU_ERASED`].
+    pub(super) fn new() -> Self {
+        let n = RADII * PER_RADIUS;
+        let dx = 1.0 / PER_RADIUS as f64;
+        let mut heights: Vec<f64> = (0..=n).map(|k| fresh(k as f64 * dx)).collect();
+        let mut levels = vec![Profile::new(0.0, &heights)];
+        let (mut tau, mut next) = (0.0, 4e-4);
+        let dtau = 0.2 * dx * dx;
+        while next < 1.3 * TAU_ERASED {
+            while tau < next {
+                let old = heights.clone();
+                heights[0] += 4.0 * dtau * (old[1] - old[0]) / (dx * dx);
+                for k in 1..n {
+                    let curvature = (old[k + 1] - 2.0 * old[k] + old[k - 1]) / (dx * dx);
+                    let spread = (old[k + 1] - old[k - 1]) / (2.0 * dx) / (k as f64 * dx);
+                    heights[k] += dtau * (curvature + spread);
+                }
+                tau += dtau;
+            }
+            levels.push(Profile::new(tau, &heights));
+            next *= 1.35;
+        }
+        Self { levels }
+    }
+
+    /// The profile nearest in age.
+    fn at(&self, tau: f64) -> &Profile {
+        let after = self.levels.partition_point(|level| level.tau < tau).clamp(1, self.levels.len() - 1);
+        let (young, old) = (&self.levels[after - 1], &self.levels[after]);
+        if tau - young.tau < old.tau - tau { young } else { old }
+    }
+}
+
+impl Profile {
+    fn new(tau: f64, heights: &[f64]) -> Self {
+        // Heights below a thousandth of the diameter end the profile; what is left there is faded out.
+        let last = heights.iter().rposition(|h| h.abs() > 1e-3).unwrap_or(0);
+        let len = (last + PER_RADIUS / 2).min(heights.len() - 1);
+        let fade = |k: usize| (((len - k) as f64) / (PER_RADIUS / 2) as f64).min(1.0);
+        let heights = (0..=len).map(|k| (heights[k] * fade(k)) as f32).collect();
+        Self { tau, heights, reach: len as f64 / PER_RADIUS as f64 }
+    }
+
+    /// Height over diameter at `x` radii; zero beyond the reach.
+    fn height(&self, x: f32) -> f32 {
+        let position = x * PER_RADIUS as f32;
+        let k = position as usize;
+        match self.heights.get(k..k + 2) {
+            Some(pair) => pair[0] + (pair[1] - pair[0]) * (position - k as f32),
+            None => 0.0,
+        }
+    }
+}
+
+/// Draws the craters that reach into a domain of `rows` × `cols` pixels, radii from 1.5 pixels up.
+pub(super) fn population(
+    rng: &mut ChaCha8Rng,
+    rows: usize,
+    cols: usize,
+    pixel_m: f64,
+    saturation_diameter_m: f64,
+) -> Vec<Crater> {
+    let saturation = saturation_diameter_m / 2.0;
+    let mut craters = Vec::new();
+    let mut low = 1.5 * pixel_m;
+    while low < LARGEST_RADIUS_M {
+        let high = (low * 1.3).min(LARGEST_RADIUS_M);
+        // Craters centred up to three radii outside still show inside.
+        let border = 3.0 * high / pixel_m;
+        let (height, width) = (rows as f64 + 2.0 * border, cols as f64 + 2.0 * border);
+        let density = density_above(low, saturation) - density_above(high, saturation);
+        let exponent = if low < saturation { EQUILIBRIUM_EXPONENT } else { PRODUCTION_EXPONENT };
+        for _ in 0..count(rng, density * height * width * pixel_m * pixel_m) {
+            let share = 1.0 - rng.random::<f64>() * (1.0 - (high / low).powf(-exponent));
+            let radius_m = low * share.powf(-1.0 / exponent);
+            let oldest = (SURFACE_KAPPA_T_M2 / (radius_m * radius_m)).min(TAU_ERASED);
+            let noise: f64 = StandardNormal.sample(rng);
+            craters.push(Crater {
+                row: rng.random::<f64>() * height - border,
+                col: rng.random::<f64>() * width - border,
+                radius_m,
+                tau: rng.random::<f64>() * oldest,
+                depth_ratio: (fresh_depth_ratio(radius_m) * (1.0 + 0.15 * noise)).clamp(0.06, 0.22),
+                stretch: (1.0 + 0.12 * rng.random::<f64>(), rng.random::<f64>() * TAU),
+            });
+        }
+        low = high;
+    }
+    craters
+}
+
+/// Craters per m² with a radius above `r` metres.
+fn density_above(r: f64, saturation: f64) -> f64 {
+    let equilibrium = |r: f64| EQUILIBRIUM_PER_M2 * r.powf(-EQUILIBRIUM_EXPONENT);
+    if r < saturation { equilibrium(r) } else { equilibrium(saturation) * (r / saturation).powf(-PRODUCTION_EXPONENT) }
+}
+
+/// A Poisson count with the given mean.
+fn count(rng: &mut ChaCha8Rng, mean: f64) -> usize {
+    Poisson::new(mean).map_or(0, |poisson| poisson.sample(rng) as usize)
+}
+
+/// Depth over diameter of a fresh crater: 0.12 at 20 m and below, rising to 0.2 from 400 m on (Sun et al. 2018; Pike).
+fn fresh_depth_ratio(radius_m: f64) -> f64 {
+    let share = ((2.0 * radius_m / 20.0).ln() / 20f64.ln()).clamp(0.0, 1.0);
+    0.12 + 0.08 * share
+}
+
+/// Adds a crater's relief to `heights_m` and, if it is young, its bright ejecta to `log_albedo`.
+pub(super) fn stamp(
+    crater: &Crater,
+    profiles: &Profiles,
+    pixel_m: f64,
+    heights_m: &mut [f32],
+    log_albedo: &mut [f32],
+    cols: usize,
+) {
+    let profile = profiles.at(crater.tau);
+    let size_m = (2.0 * crater.radius_m * crater.depth_ratio / PROFILE_DEPTH) as f32;
+    each_pixel(crater, profile.reach, pixel_m, heights_m, cols, |u, v, height| {
+        *height += size_m * profile.height((u * u + v * v).sqrt());
+    });
+    let glow = (0.5 * (-crater.tau / 0.01).exp()) as f32;
+    if glow > 0.05 && crater.radius_m > 3.0 * pixel_m {
+        // Ejecta brightness falls with the cube of the distance, like their thickness; rays are where more of it lies.
+        let lobes = (crater.stretch.1 * 7.0).cos() as f32 * 3.0;
+        each_pixel(crater, 5.0, pixel_m, log_albedo, cols, |u, v, albedo| {
+            let (x, angle) = ((u * u + v * v).sqrt(), v.atan2(u));
+            let ray = 0.5 + 0.5 * (5.0 * angle + lobes).sin() * (8.0 * angle - lobes).cos();
+            let fall = x.max(1.0).powi(-2) * ((5.0 - x) / 4.0).min(1.0);
+            *albedo += glow * fall * if x > 1.0 { ray } else { 0.7 };
+        });
+    }
+}
+
+/// Calls `change(u, v, value)` for each pixel within `reach` radii; (u, v) is its place relative to the centre, in radii.
+fn each_pixel(
+    crater: &Crater,
+    reach: f64,
+    pixel_m: f64,
+    values: &mut [f32],
+    cols: usize,
+    change: impl Fn(f32, f32, &mut f32),
+) {
+    let rows = values.len() / cols;
+    let radius = crater.radius_m / pixel_m;
+    let extent = reach * radius * crater.stretch.0;
+    let clip = |from: f64, to: f64, n: usize| {
+        (from.ceil().max(0.0) as usize, (to.floor() + 1.0).clamp(0.0, n as f64) as usize)
+    };
+    let (first_row, end_row) = clip(crater.row - extent, crater.row + extent, rows);
+    let (sin, cos) = crater.stretch.1.sin_cos();
+    let (along, across) = (1.0 / (radius * crater.stretch.0), crater.stretch.0 / radius);
+    for row in first_row..end_row {
+        let dr = row as f64 - crater.row;
+        let half = (extent * extent - dr * dr).max(0.0).sqrt();
+        let (first, end) = clip(crater.col - half, crater.col + half, cols);
+        if first >= end {
+            continue;
+        }
+        for (k, value) in values[row * cols + first..row * cols + end].iter_mut().enumerate() {
+            let dc = (first + k) as f64 - crater.col;
+            let (u, v) = (((dc * cos + dr * sin) * along) as f32, ((dr * cos - dc * sin) * across) as f32);
+            change(u, v, value);
+        }
+    }
+}

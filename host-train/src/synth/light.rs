@@ -1,0 +1,152 @@
+//! Sunlight on terrain: Lunar–Lambert reflectance and cast shadows, seen from straight above.
+
+/// Angular radius of the Sun, radians.
+const SUN_RADIUS_RAD: f32 = 0.00465;
+/// Light that reaches a shadow from lit ground around it, as a share of the light on level ground: our choice.
+const SCATTERED: f32 = 0.004;
+
+/// Where the Sun stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sun {
+    /// Degrees clockwise from north (up).
+    pub azimuth_deg: f64,
+    /// Degrees above the horizontal.
+    pub elevation_deg: f64,
+}
+
+impl Sun {
+    /// Unit vector towards the Sun: east (columns), south (rows), up.
+    fn direction(&self) -> [f64; 3] {
+        let (sin_az, cos_az) = self.azimuth_deg.to_radians().sin_cos();
+        let (sin_el, cos_el) = self.elevation_deg.to_radians().sin_cos();
+        [sin_az * cos_el, -cos_az * cos_el, sin_el]
+    }
+}
+
+/// The Lunar–Lambert weight `L` at phase angle `alpha_deg` (SPEC B2; McEwen 1991), clamped to [0, 1]: the polynomial leaves
+/// that range beyond about 105°.
+fn lunar_lambert_weight(alpha_deg: f64) -> f64 {
+    let a = alpha_deg;
+    (1.0 - 0.019 * a + 2.42e-4 * a * a - 1.46e-6 * a * a * a).clamp(0.0, 1.0)
+}
+
+/// Reflectance (per unit albedo) of a row-major height field for a camera at nadir, shadows included.
+pub(super) fn reflectance(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<f32> {
+    let lit = visibility(heights_m, rows, cols, pixel_m, sun);
+    let [east, south, up] = sun.direction().map(|v| v as f32);
+    let weight = lunar_lambert_weight(90.0 - sun.elevation_deg) as f32;
+    let mut out = vec![0.0; rows * cols];
+    let per_m = (0.5 / pixel_m) as f32;
+    for row in 0..rows {
+        let (above, below) = (row.saturating_sub(1) * cols, (row + 1).min(rows - 1) * cols);
+        for col in 0..cols {
+            let (left, right) = (col.saturating_sub(1), (col + 1).min(cols - 1));
+            let gx = (heights_m[row * cols + right] - heights_m[row * cols + left]) * per_m;
+            let gy = (heights_m[below + col] - heights_m[above + col]) * per_m;
+            let mu = 1.0 / (1.0 + gx * gx + gy * gy).sqrt();
+            let mu0 = (up - gx * east - gy * south) * mu;
+            let direct = if mu0 > 0.0 {
+                (2.0 * weight * mu0 / (mu0 + mu) + (1.0 - weight) * mu0) * lit[row * cols + col]
+            } else {
+                0.0
+            };
+            out[row * cols + col] = direct + SCATTERED * up;
+        }
+    }
+    out
+}
+
+/// Share of the solar disc each pixel sees, 0–1.
+///
+/// The field is cut into lines that run towards the Sun, one pixel apart, and each line is walked once away from the Sun with
+/// the height of the shadow's upper edge: exact along the line, one interpolation into the lines and one back, O(pixels).
+pub(super) fn visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<f32> {
+    let [east, south, _] = sun.direction();
+    let drop_per_m = sun.elevation_deg.to_radians().tan() as f32;
+    if east.hypot(south) < 1e-6 {
+        return vec![1.0; rows * cols];
+    }
+    let penumbra_per_m = SUN_RADIUS_RAD * (1.0 + drop_per_m * drop_per_m);
+    let walk = |field: &[f32], rows: usize, cols: usize, down: f64, across: f64| {
+        let step_m = (pixel_m * down.hypot(across) / down.abs()) as f32;
+        let walk =
+            Walk { drop_m: step_m * drop_per_m, penumbra_m: step_m * penumbra_per_m, soft_m: 0.05 * pixel_m as f32 };
+        walk.away_from_sun(field, rows, cols, down > 0.0, across / down)
+    };
+    if south.abs() >= east.abs() {
+        walk(heights_m, rows, cols, south, east)
+    } else {
+        let turned = walk(&transpose(heights_m, rows, cols), cols, rows, east, south);
+        transpose(&turned, cols, rows)
+    }
+}
+
+/// One step of a walk away from the Sun, in metres of height.
+struct Walk {
+    /// How much lower the shadow's edge is after one step.
+    drop_m: f32,
+    /// How much wider half the penumbra is after one step.
+    penumbra_m: f32,
+    /// Half the penumbra at the least, so that edges are not jagged.
+    soft_m: f32,
+}
+
+impl Walk {
+    /// Walks the rows from the last to the first if the Sun is beyond the last, else from the first to the last. Lines shift
+    /// by `shear` columns per row.
+    fn away_from_sun(&self, field: &[f32], rows: usize, cols: usize, sun_after_last: bool, shear: f64) -> Vec<f32> {
+        let total_shift = (shear * (rows - 1) as f64).abs().ceil() as usize + 1;
+        let lines = cols + total_shift + 1;
+        // Line j is at column j + offset(row) of the row; the least offset is -total_shift.
+        let base = if shear < 0.0 { 0.0 } else { -(total_shift as f64) };
+        let mut edge_m = vec![f32::NEG_INFINITY; lines];
+        let mut penumbra_m = vec![0.0f32; lines];
+        let mut seen = vec![1.0f32; lines];
+        let mut out = vec![1.0; rows * cols];
+        for step in 0..rows {
+            let row = if sun_after_last { rows - 1 - step } else { step };
+            let offset = base + shear * row as f64;
+            let whole = offset.floor();
+            let (fraction, whole) = ((offset - whole) as f32, whole as isize);
+            let heights = &field[row * cols..][..cols];
+            // Lines between the first and the last column of this row.
+            let first = (-whole).max(0) as usize;
+            let end = ((cols as isize - 1 - whole).max(0) as usize).min(lines);
+            for line in first..end {
+                let col = (line as isize + whole) as usize;
+                let height = heights[col] + fraction * (heights[col + 1] - heights[col]);
+                let edge = edge_m[line] - self.drop_m;
+                let soft = penumbra_m[line] + self.penumbra_m;
+                seen[line] = (0.5 + 0.5 * (height - edge) / soft.max(self.soft_m)).clamp(0.0, 1.0);
+                let free = height >= edge;
+                edge_m[line] = if free { height } else { edge };
+                penumbra_m[line] = if free { 0.0 } else { soft };
+            }
+            if first >= end {
+                continue;
+            }
+            for (col, value) in out[row * cols..][..cols].iter_mut().enumerate() {
+                // Line col - whole is `fraction` to the right of this pixel, the one before it 1 - `fraction` to the left.
+                let right = (col as isize - whole).clamp(first as isize, end as isize - 1) as usize;
+                let left = (col as isize - whole - 1).clamp(first as isize, end as isize - 1) as usize;
+                *value = seen[right] * (1.0 - fraction) + seen[left] * fraction;
+            }
+        }
+        out
+    }
+}
+
+fn transpose(field: &[f32], rows: usize, cols: usize) -> Vec<f32> {
+    const BLOCK: usize = 16;
+    let mut out = vec![0.0; field.len()];
+    for r0 in (0..rows).step_by(BLOCK) {
+        for c0 in (0..cols).step_by(BLOCK) {
+            for r in r0..(r0 + BLOCK).min(rows) {
+                for c in c0..(c0 + BLOCK).min(cols) {
+                    out[c * rows + r] = field[r * cols + c];
+                }
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,247 @@
+//! Scenes and tiles, put together.
+
+use super::camera::Exposure;
+use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
+use super::crater::{self, Profiles};
+use super::field::{Amplitudes, Plan, Spectrum};
+use super::light::{Sun, reflectance};
+use super::{SynthOptions, TerrainKind};
+use crate::Result;
+use crate::raster::resample::{PixelMap, resample_bicubic};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Albedo between the craters: standard deviation of its logarithm about 4 %, rougher than terrain (our choice).
+const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.015, corner_m: 100.0, hurst_long: 0.3, hurst_short: 0.5 };
+/// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
+const ROUGHNESS_SPREAD: f64 = 0.25;
+/// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation, maria lower than highlands (our choice).
+const BASE_HEIGHT_M: [(f64, f64); 2] = [(-2000.0, 600.0), (300.0, 1200.0)];
+
+/// A Moon: an endless, repeatable supply of tiles and scenes.
+///
+/// `tile(index)` and `scene(index, …)` depend on the seed, the options and their arguments alone; call them from any thread.
+///
+/// ```
+/// use host_train::synth::{Moon, SynthOptions};
+/// let moon = Moon::new(7, SynthOptions { rows: 64, cols: 80, ..Default::default() })?;
+/// let tile = moon.tile(0);
+/// assert_eq!(tile.image.len(), 64 * 80);
+/// assert_eq!(tile.truth_m, moon.tile(0).truth_m);
+/// # Ok::<(), host_train::Error>(())
+/// ```
+pub struct Moon {
+    seed: u64,
+    options: SynthOptions,
+    profiles: Profiles,
+    tile_shop: Workshop,
+}
+
+/// A training sample: image, coarse DTM and truth on one grid, all row-major.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SynthTile {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Pixel, metres.
+    pub pixel_m: f64,
+    /// Image, relative DN, 0–4095.
+    pub image: Vec<f32>,
+    /// Coarse DTM interpolated onto the tile's grid (as `predict` does it), metres above the 1737.4 km sphere.
+    pub coarse_m: Vec<f32>,
+    /// True DTM, metres above the 1737.4 km sphere.
+    pub truth_m: Vec<f32>,
+    /// Sun azimuth, degrees clockwise from north (up).
+    pub sun_azimuth_deg: f64,
+    /// Sun elevation, degrees above the horizontal.
+    pub sun_elevation_deg: f64,
+    /// Terrain.
+    pub kind: TerrainKind,
+}
+
+/// An image and its truth on one grid, with the coarse DTM on its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SynthScene {
+    /// Rows of image and truth.
+    pub rows: usize,
+    /// Columns of image and truth.
+    pub cols: usize,
+    /// Pixel of image and truth, metres.
+    pub pixel_m: f64,
+    /// Image, relative DN, 0–4095.
+    pub image: Vec<f32>,
+    /// True DTM, metres above the 1737.4 km sphere.
+    pub truth_m: Vec<f32>,
+    /// Coarse DTM.
+    pub coarse: CoarseGrid,
+    /// Sun azimuth, degrees clockwise from north (up).
+    pub sun_azimuth_deg: f64,
+    /// Sun elevation, degrees above the horizontal.
+    pub sun_elevation_deg: f64,
+    /// Terrain.
+    pub kind: TerrainKind,
+}
+
+impl SynthScene {
+    /// The coarse DTM interpolated onto the image's grid, metres.
+    pub fn coarse_on_image_m(&self) -> Vec<f32> {
+        let step = self.pixel_m / COARSE_PIXEL_M;
+        let map = PixelMap {
+            row0: -self.coarse.south_m / COARSE_PIXEL_M + 0.5 * step - 0.5,
+            row_per_row: step,
+            row_per_col: 0.0,
+            col0: -self.coarse.east_m / COARSE_PIXEL_M + 0.5 * step - 0.5,
+            col_per_row: 0.0,
+            col_per_col: step,
+        };
+        resample_bicubic(&self.coarse.heights_m, self.coarse.rows, self.coarse.cols, &map, self.rows, self.cols)
+    }
+}
+
+/// What scenes of one size share.
+struct Workshop {
+    rows: usize,
+    cols: usize,
+    margin_px: usize,
+    plan: Plan,
+    mare: Amplitudes,
+    highland: Amplitudes,
+    albedo: Amplitudes,
+}
+
+impl Workshop {
+    fn new(rows: usize, cols: usize, options: &SynthOptions) -> Self {
+        let margin_px = (coarse::margin_m(options.misregistration_m) / options.pixel_m).ceil() as usize + 1;
+        let plan = Plan::new(rows + 2 * margin_px, cols + 2 * margin_px, options.pixel_m);
+        let amplitudes = |kind: TerrainKind| plan.amplitudes(&kind.recipe().spectrum);
+        let (mare, highland) = (amplitudes(TerrainKind::Mare), amplitudes(TerrainKind::Highland));
+        let albedo = plan.amplitudes(&ALBEDO);
+        Self { rows, cols, margin_px, plan, mare, highland, albedo }
+    }
+}
+
+impl Moon {
+    /// A Moon for one seed.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if an option is out of range.
+    pub fn new(seed: u64, options: SynthOptions) -> Result<Self> {
+        options.validate()?;
+        let tile_shop = Workshop::new(options.rows, options.cols, &options);
+        Ok(Self { seed, options, profiles: Profiles::new(), tile_shop })
+    }
+
+    /// The options of this Moon.
+    pub fn options(&self) -> &SynthOptions {
+        &self.options
+    }
+
+    /// Tile number `index`, of the options' size.
+    pub fn tile(&self, index: u64) -> SynthTile {
+        let scene = self.make(index, &self.tile_shop);
+        SynthTile {
+            coarse_m: scene.coarse_on_image_m(),
+            rows: scene.rows,
+            cols: scene.cols,
+            pixel_m: scene.pixel_m,
+            image: scene.image,
+            truth_m: scene.truth_m,
+            sun_azimuth_deg: scene.sun_azimuth_deg,
+            sun_elevation_deg: scene.sun_elevation_deg,
+            kind: scene.kind,
+        }
+    }
+
+    /// Scene number `index`, `rows` × `cols` pixels. Its terrain is not the tile's of the same index, unless sizes agree.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if the size is out of range.
+    pub fn scene(&self, index: u64, rows: usize, cols: usize) -> Result<SynthScene> {
+        SynthOptions { rows, cols, ..self.options.clone() }.validate()?;
+        Ok(self.make(index, &Workshop::new(rows, cols, &self.options)))
+    }
+
+    fn make(&self, index: u64, shop: &Workshop) -> SynthScene {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(index);
+        let rng = &mut rng;
+        let options = &self.options;
+        let drawn = if rng.random() { TerrainKind::Mare } else { TerrainKind::Highland };
+        let kind = options.kind.unwrap_or(drawn);
+        let sun =
+            Sun { azimuth_deg: rng.random::<f64>() * 360.0, elevation_deg: within(rng, options.sun_elevation_deg) };
+        let flaws =
+            Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
+        let (heights_m, log_albedo) = self.terrain(rng, kind, shop);
+        let (_, cols) = shop.plan.shape();
+        let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
+        let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
+        let image = self.image(rng, &heights_m, &log_albedo, &sun, shop);
+        SynthScene {
+            rows: shop.rows,
+            cols: shop.cols,
+            pixel_m: options.pixel_m,
+            image,
+            truth_m: crop(&heights_m, cols, shop),
+            coarse,
+            sun_azimuth_deg: sun.azimuth_deg,
+            sun_elevation_deg: sun.elevation_deg,
+            kind,
+        }
+    }
+
+    /// Heights, metres, and logarithm of the albedo over the whole domain.
+    fn terrain(&self, rng: &mut ChaCha8Rng, kind: TerrainKind, shop: &Workshop) -> (Vec<f32>, Vec<f32>) {
+        let (rows, cols) = shop.plan.shape();
+        let pixel_m = self.options.pixel_m;
+        let recipe = kind.recipe();
+        let amplitudes = match kind {
+            TerrainKind::Mare => &shop.mare,
+            TerrainKind::Highland => &shop.highland,
+        };
+        let (mut heights_m, mut log_albedo) = shop.plan.draw(rng, amplitudes, &shop.albedo);
+        // Log-normal with a mean square of one, so that the ensemble keeps the fitted structure function.
+        let deviate: f64 = StandardNormal.sample(rng);
+        let roughness = (ROUGHNESS_SPREAD * deviate - ROUGHNESS_SPREAD * ROUGHNESS_SPREAD).exp();
+        let (mean_m, spread_m) = BASE_HEIGHT_M[kind as usize];
+        let base: f64 = StandardNormal.sample(rng);
+        let base_m = (mean_m + spread_m * base) as f32;
+        heights_m.iter_mut().for_each(|height| *height *= roughness as f32);
+        shop.plan.long_waves(rng, &recipe.spectrum).add_to(&mut heights_m, cols, roughness);
+        for crater in crater::population(rng, rows, cols, pixel_m, recipe.saturation_diameter_m) {
+            crater::stamp(&crater, &self.profiles, pixel_m, &mut heights_m, &mut log_albedo, cols);
+        }
+        heights_m.iter_mut().for_each(|height| *height += base_m);
+        (heights_m, log_albedo)
+    }
+
+    fn image(
+        &self,
+        rng: &mut ChaCha8Rng,
+        heights_m: &[f32],
+        log_albedo: &[f32],
+        sun: &Sun,
+        shop: &Workshop,
+    ) -> Vec<f32> {
+        let (rows, cols) = shop.plan.shape();
+        let reflected = reflectance(heights_m, rows, cols, self.options.pixel_m, sun);
+        let mut radiance = crop(&reflected, cols, shop);
+        for (value, log_albedo) in radiance.iter_mut().zip(crop(log_albedo, cols, shop)) {
+            *value *= log_albedo.exp();
+        }
+        Exposure::draw(rng).take(rng, &radiance, shop.rows, shop.cols)
+    }
+}
+
+/// Uniform between the two ends, which may coincide.
+fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+/// The scene's part of a domain of `cols` columns.
+fn crop(field: &[f32], cols: usize, shop: &Workshop) -> Vec<f32> {
+    let lines = field.chunks_exact(cols).skip(shop.margin_px).take(shop.rows);
+    lines.flat_map(|line| &line[shop.margin_px..][..shop.cols]).copied().collect()
+}

@@ -1,0 +1,70 @@
+//! What a caller may choose.
+
+use super::TerrainKind;
+use crate::{Error, Result};
+
+use serde::{Deserialize, Serialize};
+
+/// Finest pixel, metres: below it the NAC would see boulders and ripples this terrain does not have.
+const PIXEL_M_MIN: f64 = 1.0;
+/// Coarsest pixel, metres: beyond it the ~59 m coarse DTM is hardly coarser than the image.
+const PIXEL_M_MAX: f64 = 8.0;
+
+/// Options of the synthetic Moon; the default is what training uses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SynthOptions {
+    /// Rows of a tile. Default 256 (Sec. III-A).
+    pub rows: usize,
+    /// Columns of a tile. Default 320 (Sec. III-A).
+    pub cols: usize,
+    /// Pixel of image and truth, metres, 1–8. Default 2 (NAC DTMs).
+    pub pixel_m: f64,
+    /// The terrain of every tile; `None` (default) draws mare or highland per tile.
+    pub kind: Option<TerrainKind>,
+    /// Sun elevation above the horizon, degrees; drawn uniformly. Default 18–64, the paper's training images.
+    pub sun_elevation_deg: (f64, f64),
+    /// RMS of the coarse DTM's low-frequency error, metres; drawn uniformly. Default 1.5–4 (SLDEM2015: 3–4).
+    pub coarse_error_m: (f64, f64),
+    /// Largest horizontal misregistration of the coarse DTM, metres. Default 10 (SLDEM2015).
+    pub misregistration_m: f64,
+}
+
+impl Default for SynthOptions {
+    fn default() -> Self {
+        Self {
+            rows: 256,
+            cols: 320,
+            pixel_m: 2.0,
+            kind: None,
+            sun_elevation_deg: (18.0, 64.0),
+            coarse_error_m: (1.5, 4.0),
+            misregistration_m: 10.0,
+        }
+    }
+}
+
+impl SynthOptions {
+    /// Checks every option.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the option, its legal range and the value found.
+    pub fn validate(&self) -> Result<()> {
+        let range = |name: &str, (low, high): (f64, f64), min: f64, max: f64| {
+            if low >= min && low <= high && high <= max {
+                Ok(())
+            } else {
+                Err(Error::usage(format!("{name}: expected {min} <= low <= high <= {max}, found {low} and {high}")))
+            }
+        };
+        for (name, value) in [("rows", self.rows), ("cols", self.cols)] {
+            if !(16..=8192).contains(&value) {
+                return Err(Error::usage(format!("{name}: expected 16 to 8192, found {value}")));
+            }
+        }
+        range("pixel_m", (self.pixel_m, self.pixel_m), PIXEL_M_MIN, PIXEL_M_MAX)?;
+        range("sun_elevation_deg", self.sun_elevation_deg, 2.0, 90.0)?;
+        range("coarse_error_m", self.coarse_error_m, 0.0, 100.0)?;
+        range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
+    }
+}

@@ -1,0 +1,68 @@
+//! Where training tiles come from, as a run records it.
+
+use super::feed::TileSource;
+use super::sample::RawTile;
+use crate::Result;
+use crate::synth::{Moon, SynthOptions};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A source of tiles by description.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DataSpec {
+    /// The synthetic Moon of a seed.
+    Synth {
+        /// Seed of the Moon; training and validation use different ones.
+        seed: u64,
+        /// Its options.
+        options: SynthOptions,
+    },
+    /// A folder of `*_image.tif`, `*_coarse.tif`, `*_truth.tif` triples.
+    Folder {
+        /// The folder.
+        path: PathBuf,
+    },
+}
+
+/// Added to a run's seed to get the seed of its validation Moon.
+pub const VALIDATION_SEED: u64 = 0x5EED_0000_0000;
+
+impl DataSpec {
+    /// `None` or `synth`: the synthetic Moon of `seed` with default options; anything else is a folder.
+    pub fn parse(data: Option<PathBuf>, seed: u64) -> Self {
+        match data {
+            Some(path) if path.as_os_str() != "synth" => Self::Folder { path },
+            _ => Self::Synth { seed, options: SynthOptions::default() },
+        }
+    }
+
+    /// Opens the source.
+    ///
+    /// # Errors
+    /// If options are out of range, or the folder holds no readable triple.
+    pub fn open(&self) -> Result<Arc<dyn TileSource>> {
+        Ok(match self {
+            Self::Synth { seed, options } => Arc::new(SynthSource(Moon::new(*seed, options.clone())?)),
+            Self::Folder { path } => Arc::new(super::folder::FolderSource::open(path)?),
+        })
+    }
+}
+
+/// Tiles of the synthetic Moon.
+struct SynthSource(Moon);
+
+impl TileSource for SynthSource {
+    fn tile(&self, index: u64) -> Result<RawTile> {
+        let tile = self.0.tile(index);
+        Ok(RawTile {
+            rows: tile.rows,
+            cols: tile.cols,
+            pixel_m: tile.pixel_m as f32,
+            image: tile.image,
+            coarse_m: tile.coarse_m,
+            truth_m: tile.truth_m,
+        })
+    }
+}

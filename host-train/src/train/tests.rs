@@ -1,0 +1,119 @@
+//! The loop on a miniature network and made-up tiles.
+
+use super::feed::TileSource;
+use super::recipe::{Recipe, trained_network};
+use super::run::{BEST, LAST, Record, Run};
+use super::sample::RawTile;
+use super::source::DataSpec;
+use crate::Result;
+use crate::model::backend::Backend;
+use crate::model::config::{NetConfig, Preset};
+use crate::model::init::initial_weights;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Ripples lit from the west: enough relation between image and relief for a network to find.
+struct Ripples;
+
+impl TileSource for Ripples {
+    fn tile(&self, index: u64) -> Result<RawTile> {
+        let (rows, cols) = (96, 96);
+        let phase = index as f32 * 0.7;
+        let height = |r: f32, c: f32| 10.0 * (r * 0.05 + phase).sin() + (c * 0.4 + phase).sin();
+        let map = |f: &dyn Fn(f32, f32) -> f32| -> Vec<f32> {
+            (0..rows * cols).map(|i| f((i / cols) as f32, (i % cols) as f32)).collect()
+        };
+        Ok(RawTile {
+            rows,
+            cols,
+            pixel_m: 2.0,
+            image: map(&|r, c| height(r, c + 1.0) - height(r, c)),
+            coarse_m: map(&|r, _| 10.0 * (r * 0.05 + phase).sin()),
+            truth_m: map(&height),
+        })
+    }
+}
+
+fn miniature() -> (NetConfig, Recipe) {
+    let network = NetConfig {
+        embed: 8,
+        depths: [1, 2, 1, 1],
+        heads: [1, 1, 2, 2],
+        window: 4,
+        stem: 4,
+        dtm: [4, 4, 4, 4, 8],
+        decoder: [8, 8, 8, 4, 4],
+        ..trained_network(Preset::Nano)
+    };
+    let recipe = Recipe {
+        batch: 2,
+        steps: 8,
+        warm_up: 2,
+        crop: [64, 64],
+        validate_every: 3,
+        validation_tiles: 2,
+        checkpoint_every: 2,
+        ..Recipe::preset(Preset::Nano)
+    };
+    (network, recipe)
+}
+
+fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
+    let (network, recipe) = miniature();
+    let initial = (!resume).then(|| initial_weights(&network, 1));
+    // Never opened: the sources below stand in.
+    let spec = DataSpec::Folder { path: "ripples".into() };
+    let record = Record {
+        network,
+        recipe,
+        data: spec.clone(),
+        validation_data: spec,
+        seed: 5,
+        backend: Backend::Flex,
+        started_from: "seed 1".into(),
+    };
+    let source: Arc<dyn TileSource> = Arc::new(Ripples);
+    Run { folder: folder.into(), record, initial, training: source.clone(), validation: source, stop_after }
+}
+
+#[test]
+fn a_killed_run_resumes_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
+    assert!(run(&whole, false, None).train().unwrap().finished);
+    assert!(!run(&parts, false, Some(5)).train().unwrap().finished);
+    // A kill after the checkpoint leaves rows of steps that will be done again.
+    let steps = parts.join("steps.csv");
+    let text = std::fs::read_to_string(&steps).unwrap() + "6,0,0,0,0,0\n7,0,";
+    std::fs::write(&steps, text).unwrap();
+    assert!(run(&parts, true, None).train().unwrap().finished);
+    for file in [BEST, LAST, "steps.csv", "validation.csv"] {
+        let [a, b] = [&whole, &parts].map(|f| std::fs::read(f.join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
+}
+
+#[test]
+fn a_run_is_never_overwritten_or_mixed_with_another() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), false, Some(1)).train().unwrap();
+    let again = run(folder.path(), false, None).train().unwrap_err().to_string();
+    assert!(again.contains("--resume"), "{again}");
+    let mut other = run(folder.path(), true, None);
+    other.record.seed = 6;
+    let mixed = other.train().unwrap_err().to_string();
+    assert!(mixed.contains("found another"), "{mixed}");
+}
+
+#[test]
+fn a_flipped_byte_in_a_checkpoint_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), false, Some(2)).train().unwrap();
+    let path = folder.path().join("checkpoint/optimiser.bpk");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let error = run(folder.path(), true, None).train().unwrap_err().to_string();
+    assert!(error.contains("SHA-256"), "{error}");
+}

@@ -1,0 +1,177 @@
+//! The rules of the house, kept by asking: who depends on whom, how long files are, where `unsafe` lives.
+
+use elunar_tests::repository;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Our packages and the packages of ours each may depend on, in any way (normal, build or test).
+const EDGES: [(&str, &[&str]); 5] = [
+    ("elunar-core", &[]),
+    ("host-train", &["elunar-core"]),
+    ("elunar-capi", &["elunar-core"]),
+    ("elunar-tests", &["elunar-core", "host-train", "elunar-capi"]),
+    ("elunar-benches", &["elunar-core", "host-train", "elunar-capi"]),
+];
+
+/// All that flies: foreign packages a flight archive may contain, those of `libm` and `heapless` included.
+const FLIGHT_PACKAGES: [&str; 5] = ["libm", "heapless", "hash32", "byteorder", "stable_deref_trait"];
+
+/// Longest source file.
+const MAX_LINES: usize = 600;
+
+/// Where `unsafe` may stand: kernels, the C boundary, and tests and benchmarks that count allocations or call C.
+const UNSAFE_ALLOWED: [&str; 4] = ["core/src/nn/kernels/", "onboard/capi/src/ffi.rs", "tests/", "benches/"];
+
+/// Runs `cargo tree` and returns (depth, package) per line.
+fn tree(arguments: &[&str]) -> Vec<(usize, String)> {
+    let out = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--prefix", "depth", "--format", " {p}"])
+        .args(arguments)
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "cargo tree {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
+    parse(&String::from_utf8(out.stdout).unwrap())
+}
+
+fn parse(text: &str) -> Vec<(usize, String)> {
+    let line = |line: &str| {
+        let mut words = line.split_whitespace();
+        Some((words.next()?.parse().ok()?, words.next()?.to_string()))
+    };
+    text.lines().filter_map(line).collect()
+}
+
+/// Edges between our packages that [`EDGES`] does not list, and packages of ours it does not know.
+fn forbidden_edges(tree: &[(usize, String)], ours: &BTreeSet<String>) -> Vec<String> {
+    let allowed: BTreeMap<&str, &[&str]> = EDGES.into_iter().collect();
+    let mut found = Vec::new();
+    let mut root = "";
+    for (depth, package) in tree {
+        if *depth == 0 {
+            root = package;
+            if !allowed.contains_key(root) {
+                found.push(format!("{root} is not in the list of packages"));
+            }
+        } else if ours.contains(package) && !allowed.get(root).is_some_and(|a| a.contains(&package.as_str())) {
+            found.push(format!("{root} -> {package}"));
+        }
+    }
+    found
+}
+
+/// Foreign packages below `root` that do not fly.
+fn foreign(tree: &[(usize, String)], ours: &BTreeSet<String>) -> Vec<String> {
+    let names: BTreeSet<&String> = tree.iter().map(|(_, package)| package).collect();
+    let flies = |p: &String| ours.contains(p) || FLIGHT_PACKAGES.contains(&p.as_str());
+    names.into_iter().filter(|p| !flies(p)).cloned().collect()
+}
+
+fn ours() -> BTreeSet<String> {
+    let found: BTreeSet<String> =
+        tree(&["--workspace", "--depth", "0"]).into_iter().map(|(_, package)| package).collect();
+    let listed: BTreeSet<String> = EDGES.iter().map(|(package, _)| (*package).to_string()).collect();
+    assert_eq!(found, listed, "the list of packages is out of date");
+    found
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let edges = tree(&["--workspace", "--depth", "1", "--no-dedupe", "--edges", "normal,build,dev"]);
+    assert!(edges.len() > 20, "cargo tree found only {edges:?}");
+    assert_eq!(forbidden_edges(&edges, &ours()), [""; 0]);
+}
+
+#[test]
+fn what_flies_is_core_libm_and_heapless() {
+    let ours = ours();
+    let direct = tree(&["--package", "elunar-core", "--edges", "normal", "--depth", "1"]);
+    let direct: Vec<&str> =
+        direct.iter().filter(|(depth, _)| *depth == 1).map(|(_, package)| package.as_str()).collect();
+    assert_eq!(direct, ["heapless", "libm"], "direct dependencies of core");
+
+    for package in ["elunar-core", "elunar-capi"] {
+        let whole = tree(&["--package", package, "--edges", "normal,build"]);
+        assert_eq!(foreign(&whole, &ours), [""; 0], "below {package}");
+        assert!(!whole.iter().any(|(_, p)| p == "host-train"), "{package} meets host-train");
+    }
+    let host = tree(&["--package", "host-train", "--edges", "normal,build,dev"]);
+    assert!(host.iter().any(|(_, p)| p == "elunar-core") && !host.iter().any(|(_, p)| p == "elunar-capi"));
+}
+
+#[test]
+fn the_flight_workspace_flies_nothing_else() {
+    let mut known = ours();
+    known.insert("elunar-staticlib".into());
+    let whole = tree(&["--manifest-path", "onboard/flight/Cargo.toml", "--edges", "normal,build"]);
+    assert_eq!(foreign(&whole, &known), [""; 0]);
+    let packages: BTreeSet<&str> = whole.iter().map(|(_, p)| p.as_str()).collect();
+    assert!(packages.contains("elunar-capi") && !packages.contains("host-train"));
+}
+
+#[test]
+fn a_forbidden_edge_is_noticed() {
+    let ours = ours();
+    let tree =
+        parse("0 elunar-core v0.1.0 (/x)\n1 libm v0.2.1\n1 host-train v0.1.0\n0 newcomer v0.1.0\n1 elunar-core v1\n");
+    let expected = ["elunar-core -> host-train", "newcomer is not in the list of packages", "newcomer -> elunar-core"];
+    assert_eq!(forbidden_edges(&tree, &ours), expected);
+    assert_eq!(foreign(&parse("0 elunar-core v1\n1 libm v0.2\n1 rand v0.9\n"), &ours), ["rand"]);
+}
+
+/// Every Rust file of the repository, with its path relative to the root.
+fn sources() -> Vec<(String, String)> {
+    let root = repository();
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> =
+        ["core", "host-train", "onboard", "tests", "benches"].iter().map(|f| root.join(f)).collect();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                if path.file_name().is_some_and(|name| name != "target") {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let name = relative(&path, &root);
+                found.push((name, std::fs::read_to_string(&path).unwrap()));
+            }
+        }
+    }
+    assert!(found.len() > 30, "found only {} source files", found.len());
+    found
+}
+
+fn relative(path: &Path, root: &Path) -> String {
+    path.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/")
+}
+
+/// Whether a line of code, comments aside, holds the word `unsafe`.
+fn says_unsafe(line: &str) -> bool {
+    let code = line.split("//").next().unwrap_or_default();
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == "unsafe")
+}
+
+#[test]
+fn no_source_file_is_too_long() {
+    let long: Vec<String> = sources()
+        .into_iter()
+        .map(|(name, text)| (name, text.lines().count()))
+        .filter(|(_, lines)| *lines > MAX_LINES)
+        .map(|(name, lines)| format!("{name}: {lines} lines"))
+        .collect();
+    assert_eq!(long, [""; 0], "more than {MAX_LINES} lines");
+}
+
+#[test]
+fn unsafe_stays_in_its_rooms() {
+    assert!(says_unsafe("    unsafe { x }") && !says_unsafe("#![deny(unsafe_code)] // unsafe"));
+    let outside: Vec<String> = sources()
+        .into_iter()
+        .filter(|(name, _)| !UNSAFE_ALLOWED.iter().any(|room| name.starts_with(room)))
+        .filter(|(_, text)| text.lines().any(says_unsafe))
+        .map(|(name, _)| name)
+        .collect();
+    assert_eq!(outside, [""; 0], "`unsafe` outside {UNSAFE_ALLOWED:?}");
+}
