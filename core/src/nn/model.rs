@@ -100,8 +100,7 @@ impl<'a> Model<'a> {
             let scratch = model.check_operator(&operator).map_err(refuse)?;
             model.check_liveness(index, &operator).map_err(refuse)?;
             model.scratch_bytes = model.scratch_bytes.max(scratch);
-            let macs = (model.units(&operator) as u64).saturating_mul(model.unit_macs(&operator));
-            model.macs = model.macs.saturating_add(macs);
+            model.macs = model.macs.saturating_add(model.operator_macs(&operator));
         }
         model.check_output()?;
         Ok(model)
@@ -536,16 +535,30 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Multiply-accumulates of one unit (the largest, where they differ). A layer norm counts four per sample.
-    pub fn unit_macs(&self, operator: &Operator) -> u64 {
+    /// Multiply-accumulates of unit `unit` of an operator. A layer norm counts four per sample.
+    pub fn unit_macs(&self, operator: &Operator, unit: usize) -> u64 {
         let out = self.tensor(operator.output());
         match operator {
             Operator::Conv(conv) => {
-                let taps = conv.kernel_rows * conv.kernel_cols * self.conv_shape(conv).in_channels;
-                (out.cols * out.channels.min(CHANNEL_GROUP)) as u64 * taps as u64
+                let first = unit % out.channels.div_ceil(CHANNEL_GROUP) * CHANNEL_GROUP;
+                let channels = (out.channels - first).min(CHANNEL_GROUP);
+                self.taps(conv) * (out.cols * channels) as u64
             }
             Operator::LayerNorm(_) => 4 * (out.cols * out.channels) as u64,
             Operator::Attention(a) => 2 * (out.channels / a.heads) as u64 * (a.window as u64).pow(4),
         }
+    }
+
+    /// Multiply-accumulates of a whole operator.
+    pub fn operator_macs(&self, operator: &Operator) -> u64 {
+        match operator {
+            Operator::Conv(conv) => self.taps(conv).saturating_mul(self.tensor(conv.out).len() as u64),
+            _ => (self.units(operator) as u64).saturating_mul(self.unit_macs(operator, 0)),
+        }
+    }
+
+    /// Weights per output channel.
+    fn taps(&self, conv: &Conv) -> u64 {
+        (conv.kernel_rows * conv.kernel_cols * self.conv_shape(conv).in_channels) as u64
     }
 }

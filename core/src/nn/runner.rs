@@ -154,12 +154,13 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry.steps += 1;
         let mut spent = 0;
         while let Some(op) = self.model.operator(operator) {
-            let (units, cost) = (self.model.units(&op), self.model.unit_macs(&op));
+            let units = self.model.units(&op);
             while unit < units {
                 if spent >= budget_macs.max(1) {
                     self.state = State::At { operator, unit };
                     return Ok(Progress::Running);
                 }
+                let cost = self.model.unit_macs(&op, unit);
                 self.telemetry.saturated += self.run_unit(&op, unit);
                 self.telemetry.macs += cost;
                 (spent, unit) = (spent + cost, unit + 1);

@@ -11,25 +11,44 @@ pub struct CalibrationTile {
     pub image: Vec<f32>,
     /// Normalised coarse DTM, [0, NR], row-major.
     pub coarse: Vec<f32>,
-    /// Metres per normalised unit, if the tile is real or synthetic terrain: turns errors into metres.
-    pub metres_per_unit: Option<f32>,
+    /// What turns normalised units into metres, where the tile is terrain.
+    pub ground: Option<Ground>,
 }
 
-/// Smallest and largest value of one map, per channel.
+/// The metres of a tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ground {
+    /// Metres per normalised unit (the coarse tile's relief over NR).
+    pub metres_per_unit: f32,
+    /// Ground size of a pixel, metres.
+    pub pixel_m: f32,
+    /// True elevation, normalised by the coarse tile's range, row-major.
+    pub truth: Vec<f32>,
+}
+
+/// Smallest, largest and mean value of one map, per channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
     /// Per channel.
     pub min: Vec<f32>,
     /// Per channel.
     pub max: Vec<f32>,
+    /// Mean over all pixels of all tiles, per channel.
+    pub mean: Vec<f64>,
 }
 
 impl Range {
     fn empty(channels: usize) -> Self {
-        Self { min: vec![f32::INFINITY; channels], max: vec![f32::NEG_INFINITY; channels] }
+        Self { min: vec![f32::INFINITY; channels], max: vec![f32::NEG_INFINITY; channels], mean: vec![0.0; channels] }
     }
 
-    fn take(&mut self, map: &[f32]) {
+    /// Takes in a map; `share` is the weight of one of its pixels in the mean.
+    fn take(&mut self, map: &[f32], share: f64) {
+        for pixel in map.chunks_exact(self.min.len()) {
+            for (mean, &v) in self.mean.iter_mut().zip(pixel) {
+                *mean += v as f64 * share;
+            }
+        }
         for pixel in map.chunks_exact(self.min.len()) {
             for ((low, high), &v) in self.min.iter_mut().zip(&mut self.max).zip(pixel) {
                 (*low, *high) = (low.min(v), high.max(v));
@@ -67,7 +86,7 @@ pub fn calibrate(graph: &Graph, tiles: &[CalibrationTile], progress: impl Fn(usi
                 let what = format!("calibration tile {index}: map {}: expected finite numbers, found {bad}", node.name);
                 return Err(Error::usage(what));
             }
-            range.take(map);
+            range.take(map, 1.0 / (tiles.len() * node.rows * node.cols) as f64);
         }
         progress(index + 1);
     }

@@ -55,8 +55,17 @@ pub struct Program {
     pub tensor_of: Vec<u32>,
     /// Codes of each node's map; the output's are those of its f32 tensor.
     pub codes: Vec<Codes>,
+    /// Mean of each node's map over the calibration tiles, per channel.
+    pub means: Vec<Vec<f64>>,
     /// The coarse DTM as f32, or NONE.
     pub coarse_f32: u32,
+}
+
+impl Program {
+    /// Means of a convolution's input channels.
+    pub(crate) fn input_means(&self, sources: &[Source]) -> Vec<f64> {
+        sources.iter().flat_map(|s| self.means[s.node].iter().copied()).collect()
+    }
 }
 
 /// Quantises a graph.
@@ -74,6 +83,7 @@ pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, precision: Precision) 
             constants: Vec::new(),
             tensor_of: Vec::new(),
             codes,
+            means: ranges.iter().map(|range| range.mean.clone()).collect(),
             coarse_f32: NONE,
         },
     };
@@ -273,7 +283,7 @@ impl Quantiser<'_> {
 
     fn conv(&mut self, id: NodeId, sources: &[Source], kernel: &Kernel, form: Form) -> Option<Operator> {
         let (read_scales, read) = self.read_scales(sources, kernel);
-        let integers = quantise_weights(kernel, &read_scales);
+        let integers = quantise_weights(kernel, &read_scales, &self.program.input_means(sources));
         let segment = padded(kernel.side * kernel.input);
         let mut packed = Vec::with_capacity(kernel.output * kernel.side * segment);
         for row in integers.weights.chunks_exact(kernel.side * kernel.input) {
@@ -426,8 +436,9 @@ pub(crate) struct Integers {
     pub(crate) scales: Vec<f64>,
 }
 
-/// `read_scales`: real value of one step of each input channel.
-pub(crate) fn quantise_weights(kernel: &Kernel, read_scales: &[f64]) -> Integers {
+/// `read_scales`: real value of one step of each input channel; `means`: the channels' means. What rounding the weights does to
+/// the mean of the output, the bias takes back.
+pub(crate) fn quantise_weights(kernel: &Kernel, read_scales: &[f64], means: &[f64]) -> Integers {
     let taps = kernel.side * kernel.side * kernel.input;
     let mut out = Integers { weights: Vec::with_capacity(taps * kernel.output), bias: Vec::new(), scales: Vec::new() };
     for (filter, bias) in kernel.weights.chunks_exact(taps).zip(&kernel.bias) {
@@ -435,8 +446,13 @@ pub(crate) fn quantise_weights(kernel: &Kernel, read_scales: &[f64]) -> Integers
             filter.iter().enumerate().map(|(i, w)| *w as f64 * read_scales[i % kernel.input]).collect();
         // The bias must fit as well, with room for the sum beside it.
         let scale = (largest(&real) / 127.0).max(bias.abs() as f64 / (1u64 << 26) as f64).max(1e-18);
-        out.weights.extend(real.iter().map(|w| (w / scale).round() as i8));
-        out.bias.push((*bias as f64 / scale).round() as i32);
+        let mut shift_of_mean = 0.0;
+        for (i, w) in real.iter().enumerate() {
+            let rounded = (w / scale).round();
+            shift_of_mean += (rounded * scale - w) / read_scales[i % kernel.input] * means[i % kernel.input];
+            out.weights.push(rounded as i8);
+        }
+        out.bias.push(((*bias as f64 - shift_of_mean) / scale).round() as i32);
         out.scales.push(scale);
     }
     out

@@ -72,7 +72,7 @@ fn runner_follows_the_float_network_on_golden_files() {
         let tile = CalibrationTile {
             image: weights.tensors["input.image"].data.clone(),
             coarse: weights.tensors["input.coarse"].data.clone(),
-            metres_per_unit: None,
+            ground: None,
         };
         for precision in [Precision::Int8, Precision::Mixed, Precision::Int16] {
             let options = Options { tile: (shape[2], shape[3]), precision, name: "golden".into() };
@@ -140,9 +140,15 @@ fn agreement(export: &Export, tile: &CalibrationTile) -> BTreeMap<String, Agreem
             entry.largest = entry.largest.max(difference);
         }
         if !float && std::env::var_os("DIAG").is_some() {
-            let c = &program.codes[id]; let ch = graph.nodes[id].channels;
+            let c = &program.codes[id];
+            let ch = graph.nodes[id].channels;
             let (mut e, mut p) = (0.0, 0.0);
-            for (i, v) in codes.iter().enumerate() { let r = (v - c.zero as f64) * c.scales[i % ch]; let f = maps[id][i] as f64; e += (r - f).powi(2); p += f * f; }
+            for (i, v) in codes.iter().enumerate() {
+                let r = (v - c.zero as f64) * c.scales[i % ch];
+                let f = maps[id][i] as f64;
+                e += (r - f).powi(2);
+                p += f * f;
+            }
             println!("  {:40} {:?} rel err {:.4}", graph.nodes[id].name, c.dtype, (e / p).sqrt());
         }
         emulator.maps.push(codes);
