@@ -104,7 +104,9 @@ impl Tensor {
             Dtype::F32 => (0, 0),
         };
         let codes = [tensor.lo, tensor.zero, tensor.hi];
-        let legal = codes.iter().all(|c| (low..=high).contains(c)) && tensor.lo <= tensor.hi;
+        let legal = codes.iter().all(|c| (low..=high).contains(c))
+            && tensor.lo <= tensor.hi
+            && tensor.magnitude() <= i16::MAX as i32;
         (legal && word(9) == 0 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
     }
 

@@ -4,7 +4,7 @@ use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use crate::model::config::{DecoderKind, Head, ImageEncoderKind, NetConfig};
 use crate::model::weights::Weights;
 use crate::{Error, Result};
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Batch and layer norm epsilon (PyTorch's default).
@@ -23,27 +23,35 @@ pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (
     if rows == 0 || cols == 0 || rows % 32 != 0 || cols % 32 != 0 {
         return Err(Error::usage(format!("tile: expected multiples of 32, found {rows} x {cols}")));
     }
-    let mut builder = Builder {
-        config,
-        reader: Reader { weights, asked: BTreeSet::new(), misfits: Vec::new() },
-        graph: Graph::default(),
-    };
+    let mut builder = Builder::new(config, weights);
     builder.network(rows, cols);
     builder.reader.finish(path)?;
     Ok(builder.graph)
 }
 
+/// Every tensor that a configuration's weights hold, by name, with its shape.
+///
+/// # Errors
+/// [`Error::Usage`] if the configuration contradicts itself.
+pub fn manifest(config: &NetConfig) -> Result<BTreeMap<String, Vec<usize>>> {
+    config.check().map_err(Error::usage)?;
+    let none = Weights::default();
+    let mut builder = Builder::new(config, &none);
+    builder.network(32, 32);
+    Ok(builder.reader.asked)
+}
+
 /// Hands out tensors and notes what does not fit.
 struct Reader<'a> {
     weights: &'a Weights,
-    asked: BTreeSet<String>,
+    asked: BTreeMap<String, Vec<usize>>,
     misfits: Vec<String>,
 }
 
 impl Reader<'_> {
     /// The tensor, or zeros of that shape (with a misfit noted).
     fn get(&mut self, name: &str, shape: &[usize]) -> Vec<f32> {
-        self.asked.insert(name.into());
+        self.asked.insert(name.into(), shape.to_vec());
         let misfit = match self.weights.tensors.get(name) {
             Some(a) if a.shape == shape && a.data.iter().all(|v| v.is_finite()) => return a.data.clone(),
             Some(a) if a.shape == shape => format!("{name}: expected finite numbers, found NaN or infinity"),
@@ -57,7 +65,7 @@ impl Reader<'_> {
     fn finish(mut self, path: &Path) -> Result<()> {
         // Golden files carry inputs, maps and outputs beside the weights.
         let payload = |n: &str| n.starts_with("input.") || n.starts_with("trace.") || n == "output" || n == "truth";
-        let extra = self.weights.tensors.iter().filter(|(n, _)| !payload(n) && !self.asked.contains(*n));
+        let extra = self.weights.tensors.iter().filter(|(n, _)| !payload(n) && !self.asked.contains_key(*n));
         self.misfits.extend(extra.map(|(n, a)| format!("{n}: expected none, found {:?}", a.shape)));
         if self.misfits.is_empty() {
             return Ok(());
@@ -94,7 +102,12 @@ struct Spec {
     precise: bool,
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
+    fn new(config: &'a NetConfig, weights: &'a Weights) -> Self {
+        let reader = Reader { weights, asked: BTreeMap::new(), misfits: Vec::new() };
+        Self { config, reader, graph: Graph::default() }
+    }
+
     fn network(&mut self, rows: usize, cols: usize) {
         let image = self.push("image", Operation::Image, (rows, cols, 1), true);
         let needs_coarse = self.config.use_coarse || self.config.head == Head::Residual;

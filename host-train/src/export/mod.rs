@@ -18,6 +18,4 @@ pub use calibrate::CalibrationTile;
 pub use compile::{Options, Precision, export};
 
 #[cfg(test)]
-mod emulate;
-#[cfg(test)]
 mod tests;

@@ -4,27 +4,27 @@
 //! fixed-point square root, no exponential table. Each node is computed from the codes of its inputs as the runner left them,
 //! so a difference points at one operator.
 
-use super::build::NORM_EPSILON;
-use super::float::gelu;
-use super::graph::{Activation, Graph, NodeId, Operation, Source};
-use super::quantise::{Codes, Program, gelu_table, quantise_weights};
+use super::super::build::NORM_EPSILON;
+use super::super::float::gelu;
+use super::super::graph::{Activation, Graph, NodeId, Operation, Source};
+use super::super::quantise::{Codes, Program, gelu_table, quantise_weights};
 use elunar_core::nn::Dtype;
 
 /// A map as codes (for the output: real values).
-pub(super) type Map = Vec<f64>;
+pub(crate) type Map = Vec<f64>;
 
-pub(super) struct Emulator<'a> {
-    pub(super) graph: &'a Graph,
-    pub(super) program: &'a Program,
+pub(crate) struct Emulator<'a> {
+    pub(crate) graph: &'a Graph,
+    pub(crate) program: &'a Program,
     /// Codes of every node so far.
-    pub(super) maps: Vec<Map>,
+    pub(crate) maps: Vec<Map>,
     /// The coarse DTM as given, for a residual head.
-    pub(super) coarse: Vec<f32>,
+    pub(crate) coarse: Vec<f32>,
 }
 
 impl Emulator<'_> {
     /// Codes of node `id` from those of its inputs.
-    pub(super) fn node(&self, id: NodeId) -> Map {
+    pub(crate) fn node(&self, id: NodeId) -> Map {
         match &self.graph.nodes[id].operation {
             Operation::Image | Operation::Coarse => unreachable!("inputs are given"),
             Operation::Conv { .. } => self.conv(id),
