@@ -16,6 +16,8 @@ pub mod picture;
 pub mod predict;
 pub mod raster;
 pub mod synth;
+#[cfg(test)]
+mod testing;
 pub mod train;
 
 pub use error::{Error, Result};

@@ -110,6 +110,29 @@ fn the_flight_workspace_flies_nothing_else() {
     assert!(packages.contains("elunar-capi") && !packages.contains("host-train"));
 }
 
+/// Packages with their features, one line each.
+fn features(arguments: &[&str]) -> BTreeSet<String> {
+    let out = Command::new(env!("CARGO"))
+        .args(["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p}|{f}|"])
+        .args(arguments)
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    assert!(out.status.success(), "cargo tree {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
+    // Cargo marks what it has shown before with "(*)", behind the last bar.
+    let line = |line: &str| line.rsplit_once('|').map(|(package, _)| package.to_string());
+    String::from_utf8(out.stdout).unwrap().lines().filter_map(line).collect()
+}
+
+#[test]
+fn running_and_testing_share_one_build_of_the_dependencies() {
+    let run = features(&["--package", "host-train", "--edges", "normal,build"]);
+    let test = features(&["--workspace", "--edges", "normal,build,dev"]);
+    assert!(run.iter().any(|line| line.starts_with("burn ")) && run.len() > 100, "{} packages", run.len());
+    let apart: Vec<&String> = run.difference(&test).collect();
+    assert_eq!(apart, [""; 0], "built once more by `cargo test`: see the last dependencies in host-train/Cargo.toml");
+}
+
 #[test]
 fn a_forbidden_edge_is_noticed() {
     let ours = ours();

@@ -1,10 +1,9 @@
 //! `host-train evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
 
-use super::shade::write_error_map;
-use crate::Result;
 use crate::evaluate::{Candidate, compare, json, table};
 use crate::raster::align::Named;
 use crate::raster::geotiff;
+use crate::{Result, picture};
 use std::path::PathBuf;
 
 /// Options of `evaluate`.
@@ -46,7 +45,8 @@ pub fn run(args: Args) -> Result<()> {
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
     let comparison = compare(Named::new(&truth_name, &truth), &candidates)?;
     if let (Some(path), Some(judged)) = (&args.error_map, comparison.judged.first()) {
-        write_error_map(path, &judged.error_m)?;
+        let error = &judged.error_m;
+        picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
     }
     if args.json {
         println!("{}", json(&comparison));

@@ -8,7 +8,6 @@ pub mod init;
 pub mod inspect;
 pub mod latency;
 pub mod predict;
-mod shade;
 pub mod synth;
 pub mod train;
 
@@ -36,7 +35,7 @@ pub enum Command {
     /// Compare the network with a golden file, map by map.
     Check(check::Args),
     /// Train a network.
-    Train(train::Args),
+    Train(Box<train::Args>),
     /// Turn weights into the model file of the int8 runner.
     Export(export::Args),
     /// Predict a DTM from an image and a coarse DTM.
@@ -60,7 +59,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Synth(args)) => synth::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
-        Some(Command::Train(args)) => train::run(args),
+        Some(Command::Train(args)) => train::run(*args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Evaluate(args)) => evaluate::run(args),

@@ -1,12 +1,10 @@
 //! `host-train predict`: an image and a coarse DTM in, a DTM out.
 
-use super::shade::write_hillshade;
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
-use crate::predict::{Options, Prediction, Scene, network::Model, open, predict};
-use crate::raster::MOON_RADIUS_M;
+use crate::predict::{Options, Prediction, Provenance, Scene, open, predict, write_dtm};
 use crate::raster::align::Named;
-use crate::raster::geotiff::{self, WriteOptions};
+use crate::raster::geotiff;
 use crate::{Error, Result, interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
@@ -49,18 +47,23 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the inputs, opening the model, predicting and writing; nothing is left behind then.
+/// From reading the inputs, opening the model, predicting and writing; no file is left behind then.
 pub fn run(args: Args) -> Result<()> {
     check_output(&args)?;
     let model = open(&args.model, args.backend)?;
-    let (image, coarse) = (geotiff::read(&args.image)?, geotiff::read(&args.coarse)?);
     let (image_name, coarse_name) = (args.image.display().to_string(), args.coarse.display().to_string());
-    let scene = Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?;
+    // The rasters are let go once the scene holds what it needs of them.
+    let scene = {
+        let (image, coarse) = (geotiff::read(&args.image)?, geotiff::read(&args.coarse)?);
+        Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?
+    };
     let overlap_px = args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile()));
     let options = Options { overlap_px, blend: args.blend, threads: args.threads };
     interrupt::listen();
     let made = with_progress(|progress| predict(&scene, model.as_ref(), &options, progress))?;
-    write(&args, model.as_ref(), &made)?;
+    let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let (model, image, coarse) = (model.description(), file(&args.image), file(&args.coarse));
+    write_dtm(&args.output, &made, &Provenance { model: &model, image: &image, coarse: &coarse })?;
     println!("{}", summary(&args.output, &made));
     Ok(())
 }
@@ -88,32 +91,6 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
     });
     bar.finish_and_clear();
     result
-}
-
-/// Hillshade first, so that a DTM that is there is a finished one.
-fn write(args: &Args, model: &dyn Model, made: &Prediction) -> Result<()> {
-    let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let radius_m = made.dtm.georef.as_ref().and_then(|g| g.crs.sphere_radius_m()).unwrap_or(MOON_RADIUS_M);
-    let (image, coarse) = (file(&args.image), file(&args.coarse));
-    let description = format!(
-        "DTM from one image: heights above the {radius_m} m sphere; {}; image {image}; coarse DTM {coarse}",
-        model.description()
-    );
-    let options = WriteOptions::heights(description)
-        .with_item("MODEL", model.description())
-        .with_item("IMAGE", image)
-        .with_item("COARSE_DTM", coarse)
-        .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
-        .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
-    let shade = hillshade_path(&args.output);
-    write_hillshade(&shade, &made.dtm)?;
-    geotiff::write(&args.output, &made.dtm, &options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
-}
-
-/// `dtm.tif` has `dtm_hillshade.png` beside it.
-fn hillshade_path(output: &Path) -> PathBuf {
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    output.with_file_name(format!("{stem}_hillshade.png"))
 }
 
 fn summary(output: &Path, made: &Prediction) -> String {

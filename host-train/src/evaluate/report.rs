@@ -3,6 +3,8 @@
 use super::{Comparison, Judged};
 use elunar_core::metrics::height::LIMITS_M;
 use serde_json::{Value, json as value};
+use std::collections::BTreeSet;
+use std::path::Path;
 
 /// A row of the table: heading, unit, and how to get the figure.
 type Line = (&'static str, &'static str, fn(&Judged) -> f64);
@@ -26,7 +28,8 @@ const LINES: [Line; 12] = [
 #[must_use]
 pub fn table(comparison: &Comparison) -> String {
     let heading = LINES.iter().map(|(name, unit, _)| name.len() + unit.len() + 3).max().unwrap_or(0);
-    let widths: Vec<usize> = comparison.judged.iter().map(|j| j.name.chars().count().max(10)).collect();
+    let names = short_names(comparison);
+    let widths: Vec<usize> = names.iter().map(|name| name.chars().count().max(10)).collect();
     let mut text = format!(
         "against {}: {} of {} valid pixels, {:.3} x {:.3} m\n{:heading$}",
         comparison.truth,
@@ -36,8 +39,8 @@ pub fn table(comparison: &Comparison) -> String {
         comparison.pixel.col_m,
         ""
     );
-    for (judged, width) in comparison.judged.iter().zip(&widths) {
-        text += &format!("  {:>width$}", judged.name);
+    for (name, width) in names.iter().zip(&widths) {
+        text += &format!("  {name:>width$}");
     }
     text.push('\n');
     for (name, unit, figure) in LINES {
@@ -48,6 +51,19 @@ pub fn table(comparison: &Comparison) -> String {
         text.push('\n');
     }
     text
+}
+
+/// File names without their folders, unless two candidates would then be called the same.
+fn short_names(comparison: &Comparison) -> Vec<String> {
+    let full: Vec<String> = comparison.judged.iter().map(|j| j.name.clone()).collect();
+    let short: Vec<String> = full
+        .iter()
+        .map(|name| {
+            Path::new(name).file_name().map_or_else(|| name.clone(), |file| file.to_string_lossy().into_owned())
+        })
+        .collect();
+    let distinct = short.iter().collect::<BTreeSet<_>>().len() == short.len();
+    if distinct { short } else { full }
 }
 
 /// The same for programs: one object, units in the names, shares in [0, 1].

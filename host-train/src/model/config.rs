@@ -208,7 +208,7 @@ impl NetConfig {
         }
         for (i, heads) in self.heads.iter().enumerate() {
             let dim = self.embed << i;
-            if dim % heads != 0 {
+            if !dim.is_multiple_of(*heads) {
                 return Err(format!(
                     "configuration: stage {i}: expected heads to divide {dim} channels, found {heads}"
                 ));

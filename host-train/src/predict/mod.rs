@@ -7,6 +7,7 @@ mod fill;
 pub mod float;
 pub mod int8;
 pub mod network;
+mod output;
 mod run;
 mod scene;
 mod tile;
@@ -14,6 +15,7 @@ mod tile;
 #[cfg(test)]
 mod tests;
 
+pub use output::{Provenance, hillshade_path, write_dtm};
 pub use run::{Options, Prediction, predict};
 pub use scene::Scene;
 

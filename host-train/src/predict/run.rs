@@ -52,7 +52,7 @@ pub struct Prediction {
     pub tiles_empty: usize,
 }
 
-/// Runs `model` over `scene`. `progress` hears (tiles done, tiles in all) after each tile and may stop the run.
+/// Runs `model` over `scene`. `progress` hears (tiles done, tiles in all) at the start and after each tile, and may stop the run.
 ///
 /// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
 /// size. Every tile is normalised by its own ranges, predicted, recovered to metres (Eq. 8) and blended. The result is the same for
@@ -134,13 +134,13 @@ impl Sink {
         progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
     ) -> Result<()> {
         let mut waiting = BTreeMap::new();
-        let (mut done, mut joined) = (0, 0);
-        while done < self.tiling.len() {
+        let (mut done, mut joined, all) = (0, 0, self.tiling.len());
+        while done < all {
+            if progress(done, all).is_break() {
+                return Err(Error::usage(format!("stopped after {done} of {all} tiles; nothing was written")));
+            }
             let Ok((index, outcome)) = receive.recv() else {
-                return Err(Error::usage(format!(
-                    "{done} of {} tiles were predicted before the threads ended",
-                    self.tiling.len()
-                )));
+                return Err(Error::usage(format!("{done} of {all} tiles were predicted before the threads ended")));
             };
             waiting.insert(index, outcome?);
             done += 1;
@@ -148,13 +148,9 @@ impl Sink {
                 self.join(joined, outcome)?;
                 joined += 1;
             }
-            if progress(done, self.tiling.len()).is_break() && done < self.tiling.len() {
-                return Err(Error::usage(format!(
-                    "stopped after {done} of {} tiles; nothing was written",
-                    self.tiling.len()
-                )));
-            }
         }
+        // Too late to stop: the work is done.
+        let _ = progress(done, all);
         Ok(())
     }
 

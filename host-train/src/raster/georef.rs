@@ -52,4 +52,15 @@ mod tests {
     fn pixel_size_is_in_metres() {
         assert_eq!(place([0.0, 2.0, 0.0, 0.0, 0.0, -3.0]).pixel_m(10, 10), Some((3.0, 2.0)));
     }
+
+    #[test]
+    fn degrees_become_metres_on_their_sphere() {
+        let directory = vec![1, 1, 0, 3, 1024, 0, 1, 2, 2057, 34736, 1, 0, 2058, 34736, 1, 0];
+        let crs = Crs { directory, doubles: vec![1_737_400.0], ascii: String::new() };
+        // One pixel of a tenth of a degree with its centre at 60 degrees north.
+        let georef = GeoRef { transform: [10.0, 0.1, 0.0, 60.05, 0.0, -0.1], crs };
+        let (row_m, col_m) = georef.pixel_m(1, 1).unwrap();
+        let degree_m = 1_737_400.0 * std::f64::consts::PI / 180.0;
+        assert!((row_m - 0.1 * degree_m).abs() < 1e-6 && (col_m - 0.05 * degree_m).abs() < 1e-6);
+    }
 }

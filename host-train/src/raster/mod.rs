@@ -61,15 +61,3 @@ pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     file.persist(path).map_err(|e| Error::Io { path: path.into(), source: e.error })?;
     Ok(())
 }
-
-/// The folder of outside test data, by `ELUNAR_SHARED` or beside the repository; says aloud where it is absent.
-#[cfg(test)]
-pub(crate) fn shared_folder() -> Option<std::path::PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let folder = std::env::var_os("ELUNAR_SHARED").map_or_else(beside, Into::into);
-    if !folder.join("data").is_dir() {
-        println!("SKIPPED: no test data at {} (set ELUNAR_SHARED)", folder.display());
-        return None;
-    }
-    Some(folder)
-}

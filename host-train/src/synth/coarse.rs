@@ -128,3 +128,56 @@ fn add_error(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f6
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    const MARGIN_PX: usize = 100;
+
+    fn plane() -> Vec<f32> {
+        // 2 m pixels: 0.1 m per metre south, -0.05 m per metre east, zero at the scene's corner.
+        let height = |k: usize| {
+            let (row, col) = ((k / 300) as f64 + 0.5 - MARGIN_PX as f64, (k % 300) as f64 + 0.5 - MARGIN_PX as f64);
+            (0.2 * row - 0.1 * col) as f32
+        };
+        (0..280 * 300).map(height).collect()
+    }
+
+    #[test]
+    fn averages_of_a_plane_are_the_plane_at_the_centres() {
+        let heights_m = plane();
+        let ground = Ground { heights_m: &heights_m, cols: 300, margin_px: MARGIN_PX, pixel_m: 2.0 };
+        let flawless = Flaws { error_m: 0.0, misregistration_m: 0.0 };
+        for seed in 0..5 {
+            let coarse = observe(&mut ChaCha8Rng::seed_from_u64(seed), &ground, 80, 100, &flawless);
+            for (k, height_m) in coarse.heights_m.iter().enumerate() {
+                let south_m = coarse.south_m + ((k / coarse.cols) as f64 + 0.5) * COARSE_PIXEL_M;
+                let east_m = coarse.east_m + ((k % coarse.cols) as f64 + 0.5) * COARSE_PIXEL_M;
+                // A cut pixel counts with its centre's height: at most 1/8 pixel's rise at each end of each side.
+                let bound_m = 2.0 * 0.125 * (0.2 + 0.1) / (COARSE_PIXEL_M / 2.0);
+                assert!((f64::from(*height_m) - (0.1 * south_m - 0.05 * east_m)).abs() < bound_m);
+            }
+            assert!(coarse.south_m <= -2.0 * COARSE_PIXEL_M && coarse.east_m <= -2.0 * COARSE_PIXEL_M);
+            let below_m = coarse.south_m + coarse.rows as f64 * COARSE_PIXEL_M - 160.0;
+            assert!(below_m >= 2.0 * COARSE_PIXEL_M, "{below_m} m below the scene");
+        }
+    }
+
+    #[test]
+    fn errors_have_the_size_and_smoothness_asked_for() {
+        let (mut square, mut difference, mut count) = (0.0f64, 0.0f64, 0.0);
+        for seed in 0..300 {
+            let mut heights_m = vec![0.0f32; 12 * 12];
+            add_error(&mut ChaCha8Rng::seed_from_u64(seed), &mut heights_m, 12, 3.0);
+            square += heights_m.iter().map(|v| f64::from(v * v)).sum::<f64>();
+            difference += heights_m.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum::<f64>();
+            count += 144.0;
+        }
+        let rms_m = (square / count).sqrt();
+        assert!((rms_m / 3.0 - 1.0).abs() < 0.1, "{rms_m} m");
+        // Neighbours 59 m apart err alike.
+        assert!((difference / count).sqrt() < 0.6 * rms_m);
+    }
+}

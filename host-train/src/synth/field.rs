@@ -195,3 +195,65 @@ fn transpose(source: &[Complex32], rows: usize, cols: usize) -> Vec<Complex32> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    const SPECTRUM: Spectrum = Spectrum { corner_rms_m: 0.5, corner_m: 60.0, hurst_long: 0.6, hurst_short: 0.9 };
+
+    #[test]
+    fn fields_have_the_variance_of_their_spectrum_and_are_independent() {
+        let plan = Plan::new(60, 100, 2.0);
+        assert_eq!(plan.shape(), (60, 100));
+        let amplitudes = plan.amplitudes(&SPECTRUM);
+        // Every wave of the plane by the definition: density k·P(k)/(2πk²) times the area of its cell.
+        let mut expected = 0.0;
+        for r in -29i32..=30 {
+            for c in -49i32..=50 {
+                let k = TAU * (f64::from(r) / 120.0).hypot(f64::from(c) / 200.0);
+                if k > 0.0 {
+                    expected += SPECTRUM.variance_per_efold(k) / (TAU * k * k) * TAU / 120.0 * TAU / 200.0;
+                }
+            }
+        }
+        let (mut first, mut second, mut both) = (0.0f64, 0.0f64, 0.0f64);
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for _ in 0..200 {
+            let (a, b) = plan.draw(&mut rng, &amplitudes, &amplitudes);
+            let mean = |f: &mut dyn Iterator<Item = f32>| f.map(f64::from).sum::<f64>() / (200.0 * 6000.0);
+            first += mean(&mut a.iter().map(|v| v * v));
+            second += mean(&mut b.iter().map(|v| v * v));
+            both += mean(&mut a.iter().zip(&b).map(|(a, b)| a * b));
+        }
+        for variance in [first, second] {
+            assert!((variance / expected - 1.0).abs() < 0.1, "variance {variance}, expected {expected}");
+        }
+        assert!(both.abs() < 0.1 * expected, "covariance {both}");
+    }
+
+    #[test]
+    fn long_waves_have_the_variance_that_the_grid_lacks() {
+        let plan = Plan::new(60, 100, 2.0);
+        let (low, high) = (TAU / LONGEST_M, (TAU / 120.0 * TAU / 200.0 / std::f64::consts::PI).sqrt());
+        // Integral of the spectrum over the logarithm of k, by the midpoint rule.
+        let steps = 2000;
+        let step = (high / low).ln() / f64::from(steps);
+        let expected: f64 =
+            (0..steps).map(|n| step * SPECTRUM.variance_per_efold(low * ((f64::from(n) + 0.5) * step).exp())).sum();
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let mut square = 0.0;
+        for _ in 0..3000 {
+            let mut field = vec![0.0f32; 4];
+            plan.long_waves(&mut rng, &SPECTRUM).add_to(&mut field, 2, 1.0);
+            square += f64::from(field[3]).powi(2) / 3000.0;
+        }
+        assert!((square / expected - 1.0).abs() < 0.15, "variance {square}, expected {expected}");
+    }
+
+    #[test]
+    fn sizes_suit_the_fft() {
+        assert_eq!([1, 2, 7, 97, 450, 511].map(fft_size), [2, 2, 8, 100, 450, 512]);
+    }
+}

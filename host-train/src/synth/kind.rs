@@ -24,16 +24,16 @@ pub(super) struct Recipe {
 
 impl TerrainKind {
     /// The recipe of this kind. The spectra are fitted so that terrain *with* craters has the structure function of the
-    /// NAC DTMs in [`super::structure`]. Saturation diameters: our choice, a 3.5 Ga mare saturates up to about 200 m, older
+    /// NAC DTMs in [`super::structure`]. Saturation diameters: our choice, a 3.5 Ga mare saturates up to about 120 m, older
     /// highland up to about 500 m.
     pub(super) fn recipe(self) -> Recipe {
         match self {
             Self::Mare => Recipe {
-                spectrum: Spectrum { corner_rms_m: 0.455, corner_m: 100.0, hurst_long: 0.93, hurst_short: 1.32 },
-                saturation_diameter_m: 200.0,
+                spectrum: Spectrum { corner_rms_m: 0.19, corner_m: 100.0, hurst_long: 1.20, hurst_short: 1.4 },
+                saturation_diameter_m: 120.0,
             },
             Self::Highland => Recipe {
-                spectrum: Spectrum { corner_rms_m: 0.613, corner_m: 100.0, hurst_long: 1.18, hurst_short: 0.974 },
+                spectrum: Spectrum { corner_rms_m: 0.61, corner_m: 100.0, hurst_long: 1.17, hurst_short: 1.1 },
                 saturation_diameter_m: 500.0,
             },
         }

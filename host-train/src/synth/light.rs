@@ -150,3 +150,122 @@ fn transpose(field: &[f32], rows: usize, cols: usize) -> Vec<f32> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sun(azimuth_deg: f64, elevation_deg: f64) -> Sun {
+        Sun { azimuth_deg, elevation_deg }
+    }
+
+    #[test]
+    fn weights_are_the_tabulated_ones() {
+        // SPEC B2: 30° .608, 60° .416, 90° .186, clamped beyond about 105°.
+        for (alpha_deg, expected) in [(0.0, 1.0), (30.0, 0.608), (60.0, 0.416), (90.0, 0.186), (120.0, 0.0)] {
+            assert!((lunar_lambert_weight(alpha_deg) - expected).abs() < 1e-3, "{alpha_deg}°");
+        }
+    }
+
+    #[test]
+    fn level_ground_reflects_by_the_formula() {
+        let out = reflectance(&[5.0; 64], 8, 8, 2.0, &sun(70.0, 30.0));
+        let (weight, mu0) = (0.416f32, 0.5);
+        let expected = 2.0 * weight * mu0 / (mu0 + 1.0) + (1.0 - weight) * mu0 + SCATTERED * mu0;
+        assert!(out.iter().all(|v| (v - expected).abs() < 2e-3), "{} instead of {expected}", out[0]);
+    }
+
+    #[test]
+    fn slopes_towards_the_sun_are_brighter() {
+        let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k % 20) as f32).collect();
+        // Rising eastwards: it faces west. Rising southwards: it faces north.
+        let at = |azimuth_deg| reflectance(&ramp, 20, 20, 2.0, &sun(azimuth_deg, 40.0))[210];
+        assert!(at(270.0) > at(0.0) && at(0.0) > at(90.0));
+        let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k / 20) as f32).collect();
+        let at = |azimuth_deg| reflectance(&ramp, 20, 20, 2.0, &sun(azimuth_deg, 40.0))[210];
+        assert!(at(0.0) > at(90.0) && at(90.0) > at(180.0));
+    }
+
+    #[test]
+    fn a_wall_casts_a_shadow_of_its_height_over_the_tangent() {
+        let (rows, cols, pixel_m, height_m) = (101, 121, 2.0, 30.0);
+        for elevation_deg in [20.0f64, 35.0, 50.0] {
+            let length_px = height_m / elevation_deg.to_radians().tan() / pixel_m;
+            for azimuth_deg in [0.0, 90.0, 180.0, 270.0] {
+                let along_rows = azimuth_deg % 180.0 == 90.0;
+                let wall: Vec<f32> = (0..rows * cols)
+                    .map(|k| if along_rows { k % cols == 60 } else { k / cols == 50 })
+                    .map(|wall| if wall { height_m as f32 } else { 0.0 })
+                    .collect();
+                let lit = visibility(&wall, rows, cols, pixel_m, &sun(azimuth_deg, elevation_deg));
+                let line = |k: usize| if along_rows { lit[50 * cols + k] } else { lit[k * cols + 60] };
+                let dark: f32 = (0..if along_rows { cols } else { rows }).map(|k| 1.0 - line(k)).sum();
+                assert!(
+                    (f64::from(dark) - length_px).abs() < 1.0,
+                    "Sun {elevation_deg}° high from {azimuth_deg}°: {dark} px, expected {length_px}"
+                );
+                // It falls away from the Sun.
+                let behind = match azimuth_deg as u32 {
+                    0 => line(55),
+                    90 => line(55),
+                    180 => line(45),
+                    _ => line(65),
+                };
+                assert!(behind < 0.01, "Sun from {azimuth_deg}°");
+            }
+        }
+    }
+
+    /// The obvious way: from each pixel towards the Sun in small steps, bilinear heights.
+    fn naive_visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<bool> {
+        let [east, south, up] = sun.direction();
+        let level = east.hypot(south);
+        let height = |r: f64, c: f64| {
+            let (i, j) = (r.floor(), c.floor());
+            let (fr, fc) = (r - i, c - j);
+            let at = |di: usize, dj: usize| {
+                f64::from(heights_m[(i as usize + di).min(rows - 1) * cols + (j as usize + dj).min(cols - 1)])
+            };
+            (at(0, 0) * (1.0 - fc) + at(0, 1) * fc) * (1.0 - fr) + (at(1, 0) * (1.0 - fc) + at(1, 1) * fc) * fr
+        };
+        (0..rows * cols)
+            .map(|k| {
+                let (r0, c0) = ((k / cols) as f64, (k % cols) as f64);
+                (1..2000).all(|n| {
+                    let distance_px = 0.25 * f64::from(n);
+                    let (r, c) = (r0 + distance_px * south / level, c0 + distance_px * east / level);
+                    let outside = r < 0.0 || c < 0.0 || r > (rows - 1) as f64 || c > (cols - 1) as f64;
+                    outside || height(r, c) <= f64::from(heights_m[k]) + distance_px * pixel_m * up / level
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn shadows_are_those_of_a_ray_through_every_pixel() {
+        let (rows, cols) = (90, 110);
+        let heights: Vec<f32> = (0..rows * cols)
+            .map(|k| {
+                let (r, c) = ((k / cols) as f32, (k % cols) as f32);
+                12.0 * (0.13 * r + 0.05 * c).sin() * (0.11 * c - 0.04 * r).cos()
+                    + 3.0 * (0.5 * r).sin() * (0.4 * c).cos()
+            })
+            .collect();
+        for azimuth_deg in [10.0, 63.0, 117.0, 170.0, 200.0, 255.0, 290.0, 340.0] {
+            let sun = sun(azimuth_deg, 20.0);
+            let fast = visibility(&heights, rows, cols, 2.0, &sun);
+            let naive = naive_visibility(&heights, rows, cols, 2.0, &sun);
+            // On the rim of a shadow the two interpolate differently; a pixel whose neighbours are all like it must agree.
+            let inner = |k: usize| {
+                let (r, c) = (k / cols, k % cols);
+                let border = r == 0 || c == 0 || r == rows - 1 || c == cols - 1;
+                !border && (r - 1..=r + 1).all(|r| (c - 1..=c + 1).all(|c| naive[r * cols + c] == naive[k]))
+            };
+            let inner: Vec<usize> = (0..rows * cols).filter(|k| inner(*k)).collect();
+            let shadow = inner.iter().filter(|k| !naive[**k]).count();
+            let wrong = inner.iter().filter(|k| (fast[**k] > 0.5) != naive[**k]).count();
+            assert!(shadow > 500 && inner.len() - shadow > 500, "{shadow} of {} pixels in shadow", inner.len());
+            assert!(wrong * 500 <= inner.len(), "Sun from {azimuth_deg}°: {wrong} of {} pixels differ", inner.len());
+        }
+    }
+}

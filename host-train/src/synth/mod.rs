@@ -2,15 +2,18 @@
 //! downloads.
 //!
 //! One scene is made in this order: [`field`] draws the spectral terrain and the albedo, [`crater`] adds craters in all
-//! states of decay, [`light`] illuminates it (Lunar–Lambert, cast shadows), [`camera`] turns radiance into DN, [`coarse`]
-//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt. [`structure`] measures how rough the result is.
+//! states of decay, [`boulder`] strews blocks around the fresh ones, [`light`] illuminates it (Lunar–Lambert, cast shadows), [`camera`] turns radiance into DN, [`coarse`]
+//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, [`files`] writes it. [`structure`] measures how rough
+//! the result is.
 //!
 //! Everything follows from `(seed, options, index)`; the number of threads changes nothing.
 
+mod boulder;
 mod camera;
 mod coarse;
 mod crater;
 mod field;
+mod files;
 mod kind;
 mod light;
 mod moon;
@@ -18,6 +21,7 @@ mod options;
 pub mod structure;
 
 pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
+pub use files::{Manifest, SceneEntry};
 pub use kind::TerrainKind;
 pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;

@@ -5,15 +5,15 @@ use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
 use super::crater::{self, Profiles};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
-use super::{SynthOptions, TerrainKind};
+use super::{SynthOptions, TerrainKind, boulder};
 use crate::Result;
 use crate::raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Albedo between the craters: standard deviation of its logarithm about 4 %, rougher than terrain (our choice).
-const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.015, corner_m: 100.0, hurst_long: 0.3, hurst_short: 0.5 };
+/// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
+const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
 const ROUGHNESS_SPREAD: f64 = 0.25;
 /// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation, maria lower than highlands (our choice).
@@ -64,6 +64,8 @@ pub struct SynthTile {
 /// An image and its truth on one grid, with the coarse DTM on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
+    /// Its number on its Moon.
+    pub index: u64,
     /// Rows of image and truth.
     pub rows: usize,
     /// Columns of image and truth.
@@ -180,6 +182,7 @@ impl Moon {
         let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
         let image = self.image(rng, &heights_m, &log_albedo, &sun, shop);
         SynthScene {
+            index,
             rows: shop.rows,
             cols: shop.cols,
             pixel_m: options.pixel_m,
@@ -212,6 +215,9 @@ impl Moon {
         shop.plan.long_waves(rng, &recipe.spectrum).add_to(&mut heights_m, cols, roughness);
         for crater in crater::population(rng, rows, cols, pixel_m, recipe.saturation_diameter_m) {
             crater::stamp(&crater, &self.profiles, pixel_m, &mut heights_m, &mut log_albedo, cols);
+            if self.options.boulders {
+                boulder::strew(rng, &crater, pixel_m, &mut heights_m, cols);
+            }
         }
         heights_m.iter_mut().for_each(|height| *height += base_m);
         (heights_m, log_albedo)

@@ -28,6 +28,8 @@ pub struct SynthOptions {
     pub coarse_error_m: (f64, f64),
     /// Largest horizontal misregistration of the coarse DTM, metres. Default 10 (SLDEM2015).
     pub misregistration_m: f64,
+    /// Whether fresh craters have boulders. Default true.
+    pub boulders: bool,
 }
 
 impl Default for SynthOptions {
@@ -40,6 +42,7 @@ impl Default for SynthOptions {
             sun_elevation_deg: (18.0, 64.0),
             coarse_error_m: (1.5, 4.0),
             misregistration_m: 10.0,
+            boulders: true,
         }
     }
 }

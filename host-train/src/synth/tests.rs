@@ -8,7 +8,7 @@ use rayon::prelude::*;
 fn ensemble_has_the_structure_function_of_the_nac_dtms() {
     for (kind, reference) in [(TerrainKind::Mare, MARE), (TerrainKind::Highland, HIGHLAND)] {
         let moon = Moon::new(11, SynthOptions { kind: Some(kind), ..Default::default() }).unwrap();
-        const SEEDS: u64 = 192;
+        const SEEDS: u64 = 512;
         let squares: Vec<[f64; 6]> = (0..SEEDS)
             .into_par_iter()
             .map(|index| {

@@ -7,7 +7,6 @@ use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 
@@ -48,8 +47,8 @@ impl Feed {
     pub fn batch(&self, step: usize) -> Result<Batch> {
         let per_tile = self.recipe.crops_per_tile.min(self.recipe.batch);
         let tiles = self.recipe.batch.div_ceil(per_tile);
-        let made: Result<Vec<Sample>> =
-            (0..tiles).into_par_iter().map(|slot| self.sample((step * tiles + slot) as u64)).collect();
+        // One after the other: the thread pool belongs to the network, whose short tasks must not queue behind whole tiles.
+        let made: Result<Vec<Sample>> = (0..tiles).map(|slot| self.sample((step * tiles + slot) as u64)).collect();
         let made = made?;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(step as u64);

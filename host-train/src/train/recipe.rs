@@ -66,7 +66,7 @@ impl Recipe {
                 warm_up: 100,
                 elevation_only: 0.0,
                 crop: [128, 160],
-                crops_per_tile: 2,
+                crops_per_tile: 3,
                 validate_every: 250,
                 validation_tiles: 16,
                 checkpoint_every: 100,
@@ -99,7 +99,7 @@ impl Recipe {
     /// One line naming the field, what is expected and what was found.
     pub fn check(&self) -> std::result::Result<(), String> {
         for (name, n) in [("crop rows", self.crop[0]), ("crop columns", self.crop[1])] {
-            if n == 0 || n % 32 != 0 {
+            if n == 0 || !n.is_multiple_of(32) {
                 return Err(format!("{name}: expected a multiple of 32, found {n}"));
             }
         }

@@ -124,10 +124,10 @@ impl Run {
             state.journal.step(&figures)?;
             bar.set_message(format!("loss {:.4}", figures.loss));
             bar.set_position(done as u64);
-            if done % recipe.validate_every == 0 || done == recipe.steps {
+            if done.is_multiple_of(recipe.validate_every) || done == recipe.steps {
                 self.validate(&mut state, done, &bar)?;
             }
-            if done % recipe.checkpoint_every == 0 || done == recipe.steps {
+            if done.is_multiple_of(recipe.checkpoint_every) || done == recipe.steps {
                 self.checkpoint(&state, done)?;
             }
         }

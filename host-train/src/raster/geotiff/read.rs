@@ -3,6 +3,7 @@
 use super::super::{Crs, GeoRef, GeoTransform, Raster};
 use super::{LOWEST_VALID, metadata, tag};
 use crate::{Error, Result};
+use elunar_core::mask::is_real_i16;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::Path;
@@ -17,7 +18,8 @@ type Tiff = Decoder<BufReader<File>>;
 
 /// Reads the first image of a GeoTIFF: one band, in the unit of the file, except that kilometres become metres.
 ///
-/// Samples become NaN where they equal the nodata tag (42113), are not finite, or, in float files, are at or below -3.4e38.
+/// Samples become NaN where they equal the nodata tag (42113), are not finite, or are special pixels of PDS3 and ISIS: at or below
+/// -3.4e38 in float files, at or below -32764 in signed 16-bit ones.
 /// Scale and offset of the metadata tag (42112) are applied, except an offset equal to the radius of the file's own sphere: planetary
 /// products state radii that way, and heights of this program are above the sphere. `f64` and 32-bit integers are rounded to `f32`.
 /// For files with `AREA_OR_POINT=Point` the transform is moved by half a pixel, so that it always speaks of pixel corners.
@@ -114,7 +116,9 @@ fn samples(path: &Path, tiff: &mut Tiff, rows: usize, cols: usize, rule: &Rule) 
             DecodingResult::U8(v) => window.fill(v, |v| rule.whole(f64::from(v))),
             DecodingResult::I8(v) => window.fill(v, |v| rule.whole(f64::from(v))),
             DecodingResult::U16(v) => window.fill(v, |v| rule.whole(f64::from(v))),
-            DecodingResult::I16(v) => window.fill(v, |v| rule.whole(f64::from(v))),
+            DecodingResult::I16(v) => {
+                window.fill(v, |v| if is_real_i16(v) { rule.whole(f64::from(v)) } else { f32::NAN })
+            }
             DecodingResult::U32(v) => window.fill(v, |v| rule.whole(f64::from(v))),
             DecodingResult::I32(v) => window.fill(v, |v| rule.whole(f64::from(v))),
             DecodingResult::F16(v) => window.fill(v, |v| rule.float(v.to_f64(), rule.nodata)),

@@ -1,0 +1,36 @@
+//! Grey pictures.
+
+use super::{check_size, percentiles};
+use crate::{Error, Result};
+use elunar_core::grid::GridView;
+use elunar_core::terrain::{PixelSize, Sun};
+use image::{GrayImage, Luma};
+
+/// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Black where there is no
+/// height, and on the outermost pixels.
+///
+/// # Errors
+/// [`Error::Usage`] if there are not `rows · cols` samples.
+pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) -> Result<GrayImage> {
+    let (width, height) = check_size(heights_m.len(), rows, cols)?;
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("hillshade: {e}"));
+    let mut shade = vec![0; heights_m.len()];
+    let view = GridView::new(heights_m, rows, cols).map_err(misfit)?;
+    elunar_core::terrain::hillshade(view, pixel, Sun::default(), &mut shade).map_err(misfit)?;
+    Ok(GrayImage::from_fn(width, height, |col, row| Luma([shade[row as usize * cols + col as usize]])))
+}
+
+/// An orbiter image as a viewer shows it: the central 99 % of its samples stretched over grey; invalid samples are black.
+///
+/// # Errors
+/// [`Error::Usage`] if there are not `rows · cols` samples.
+pub fn stretch(samples: &[f32], rows: usize, cols: usize) -> Result<GrayImage> {
+    let (width, height) = check_size(samples.len(), rows, cols)?;
+    let (low, high) = percentiles(samples, 0.005, 0.995).unwrap_or_default();
+    let gain = 255.0 / (high - low).max(f32::MIN_POSITIVE);
+    Ok(GrayImage::from_fn(width, height, |col, row| {
+        let value = samples[row as usize * cols + col as usize];
+        // NaN becomes 0, and so does a saturated infinity's product.
+        Luma([((value - low) * gain).clamp(0.0, 255.0) as u8])
+    }))
+}

@@ -1,0 +1,54 @@
+//! A prediction as files: the DTM with its provenance, and a hillshade beside it.
+
+use super::run::Prediction;
+use crate::raster::geotiff::{self, WriteOptions};
+use crate::raster::{MOON_RADIUS_M, Raster};
+use crate::{Error, Result, picture};
+use elunar_core::terrain::PixelSize;
+use std::path::{Path, PathBuf};
+
+/// Where a DTM comes from; goes into the file's metadata.
+#[derive(Debug, Clone, Copy)]
+pub struct Provenance<'a> {
+    /// The model's own description, with its hash.
+    pub model: &'a str,
+    /// Name of the image.
+    pub image: &'a str,
+    /// Name of the coarse DTM.
+    pub coarse: &'a str,
+}
+
+/// Writes the DTM as a GeoTIFF (heights in metres, the image's place, nodata, model hash and input names) and its hillshade, whose
+/// path is [`hillshade_path`]. The DTM comes last, so one that is there is a finished one.
+///
+/// # Errors
+/// [`crate::Error::Io`] if a file cannot be written; neither is left behind then.
+pub fn write_dtm(output: &Path, made: &Prediction, from: &Provenance) -> Result<()> {
+    let radius_m = made.dtm.georef.as_ref().and_then(|g| g.crs.sphere_radius_m()).unwrap_or(MOON_RADIUS_M);
+    let Provenance { model, image, coarse } = from;
+    let description = format!(
+        "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"
+    );
+    let options = WriteOptions::heights(description)
+        .with_item("MODEL", *model)
+        .with_item("IMAGE", *image)
+        .with_item("COARSE_DTM", *coarse)
+        .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
+        .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
+    let shade = hillshade_path(output);
+    write_hillshade(&shade, &made.dtm)?;
+    geotiff::write(output, &made.dtm, &options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+}
+
+fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
+    let unknown = || Error::usage(format!("{}: pixel size in metres unknown", path.display()));
+    let (row_m, col_m) = dtm.pixel_m().ok_or_else(unknown)?;
+    picture::write_png(path, picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?)
+}
+
+/// `dtm.tif` has `dtm_hillshade.png` beside it.
+#[must_use]
+pub fn hillshade_path(output: &Path) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}_hillshade.png"))
+}

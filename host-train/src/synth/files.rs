@@ -1,0 +1,158 @@
+//! Scenes as files: lunar GeoTIFFs and a manifest that can make them again.
+
+use super::{COARSE_PIXEL_M, SynthOptions, SynthScene, TerrainKind};
+use crate::Result;
+use crate::raster::geotiff::{self, SampleType, WriteOptions};
+use crate::raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster, atomic_write};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Upper left corner of scene 0 in the equirectangular system (about 1° N, 23° E), metres; later scenes follow eastwards. The place means
+/// nothing: the terrain is synthetic.
+const PLACE_M: (f64, f64) = (697_000.0, 30_000.0);
+/// From one scene's left edge to the next, metres.
+const SPACING_M: f64 = 20_000.0;
+
+/// What is in a folder of synthetic scenes, and how to make it again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Program and version that made it.
+    pub made_by: String,
+    /// Seed of the Moon.
+    pub seed: u64,
+    /// Options of the Moon; its tile size is the size of the scenes.
+    pub options: SynthOptions,
+    /// The scenes.
+    pub scenes: Vec<SceneEntry>,
+}
+
+/// One scene of a [`Manifest`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SceneEntry {
+    /// Common beginning of its files' names.
+    pub name: String,
+    /// Its index on the Moon.
+    pub index: u64,
+    /// Terrain.
+    pub kind: TerrainKind,
+    /// Sun azimuth, degrees clockwise from north.
+    pub sun_azimuth_deg: f64,
+    /// Sun elevation, degrees above the horizontal.
+    pub sun_elevation_deg: f64,
+}
+
+impl Manifest {
+    /// Writes `manifest.json` into `folder`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] if the folder cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join("manifest.json");
+        let text = serde_json::to_string_pretty(self).map_err(|e| crate::Error::broken(&path, e.to_string()))?;
+        atomic_write(&path, text.as_bytes())
+    }
+}
+
+impl SynthScene {
+    /// The image as a raster of the lunar equirectangular system.
+    pub fn image_raster(&self) -> Raster {
+        self.on_image_grid(&self.image)
+    }
+
+    /// The true DTM as a raster, metres.
+    pub fn truth_raster(&self) -> Raster {
+        self.on_image_grid(&self.truth_m)
+    }
+
+    /// The coarse DTM as a raster on its own grid, metres.
+    pub fn coarse_raster(&self) -> Raster {
+        let [x0, _, _, y0, _, _] = self.transform();
+        Raster {
+            rows: self.coarse.rows,
+            cols: self.coarse.cols,
+            samples: self.coarse.heights_m.clone(),
+            georef: Some(place([
+                x0 + self.coarse.east_m,
+                COARSE_PIXEL_M,
+                0.0,
+                y0 - self.coarse.south_m,
+                0.0,
+                -COARSE_PIXEL_M,
+            ])),
+        }
+    }
+
+    fn on_image_grid(&self, samples: &[f32]) -> Raster {
+        Raster { rows: self.rows, cols: self.cols, samples: samples.to_vec(), georef: Some(place(self.transform())) }
+    }
+
+    fn transform(&self) -> GeoTransform {
+        let x0 = PLACE_M.0 + SPACING_M * (self.index % 100) as f64;
+        [x0, self.pixel_m, 0.0, PLACE_M.1, 0.0, -self.pixel_m]
+    }
+
+    /// Writes `scene_NNNN_image.tif`, `_coarse.tif` and `_truth.tif` into `folder` and returns their manifest entry.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] if a file cannot be written; files written before it stay.
+    pub fn write(&self, folder: &Path) -> Result<SceneEntry> {
+        let name = format!("scene_{:04}", self.index);
+        let file = |what: &str| folder.join(format!("{name}_{what}.tif"));
+        let about = |what: &str| {
+            let sphere = format!("synthetic {what}: heights above the {MOON_RADIUS_M} m sphere");
+            WriteOptions::heights(sphere).with_item("SYNTHETIC", "yes")
+        };
+        let image = WriteOptions::image(SampleType::U16, "synthetic orbiter image, relative DN")
+            .with_item("SYNTHETIC", "yes")
+            .with_item("SUN_AZIMUTH_DEG", format!("{:.3}", self.sun_azimuth_deg))
+            .with_item("SUN_ELEVATION_DEG", format!("{:.3}", self.sun_elevation_deg));
+        geotiff::write(&file("image"), &self.image_raster(), &image)?;
+        geotiff::write(&file("coarse"), &self.coarse_raster(), &about("coarse DTM"))?;
+        geotiff::write(&file("truth"), &self.truth_raster(), &about("true DTM"))?;
+        Ok(SceneEntry {
+            name,
+            index: self.index,
+            kind: self.kind,
+            sun_azimuth_deg: self.sun_azimuth_deg,
+            sun_elevation_deg: self.sun_elevation_deg,
+        })
+    }
+}
+
+fn place(transform: GeoTransform) -> GeoRef {
+    GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Moon, SynthOptions};
+    use super::*;
+    use crate::raster::align::{Interpolation, Named, onto};
+
+    #[test]
+    fn files_hold_the_scene_and_align_through_their_coordinates() {
+        let folder = tempfile::tempdir().unwrap();
+        let moon = Moon::new(2, SynthOptions::default()).unwrap();
+        let scene = moon.scene(3, 60, 90).unwrap();
+        let entry = scene.write(folder.path()).unwrap();
+        assert_eq!((entry.name.as_str(), entry.kind), ("scene_0003", scene.kind));
+        let read = |what: &str| geotiff::read(folder.path().join(format!("scene_0003_{what}.tif"))).unwrap();
+        let (image, coarse, truth) = (read("image"), read("coarse"), read("truth"));
+        assert_eq!(image.samples, scene.image);
+        assert_eq!(truth.samples, scene.truth_m);
+        assert_eq!(coarse.samples, scene.coarse.heights_m);
+        let aligned = onto(Named::new("coarse", &coarse), Named::new("image", &image), Interpolation::Bicubic).unwrap();
+        for (a, b) in aligned.samples.iter().zip(scene.coarse_on_image_m()) {
+            assert!((a - b).abs() < 1e-3, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn manifests_survive_the_round_trip() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = Manifest { made_by: "test".into(), seed: 5, options: SynthOptions::default(), scenes: vec![] };
+        manifest.write(folder.path()).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("manifest.json")).unwrap();
+        assert_eq!(serde_json::from_str::<Manifest>(&text).unwrap(), manifest);
+    }
+}

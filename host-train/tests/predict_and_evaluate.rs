@@ -1,0 +1,154 @@
+//! The commands as a user meets them: files in, files out, one line for every mistake.
+
+use host_train::model::config::{NetConfig, Preset};
+use host_train::model::init::initial_weights;
+use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
+use host_train::raster::{Crs, GeoRef, Raster};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster {
+    let crs = Crs::moon_polar(true);
+    let georef = GeoRef { transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m], crs };
+    let height = |i: usize| {
+        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
+        (-1500.0 + 30.0 * (x / 200.0).sin() + 20.0 * (y / 150.0).cos()) as f32
+    };
+    Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
+}
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        let truth = terrain(300, 340, (1000.0, 5000.0), 2.0);
+        let mut image = truth.clone();
+        image.samples.iter_mut().enumerate().for_each(|(i, v)| *v = 100.0 + ((i * 7919) % 101) as f32);
+        image.samples[..40].fill(f32::NAN);
+        write(&bench.path("image.tif"), &image, &WriteOptions::image(SampleType::U16, "image")).unwrap();
+        write(&bench.path("truth.tif"), &truth, &WriteOptions::heights("truth")).unwrap();
+        let coarse = terrain(14, 16, (900.0, 5100.0), 60.0);
+        write(&bench.path("coarse.tif"), &coarse, &WriteOptions::heights("coarse")).unwrap();
+        initial_weights(&NetConfig::preset(Preset::Nano), 1).write(&bench.path("net.safetensors")).unwrap();
+        bench
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_host-train")).args(arguments).current_dir(self.folder.path()).output().unwrap()
+    }
+
+    /// The single error line of a command that must fail.
+    fn refused(&self, arguments: &[&str]) -> String {
+        let out = self.run(arguments);
+        let text = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(1), "{arguments:?}: {text}");
+        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
+        assert!(text.starts_with("ERROR: "), "{text}");
+        text
+    }
+
+    fn files(&self) -> Vec<String> {
+        let names =
+            std::fs::read_dir(self.folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> = names.collect();
+        names.sort();
+        names
+    }
+}
+
+fn predict<'a>(image: &'a str, coarse: &'a str, model: &'a str, output: &'a str) -> Vec<&'a str> {
+    vec!["predict", "--image", image, "--coarse", coarse, "--model", model, "-o", output]
+}
+
+fn rewrite(from: &Path, to: &Path, change: impl FnOnce(&mut Raster)) {
+    let mut raster = read(from).unwrap();
+    change(&mut raster);
+    write(to, &raster, &WriteOptions::heights("changed")).unwrap();
+}
+
+#[test]
+fn an_image_and_a_coarse_dtm_become_a_dtm() {
+    let bench = Bench::new();
+    for (name, threads) in [("one.tif", "1"), ("two.tif", "2")] {
+        let mut arguments = predict("image.tif", "coarse.tif", "net.safetensors", name);
+        arguments.extend(["--threads", threads]);
+        let out = bench.run(&arguments);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        assert!(String::from_utf8_lossy(&out.stdout).contains("300 x 340 pixels"));
+    }
+    let (one, two) = (read(bench.path("one.tif")).unwrap(), read(bench.path("two.tif")).unwrap());
+    let image = read(bench.path("image.tif")).unwrap();
+    assert_eq!(one.georef, image.georef, "the image's place and reference system");
+    for ((a, b), image) in one.samples.iter().zip(&two.samples).zip(&image.samples) {
+        assert_eq!(a.to_bits(), b.to_bits(), "threads change nothing");
+        assert_eq!(a.is_finite(), image.is_finite(), "heights where the image is");
+    }
+    let shade = image::open(bench.path("one_hillshade.png")).unwrap();
+    assert_eq!((shade.height(), shade.width()), (300, 340));
+
+    let out = bench.run(&[
+        "evaluate",
+        "--dtm",
+        "one.tif",
+        "--truth",
+        "truth.tif",
+        "--coarse",
+        "coarse.tif",
+        "--error-map",
+        "e.png",
+        "--json",
+    ]);
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(found["common_pixels"], 300 * 340 - 40);
+    assert!(found["candidates"][1]["rmse_m"].as_f64().unwrap() < 0.1, "bicubic follows smooth terrain: {found}");
+    assert!(bench.path("e.png").exists());
+    let out = bench.run(&["evaluate", "--dtm", "one.tif", "--truth", "truth.tif"]);
+    assert!(String::from_utf8_lossy(&out.stdout).contains("RMSE [m]"));
+}
+
+#[test]
+fn every_mistake_is_one_line_and_leaves_nothing_behind() {
+    let bench = Bench::new();
+    let source = bench.path("coarse.tif");
+    rewrite(&source, &bench.path("elsewhere.tif"), |r| r.georef.as_mut().unwrap().transform[0] += 1e6);
+    rewrite(&source, &bench.path("projection.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::moon_polar(false));
+    rewrite(&source, &bench.path("nowhere.tif"), |r| r.georef = None);
+    rewrite(&source, &bench.path("unnamed.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::default());
+    rewrite(&source, &bench.path("empty.tif"), |r| r.samples.fill(f32::NAN));
+    let bytes = std::fs::read(&source).unwrap();
+    std::fs::write(bench.path("cut.tif"), &bytes[..bytes.len() / 2]).unwrap();
+    let weights = std::fs::read(bench.path("net.safetensors")).unwrap();
+    std::fs::write(bench.path("cut.safetensors"), &weights[..weights.len() / 2]).unwrap();
+    let before = bench.files();
+    let net = "net.safetensors";
+    let cases = [
+        (predict("image.tif", "elsewhere.tif", net, "x.tif"), ["elsewhere.tif", "overlapping"]),
+        (predict("image.tif", "projection.tif", net, "x.tif"), ["projection.tif", "lat 90"]),
+        (predict("image.tif", "nowhere.tif", net, "x.tif"), ["nowhere.tif", "geotransform"]),
+        (predict("image.tif", "unnamed.tif", net, "x.tif"), ["unnamed.tif", "reference system"]),
+        (predict("image.tif", "empty.tif", net, "x.tif"), ["empty.tif", "no valid sample"]),
+        (predict("empty.tif", "coarse.tif", net, "x.tif"), ["empty.tif", "valid pixel"]),
+        (predict("image.tif", "cut.tif", net, "x.tif"), ["cut.tif", "broken"]),
+        (predict("image.tif", "missing.tif", net, "x.tif"), ["missing.tif", "No such file"]),
+        (predict("image.tif", "coarse.tif", "cut.safetensors", "x.tif"), ["cut.safetensors", "broken"]),
+        (predict("image.tif", "coarse.tif", "image.tif", "x.tif"), ["image.tif", ".safetensors"]),
+        (predict("image.tif", "coarse.tif", net, "no/x.tif"), ["no/x.tif", "No such file"]),
+        (predict("image.tif", "coarse.tif", net, "coarse.tif"), ["coarse.tif", "overwrite"]),
+        (vec!["evaluate", "--dtm", "projection.tif", "--truth", "truth.tif"], ["projection.tif", "reference system"]),
+        (vec!["evaluate", "--dtm", "elsewhere.tif", "--truth", "truth.tif"], ["elsewhere.tif", "overlapping"]),
+        (vec!["evaluate", "--dtm", "cut.tif", "--truth", "truth.tif", "--error-map", "e.png"], ["cut.tif", "broken"]),
+    ];
+    for (arguments, expected) in cases {
+        let text = bench.refused(&arguments);
+        assert!(expected.iter().all(|part| text.contains(part)), "{arguments:?}: {text}");
+    }
+    assert_eq!(bench.files(), before, "nothing was left behind");
+}
