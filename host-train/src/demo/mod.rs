@@ -135,10 +135,9 @@ pub fn run(settings: &Settings) -> Result<PathBuf> {
     let shrunk = console.step("From float to int8", || shrink::run(settings, &folder, seeds, &scene.about))?;
     let predicted = console.step("Predicting the scene", || infer::run(settings, &folder, &scene))?;
     let verdict = console.step("Against the truth", || judge::run(&folder, &scene, &predicted))?;
-    let told = report::Story { settings, seeds, scene, tuned, shrunk, predicted, verdict };
-    let report = console.step("The report", || report::write(&folder, &told))?;
-    // The last step cannot stand in a report it has just written.
-    report::add_times(&report, console.times())?;
-    println!("\nDone in {}. Open {}", console::minutes(console.total_s()), report.display());
+    let times = console.times().to_vec();
+    let story = report::Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times };
+    let report = console.step("The report", || report::write(&folder, &story))?;
+    println!("Done in {}. Open {}", console::minutes(console.total_s()), report.display());
     Ok(report)
 }

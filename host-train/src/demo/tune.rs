@@ -37,13 +37,6 @@ pub(super) struct Tuned {
     pub steps_per_s: f64,
 }
 
-impl Tuned {
-    /// The validation of the weights the tour goes on with.
-    pub(super) fn kept(&self) -> &Validation {
-        if self.improved { &self.after } else { &self.before }
-    }
-}
-
 /// The step's title.
 pub(super) fn title(settings: &Settings) -> &'static str {
     match settings.start {
@@ -116,12 +109,17 @@ pub(super) fn run(
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
     let device = record.backend.device()?;
     let net = store::load(&network, &initial, Path::new(&started_from), &device)?;
-    let before =
-        ValidationSet::new(&*validation, &network, record.recipe.validation_tiles)?.run(&net, &device)?;
+    let before = ValidationSet::new(&*validation, &network, record.recipe.validation_tiles)?.run(&net, &device)?;
     say(figures("before", &before));
     let run_folder = folder.file(RUN);
-    let run =
-        Run { folder: run_folder.clone(), record, initial: Some(initial.clone()), training, validation, stop_after: None };
+    let run = Run {
+        folder: run_folder.clone(),
+        record,
+        initial: Some(initial.clone()),
+        training,
+        validation,
+        stop_after: None,
+    };
     let outcome = run.train()?;
     let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
     say(figures("after ", &after));

@@ -59,7 +59,11 @@ impl History {
         let charts = [
             ("Training loss", "weighted loss", vec![one("each step", &self.loss), one(&mean, &smoothed(&self.loss))]),
             ("Validation: heights", "RMSE, m", of_validation(&self.rmse_m, &self.coarse_rmse_m)),
-            ("Validation: slopes", "mean |slope error|, degrees", of_validation(&self.slope_deg, &self.coarse_slope_deg)),
+            (
+                "Validation: slopes",
+                "mean |slope error|, degrees",
+                of_validation(&self.slope_deg, &self.coarse_slope_deg),
+            ),
         ];
         let drawable = |series: &[Series]| series[0].points.iter().any(|(_, y)| y.is_finite());
         let panels: Result<Vec<Panel>> = charts
