@@ -7,7 +7,8 @@
 //! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, overlapping at inference.
 //! 4. [`norm`] brings the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] it makes
 //!    is the only thing that can bring heights back.
-//! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight.
+//! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight ([`nn`], with the
+//!    rounding rule of [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
 //! Beside that path stand the judges: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
@@ -43,6 +44,8 @@ pub mod grid;
 pub mod loss;
 pub mod mask;
 pub mod metrics;
+pub mod nn;
 pub mod norm;
+pub mod quant;
 pub mod terrain;
 pub mod tile;

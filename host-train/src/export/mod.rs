@@ -1,1 +1,21 @@
-//! From float weights to the model file of the runner.
+//! From float weights to the model file of the runner: a small compiler.
+//!
+//! [`build`] makes the operator [`graph`] from the configuration and the weights, with batch norm folded in; [`float`] runs it
+//! on real numbers, which shows that the graph is the network and measures the ranges of its maps ([`calibrate`]); [`quantise`]
+//! turns it into integers; [`plan`] places the tensors in the arena; [`write`] writes the file; [`compile`] does all of it.
+
+pub mod build;
+pub mod calibrate;
+pub mod compile;
+pub mod float;
+pub mod graph;
+pub mod plan;
+pub mod quantise;
+pub mod report;
+pub mod write;
+
+pub use calibrate::CalibrationTile;
+pub use compile::{Options, Precision, export};
+
+#[cfg(test)]
+mod tests;

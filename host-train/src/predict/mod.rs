@@ -5,6 +5,7 @@
 
 mod fill;
 pub mod float;
+pub mod int8;
 pub mod network;
 mod output;
 mod run;
@@ -30,7 +31,7 @@ use std::path::Path;
 pub fn open(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => Ok(Box::new(float::open(path, backend)?)),
-        Some("eld") => Err(Error::unsupported(path, "this build runs no model of this kind yet")),
+        Some("eld") => Ok(Box::new(int8::open(path)?)),
         _ => Err(Error::unsupported(path, "expected a model with extension .eld or .safetensors")),
     }
 }

@@ -1,0 +1,152 @@
+//! What can be wrong with a model file, and what can go wrong in a run.
+
+use core::fmt;
+
+/// Why a model file is refused. Numbers are indices into the file's own lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelError {
+    /// Not a model file.
+    Magic,
+    /// A version this runner does not know.
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// The file's length differs from what its header says.
+    Length {
+        /// Bytes the header promises.
+        expected: u64,
+        /// Bytes found.
+        found: u64,
+    },
+    /// The header's checksum does not match.
+    HeaderChecksum,
+    /// The checksum of a chunk does not match; `u32::MAX` stands for the list of checksums itself.
+    ChunkChecksum {
+        /// Which chunk.
+        chunk: u32,
+    },
+    /// A header field lies outside its legal range.
+    Header,
+    /// A tensor's description is not legal.
+    Tensor {
+        /// Which tensor.
+        tensor: u32,
+    },
+    /// An operator's description is not legal by itself or with its tensors.
+    Operator {
+        /// Which operator.
+        operator: u32,
+        /// What is wrong with it.
+        reason: OperatorFault,
+    },
+}
+
+/// What is wrong with an operator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OperatorFault {
+    /// Unknown kind, or a parameter outside its range.
+    Parameter,
+    /// A tensor number beyond the list.
+    TensorIndex,
+    /// Shapes do not fit each other.
+    Shape,
+    /// A tensor of a type this operator does not take here.
+    Type,
+    /// Constants reach beyond their section, or hold illegal values.
+    Constants,
+    /// An accumulator could leave its integer type.
+    Overflow,
+    /// Reads a tensor that nothing wrote, or that was overwritten in between.
+    Liveness,
+    /// Writes where it still reads, or a tensor that already has a writer.
+    Overlap,
+}
+
+impl fmt::Display for OperatorFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Parameter => "parameter outside its range",
+            Self::TensorIndex => "tensor number beyond the list",
+            Self::Shape => "shapes do not fit",
+            Self::Type => "tensor of the wrong type",
+            Self::Constants => "constants out of bounds or illegal",
+            Self::Overflow => "accumulator could overflow",
+            Self::Liveness => "reads bytes that are not this tensor's any more",
+            Self::Overlap => "output overlaps a tensor in use",
+        })
+    }
+}
+
+impl fmt::Display for ModelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Magic => f.write_str("not an ELunarDTM model file"),
+            Self::Version { found } => write!(f, "expected version {}, found {found}", super::format::VERSION),
+            Self::Length { expected, found } => write!(f, "expected {expected} bytes, found {found}"),
+            Self::HeaderChecksum => f.write_str("header checksum does not match"),
+            Self::ChunkChecksum { chunk: u32::MAX } => f.write_str("checksum of the checksum list does not match"),
+            Self::ChunkChecksum { chunk } => write!(f, "checksum of chunk {chunk} does not match"),
+            Self::Header => f.write_str("header field out of range"),
+            Self::Tensor { tensor } => write!(f, "tensor {tensor} is not legal"),
+            Self::Operator { operator, reason } => write!(f, "operator {operator}: {reason}"),
+        }
+    }
+}
+
+impl core::error::Error for ModelError {}
+
+/// Why a run cannot start or go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RunError {
+    /// The lent arena is smaller than [`super::required`] says.
+    ArenaTooSmall {
+        /// Bytes needed.
+        required: usize,
+        /// Bytes lent.
+        found: usize,
+    },
+    /// An input or output slice does not have rows * cols samples.
+    TileSize {
+        /// Samples needed.
+        expected: usize,
+        /// Samples found.
+        found: usize,
+    },
+    /// An input sample is NaN or infinite.
+    NotFinite {
+        /// Its row-major position.
+        index: usize,
+    },
+    /// `step` without a tile begun, or output asked for before the last step.
+    State,
+    /// The self test's output differs from the one stored in the model.
+    SelfTest {
+        /// Stored checksum.
+        expected: u32,
+        /// Checksum of what was computed.
+        found: u32,
+    },
+    /// Scrubbing found a chunk of the model changed since it was loaded.
+    ModelChanged {
+        /// Which chunk.
+        chunk: u32,
+    },
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::ArenaTooSmall { required, found } => write!(f, "arena: {required} bytes needed, {found} lent"),
+            Self::TileSize { expected, found } => write!(f, "tile: expected {expected} samples, found {found}"),
+            Self::NotFinite { index } => write!(f, "input sample {index} is not finite"),
+            Self::State => f.write_str("no tile is at this point of its run"),
+            Self::SelfTest { expected, found } => {
+                write!(f, "self test: expected output checksum {expected:08x}, found {found:08x}")
+            }
+            Self::ModelChanged { chunk } => write!(f, "chunk {chunk} of the model changed in memory"),
+        }
+    }
+}
+
+impl core::error::Error for RunError {}

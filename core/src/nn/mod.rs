@@ -1,0 +1,39 @@
+//! The quantised inference runner: a validated [`Model`] and a [`Runner`] that executes it.
+//!
+//! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. Whoever makes the
+//! file decides what network it is; this module knows operators only. Life of a tile:
+//!
+//! 1. [`Model::new`] judges the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
+//! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.
+//! 3. [`Runner::begin`] quantises image and coarse DTM; [`Runner::step`] works for a bounded number of multiply-accumulates;
+//!    [`Runner::output`] gives normalised elevation as f32, straight from the last layer's accumulators.
+//! 4. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
+//!
+//! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
+//! same tile, same bytes on every machine.
+
+mod arena;
+mod crc;
+mod error;
+pub mod format;
+pub mod kernels;
+mod model;
+mod ops;
+mod program;
+mod runner;
+mod self_test;
+
+pub use crc::{Crc32c, crc32c};
+pub use error::{ModelError, OperatorFault, RunError};
+pub use model::{
+    ConvShape, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model, TruthRange,
+};
+pub use program::{
+    Attention, Conv, Dtype, LayerNorm, MAX_ADD_SHIFT, OPERATOR_BYTES, Operator, Source, TENSOR_BYTES, Tensor,
+};
+pub use runner::{Progress, Runner, Telemetry, required};
+
+/// Fraction bits of a normalised value before a layer norm's gain.
+pub const NORM_FRACTION_BITS: u32 = ops::layer_norm::FRACTION_BITS;
+/// Fraction bits of the attention-weighted mean of v.
+pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;

@@ -1,0 +1,256 @@
+//! Runs a model in memory that the caller lends, a bounded amount of work at a time.
+
+use super::arena::Arena;
+use super::crc::Crc32c;
+use super::error::RunError;
+use super::format::{NONE, Scrub};
+use super::model::Model;
+use super::ops::{conv, layer_norm, window_attention};
+use super::program::{Operator, Tensor};
+use super::self_test;
+use crate::quant::params::quantise;
+
+/// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
+pub fn required(model: &Model<'_>) -> usize {
+    model.scratch_offset() + model.scratch_bytes()
+}
+
+/// Whether a tile is finished.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// More steps are needed.
+    Running,
+    /// The output can be read.
+    Done,
+}
+
+/// Counters since the runner was made; they wrap never in a mission's time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Telemetry {
+    /// Tiles finished.
+    pub tiles: u64,
+    /// Calls of [`Runner::step`].
+    pub steps: u64,
+    /// Multiply-accumulates done.
+    pub macs: u64,
+    /// Input samples outside the range the model was calibrated for.
+    pub inputs_clamped: u64,
+    /// Intermediate results cut to their tensor's range.
+    pub saturated: u64,
+    /// Model bytes re-checked by [`Runner::scrub`].
+    pub scrubbed_bytes: u64,
+    /// Complete passes over the model.
+    pub scrub_passes: u64,
+    /// Chunks found changed.
+    pub scrub_faults: u64,
+    /// Self tests that failed.
+    pub self_test_faults: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Idle,
+    At { operator: usize, unit: usize },
+    Done,
+}
+
+/// A model with its working memory. One tile at a time: `begin`, `step` until done, `output`.
+#[derive(Debug)]
+pub struct Runner<'a, 'm> {
+    model: Model<'a>,
+    arena: Arena<'m>,
+    state: State,
+    scrub: Scrub,
+    telemetry: Telemetry,
+}
+
+impl<'a, 'm> Runner<'a, 'm> {
+    /// Takes [`required`] bytes of `arena`; more do no harm, and no alignment is asked for.
+    ///
+    /// # Errors
+    /// [`RunError::ArenaTooSmall`].
+    pub fn new(model: Model<'a>, arena: &'m mut [u8]) -> Result<Self, RunError> {
+        let (required, found) = (required(&model), arena.len());
+        if found < required {
+            return Err(RunError::ArenaTooSmall { required, found });
+        }
+        let arena = Arena::new(arena, model.scratch_offset(), model.scratch_bytes());
+        Ok(Self { model, arena, state: State::Idle, scrub: Scrub::default(), telemetry: Telemetry::default() })
+    }
+
+    /// Name of the kernel that does the dot products.
+    pub fn kernel(&self) -> &'static str {
+        super::kernels::scalar::NAME
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model<'a> {
+        &self.model
+    }
+
+    /// The counters.
+    pub fn telemetry(&self) -> Telemetry {
+        self.telemetry
+    }
+
+    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1], `coarse` in [0, NR], both row-major
+    /// rows * cols; a tile in progress is dropped.
+    ///
+    /// # Errors
+    /// [`RunError::TileSize`], or [`RunError::NotFinite`]; then nothing has begun.
+    pub fn begin(&mut self, image: &[f32], coarse: &[f32]) -> Result<(), RunError> {
+        self.state = State::Idle;
+        let (rows, cols) = self.model.tile();
+        for input in [image, coarse] {
+            if input.len() != rows * cols {
+                return Err(RunError::TileSize { expected: rows * cols, found: input.len() });
+            }
+            if let Some(index) = input.iter().position(|v| !v.is_finite()) {
+                return Err(RunError::NotFinite { index });
+            }
+        }
+        self.load(|index| image[index], |index| coarse[index]);
+        Ok(())
+    }
+
+    /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] judges it.
+    pub fn begin_self_test(&mut self) {
+        let ((seed, _), (_, cols), nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
+        self.load(|i| self_test::image_sample(seed, cols, i), |i| self_test::coarse_sample(seed, cols, i, nr));
+    }
+
+    fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) {
+        let model = self.model;
+        self.load_codes(model.image_tensor(), image);
+        if model.coarse_tensor() != NONE {
+            self.load_codes(model.coarse_tensor(), &coarse);
+        }
+        if model.coarse_f32_tensor() != NONE {
+            let tensor = model.tensor(model.coarse_f32_tensor());
+            (0..tensor.len()).for_each(|i| self.arena.store_float(&tensor, i, coarse(i)));
+        }
+        self.state = State::At { operator: 0, unit: 0 };
+    }
+
+    fn load_codes(&mut self, tensor: u32, sample: impl Fn(usize) -> f32) {
+        let tensor = self.model.tensor(tensor);
+        let inverse = 1.0 / tensor.scale;
+        for index in 0..tensor.len() {
+            let (code, clamped) = quantise(sample(index), inverse, tensor.zero, tensor.lo, tensor.hi);
+            self.arena.store(&tensor, index, code);
+            self.telemetry.inputs_clamped += clamped as u64;
+        }
+    }
+
+    /// Works until `budget_macs` multiply-accumulates are spent or the tile is done; at least one unit of work, so the budget
+    /// is overrun by less than one unit ([`Model::unit_macs`]). The work does not depend on the data.
+    ///
+    /// # Errors
+    /// [`RunError::State`] if no tile was begun.
+    pub fn step(&mut self, budget_macs: u64) -> Result<Progress, RunError> {
+        let State::At { mut operator, mut unit } = self.state else {
+            return if self.state == State::Done { Ok(Progress::Done) } else { Err(RunError::State) };
+        };
+        self.telemetry.steps += 1;
+        let mut spent = 0;
+        while let Some(op) = self.model.operator(operator) {
+            let units = self.model.units(&op);
+            while unit < units {
+                if spent >= budget_macs.max(1) {
+                    self.state = State::At { operator, unit };
+                    return Ok(Progress::Running);
+                }
+                let cost = self.model.unit_macs(&op, unit);
+                self.telemetry.saturated += self.run_unit(&op, unit);
+                self.telemetry.macs += cost;
+                (spent, unit) = (spent + cost, unit + 1);
+            }
+            (operator, unit) = (operator + 1, 0);
+        }
+        self.state = State::Done;
+        self.telemetry.tiles += 1;
+        Ok(Progress::Done)
+    }
+
+    fn run_unit(&mut self, operator: &Operator, unit: usize) -> u64 {
+        match operator {
+            Operator::Conv(op) => conv::run(&self.model, op, &mut self.arena, unit),
+            Operator::LayerNorm(op) => layer_norm::run(&self.model, op, &mut self.arena, unit),
+            Operator::Attention(op) => window_attention::run(&self.model, op, &mut self.arena, unit),
+        }
+    }
+
+    /// Copies the finished tile: normalised elevation, row-major, in the units of `coarse`.
+    ///
+    /// # Errors
+    /// [`RunError::State`] before the tile is done, [`RunError::TileSize`].
+    pub fn output(&self, out: &mut [f32]) -> Result<(), RunError> {
+        let tensor = self.finished()?;
+        if out.len() != tensor.len() {
+            return Err(RunError::TileSize { expected: tensor.len(), found: out.len() });
+        }
+        out.iter_mut().enumerate().for_each(|(i, v)| *v = self.arena.float(&tensor, i));
+        Ok(())
+    }
+
+    fn finished(&self) -> Result<Tensor, RunError> {
+        if self.state == State::Done { Ok(self.model.tensor(self.model.output_tensor())) } else { Err(RunError::State) }
+    }
+
+    /// CRC32C of the finished tile's little-endian f32 bytes.
+    ///
+    /// # Errors
+    /// [`RunError::State`] before the tile is done.
+    pub fn output_crc(&self) -> Result<u32, RunError> {
+        let tensor = self.finished()?;
+        let mut crc = Crc32c::default();
+        (0..tensor.rows).for_each(|row| crc.update(self.arena.row(&tensor, row)));
+        Ok(crc.value())
+    }
+
+    /// Compares the finished tile with the model's stored self-test result.
+    ///
+    /// # Errors
+    /// [`RunError::SelfTest`] if they differ, [`RunError::State`] before the tile is done.
+    pub fn check_self_test(&mut self) -> Result<(), RunError> {
+        let (found, (_, expected)) = (self.output_crc()?, self.model.self_test());
+        if found != expected {
+            self.telemetry.self_test_faults += 1;
+            return Err(RunError::SelfTest { expected, found });
+        }
+        Ok(())
+    }
+
+    /// Re-checks up to `max_bytes` of the model against its checksums, going round and round over calls.
+    ///
+    /// # Errors
+    /// [`RunError::ModelChanged`] for a chunk that no longer matches; the next call goes on behind it.
+    pub fn scrub(&mut self, max_bytes: usize) -> Result<(), RunError> {
+        match self.scrub.advance(self.model.raw(), max_bytes) {
+            Ok((bytes, pass)) => {
+                self.telemetry.scrubbed_bytes += bytes as u64;
+                self.telemetry.scrub_passes += pass as u64;
+                Ok(())
+            }
+            Err(chunk) => {
+                self.telemetry.scrub_faults += 1;
+                Err(RunError::ModelChanged { chunk })
+            }
+        }
+    }
+
+    /// The first operator not finished yet; the number of operators when done, `None` when idle.
+    pub fn position(&self) -> Option<usize> {
+        match self.state {
+            State::Idle => None,
+            State::At { operator, .. } => Some(operator),
+            State::Done => Some(self.model.operator_count()),
+        }
+    }
+
+    /// The arena's bytes of tensor `index` as they are now: for tests and diagnosis.
+    pub fn tensor_bytes(&self, index: u32) -> &[u8] {
+        let tensor = self.model.tensor(index);
+        &self.arena.tensors[tensor.offset..tensor.offset + tensor.size_bytes()]
+    }
+}

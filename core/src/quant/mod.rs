@@ -1,0 +1,8 @@
+//! Numbers of the flight path: one rounding rule, integer multipliers, tables.
+
+pub mod lut;
+pub mod params;
+pub mod requant;
+
+pub use params::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
+pub use requant::{requantise, round_shift};

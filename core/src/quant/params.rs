@@ -1,0 +1,61 @@
+//! Real scales as integer multipliers. Used where models are made; the runner only reads the integers.
+
+/// Largest absolute multiplier a model may hold: products with any i32 accumulator stay below `2^61`.
+pub const MULTIPLIER_LIMIT: i32 = 1 << 30;
+
+/// Largest right shift a model may hold.
+pub const SHIFT_LIMIT: u32 = 60;
+
+/// The shift with which every ratio up to `largest` becomes a multiplier of at most [`MULTIPLIER_LIMIT`], and the largest uses
+/// 29 bits or more (where [`SHIFT_LIMIT`] allows).
+///
+/// `None` if `largest` is not finite or not positive, or above `2^29`, where no shift of at least 1 fits.
+pub fn shift_for(largest: f64) -> Option<u32> {
+    if !(largest.is_finite() && largest > 0.0) {
+        return None;
+    }
+    let limit = MULTIPLIER_LIMIT as f64;
+    (1..=SHIFT_LIMIT).rev().find(|&shift| largest * (1u64 << shift) as f64 <= limit)
+}
+
+/// `ratio * 2^shift`, rounded to nearest (halves away from zero) and saturated to [`MULTIPLIER_LIMIT`].
+pub fn multiplier(ratio: f64, shift: u32) -> i32 {
+    let limit = MULTIPLIER_LIMIT as f64;
+    libm::round(ratio * (1u64 << shift.min(63)) as f64).clamp(-limit, limit) as i32
+}
+
+/// A real value as a code: `value/scale` rounded to nearest (halves up), moved by `zero`, saturated to `lo..=hi`.
+/// The flag says whether it had to saturate. NaN becomes `zero`.
+pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
+    // Below 2^24 every step is exact but the product, which IEEE 754 fixes: the same code on every machine.
+    let code = (libm::floorf(value * inverse_scale + 0.5) as i32).saturating_add(zero);
+    let kept = code.clamp(lo, hi);
+    (kept, kept != code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn impossible_ratios_are_refused() {
+        assert_eq!([shift_for(0.0), shift_for(f64::NAN), shift_for(1e12)], [None, None, None]);
+    }
+
+    proptest! {
+        #[test]
+        fn multipliers_keep_29_bits(exponent in -28i32..=28, fraction in 1.0f64..2.0) {
+            let ratio = fraction * libm::pow(2.0, exponent as f64);
+            let shift = shift_for(ratio).unwrap();
+            let back = multiplier(ratio, shift) as f64 / libm::pow(2.0, shift as f64);
+            prop_assert!((back / ratio - 1.0).abs() < 1.0 / (1u64 << 29) as f64);
+        }
+
+        #[test]
+        fn codes_are_the_nearest(value in -100.0f32..100.0) {
+            let (code, clamped) = quantise(value, 10.0, 3, -500, 700);
+            prop_assert!(clamped || ((code - 3) as f32 / 10.0 - value).abs() <= 0.0501);
+        }
+    }
+}

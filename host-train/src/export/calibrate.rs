@@ -1,0 +1,94 @@
+//! Ranges of every map over some tiles: what the quantised codes must be able to hold.
+
+use super::float;
+use super::graph::Graph;
+use crate::{Error, Result};
+
+/// One normalised tile: what the network is fed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibrationTile {
+    /// Image, [0, 1], row-major rows * cols.
+    pub image: Vec<f32>,
+    /// Normalised coarse DTM, [0, NR], row-major.
+    pub coarse: Vec<f32>,
+    /// What turns normalised units into metres, where the tile is terrain.
+    pub ground: Option<Ground>,
+}
+
+/// The metres of a tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ground {
+    /// Metres per normalised unit (the coarse tile's relief over NR).
+    pub metres_per_unit: f32,
+    /// Ground size of a pixel, metres.
+    pub pixel_m: f32,
+    /// True elevation, normalised by the coarse tile's range, row-major.
+    pub truth: Vec<f32>,
+}
+
+/// Smallest, largest and mean value of one map, per channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Range {
+    /// Per channel.
+    pub min: Vec<f32>,
+    /// Per channel.
+    pub max: Vec<f32>,
+    /// Mean over all pixels of all tiles, per channel.
+    pub mean: Vec<f64>,
+}
+
+impl Range {
+    fn empty(channels: usize) -> Self {
+        Self { min: vec![f32::INFINITY; channels], max: vec![f32::NEG_INFINITY; channels], mean: vec![0.0; channels] }
+    }
+
+    /// Takes in a map; `share` is the weight of one of its pixels in the mean.
+    fn take(&mut self, map: &[f32], share: f64) {
+        for pixel in map.chunks_exact(self.min.len()) {
+            for (mean, &v) in self.mean.iter_mut().zip(pixel) {
+                *mean += v as f64 * share;
+            }
+        }
+        for pixel in map.chunks_exact(self.min.len()) {
+            for ((low, high), &v) in self.min.iter_mut().zip(&mut self.max).zip(pixel) {
+                (*low, *high) = (low.min(v), high.max(v));
+            }
+        }
+    }
+
+    /// Largest absolute value per channel.
+    pub fn magnitude(&self) -> Vec<f64> {
+        self.min.iter().zip(&self.max).map(|(low, high)| low.abs().max(high.abs()) as f64).collect()
+    }
+}
+
+/// Runs the graph on every tile; returns a range per node. `progress` is told after each tile.
+///
+/// # Errors
+/// [`Error::Usage`] without tiles, or if a map is not finite on one of them.
+pub fn calibrate(graph: &Graph, tiles: &[CalibrationTile], progress: impl Fn(usize)) -> Result<Vec<Range>> {
+    if tiles.is_empty() {
+        return Err(Error::usage("calibration: expected at least one tile, found none"));
+    }
+    let mut ranges: Vec<Range> = graph.nodes.iter().map(|node| Range::empty(node.channels)).collect();
+    for (index, tile) in tiles.iter().enumerate() {
+        let samples = graph.nodes[0].len();
+        if tile.image.len() != samples || tile.coarse.len() != samples {
+            let found = (tile.image.len(), tile.coarse.len());
+            return Err(Error::usage(format!(
+                "calibration tile {index}: expected {samples} samples each, found {found:?}"
+            )));
+        }
+        for ((map, range), node) in
+            float::run(graph, &tile.image, &tile.coarse).iter().zip(&mut ranges).zip(&graph.nodes)
+        {
+            if let Some(bad) = map.iter().find(|v| !v.is_finite()) {
+                let what = format!("calibration tile {index}: map {}: expected finite numbers, found {bad}", node.name);
+                return Err(Error::usage(what));
+            }
+            range.take(map, 1.0 / (tiles.len() * node.rows * node.cols) as f64);
+        }
+        progress(index + 1);
+    }
+    Ok(ranges)
+}

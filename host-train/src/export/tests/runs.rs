@@ -1,0 +1,114 @@
+//! Budgets, memory, self test and scrubbing of the runner on exported networks.
+
+use super::super::compile::Precision;
+use super::{CalibrationTile, random_export, small_config};
+use crate::model::config::{Head, NetConfig};
+use elunar_core::nn::{Model, Progress, RunError, Runner, required};
+
+/// One tile with steps of `budget_macs`, in an arena full of rubbish.
+pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec<f32> {
+    let model = Model::new(bytes).unwrap();
+    let mut arena = vec![0xa5; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    runner.begin(&tile.image, &tile.coarse).unwrap();
+    while runner.step(budget_macs).unwrap() == Progress::Running {}
+    assert_eq!(runner.telemetry().macs, model.macs());
+    let mut out = vec![0.0; tile.image.len()];
+    runner.output(&mut out).unwrap();
+    out
+}
+
+#[test]
+fn every_step_budget_gives_the_same_bytes() {
+    let config = NetConfig { head: Head::Residual, ..small_config() };
+    let (made, tile) = random_export(&config, (64, 96), Precision::Mixed, 3);
+    let whole = run(&made.bytes, &tile, u64::MAX);
+    assert!(whole.iter().any(|v| *v != whole[0]), "a constant output proves nothing");
+    for budget in [0, 1, 777, 50_000, 3_000_000] {
+        assert!(run(&made.bytes, &tile, budget) == whole, "budget {budget}");
+    }
+}
+
+#[test]
+fn a_step_overruns_its_budget_by_less_than_one_unit() {
+    let (made, tile) = random_export(&small_config(), (64, 64), Precision::Mixed, 4);
+    let model = Model::new(&made.bytes).unwrap();
+    let operators = (0..model.operator_count()).filter_map(|i| model.operator(i));
+    let largest = operators.map(|op| model.unit_macs(&op, 0)).max().unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    runner.begin(&tile.image, &tile.coarse).unwrap();
+    let (mut before, budget) = (0, 10_000);
+    while runner.step(budget).unwrap() == Progress::Running {
+        let spent = runner.telemetry().macs - before;
+        assert!((budget..budget + largest).contains(&spent), "{spent}");
+        before += spent;
+    }
+}
+
+#[test]
+fn required_bytes_suffice_and_one_less_does_not() {
+    let (made, _) = random_export(&small_config(), (32, 64), Precision::Int8, 5);
+    let model = Model::new(&made.bytes).unwrap();
+    let needed = required(&model);
+    let mut arena = vec![0; needed];
+    assert!(Runner::new(model, &mut arena).is_ok());
+    let refused = Runner::new(model, &mut arena[1..]).unwrap_err();
+    assert_eq!(refused, RunError::ArenaTooSmall { required: needed, found: needed - 1 });
+}
+
+#[test]
+fn misuse_is_refused() {
+    let (made, tile) = random_export(&small_config(), (32, 32), Precision::Int8, 6);
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let mut out = vec![0.0; 32 * 32];
+    assert_eq!(runner.step(1), Err(RunError::State));
+    assert_eq!(runner.output(&mut out), Err(RunError::State));
+    assert_eq!(runner.begin(&tile.image[1..], &tile.coarse), Err(RunError::TileSize { expected: 1024, found: 1023 }));
+    let mut holed = tile.image.clone();
+    holed[7] = f32::NAN;
+    assert_eq!(runner.begin(&holed, &tile.coarse), Err(RunError::NotFinite { index: 7 }));
+    assert_eq!(runner.step(1), Err(RunError::State));
+}
+
+#[test]
+fn self_test_passes_and_notices_a_changed_model() {
+    let (made, _) = random_export(&small_config(), (64, 64), Precision::Mixed, 7);
+    let check = |bytes: &[u8]| {
+        let model = Model::new(bytes).unwrap();
+        let mut arena = vec![0; required(&model)];
+        let mut runner = Runner::new(model, &mut arena).unwrap();
+        runner.begin_self_test();
+        while runner.step(u64::MAX).unwrap() == Progress::Running {}
+        (runner.check_self_test(), runner.telemetry().self_test_faults)
+    };
+    assert_eq!(check(&made.bytes), (Ok(()), 0));
+    // A head bias other than the one exported, under valid checksums.
+    let mut changed = made.bytes.clone();
+    let model = Model::new(&made.bytes).unwrap();
+    let Some(elunar_core::nn::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else { panic!() };
+    let constants = made.bytes.len() - model.constants_bytes().next_multiple_of(8);
+    changed[constants + head.bias + 1] ^= 0x40;
+    super::super::write::seal(&mut changed);
+    let (result, faults) = check(&changed);
+    assert!(matches!(result, Err(RunError::SelfTest { .. })), "{result:?}");
+    assert_eq!(faults, 1);
+}
+
+#[test]
+fn scrubbing_reads_everything_in_small_bites() {
+    let (made, _) = random_export(&small_config(), (32, 32), Precision::Int8, 8);
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let body = made.bytes.len() - model.raw().body_offset();
+    let mut calls = 0;
+    while runner.telemetry().scrub_passes < 2 {
+        runner.scrub(1000).unwrap();
+        calls += 1;
+    }
+    assert_eq!(runner.telemetry().scrubbed_bytes, 2 * body as u64);
+    assert!(calls >= 2 * body / 1000, "{calls} calls for {body} bytes");
+}

@@ -1,0 +1,94 @@
+//! The model file's bytes.
+
+use elunar_core::nn::crc32c;
+use elunar_core::nn::format::{CHUNK_BYTES, HEADER_BYTES, MAGIC, VERSION, word};
+use elunar_core::nn::{Operator, Tensor};
+
+/// What a file holds, beside checksums and offsets.
+#[derive(Debug, Clone)]
+pub struct Content<'a> {
+    /// Descriptive JSON.
+    pub text: &'a str,
+    /// Tensors at their places.
+    pub tensors: &'a [Tensor],
+    /// Operators.
+    pub operators: &'a [Operator],
+    /// Constants.
+    pub constants: &'a [u8],
+    /// Tile rows and columns.
+    pub tile: (usize, usize),
+    /// Upper end of the normalised range.
+    pub nr: f32,
+    /// Share by which the coarse relief is widened.
+    pub range_margin: f32,
+    /// 0: the truth's own range, 1: the coarse tile's.
+    pub target_range: u32,
+    /// Numbers of the image, coarse, coarse f32 and output tensors.
+    pub roles: [u32; 4],
+    /// Seed and output checksum of the self test.
+    pub self_test: (u32, u32),
+}
+
+/// Lays out a file and computes its checksums.
+pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
+    let sections: [(usize, Vec<u8>, usize); 4] = [
+        (word::TEXT, content.text.as_bytes().to_vec(), content.text.len()),
+        (word::TENSORS, content.tensors.iter().flat_map(Tensor::encode).collect(), content.tensors.len()),
+        (word::OPERATORS, content.operators.iter().flat_map(Operator::encode).collect(), content.operators.len()),
+        (word::CONSTANTS, content.constants.to_vec(), content.constants.len()),
+    ];
+    let body_bytes: usize = sections.iter().map(|(_, bytes, _)| bytes.len().next_multiple_of(8)).sum();
+    let chunks = body_bytes.div_ceil(CHUNK_BYTES);
+    let mut bytes = vec![0; HEADER_BYTES + 4 * chunks];
+    bytes[..8].copy_from_slice(&MAGIC);
+    for (index, section, count) in &sections {
+        let offset = bytes_len(&bytes);
+        set_word(&mut bytes, *index, offset);
+        set_word(&mut bytes, index + 1, *count as u32);
+        bytes.extend_from_slice(section);
+        let padding = section.len().next_multiple_of(8) - section.len();
+        bytes.extend(std::iter::repeat_n(0, padding));
+    }
+    let len = bytes_len(&bytes);
+    let fields = [
+        (word::VERSION, VERSION),
+        (word::FILE_BYTES, len),
+        (word::CHUNK_BYTES, CHUNK_BYTES as u32),
+        (word::CHUNKS, chunks as u32),
+        (word::TILE, content.tile.0 as u32),
+        (word::TILE + 1, content.tile.1 as u32),
+        (word::NR, content.nr.to_bits()),
+        (word::RANGE_MARGIN, content.range_margin.to_bits()),
+        (word::TARGET_RANGE, content.target_range),
+        (word::IMAGE, content.roles[0]),
+        (word::COARSE, content.roles[1]),
+        (word::COARSE_F32, content.roles[2]),
+        (word::OUTPUT, content.roles[3]),
+        (word::SELF_TEST_SEED, content.self_test.0),
+        (word::SELF_TEST_CRC, content.self_test.1),
+    ];
+    fields.into_iter().for_each(|(index, value)| set_word(&mut bytes, index, value));
+    seal(&mut bytes);
+    bytes
+}
+
+/// Recomputes every checksum of a file whose header and body are otherwise in place.
+pub fn seal(bytes: &mut [u8]) {
+    let chunks = u32::from_le_bytes(std::array::from_fn(|i| bytes[4 * word::CHUNKS + i])) as usize;
+    let (head, body) = bytes.split_at_mut(HEADER_BYTES + 4 * chunks);
+    for (index, chunk) in body.chunks(CHUNK_BYTES).enumerate() {
+        head[HEADER_BYTES + 4 * index..][..4].copy_from_slice(&crc32c(chunk).to_le_bytes());
+    }
+    let list = crc32c(&head[HEADER_BYTES..]);
+    set_word(head, word::LIST_CRC, list);
+    let header = crc32c(&head[..4 * word::HEADER_CRC]);
+    set_word(head, word::HEADER_CRC, header);
+}
+
+fn set_word(bytes: &mut [u8], index: usize, value: u32) {
+    bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
+}
+
+fn bytes_len(bytes: &[u8]) -> u32 {
+    u32::try_from(bytes.len()).expect("models are below 4 GiB")
+}

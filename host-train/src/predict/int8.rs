@@ -1,0 +1,78 @@
+//! An exported model file as a model the tile loop can run.
+
+use super::network::{Model, Normalisation, TileNetwork};
+use crate::model::config::TargetRange;
+use crate::{Error, Result};
+use elunar_core::nn::{self, Progress, Runner, TruthRange, required};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
+const STEP_MACS: u64 = 1 << 28;
+
+/// A validated `.eld` file in memory.
+pub struct Int8Model {
+    bytes: Vec<u8>,
+    description: String,
+}
+
+/// Opens a model file and judges all of it.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not right.
+pub fn open(path: &Path) -> Result<Int8Model> {
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
+    let hash: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    Ok(Int8Model { bytes, description: format!("int8 network {name} sha256:{hash}") })
+}
+
+impl Int8Model {
+    /// The validated model.
+    ///
+    /// # Panics
+    /// Never: [`open`] has validated these bytes.
+    pub fn model(&self) -> nn::Model<'_> {
+        nn::Model::new(&self.bytes).expect("validated when opened")
+    }
+}
+
+impl Model for Int8Model {
+    fn tile(&self) -> (usize, usize) {
+        self.model().tile()
+    }
+
+    fn normalisation(&self) -> Normalisation {
+        let model = self.model();
+        let target_range = match model.truth_range() {
+            TruthRange::Own => TargetRange::Own,
+            TruthRange::Reference => TargetRange::Reference,
+        };
+        Normalisation { nr: model.nr(), range_margin: model.range_margin(), target_range }
+    }
+
+    fn description(&self) -> String {
+        self.description.clone()
+    }
+
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        let model = self.model();
+        Ok(Box::new(Worker { model, arena: vec![0; required(&model)] }))
+    }
+}
+
+struct Worker<'a> {
+    model: nn::Model<'a>,
+    arena: Vec<u8>,
+}
+
+impl TileNetwork for Worker<'_> {
+    fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
+        let fault = |e: nn::RunError| Error::usage(format!("int8 network: {e}"));
+        let mut runner = Runner::new(self.model, &mut self.arena).map_err(fault)?;
+        runner.begin(image, coarse).map_err(fault)?;
+        while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}
+        runner.output(output).map_err(fault)
+    }
+}
