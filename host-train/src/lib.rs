@@ -9,6 +9,7 @@ pub mod demo;
 pub mod error;
 pub mod evaluate;
 pub mod export;
+pub mod illumination;
 pub mod interrupt;
 pub mod model;
 pub mod mosaic;

@@ -59,6 +59,8 @@ pub mod word {
     pub const SELF_TEST_SEED: usize = 23;
     /// CRC32C of the self test's output.
     pub const SELF_TEST_CRC: usize = 24;
+    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid.
+    pub const ILLUMINATION: usize = 25;
     /// CRC32C of the checksum list.
     pub const LIST_CRC: usize = 30;
     /// CRC32C of the header's first 31 words.

@@ -26,7 +26,8 @@ mod self_test;
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
 pub use model::{
-    ConvShape, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model, TruthRange,
+    ConvShape, Illumination, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
+    TruthRange,
 };
 pub use program::{
     Attention, Conv, Dtype, LayerNorm, MAX_ADD_SHIFT, OPERATOR_BYTES, Operator, Source, TENSOR_BYTES, Tensor,

@@ -33,6 +33,15 @@ pub enum TruthRange {
     Reference,
 }
 
+/// Which light the network knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Illumination {
+    /// The Sun anywhere.
+    Any,
+    /// The Sun in the north-west quadrant of the grid: the caller mirrors tiles lit from elsewhere, and the heights back.
+    Northwest,
+}
+
 /// A validated model, borrowing the file's bytes. Holding one proves that every operator stays inside its tensors, constants
 /// and accumulators, and that no tensor is read before it is written or after it is overwritten.
 #[derive(Debug, Clone, Copy)]
@@ -126,6 +135,7 @@ impl<'a> Model<'a> {
         if !floats.iter().all(|v| v.is_finite() && *v >= 0.0)
             || self.nr() <= 0.0
             || self.raw.word(word::TARGET_RANGE) > 1
+            || self.raw.word(word::ILLUMINATION) > 1
         {
             return Err(ModelError::Header);
         }
@@ -396,6 +406,11 @@ impl<'a> Model<'a> {
     /// Whose range normalised the truth.
     pub fn truth_range(&self) -> TruthRange {
         if self.raw.word(word::TARGET_RANGE) == 0 { TruthRange::Own } else { TruthRange::Reference }
+    }
+
+    /// Which light the network knows.
+    pub fn illumination(&self) -> Illumination {
+        if self.raw.word(word::ILLUMINATION) == 0 { Illumination::Any } else { Illumination::Northwest }
     }
 
     /// Descriptive JSON: name, network configuration.

@@ -102,7 +102,7 @@ pub fn calibration_tiles(
                 let found = (raw.rows, raw.cols);
                 return Err(Error::usage(format!("tile {index}: expected {TILE_ROWS} x {TILE_COLS}, found {found:?}")));
             }
-            calibration_tile(config, &raw)
+            calibration_tile(config, &raw.lit_for(config.illumination))
         })
         .collect()
 }

@@ -1,8 +1,10 @@
 //! `host-train latency`: how long a tile takes.
 
-use crate::predict::int8;
+use crate::model::backend::Backend;
+use crate::predict::network::Model as _;
+use crate::predict::{float, int8};
 use crate::{Error, Result};
-use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_core::nn::{self, Progress, Runner, required};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -10,18 +12,28 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  host-train latency --model nano.eld --threads 2")]
 pub struct Args {
-    /// Model file (.eld).
-    #[arg(long, value_name = "M.eld")]
+    /// Model: `.eld` for the int8 runner, `.safetensors` for the float network.
+    #[arg(long, value_name = "M")]
     pub model: PathBuf,
-    /// Threads, each with a tile of its own; 0 takes as many as the machine offers.
+    /// Threads, each with a tile of its own; 0 takes as many as the machine offers. The float backend may use more inside.
     #[arg(long, default_value_t = 1)]
     pub threads: usize,
     /// Seconds to measure for.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f64,
+    /// Backend of a float network.
+    #[arg(long, default_value = "flex")]
+    pub backend: Backend,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// What is known of a model beside its time.
+struct Facts {
+    kernel: String,
+    macs: Option<u64>,
+    arena_bytes: Option<usize>,
 }
 
 /// Runs the command.
@@ -29,45 +41,82 @@ pub struct Args {
 /// # Errors
 /// If the model cannot be read or fails its self test.
 pub fn run(args: Args) -> Result<()> {
-    let opened = int8::open(&args.model)?;
-    let model = opened.model();
-    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let threads = if args.threads == 0 { available } else { args.threads.min(256) };
+    let is_float = args.model.extension().is_some_and(|e| e == "safetensors");
     let duration = Duration::from_secs_f64(args.seconds.clamp(0.1, 3600.0));
+    let (facts, tiles_s, wall_s) = if is_float {
+        let model = float::open(&args.model, args.backend)?;
+        let kernel = format!("float, {:?}", args.backend).to_lowercase();
+        let facts = Facts { kernel, macs: None, arena_bytes: None };
+        let (tiles, wall) = on_threads(args.threads, || measure_float(&model, duration))?;
+        (facts, tiles, wall)
+    } else {
+        let opened = int8::open(&args.model)?;
+        let model = opened.model();
+        let kernel = nn::kernels::scalar::NAME.to_string();
+        let facts = Facts { kernel, macs: Some(model.macs()), arena_bytes: Some(required(&model)) };
+        let (tiles, wall) = on_threads(args.threads, || measure_int8(model, duration))?;
+        (facts, tiles, wall)
+    };
+    print(&args, &facts, &tiles_s, wall_s);
+    Ok(())
+}
+
+/// Seconds of every tile, sorted, and of the whole measurement.
+fn on_threads(threads: usize, measure: impl Fn() -> Result<Vec<f64>> + Sync) -> Result<(Vec<f64>, f64)> {
+    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let threads = if threads == 0 { available } else { threads.min(256) };
     let start = Instant::now();
     let runs: Result<Vec<Vec<f64>>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| measure(model, duration))).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(&measure)).collect();
         workers
             .into_iter()
             .map(|w| w.join().unwrap_or_else(|_| Err(Error::usage("latency: a thread failed"))))
             .collect()
     });
-    let wall_s = start.elapsed().as_secs_f64();
     let mut tiles_s: Vec<f64> = runs?.into_iter().flatten().collect();
     tiles_s.sort_by(f64::total_cmp);
-    let median_ms = tiles_s[tiles_s.len() / 2] * 1e3;
+    Ok((tiles_s, start.elapsed().as_secs_f64()))
+}
+
+fn print(args: &Args, facts: &Facts, tiles_s: &[f64], wall_s: f64) {
+    let (median_ms, fastest_ms) = (tiles_s[tiles_s.len() / 2] * 1e3, tiles_s[0] * 1e3);
     let tiles_per_s = tiles_s.len() as f64 / wall_s;
-    let gmac_per_s = model.macs() as f64 * tiles_per_s / 1e9;
-    let arena = required(&model);
+    let gmac_per_s = facts.macs.map(|macs| macs as f64 * tiles_per_s / 1e9);
     if args.json {
         let report = serde_json::json!({
-            "median_ms": median_ms, "min_ms": tiles_s[0] * 1e3, "tiles": tiles_s.len(), "threads": threads,
-            "tiles_per_s": tiles_per_s, "gmac_per_s": gmac_per_s, "macs": model.macs(), "arena_bytes": arena,
-            "kernel": elunar_core::nn::kernels::scalar::NAME,
+            "median_ms": median_ms, "min_ms": fastest_ms, "tiles": tiles_s.len(), "threads": args.threads,
+            "tiles_per_s": tiles_per_s, "gmac_per_s": gmac_per_s, "macs": facts.macs,
+            "arena_bytes": facts.arena_bytes, "kernel": facts.kernel,
         });
         println!("{report}");
-        return Ok(());
+        return;
     }
-    println!("{}: {:.3} GMAC per tile, arena {arena} bytes", args.model.display(), model.macs() as f64 / 1e9);
-    println!("  kernel {}, {threads} thread(s), {} tiles", elunar_core::nn::kernels::scalar::NAME, tiles_s.len());
-    println!("  median {median_ms:.1} ms per tile, fastest {:.1} ms", tiles_s[0] * 1e3);
-    println!("  {tiles_per_s:.2} tiles/s, {gmac_per_s:.2} GMAC/s");
-    Ok(())
+    println!("{}: kernel {}, {} thread(s), {} tiles", args.model.display(), facts.kernel, args.threads, tiles_s.len());
+    println!("  median {median_ms:.1} ms per tile, fastest {fastest_ms:.1} ms, {tiles_per_s:.2} tiles/s");
+    if let (Some(macs), Some(rate), Some(arena)) = (facts.macs, gmac_per_s, facts.arena_bytes) {
+        println!("  {:.3} GMAC per tile, {rate:.2} GMAC/s, arena {arena} bytes", macs as f64 / 1e9);
+    }
+}
+
+/// Seconds of each tile of the float network, on one made-up tile over and over.
+fn measure_float(model: &float::FloatModel, duration: Duration) -> Result<Vec<f64>> {
+    let (rows, cols) = model.tile();
+    let image: Vec<f32> = (0..rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
+    let coarse: Vec<f32> = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
+    let (mut worker, mut output) = (model.worker()?, vec![0.0; rows * cols]);
+    worker.predict(&image, &coarse, &mut output)?;
+    let (mut tiles, start) = (Vec::new(), Instant::now());
+    while tiles.is_empty() || start.elapsed() < duration {
+        let tile = Instant::now();
+        worker.predict(&image, &coarse, &mut output)?;
+        tiles.push(tile.elapsed().as_secs_f64());
+    }
+    Ok(tiles)
 }
 
 /// Seconds of each tile: the built-in self-test tile over and over, checked each time.
-fn measure(model: Model<'_>, duration: Duration) -> Result<Vec<f64>> {
-    let fault = |e: elunar_core::nn::RunError| Error::usage(format!("latency: {e}"));
+fn measure_int8(model: nn::Model<'_>, duration: Duration) -> Result<Vec<f64>> {
+    let fault = |e: nn::RunError| Error::usage(format!("latency: {e}"));
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
     let (mut tiles, start) = (Vec::new(), Instant::now());

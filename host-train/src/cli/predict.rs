@@ -33,6 +33,9 @@ pub struct Args {
     /// Threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
+    /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_azimuth: Option<f64>,
     /// Pixels by which neighbouring tiles overlap [default: 100, or a third of a smaller tile].
     #[arg(long, value_name = "PX")]
     pub overlap: Option<usize>,
@@ -58,7 +61,7 @@ pub fn run(args: Args) -> Result<()> {
         Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?
     };
     let overlap_px = args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile()));
-    let options = Options { overlap_px, blend: args.blend, threads: args.threads };
+    let options = Options { overlap_px, blend: args.blend, threads: args.threads, sun_azimuth_deg: args.sun_azimuth };
     interrupt::listen();
     let made = with_progress(|progress| predict(&scene, model.as_ref(), &options, progress))?;
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

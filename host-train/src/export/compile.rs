@@ -6,7 +6,7 @@ use super::graph::{Graph, Operation};
 use super::plan::plan;
 use super::quantise::{Program, quantise};
 use super::write::{Content, file_bytes};
-use crate::model::config::{NetConfig, TargetRange};
+use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::model::weights::Weights;
 use crate::{Error, Result};
 use elunar_core::nn::format::NONE;
@@ -78,6 +78,7 @@ pub fn export(
         nr: config.nr,
         range_margin: config.range_margin,
         target_range: (config.target_range == TargetRange::Reference) as u32,
+        illumination: (config.illumination == Illumination::Northwest) as u32,
         roles,
         self_test: (SELF_TEST_SEED, 0),
     };

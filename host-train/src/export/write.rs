@@ -23,6 +23,8 @@ pub struct Content<'a> {
     pub range_margin: f32,
     /// 0: the truth's own range, 1: the coarse tile's.
     pub target_range: u32,
+    /// 0: any light, 1: the Sun in the north-west.
+    pub illumination: u32,
     /// Numbers of the image, coarse, coarse f32 and output tensors.
     pub roles: [u32; 4],
     /// Seed and output checksum of the self test.
@@ -60,6 +62,7 @@ pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
         (word::NR, content.nr.to_bits()),
         (word::RANGE_MARGIN, content.range_margin.to_bits()),
         (word::TARGET_RANGE, content.target_range),
+        (word::ILLUMINATION, content.illumination),
         (word::IMAGE, content.roles[0]),
         (word::COARSE, content.roles[1]),
         (word::COARSE_F32, content.roles[2]),

@@ -23,6 +23,17 @@ pub enum TargetRange {
     Reference,
 }
 
+/// Which light the network knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Illumination {
+    /// The Sun anywhere (the paper's).
+    Any,
+    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice, see
+    /// [`crate::illumination`]).
+    Northwest,
+}
+
 /// Image encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -78,6 +89,9 @@ pub struct Switches {
     /// Decoder blocks [default: residual].
     #[arg(long)]
     pub decoder_kind: Option<DecoderKind>,
+    /// Which light the network knows [default: any].
+    #[arg(long)]
+    pub illumination: Option<Illumination>,
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[arg(long)]
     pub no_coarse: bool,
@@ -102,6 +116,7 @@ impl Switches {
         config.nr = self.nr.unwrap_or(config.nr);
         config.image_encoder = self.image_encoder.unwrap_or(config.image_encoder);
         config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
+        config.illumination = self.illumination.unwrap_or(config.illumination);
         config.use_coarse &= !self.no_coarse;
         config.check().map_err(Error::usage)?;
         Ok(config)
@@ -143,6 +158,9 @@ pub struct NetConfig {
     /// Decoder blocks.
     #[serde(default = "residual_decoder")]
     pub decoder_kind: DecoderKind,
+    /// Which light the network knows.
+    #[serde(default = "any")]
+    pub illumination: Illumination,
     /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
     #[serde(default = "yes")]
     pub use_coarse: bool,
@@ -162,6 +180,9 @@ fn swin() -> ImageEncoderKind {
 }
 fn residual_decoder() -> DecoderKind {
     DecoderKind::Residual
+}
+fn any() -> Illumination {
+    Illumination::Any
 }
 fn yes() -> bool {
     true
@@ -192,6 +213,7 @@ impl NetConfig {
             nr: 50.0,
             image_encoder: ImageEncoderKind::Swin,
             decoder_kind: DecoderKind::Residual,
+            illumination: Illumination::Any,
             use_coarse: true,
         }
     }

@@ -41,8 +41,8 @@ impl Model for FloatModel {
     }
 
     fn normalisation(&self) -> Normalisation {
-        let NetConfig { nr, range_margin, target_range, .. } = self.config;
-        Normalisation { nr, range_margin, target_range }
+        let NetConfig { nr, range_margin, target_range, illumination, .. } = self.config;
+        Normalisation { nr, range_margin, target_range, illumination }
     }
 
     fn description(&self) -> String {

@@ -1,7 +1,7 @@
 //! An exported model file as a model the tile loop can run.
 
 use super::network::{Model, Normalisation, TileNetwork};
-use crate::model::config::TargetRange;
+use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
 use elunar_core::nn::{self, Progress, Runner, TruthRange, required};
 use sha2::{Digest, Sha256};
@@ -49,7 +49,11 @@ impl Model for Int8Model {
             TruthRange::Own => TargetRange::Own,
             TruthRange::Reference => TargetRange::Reference,
         };
-        Normalisation { nr: model.nr(), range_margin: model.range_margin(), target_range }
+        let illumination = match model.illumination() {
+            nn::Illumination::Any => Illumination::Any,
+            nn::Illumination::Northwest => Illumination::Northwest,
+        };
+        Normalisation { nr: model.nr(), range_margin: model.range_margin(), target_range, illumination }
     }
 
     fn description(&self) -> String {

@@ -1,7 +1,7 @@
 //! What the tile loop needs of a network, float or int8.
 
 use crate::Result;
-use crate::model::config::TargetRange;
+use crate::model::config::{Illumination, TargetRange};
 
 /// How a model wants its tiles normalised, and how its output turns back into metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,6 +12,8 @@ pub struct Normalisation {
     pub range_margin: f32,
     /// Whose range normalised the truth in training.
     pub target_range: TargetRange,
+    /// Which light the network knows.
+    pub illumination: Illumination,
 }
 
 /// A loaded model: immutable, shared by all threads.

@@ -3,6 +3,7 @@
 use super::network::Model;
 use super::scene::Scene;
 use super::tile::{Outcome, TileWorker};
+use crate::illumination::Turn;
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
@@ -13,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 /// How a scene is cut, shared out and joined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Pixels by which neighbouring tiles overlap; less than either side of a tile. See [`Options::overlap_for`].
     pub overlap_px: usize,
@@ -21,11 +22,14 @@ pub struct Options {
     pub blend: Blend,
     /// Threads; 0 takes as many as the machine offers.
     pub threads: usize,
+    /// Azimuth of the Sun, degrees clockwise from the grid's up; `None` estimates it from image and coarse DTM. Only models that
+    /// know one light ask for it.
+    pub sun_azimuth_deg: Option<f64>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { overlap_px: INFERENCE_OVERLAP_PX, blend: Blend::DemMosaic, threads: 0 }
+        Self { overlap_px: INFERENCE_OVERLAP_PX, blend: Blend::DemMosaic, threads: 0, sun_azimuth_deg: None }
     }
 }
 
@@ -54,6 +58,7 @@ pub struct Prediction {
 
 /// Runs `model` over `scene`. `progress` hears (tiles done, tiles in all) at the start and after each tile, and may stop the run.
 ///
+/// A scene lit from elsewhere than the model knows is mirrored first, and the result mirrored back ([`crate::illumination`]).
 /// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
 /// size. Every tile is normalised by its own ranges, predicted, recovered to metres (Eq. 8) and blended. The result is the same for
 /// every number of threads: tiles are blended in reading order, whoever finished first.
@@ -66,6 +71,11 @@ pub fn predict(
     options: &Options,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Prediction> {
+    let illumination = model.normalisation().illumination;
+    let shape = (scene.rows, scene.cols);
+    let turn = Turn::wanted(illumination, options.sun_azimuth_deg, &scene.image, &scene.coarse_m, shape);
+    let turned = (!turn.is_none()).then(|| scene.turned(turn));
+    let scene = turned.as_ref().unwrap_or(scene);
     let tile = model.tile();
     let covered = (scene.rows.max(tile.0), scene.cols.max(tile.1));
     let tiling = Tiling::new(covered, tile, options.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
@@ -88,7 +98,9 @@ pub fn predict(
         drop(receive);
         joined
     })?;
-    Ok(sink.finish(scene))
+    let mut prediction = sink.finish(scene);
+    prediction.dtm.samples = turn.apply(&prediction.dtm.samples, scene.cols);
+    Ok(prediction)
 }
 
 /// One thread: takes the next tile until none is left.

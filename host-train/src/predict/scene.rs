@@ -1,6 +1,7 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, without gaps, and which pixels are real.
 
 use super::fill::fill_gaps;
+use crate::illumination::Turn;
 use crate::raster::align::{Interpolation, Named, onto};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
@@ -56,6 +57,17 @@ impl Scene {
         let samples =
             self.coarse_m.iter().zip(&self.valid).map(|(&z, &valid)| if valid { z } else { f32::NAN }).collect();
         Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) }
+    }
+
+    /// The scene mirrored; its place is that of the original.
+    pub(super) fn turned(&self, turn: Turn) -> Self {
+        Self {
+            image: turn.apply(&self.image, self.cols),
+            coarse_m: turn.apply(&self.coarse_m, self.cols),
+            valid: turn.apply(&self.valid, self.cols),
+            georef: self.georef.clone(),
+            ..*self
+        }
     }
 
     /// Cuts `window` out of `layer`. Beyond the scene its last row and column repeat.

@@ -2,7 +2,7 @@
 
 use super::network::{Model, Normalisation, TileNetwork};
 use super::*;
-use crate::model::config::TargetRange;
+use crate::model::config::{Illumination, TargetRange};
 use crate::mosaic::Blend;
 use crate::raster::align::Named;
 use crate::raster::{Crs, GeoRef, Raster};
@@ -19,7 +19,12 @@ impl Model for Identity {
         self.tile
     }
     fn normalisation(&self) -> Normalisation {
-        Normalisation { nr: 50.0, range_margin: self.range_margin, target_range: TargetRange::Reference }
+        Normalisation {
+            nr: 50.0,
+            range_margin: self.range_margin,
+            target_range: TargetRange::Reference,
+            illumination: Illumination::Any,
+        }
     }
     fn description(&self) -> String {
         "identity".into()
@@ -55,7 +60,12 @@ impl Model for Truth {
         self.tile
     }
     fn normalisation(&self) -> Normalisation {
-        Normalisation { nr: 50.0, range_margin: 0.1, target_range: TargetRange::Reference }
+        Normalisation {
+            nr: 50.0,
+            range_margin: 0.1,
+            target_range: TargetRange::Reference,
+            illumination: Illumination::Any,
+        }
     }
     fn description(&self) -> String {
         "truth".into()
@@ -125,8 +135,13 @@ fn an_identity_network_returns_the_interpolated_coarse_dtm() {
         for (range_margin, blend) in [(0.0, Blend::DemMosaic), (0.1, Blend::Linear)] {
             let scene = scene(&image(rows, cols), &coarse());
             let model = Identity { tile, range_margin };
-            let made =
-                predict(&scene, &model, &Options { overlap_px: overlap, blend, threads: 2 }, &mut silent).unwrap();
+            let made = predict(
+                &scene,
+                &model,
+                &Options { overlap_px: overlap, blend, threads: 2, ..Options::default() },
+                &mut silent,
+            )
+            .unwrap();
             assert_eq!((made.dtm.rows, made.dtm.cols, &made.dtm.georef), (rows, cols, &Some(scene.georef.clone())));
             for (found, expected) in made.dtm.samples.iter().zip(&scene.coarse_m) {
                 assert!((found - expected).abs() < 1e-3, "{rows} x {cols}: {found} {expected}");
@@ -232,7 +247,7 @@ impl Model for Faulty {
         (64, 80)
     }
     fn normalisation(&self) -> Normalisation {
-        Normalisation { nr: 50.0, range_margin: 0.0, target_range: TargetRange::Own }
+        Normalisation { nr: 50.0, range_margin: 0.0, target_range: TargetRange::Own, illumination: Illumination::Any }
     }
     fn description(&self) -> String {
         "faulty".into()

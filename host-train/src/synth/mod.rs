@@ -1,9 +1,9 @@
 //! The synthetic Moon: terrain, photometry, camera and coarse DTM, so that every test, demo and training run works without
 //! downloads.
 //!
-//! One scene is made in this order: [`field`] draws the spectral terrain and the albedo, [`crater`] adds craters in all
-//! states of decay, [`boulder`] strews blocks around the fresh ones, [`light`] illuminates it (Lunar–Lambert, cast shadows), [`camera`] turns radiance into DN, [`coarse`]
-//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, [`files`] writes it. [`structure`] measures how rough
+//! One scene is made in this order: `field` draws the spectral terrain and the albedo, `crater` adds craters in all
+//! states of decay, `boulder` strews blocks around the fresh ones, `light` illuminates it (Lunar–Lambert, cast shadows), `camera` turns radiance into DN, `coarse`
+//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, `files` writes it. [`structure`] measures how rough
 //! the result is.
 //!
 //! Everything follows from `(seed, options, index)`; the number of threads changes nothing.

@@ -2,7 +2,8 @@
 
 use super::recipe::Recipe;
 use super::sample::{RawTile, Sample};
-use crate::model::config::NetConfig;
+use crate::illumination::Turn;
+use crate::model::config::{Illumination, NetConfig};
 use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, SeedableRng};
@@ -63,7 +64,10 @@ impl Feed {
                     )));
                 }
                 let corner = [rng.random_range(0..=sample.rows - rows), rng.random_range(0..=sample.cols - cols)];
-                Ok(sample.window(corner, [rows, cols], [rng.random(), rng.random()]))
+                // Mirrored at random, unless the light must stay where the network expects it.
+                let mirrored = Turn { rows: rng.random(), cols: rng.random() };
+                let turn = if self.config.illumination == Illumination::Any { mirrored } else { Turn::default() };
+                Ok(sample.window(corner, [rows, cols], turn))
             })
             .collect()
     }
@@ -72,7 +76,10 @@ impl Feed {
     fn sample(&self, index: u64) -> Result<Sample> {
         let mut last = None;
         for attempt in 0..TRIES {
-            match Sample::new(&self.config, &self.source.tile(index + (attempt << 40))?) {
+            match Sample::new(
+                &self.config,
+                &self.source.tile(index + (attempt << 40))?.lit_for(self.config.illumination),
+            ) {
                 Ok(sample) => return Ok(sample),
                 Err(error) => last = Some(error),
             }

@@ -132,6 +132,7 @@ impl Scene {
             image: cut(&self.image),
             coarse_m: cut(&self.coarse),
             truth_m: cut(&self.truth),
+            sun_azimuth_deg: None,
         }
     }
 }

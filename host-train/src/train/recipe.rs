@@ -1,7 +1,7 @@
 //! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
 
 use super::loss::{Elevation, LossWeights};
-use crate::model::config::{Head, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
+use crate::model::config::{Head, Illumination, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -201,6 +201,7 @@ pub fn trained_network(preset: Preset) -> NetConfig {
             head: Head::Residual,
             target_range: TargetRange::Reference,
             range_margin: REFERENCE_MARGIN,
+            illumination: Illumination::Northwest,
             ..config
         },
     }

@@ -1,6 +1,7 @@
 //! One tile as the network sees it: normalised image, coarse DTM and truth.
 
-use crate::model::config::{NetConfig, TargetRange};
+use crate::illumination::Turn;
+use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::{Error, Result};
 use elunar_core::norm::elevation::ElevationScale;
 use elunar_core::norm::intensity;
@@ -20,6 +21,28 @@ pub struct RawTile {
     pub coarse_m: Vec<f32>,
     /// True DTM, metres.
     pub truth_m: Vec<f32>,
+    /// Azimuth of the Sun, degrees clockwise from up, where it is known.
+    pub sun_azimuth_deg: Option<f64>,
+}
+
+impl RawTile {
+    /// The tile mirrored so that the Sun shines from where `illumination` wants it.
+    pub fn lit_for(self, illumination: Illumination) -> Self {
+        let (azimuth_deg, shape) = (self.sun_azimuth_deg, (self.rows, self.cols));
+        let turn = Turn::wanted(illumination, azimuth_deg, &self.image, &self.coarse_m, shape);
+        if turn.is_none() {
+            return self;
+        }
+        let apply = |map: &[f32]| turn.apply(map, self.cols);
+        Self {
+            image: apply(&self.image),
+            coarse_m: apply(&self.coarse_m),
+            truth_m: apply(&self.truth_m),
+            // Mirrored with the ground; nobody asks again.
+            sun_azimuth_deg: None,
+            ..self
+        }
+    }
 }
 
 /// A normalised tile.
@@ -65,17 +88,14 @@ impl Sample {
         Ok(sample)
     }
 
-    /// A window of the normalised tile, mirrored left–right and up–down as asked; image and heights turn together, so light
-    /// and shape stay consistent.
-    pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], [flip_rows, flip_cols]: [bool; 2]) -> Self {
+    /// A window of the normalised tile, mirrored as asked; image and heights turn together, so light and shape stay consistent.
+    pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], turn: Turn) -> Self {
         let cut = |map: &[f32]| -> Vec<f32> {
             let mut out = Vec::with_capacity(rows * cols);
             for i in 0..rows {
-                let row = top + if flip_rows { rows - 1 - i } else { i };
-                let line = &map[row * self.cols + left..][..cols];
-                if flip_cols { out.extend(line.iter().rev()) } else { out.extend(line) }
+                out.extend_from_slice(&map[(top + i) * self.cols + left..][..cols]);
             }
-            out
+            turn.apply(&out, cols)
         };
         Self {
             rows,

@@ -63,6 +63,7 @@ impl TileSource for SynthSource {
             image: tile.image,
             coarse_m: tile.coarse_m,
             truth_m: tile.truth_m,
+            sun_azimuth_deg: Some(tile.sun_azimuth_deg),
         })
     }
 }

@@ -60,7 +60,7 @@ impl ValidationSet {
         let cases: Result<Vec<Option<Case>>> = (0..count as u64)
             .into_par_iter()
             .map(|index| {
-                let tile = source.tile(index)?;
+                let tile = source.tile(index)?.lit_for(config.illumination);
                 let sample = Sample::new(config, &tile).ok();
                 Ok(sample.map(|sample| Case {
                     sample,
