@@ -46,7 +46,9 @@ pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Re
 fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
     let model = open(&folder.file(file), Backend::Flex)?;
     let overlap_px = Options::overlap_for(model.tile());
-    let options = Options { overlap_px, threads: settings.threads, ..Options::default() };
+    // Archives tell the Sun's azimuth of every image.
+    let sun_azimuth_deg = Some(scene.about.sun_azimuth_deg);
+    let options = Options { overlap_px, threads: settings.threads, sun_azimuth_deg, ..Options::default() };
     let bar = bar(name, 0, "tiles");
     let start = Instant::now();
     let made = predict(&scene.input, model.as_ref(), &options, &mut |done, all| {

@@ -1,8 +1,11 @@
 //! The whole tour, small.
 
-use super::folder::{FIGURES, FLOAT_MODEL, INT8_MODEL, REPORT, RUN};
-use super::*;
-use crate::train::run::Record;
+use host_train::demo::{Settings, Start, run};
+use host_train::evaluate::{Candidate, compare};
+use host_train::model::config::{NetConfig, Preset};
+use host_train::raster::{align::Named, geotiff::read};
+use host_train::train::recipe::{Recipe, trained_network};
+use host_train::train::run::Record;
 use std::path::Path;
 
 /// A narrow network, one tile, two steps.
@@ -38,7 +41,7 @@ fn embedded(page: &str) -> Vec<Vec<u8>> {
 #[test]
 fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() {
     let out = tempfile::tempdir().unwrap();
-    std::fs::create_dir(out.path().join(RUN)).unwrap();
+    std::fs::create_dir(out.path().join("training")).unwrap();
     for foreign in ["notes.txt", "training/notes.txt"] {
         std::fs::write(out.path().join(foreign), "mine").unwrap();
     }
@@ -78,9 +81,8 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     }
 
     // The page's table holds what `evaluate` finds in the files.
-    let figures: serde_json::Value = serde_json::from_slice(&std::fs::read(out.path().join(FIGURES)).unwrap()).unwrap();
-    use crate::evaluate::{Candidate, compare};
-    use crate::raster::{align::Named, geotiff::read};
+    let figures: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.path().join("figures.json")).unwrap()).unwrap();
     let (truth, int8) =
         (read(out.path().join("scene_0000_truth.tif")).unwrap(), read(out.path().join("dtm_int8.tif")).unwrap());
     let found = compare(Named::new("t", &truth), &[Candidate::fine("i", &int8)]).unwrap().judged[0].scores;
@@ -89,13 +91,13 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     assert!(page.contains(&format!(">{:.2}</td>", found.slope_mae_deg)), "the table holds the slope error");
     assert!(
         figures["int8"]["flash_bytes"].as_u64().unwrap()
-            == std::fs::metadata(out.path().join(INT8_MODEL)).unwrap().len()
+            == std::fs::metadata(out.path().join("model.eld")).unwrap().len()
     );
 
     let before = names(out.path());
     run(&small(out.path(), 1)).unwrap();
     assert_eq!(names(out.path()), before, "the second tour made the same files");
-    assert_eq!(Record::read(&out.path().join(RUN)).unwrap().recipe.steps, 1);
+    assert_eq!(Record::read(&out.path().join("training")).unwrap().recipe.steps, 1);
     for foreign in ["notes.txt", "training/notes.txt"] {
         assert_eq!(std::fs::read_to_string(out.path().join(foreign)).unwrap(), "mine");
     }
@@ -119,7 +121,7 @@ fn mistakes_are_found_before_anything_is_written() {
 #[test]
 fn a_training_run_of_somebody_else_is_left_alone() {
     let out = tempfile::tempdir().unwrap();
-    let theirs = out.path().join(RUN);
+    let theirs = out.path().join("training");
     std::fs::create_dir(&theirs).unwrap();
     let settings = small(out.path(), 1);
     let record = serde_json::json!({
@@ -131,5 +133,5 @@ fn a_training_run_of_somebody_else_is_left_alone() {
     let refused = run(&settings).unwrap_err().to_string();
     assert!(refused.contains("another run"), "{refused}");
     assert_eq!(names(&theirs), ["best.safetensors", "run.json"]);
-    assert!(!out.path().join(FLOAT_MODEL).exists() && !out.path().join(REPORT).exists());
+    assert!(!out.path().join("model.safetensors").exists() && !out.path().join("report.html").exists());
 }
