@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test no_std architecture
+#   ./ci.sh format lint   only these steps: format lint test backends no_std architecture
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
 set -euo pipefail
@@ -23,6 +23,11 @@ format() {
 lint() {
     cargo clippy --locked --workspace --all-targets -- -D warnings
     cargo clippy --locked --manifest-path "$flight" --target-dir "$target/flight" -- -D warnings
+}
+
+# The network once more on the reference backend, which shares no kernel with the default one.
+backends() {
+    cargo run --locked --package host-train --features ndarray -- check --backend ndarray tests/golden/mini/case.safetensors
 }
 
 test() {
@@ -62,16 +67,16 @@ architecture() {
     cargo test --locked --quiet -p elunar-tests --test architecture
 }
 
-[ $# -gt 0 ] || set -- format lint test no_std architecture
+[ $# -gt 0 ] || set -- format lint test backends no_std architecture
 for step in "$@"; do
     case "$step" in
-    format | lint | test | no_std | architecture)
+    format | lint | test | backends | no_std | architecture)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test no_std architecture), found '$step'" ;;
+    *) fail "expected a step (format lint test backends no_std architecture), found '$step'" ;;
     esac
 done
 say "all good"

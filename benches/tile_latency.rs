@@ -2,6 +2,8 @@
 //!
 //! `cargo bench -p elunar-benches --bench tile_latency`
 
+#![allow(missing_docs)] // criterion's macros make undocumented functions
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use host_train::model::backend::Backend;
 use host_train::predict::network::Model;

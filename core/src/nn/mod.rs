@@ -7,6 +7,7 @@
 //! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.
 //! 3. [`Runner::begin`] quantises image and coarse DTM; [`Runner::step`] works for a bounded number of multiply-accumulates;
 //!    [`Runner::output`] gives normalised elevation as f32, straight from the last layer's accumulators.
+//!    [`Runner::begin_metres`] and [`Runner::heights`] do the same in physical units.
 //! 4. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
 //!
 //! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
@@ -17,6 +18,7 @@ mod crc;
 mod error;
 pub mod format;
 pub mod kernels;
+mod metres;
 mod model;
 mod ops;
 mod program;
@@ -25,6 +27,7 @@ mod self_test;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
+pub use metres::{TileError, validity};
 pub use model::{
     ConvShape, Illumination, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
     TruthRange,

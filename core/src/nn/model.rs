@@ -453,22 +453,9 @@ impl<'a> Model<'a> {
         self.operators.len()
     }
 
-    /// Tensor `index`.
-    ///
-    /// # Panics
-    /// If the model has no such tensor; a model's own numbers are safe.
+    /// Tensor `index`; for a number that the model does not have, a single byte at the start of the arena.
     pub fn tensor(&self, index: u32) -> Tensor {
-        Tensor::decode(&self.tensors[index as usize]).unwrap_or(Tensor {
-            dtype: Dtype::U8,
-            rows: 1,
-            cols: 1,
-            channels: 1,
-            offset: 0,
-            zero: 0,
-            lo: 0,
-            hi: 0,
-            scale: 1.0,
-        })
+        self.tensors.get(index as usize).and_then(|record| Tensor::decode(record)).unwrap_or(Tensor::SINGLE)
     }
 
     /// Operator `index`, or `None` beyond the last.

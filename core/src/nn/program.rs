@@ -84,6 +84,10 @@ pub struct Tensor {
 }
 
 impl Tensor {
+    /// One u8.
+    pub(crate) const SINGLE: Self =
+        Self { dtype: Dtype::U8, rows: 1, cols: 1, channels: 1, offset: 0, zero: 0, lo: 0, hi: 0, scale: 1.0 };
+
     /// Reads a record; `None` if a field is outside its type's range.
     pub fn decode(record: &[u8]) -> Option<Self> {
         let word = |i: usize| u32_at(record, 4 * i);

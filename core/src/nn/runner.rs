@@ -119,7 +119,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.load(|i| self_test::image_sample(seed, cols, i), |i| self_test::coarse_sample(seed, cols, i, nr));
     }
 
-    fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) {
+    pub(super) fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) {
         let model = self.model;
         self.load_codes(model.image_tensor(), image);
         if model.coarse_tensor() != NONE {

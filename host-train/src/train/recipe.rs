@@ -61,14 +61,15 @@ impl Recipe {
             Preset::Paper | Preset::Small => paper,
             Preset::Tiny | Preset::Nano => Self {
                 batch: 6,
-                steps: 4_000,
+                steps: 2_000,
                 learning_rate: 1e-3,
                 warm_up: 100,
                 elevation_only: 0.0,
+                weights: LossWeights::SHORT,
                 crop: [128, 160],
                 crops_per_tile: 3,
-                validate_every: 250,
-                validation_tiles: 16,
+                validate_every: 200,
+                validation_tiles: 32,
                 checkpoint_every: 100,
                 ..paper
             },

@@ -58,6 +58,34 @@ fn required_bytes_suffice_and_one_less_does_not() {
 }
 
 #[test]
+fn metres_come_out_as_by_way_of_buffers() {
+    let config = NetConfig { head: Head::Residual, range_margin: 0.1, ..small_config() };
+    let (made, tile) = random_export(&config, (32, 64), Precision::Mixed, 9);
+    let brightness: Vec<f32> = tile.image.iter().map(|v| 200.0 + 900.0 * v).collect();
+    let mut coarse_m: Vec<f32> = tile.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
+    coarse_m[100] = f32::NAN;
+    let n = brightness.len();
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let scale = runner.begin_metres(&brightness, &coarse_m, None).unwrap();
+    while runner.step(u64::MAX).unwrap() == Progress::Running {}
+    let mut heights_m = vec![0.0; n];
+    runner.heights(&scale, &mut heights_m).unwrap();
+
+    let (mut image, mut coarse, mut expected_m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    elunar_core::norm::intensity::normalise(&brightness, None, &mut image).unwrap();
+    scale.normalise(&coarse_m, &mut coarse).unwrap();
+    let normalised = CalibrationTile { image, coarse, ground: None };
+    scale.recover(&run(&made.bytes, &normalised, u64::MAX), &mut expected_m).unwrap();
+    assert_eq!(heights_m, expected_m);
+    let mut valid = vec![true; n];
+    elunar_core::nn::validity(&brightness, &coarse_m, None, &mut valid);
+    assert_eq!(valid.iter().position(|v| !v), Some(100));
+    assert!(runner.begin_metres(&vec![3.0; n], &coarse_m, None).is_err());
+}
+
+#[test]
 fn misuse_is_refused() {
     let (made, tile) = random_export(&small_config(), (32, 32), Precision::Int8, 6);
     let model = Model::new(&made.bytes).unwrap();
