@@ -121,6 +121,9 @@ pub(super) fn run(
         stop_after: None,
     };
     let outcome = run.train()?;
+    if !outcome.finished {
+        return Err(Error::usage("training was stopped"));
+    }
     let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
     say(figures("after ", &after));
     let improved = after.rmse < before.rmse;
