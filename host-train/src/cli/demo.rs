@@ -1,15 +1,51 @@
-//! `host-train demo`.
+//! `host-train demo`: the tour.
 
-use crate::{Error, Result};
+use crate::Result;
+use crate::demo::{SHIPPED_MODEL, Settings, Start, run as tour};
+use std::path::PathBuf;
 
 /// Options of `demo`.
-#[derive(Debug, clap::Args)]
-pub struct Args {}
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(after_help = "Examples:
+  host-train
+  host-train demo --out out --seed 7
+  host-train demo --from-scratch --steps 300
+
+Makes a synthetic scene, fine-tunes the network that comes with this program, exports it for the int8 runner, predicts the scene with
+both, judges them beside the coarse DTM, and writes report.html. Files of an earlier tour in the folder are replaced, others are
+left alone.")]
+pub struct Args {
+    /// Folder to write into [default: out].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Number of the tour: another scene, other training tiles [default: 0].
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..Settings::SEEDS))]
+    pub seed: Option<u64>,
+    /// Steps of training [default: 120, or 300 from scratch].
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Fine-tune these weights instead of the shipped ones.
+    #[arg(long, value_name = "W.safetensors", conflicts_with = "from_scratch")]
+    pub model: Option<PathBuf>,
+    /// Train nano from random weights instead of fine-tuning.
+    #[arg(long)]
+    pub from_scratch: bool,
+    /// Threads of the prediction; 0 takes as many as the machine offers [default: 2].
+    #[arg(long)]
+    pub threads: Option<usize>,
+}
 
 /// Runs the command.
 ///
 /// # Errors
-/// Always: not built yet.
-pub fn run(_args: Args) -> Result<()> {
-    Err(Error::usage("demo: not built yet"))
+/// The tour's.
+pub fn run(args: Args) -> Result<()> {
+    let start = match (args.from_scratch, args.model) {
+        (true, _) => Settings::scratch(),
+        (false, model) => Start::Weights(model.unwrap_or_else(|| SHIPPED_MODEL.into())),
+    };
+    let out = args.out.unwrap_or_else(|| "out".into());
+    let mut settings = Settings::new(out, start, args.seed.unwrap_or(0), args.steps);
+    settings.threads = args.threads.unwrap_or(settings.threads);
+    tour(&settings).map(drop)
 }

@@ -55,7 +55,7 @@ pub enum Command {
 pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Some(Command::Demo(args)) => demo::run(args),
-        None => demo::run(demo::Args {}),
+        None => demo::run(demo::Args::default()),
         Some(Command::Synth(args)) => synth::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),

@@ -48,10 +48,14 @@ const COLOURS: [RGBColor; 6] = [
 /// # Errors
 /// [`Error::Usage`] if there is no point to draw, [`Error::Io`] if the file cannot be written.
 pub fn curves(path: &Path, chart: &Chart, series: &[Series]) -> Result<()> {
-    write_png(path, draw(chart, series)?)
+    write_png(path, plot(chart, series)?)
 }
 
-fn draw(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
+/// As [`curves`], in memory.
+///
+/// # Errors
+/// [`Error::Usage`] if there is no point to draw.
+pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
     install_font();
     let fits = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && (!chart.log_y || *y > 0.0);
     let series: Vec<Series> = series

@@ -9,7 +9,7 @@ mod relief;
 mod sheet;
 mod text;
 
-pub use curves::{Chart, Series, curves};
+pub use curves::{Chart, Series, curves, plot};
 pub use errors::error_map;
 pub use grey::{hillshade, stretch};
 pub use relief::relief;

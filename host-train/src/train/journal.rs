@@ -6,6 +6,11 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// File of the training steps.
+pub const STEPS: &str = "steps.csv";
+/// File of the validations.
+pub const VALIDATIONS: &str = "validation.csv";
+
 /// One training step's figures.
 #[derive(Debug, Clone, Copy)]
 pub struct StepRecord {
@@ -63,9 +68,9 @@ impl Journal {
     /// If the folder cannot be written.
     pub fn open(run: &Path, step: usize) -> Result<Self> {
         Ok(Self {
-            steps: Csv::open(run.join("steps.csv"), "step,learning_rate,loss,elevation,gradient,normal", step)?,
+            steps: Csv::open(run.join(STEPS), "step,learning_rate,loss,elevation,gradient,normal", step)?,
             validations: Csv::open(
-                run.join("validation.csv"),
+                run.join(VALIDATIONS),
                 "step,rmse,rel,a1,rmse_m,mae_m,slope_mae_deg,coarse_rmse_m,coarse_mae_m,coarse_slope_mae_deg",
                 step,
             )?,

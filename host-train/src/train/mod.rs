@@ -1,9 +1,11 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
 //! [`run`] is the loop; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
-//! holds the hyper-parameters; [`checkpoint`] makes a killed run go on; [`validate`] and [`journal`] say how it goes.
+//! holds the hyper-parameters; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
+//! how it goes.
 
 pub mod checkpoint;
+pub mod curves;
 pub mod feed;
 pub mod folder;
 pub mod journal;

@@ -1,6 +1,7 @@
 //! The training loop: steps, validation, checkpoints, progress, and an end that Ctrl-C or a kill cannot spoil.
 
 use super::checkpoint::{self, Checkpoint};
+use super::curves;
 use super::feed::{Batch, Feed, TileSource, tensors};
 use super::journal::{Journal, StepRecord};
 use super::loss::terms;
@@ -134,6 +135,7 @@ impl Run {
         let finished = done == recipe.steps;
         if !finished {
             self.checkpoint(&state, done)?;
+            curves::draw(&self.folder)?;
         }
         bar.abandon();
         store::save(&self.record.network, &state.net).write(&self.folder.join(LAST))?;
@@ -236,7 +238,7 @@ impl Run {
             store::save(&self.record.network, &state.net).write(&self.folder.join(BEST))?;
         }
         state.last = Some(found);
-        Ok(())
+        curves::draw(&self.folder)
     }
 
     fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {

@@ -1,0 +1,98 @@
+//! What the newcomer sees: numbered steps with their times, and bars for what takes long.
+
+use crate::{Error, Result, interrupt};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::time::Instant;
+
+/// Announces and times the steps of a tour.
+pub(super) struct Console {
+    steps: usize,
+    times: Vec<StepTime>,
+}
+
+/// How long a step took.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct StepTime {
+    /// The step's title.
+    pub title: String,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+impl Console {
+    /// A tour of so many steps.
+    pub(super) fn new(steps: usize) -> Self {
+        Self { steps, times: vec![] }
+    }
+
+    /// Runs one step.
+    ///
+    /// # Errors
+    /// The step's own, or that the user asked to stop.
+    pub(super) fn step<T>(&mut self, title: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let number = self.times.len() + 1;
+        println!("{number}/{}  {title}", self.steps);
+        let start = Instant::now();
+        let made = work();
+        let seconds = start.elapsed().as_secs_f64();
+        if interrupt::requested() {
+            return Err(Error::usage(format!(
+                "stopped in step {number} of {}, {title}; finished files stay, and the next tour starts afresh",
+                self.steps
+            )));
+        }
+        let made = made?;
+        println!("     done in {}\n", minutes(seconds));
+        self.times.push(StepTime { title: title.into(), seconds });
+        Ok(made)
+    }
+
+    /// The steps so far.
+    pub(super) fn times(&self) -> &[StepTime] {
+        &self.times
+    }
+
+    /// All steps together, seconds.
+    pub(super) fn total_s(&self) -> f64 {
+        self.times.iter().map(|step| step.seconds).sum()
+    }
+}
+
+/// One line under the title of the step in progress.
+pub(super) fn say(line: impl std::fmt::Display) {
+    println!("     {line}");
+}
+
+/// A bar on stderr, cleared when it is done.
+pub(super) fn bar(what: &str, len: u64, unit: &str) -> ProgressBar {
+    let style = format!("     {what} {{bar:24}} {{pos}}/{{len}} {unit}  {{per_sec}}  {{eta}} left");
+    let style = ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(len).with_style(style)
+}
+
+/// `4.2 s` or `3 min 05 s`.
+pub(super) fn minutes(seconds: f64) -> String {
+    if seconds < 59.95 {
+        return format!("{seconds:.1} s");
+    }
+    let whole = seconds.round() as u64;
+    format!("{} min {:02} s", whole / 60, whole % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_read_well() {
+        assert_eq!(["4.2 s", "1 min 00 s", "3 min 05 s"].map(String::from), [4.21, 59.97, 185.2].map(minutes));
+    }
+
+    #[test]
+    fn steps_are_timed_and_failures_pass_through() {
+        let mut console = Console::new(2);
+        assert_eq!(console.step("a", || Ok(7)).unwrap(), 7);
+        assert!(console.step("b", || Err::<(), _>(Error::usage("no"))).unwrap_err().to_string().contains("no"));
+        assert_eq!(console.times().len(), 1);
+    }
+}

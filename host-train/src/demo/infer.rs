@@ -1,0 +1,67 @@
+//! Step 4: the scene through both networks.
+
+use super::Settings;
+use super::console::{bar, minutes, say};
+use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
+use super::scene::DemoScene;
+use crate::model::backend::Backend;
+use crate::predict::{Options, Prediction, Provenance, open, predict, write_dtm};
+use crate::{Result, interrupt};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// One network's DTM of the scene.
+pub(super) struct Predicted {
+    /// `float` or `int8`.
+    pub name: &'static str,
+    /// The DTM, with the tiles it was joined of.
+    pub made: Prediction,
+    /// The model, with the SHA-256 of its file.
+    pub model: String,
+    /// Seconds from the first tile to the last.
+    pub seconds: f64,
+}
+
+impl Predicted {
+    /// Name of the DTM's file.
+    pub(super) fn file(&self) -> String {
+        format!("dtm_{}.tif", self.name)
+    }
+
+    /// Name of its hillshade.
+    pub(super) fn shade(&self) -> String {
+        format!("dtm_{}_hillshade.png", self.name)
+    }
+}
+
+/// Predicts with float and int8, and writes both DTMs with their hillshades.
+///
+/// # Errors
+/// From opening the models, predicting and writing.
+pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 2]> {
+    let float = one(settings, folder, scene, "float", FLOAT_MODEL)?;
+    Ok([float, one(settings, folder, scene, "int8", INT8_MODEL)?])
+}
+
+fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
+    let model = open(&folder.file(file), Backend::Flex)?;
+    let overlap_px = Options::overlap_for(model.tile());
+    // Archives tell the Sun's azimuth of every image.
+    let sun_azimuth_deg = Some(scene.about.sun_azimuth_deg);
+    let options = Options { overlap_px, threads: settings.threads, sun_azimuth_deg, ..Options::default() };
+    let bar = bar(name, 0, "tiles");
+    let start = Instant::now();
+    let made = predict(&scene.input, model.as_ref(), &options, &mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    bar.finish_and_clear();
+    let (made, seconds) = (made?, start.elapsed().as_secs_f64());
+    let predicted = Predicted { name, made, model: model.description(), seconds };
+    let (image, coarse) = (scene.file("image"), scene.file("coarse"));
+    let from = Provenance { model: &predicted.model, image: &image, coarse: &coarse };
+    write_dtm(&folder.file(&predicted.file()), &predicted.made, &from)?;
+    say(format!("{}: {} overlapping tiles in {}", predicted.file(), predicted.made.tiles, minutes(seconds)));
+    Ok(predicted)
+}

@@ -1,0 +1,80 @@
+//! Step 5: coarse input, float and int8 against the truth, on the same pixels.
+
+use super::console::say;
+use super::folder::Folder;
+use super::infer::Predicted;
+use super::scene::DemoScene;
+use crate::evaluate::{Candidate, Comparison, Scores, compare, table};
+use crate::picture::{Chart, Series, curves, error_map, write_png};
+use crate::raster::Raster;
+use crate::raster::align::Named;
+use crate::{Error, Result};
+
+/// Heights along the middle row.
+pub(super) const PROFILE: &str = "profile.png";
+/// What the candidates are called, in the order of the table.
+pub(super) const NAMES: [&str; 3] = ["coarse DTM", "float", "int8"];
+
+/// What was found.
+pub(super) struct Verdict {
+    /// Coarse DTM, float and int8 against the truth.
+    pub against_truth: Comparison,
+    /// Int8 against float, on the whole scene.
+    pub int8_against_float: Scores,
+}
+
+/// Name of an error map: `coarse`, `float` or `int8`.
+pub(super) fn error_file(name: &str) -> String {
+    format!("error_{}.png", name.split(' ').next().unwrap_or(name))
+}
+
+/// Compares, prints the table, and draws error maps and a profile.
+///
+/// # Errors
+/// From comparing and writing.
+pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted; 2]) -> Result<Verdict> {
+    let truth_name = scene.file("truth");
+    let candidates = [
+        Candidate::coarse(NAMES[0], &scene.coarse),
+        Candidate::fine(NAMES[1], &float.made.dtm),
+        Candidate::fine(NAMES[2], &int8.made.dtm),
+    ];
+    let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
+    let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)])?;
+    let int8_against_float = pair.judged.first().map(|judged| judged.scores);
+    let int8_against_float = int8_against_float.ok_or_else(|| Error::usage("evaluate: expected scores, found none"))?;
+    for judged in &against_truth.judged {
+        let error = &judged.error_m;
+        let map = error_map(&error.samples, error.rows, error.cols)?;
+        write_png(&folder.file(&error_file(&judged.name)), map)?;
+    }
+    profile(folder, scene, &float.made.dtm, &int8.made.dtm)?;
+    for line in table(&against_truth).lines() {
+        say(line);
+    }
+    Ok(Verdict { against_truth, int8_against_float })
+}
+
+/// Heights along the middle half of the middle row: long enough for hills, short enough for craters of a few pixels.
+fn profile(folder: &Folder, scene: &DemoScene, float: &Raster, int8: &Raster) -> Result<()> {
+    let (row, cols) = (scene.truth.rows / 2, scene.truth.cols);
+    let mean_m = {
+        let along = &scene.truth.samples[row * cols..][..cols];
+        along.iter().map(|z| f64::from(*z)).sum::<f64>() / cols as f64
+    };
+    let series = |name: &str, heights_m: &[f32]| Series {
+        name: name.into(),
+        points: (cols / 4..cols - cols / 4)
+            .map(|col| (col as f64 * scene.pixel_m, f64::from(heights_m[row * cols + col]) - mean_m))
+            .collect(),
+    };
+    let all = [
+        series("float", &float.samples),
+        series(NAMES[0], &scene.input.coarse_m),
+        series("truth", &scene.truth.samples),
+        series("int8", &int8.samples),
+    ];
+    let title = format!("Heights along row {row}, metres above {mean_m:.0} m");
+    let chart = Chart { title: &title, x: "metres from the west edge", y: "height, m", log_y: false };
+    curves(&folder.file(PROFILE), &chart, &all)
+}

@@ -1,0 +1,111 @@
+//! Step 6: one page that shows and tells everything, with its pictures inside; the same figures for programs.
+
+mod figures;
+mod html;
+mod page;
+
+use super::console::{StepTime, say};
+use super::folder::{FIGURES, Folder, REPORT, RUN};
+use super::infer::Predicted;
+use super::judge::{NAMES, PROFILE, Verdict, error_file};
+use super::scene::{COARSE_SHADE, DemoScene, IMAGE, TRUTH_SHADE};
+use super::shrink::Shrunk;
+use super::tune::{Tuned, curves};
+use super::{Seeds, Settings};
+use crate::picture::{Panel, sheet, write_png};
+use crate::raster::atomic_write;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Image and hillshades side by side.
+const OVERVIEW: &str = "overview.png";
+
+/// Everything a tour found.
+pub(super) struct Story<'a> {
+    /// What was asked for.
+    pub settings: &'a Settings,
+    /// The Moons of the tour.
+    pub seeds: Seeds,
+    /// Step 1.
+    pub scene: DemoScene,
+    /// Step 2.
+    pub tuned: Tuned,
+    /// Step 3.
+    pub shrunk: Shrunk,
+    /// Step 4: float and int8.
+    pub predicted: [Predicted; 2],
+    /// Step 5.
+    pub verdict: Verdict,
+    /// How long these steps took.
+    pub times: Vec<StepTime>,
+}
+
+/// A picture of the report.
+struct Picture {
+    /// File in the tour's folder.
+    file: PathBuf,
+    /// What it shows.
+    caption: String,
+}
+
+/// Pictures by their place in the report.
+struct Pictures {
+    scene: Vec<Picture>,
+    errors: Vec<Picture>,
+    profile: Picture,
+    curves: Picture,
+}
+
+impl Story<'_> {
+    fn pictures(&self, folder: &Folder) -> Pictures {
+        let picture = |name: &str, caption: String| Picture { file: folder.file(name), caption };
+        let sun = &self.scene.about;
+        let [float, int8] = &self.predicted;
+        let about_image =
+            format!("Image, Sun {:.0}° high from azimuth {:.0}°", sun.sun_elevation_deg, sun.sun_azimuth_deg);
+        let rmse = |k: usize| self.verdict.against_truth.judged.get(k).map_or(f64::NAN, |j| j.scores.rmse_m);
+        let error = |(k, name): (usize, &&str)| {
+            picture(&error_file(name), format!("{name} minus truth, RMSE {:.2} m", rmse(k)))
+        };
+        Pictures {
+            scene: vec![
+                picture(IMAGE, about_image),
+                picture(COARSE_SHADE, "Coarse DTM (59 m), interpolated".into()),
+                picture(&float.shade(), "DTM of the float network".into()),
+                picture(&int8.shade(), "DTM of the int8 network".into()),
+                picture(TRUTH_SHADE, "Truth".into()),
+            ],
+            errors: NAMES.iter().enumerate().map(error).collect(),
+            profile: picture(PROFILE, "Heights along the middle row, middle half".into()),
+            curves: Picture {
+                file: curves(&folder.file(RUN)),
+                caption: "Training; validation at step 0 is before the first step".into(),
+            },
+        }
+    }
+}
+
+/// Writes overview, figures and report; returns the report's path.
+///
+/// # Errors
+/// If a picture cannot be read or a file cannot be written.
+pub(super) fn write(folder: &Folder, story: &Story) -> Result<PathBuf> {
+    let pictures = story.pictures(folder);
+    overview(&folder.file(OVERVIEW), &pictures.scene)?;
+    let figures = format!("{:#}\n", figures::figures(story));
+    atomic_write(&folder.file(FIGURES), figures.as_bytes())?;
+    let path = folder.file(REPORT);
+    atomic_write(&path, page::page(story, &pictures)?.as_bytes())?;
+    say(format!("{REPORT}, {OVERVIEW} and {FIGURES} beside the GeoTIFFs in {}", folder.show()));
+    Ok(path)
+}
+
+/// All views of the scene on one sheet, for those who want a single picture.
+fn overview(path: &Path, pictures: &[Picture]) -> Result<()> {
+    let panel = |picture: &Picture| -> Result<Panel> {
+        let broken = |e: image::ImageError| Error::broken(&picture.file, format!("expected a PNG: {e}"));
+        Ok(Panel::new(&picture.caption, image::open(&picture.file).map_err(broken)?))
+    };
+    let panels: Result<Vec<Panel>> = pictures.iter().map(panel).collect();
+    write_png(path, sheet(&panels?, 3, 480))
+}

@@ -1,0 +1,73 @@
+//! Step 1: a scene as files, as an orbiter's archive would hold them.
+
+use super::console::say;
+use super::folder::Folder;
+use crate::picture::{hillshade, stretch, write_png};
+use crate::predict::Scene;
+use crate::raster::align::Named;
+use crate::raster::{Raster, geotiff};
+use crate::synth::{Manifest, Moon, SceneEntry, SynthOptions};
+use crate::{Error, Result};
+use elunar_core::terrain::PixelSize;
+
+/// The image as a viewer shows it.
+pub(super) const IMAGE: &str = "image.png";
+/// Hillshade of the interpolated coarse DTM.
+pub(super) const COARSE_SHADE: &str = "coarse_hillshade.png";
+/// Hillshade of the truth.
+pub(super) const TRUTH_SHADE: &str = "truth_hillshade.png";
+
+/// The scene of a tour, read back from its files.
+pub(super) struct DemoScene {
+    /// Name, terrain and Sun.
+    pub about: SceneEntry,
+    /// Pixel of image and truth, metres.
+    pub pixel_m: f64,
+    /// Coarse DTM on its own grid.
+    pub coarse: Raster,
+    /// True DTM.
+    pub truth: Raster,
+    /// Image and coarse DTM on one grid: what the networks are given.
+    pub input: Scene,
+}
+
+impl DemoScene {
+    /// Name of one of its files: `image`, `coarse` or `truth`.
+    pub(super) fn file(&self, what: &str) -> String {
+        format!("{}_{what}.tif", self.about.name)
+    }
+}
+
+/// Makes scene 0 of the Moon of `seed`, writes it with pictures and a manifest, and reads it back.
+///
+/// # Errors
+/// If a size is out of range or a file cannot be written or read.
+pub(super) fn make(folder: &Folder, seed: u64, (rows, cols): (usize, usize)) -> Result<DemoScene> {
+    let options = SynthOptions { rows, cols, ..SynthOptions::default() };
+    let made = Moon::new(seed, options.clone())?.scene(0, rows, cols)?;
+    let at = folder.file("");
+    let about = made.write(&at)?;
+    let pixel_m = made.pixel_m;
+    let made_by = concat!("host-train ", env!("CARGO_PKG_VERSION")).into();
+    Manifest { made_by, seed, options, scenes: vec![about.clone()] }.write(&at)?;
+    let read = |what: &str| geotiff::read(folder.file(&format!("{}_{what}.tif", about.name)));
+    let (image, coarse, truth) = (read("image")?, read("coarse")?, read("truth")?);
+    let input = Scene::new(Named::new("image", &image), Named::new("coarse DTM", &coarse))?;
+    let shade = |heights_m: &[f32]| hillshade(heights_m, rows, cols, PixelSize::square(pixel_m));
+    write_png(&folder.file(IMAGE), stretch(&image.samples, rows, cols)?)?;
+    write_png(&folder.file(COARSE_SHADE), shade(&input.coarse_m)?)?;
+    write_png(&folder.file(TRUTH_SHADE), shade(&truth.samples)?)?;
+    let kind = format!("{:?}", about.kind).to_lowercase();
+    let (low, high) = truth.range().ok_or_else(|| Error::usage("scene: expected heights, found none"))?;
+    say(format!(
+        "{rows} x {cols} pixels of {pixel_m} m: {kind}, relief {:.0} m, Sun {:.0}° high from azimuth {:.0}°",
+        high - low,
+        about.sun_elevation_deg,
+        about.sun_azimuth_deg
+    ));
+    say(format!(
+        "with a coarse DTM of {} x {} pixels of 59 m, spoilt as a global one is, and the truth",
+        coarse.rows, coarse.cols
+    ));
+    Ok(DemoScene { about, pixel_m, coarse, truth, input })
+}

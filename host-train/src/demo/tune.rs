@@ -1,0 +1,162 @@
+//! Step 2: a short training run on other Moons with the scene's kind of ground and about its Sun, which are known of any image.
+
+use super::console::say;
+use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
+use super::{Seeds, Settings, Start};
+use crate::model::backend::Backend;
+use crate::model::config::NetConfig;
+use crate::model::init::initial_weights;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::synth::{SceneEntry, SynthOptions};
+use crate::train::curves::{CURVES, History};
+use crate::train::run::{BEST, Record, Run};
+use crate::train::source::DataSpec;
+use crate::train::validate::{Validation, ValidationSet};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// The tiles' Sun stands at most this much lower or higher than the scene's, degrees (our choice).
+const SUN_SPREAD_DEG: f64 = 5.0;
+
+/// How training went.
+pub(super) struct Tuned {
+    /// Trainable numbers of the network.
+    pub parameters: usize,
+    /// What training started from.
+    pub started_from: String,
+    /// Sun elevations of the tiles, degrees.
+    pub sun_deg: (f64, f64),
+    /// Validation before the first step.
+    pub before: Validation,
+    /// The best validation of the run.
+    pub after: Validation,
+    /// Whether the run's best weights are the ones the tour goes on with, and not those it started from.
+    pub improved: bool,
+    /// Steps per second, validation included.
+    pub steps_per_s: f64,
+}
+
+/// The step's title.
+pub(super) fn title(settings: &Settings) -> &'static str {
+    match settings.start {
+        Start::Weights(_) => "Fine-tuning the float network",
+        Start::Scratch(_) => "Training a float network from random weights",
+    }
+}
+
+/// Weights of step 0 and their network; read before anything is written.
+///
+/// # Errors
+/// If the file is absent, broken, or not a network.
+pub(super) fn start(settings: &Settings) -> Result<(NetConfig, Weights)> {
+    match &settings.start {
+        Start::Scratch(network) => Ok((network.clone(), initial_weights(network, settings.seed))),
+        Start::Weights(path) if !path.exists() => Err(Error::usage(format!(
+            "{}: expected the weights to start from, found no such file; give --model, or --from-scratch to do without",
+            path.display()
+        ))),
+        Start::Weights(path) => {
+            let weights = Weights::read(path)?;
+            let network = store::config_of(&weights, path)?;
+            // Also fails early if tensors are missing or do not fit.
+            store::load(&network, &weights, path, &Backend::Flex.device()?)?;
+            Ok((network, weights))
+        }
+    }
+}
+
+/// The synthetic Moon that training, validation and calibration draw from: the scene's ground and about its Sun.
+pub(super) fn moon(seed: u64, scene: &SceneEntry) -> DataSpec {
+    let options = SynthOptions { kind: Some(scene.kind), sun_elevation_deg: sun_deg(scene), ..SynthOptions::default() };
+    DataSpec::Synth { seed, options }
+}
+
+fn sun_deg(scene: &SceneEntry) -> (f64, f64) {
+    let sun = scene.sun_elevation_deg.round();
+    ((sun - SUN_SPREAD_DEG).max(5.0), (sun + SUN_SPREAD_DEG).min(85.0))
+}
+
+/// Trains, and writes the better of the old and the new weights.
+///
+/// # Errors
+/// From making tiles, training and writing.
+pub(super) fn run(
+    settings: &Settings,
+    folder: &Folder,
+    seeds: Seeds,
+    scene: &SceneEntry,
+    (network, initial): (NetConfig, Weights),
+) -> Result<Tuned> {
+    let started_from = match &settings.start {
+        Start::Weights(path) => path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+        Start::Scratch(_) => format!("random weights of seed {}", settings.seed),
+    };
+    let record = Record {
+        network: network.clone(),
+        recipe: settings.recipe.clone(),
+        data: moon(seeds.training, scene),
+        validation_data: moon(seeds.validation, scene),
+        seed: settings.seed,
+        backend: Backend::Flex,
+        started_from: format!("{STARTED_BY}{started_from}"),
+    };
+    let sun_deg = sun_deg(scene);
+    say(format!(
+        "{} steps from {started_from}, on tiles of other Moons: same kind of ground, Sun {:.0}° to {:.0}° high",
+        record.recipe.steps, sun_deg.0, sun_deg.1
+    ));
+    let (training, validation) = (record.data.open()?, record.validation_data.open()?);
+    let device = record.backend.device()?;
+    let net = store::load(&network, &initial, Path::new(&started_from), &device)?;
+    let before = ValidationSet::new(&*validation, &network, record.recipe.validation_tiles)?.run(&net, &device)?;
+    say(figures("before", &before));
+    let run_folder = folder.file(RUN);
+    let run = Run {
+        folder: run_folder.clone(),
+        record,
+        initial: Some(initial.clone()),
+        training,
+        validation,
+        stop_after: None,
+    };
+    let outcome = run.train()?;
+    let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
+    say(figures("after ", &after));
+    let improved = after.rmse < before.rmse;
+    let weights = if improved { Weights::read(&run_folder.join(BEST))? } else { initial };
+    weights.write(&folder.file(FLOAT_MODEL))?;
+    if !improved {
+        say("training found nothing better: the tour goes on with the weights it started from");
+    }
+    draw_with_start(&run_folder, &before)?;
+    let trainable = weights.tensors.iter().filter(|(name, _)| !name.contains(".running_"));
+    let parameters = trainable.map(|(_, array)| array.data.len()).sum();
+    Ok(Tuned { parameters, started_from, sun_deg, before, after, improved, steps_per_s: outcome.steps_per_s })
+}
+
+/// The run's curves, with the validation before the first step as their first point.
+fn draw_with_start(run: &Path, before: &Validation) -> Result<()> {
+    let mut history = History::read(run)?;
+    for (points, figure) in [
+        (&mut history.rmse_m, before.network.rmse_m),
+        (&mut history.coarse_rmse_m, before.coarse.rmse_m),
+        (&mut history.slope_deg, before.network.slope_mae_deg),
+        (&mut history.coarse_slope_deg, before.coarse.slope_mae_deg),
+    ] {
+        points.insert(0, (0.0, figure));
+    }
+    history.write(&curves(run))
+}
+
+/// The curves' path in a run's folder.
+pub(super) fn curves(run: &Path) -> PathBuf {
+    run.join(CURVES)
+}
+
+fn figures(when: &str, found: &Validation) -> String {
+    format!(
+        "{when}: height RMSE {:.2} m (coarse DTM {:.2}), mean slope error {:.2}° (coarse DTM {:.2}°) on tiles held out",
+        found.network.rmse_m, found.coarse.rmse_m, found.network.slope_mae_deg, found.coarse.slope_mae_deg
+    )
+}
