@@ -56,10 +56,12 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     ] {
         assert!(page.contains(needed), "{needed}");
     }
-    assert!(
-        !page.contains("<script") && !page.contains("http") && !page.contains("NaN"),
-        "nothing from outside, no gaps"
-    );
+    // Encoded pictures may hold any letters.
+    let text: String =
+        page.split("data:image/png;base64,").map(|part| part.split_once('"').map_or(part, |p| p.1)).collect();
+    for unwanted in ["<script", "http", "NaN"] {
+        assert!(!text.contains(unwanted), "{unwanted}");
+    }
 
     let pictures = embedded(&page);
     let expected = [

@@ -14,7 +14,6 @@ mod shrink;
 mod tune;
 
 use crate::model::config::{NetConfig, Preset};
-use crate::train::loss::LossWeights;
 use crate::train::recipe::{Recipe, trained_network};
 use crate::{Error, Result, interrupt};
 use console::Console;
@@ -69,7 +68,7 @@ impl Settings {
     pub fn new(out: PathBuf, start: Start, seed: u64, steps: Option<usize>) -> Self {
         let preset = Recipe::preset(Preset::Nano);
         let (usual, learning_rate) = match start {
-            // A tenth to a third of the preset's rate, for a network that is already good (our choice).
+            // A fifth of the preset's rate, for a network that is already good (our choice).
             Start::Weights(_) => (Self::STEPS, 0.2 * preset.learning_rate),
             Start::Scratch(_) => (Self::SCRATCH_STEPS, preset.learning_rate),
         };
@@ -78,8 +77,6 @@ impl Settings {
             steps,
             learning_rate,
             warm_up: preset.warm_up.min(steps / 6),
-            // As the shipped network was trained: an image tells slopes better than heights (our choice).
-            weights: LossWeights { elevation: 2.0, gradient: 4.0, normal: 4.0 },
             validate_every: steps.div_ceil(4).max(1),
             validation_tiles: 8,
             checkpoint_every: steps.max(1),

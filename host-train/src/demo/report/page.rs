@@ -223,7 +223,7 @@ fn commands(story: &Story) -> String {
          host-train synth --out held-out --scenes {} --seed {} {moon}\n\
          host-train synth --out calibration --scenes 10 --seed {} {moon}\n\
          # training, export, prediction (also with {FLOAT_MODEL}), evaluation\n\
-         host-train train {start} --data tiles --validation held-out --steps {} --learning-rate {:e} --loss-weights {} {} {} --out run\n\
+         host-train train {start} --data tiles --validation held-out --steps {} --learning-rate {:e} --out run\n\
          host-train export --weights run/best.safetensors --calibrate calibration -o {INT8_MODEL}\n\
          host-train predict --image {} --coarse {} --model {INT8_MODEL} --sun-azimuth {:.1} -o dtm.tif\n\
          host-train evaluate --dtm dtm.tif --truth {} --coarse {} --error-map error.png\n",
@@ -234,9 +234,6 @@ fn commands(story: &Story) -> String {
         seeds.calibration,
         recipe.steps,
         recipe.learning_rate,
-        recipe.weights.elevation,
-        recipe.weights.gradient,
-        recipe.weights.normal,
         files[0],
         files[1],
         scene.about.sun_azimuth_deg,
