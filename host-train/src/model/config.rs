@@ -92,6 +92,9 @@ pub struct Switches {
     /// Which light the network knows [default: any].
     #[arg(long)]
     pub illumination: Option<Illumination>,
+    /// Share of a batch in the running statistics of batch normalisation [default: 0.1, PyTorch's].
+    #[arg(long)]
+    pub bn_momentum: Option<f64>,
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[arg(long)]
     pub no_coarse: bool,
@@ -117,6 +120,7 @@ impl Switches {
         config.image_encoder = self.image_encoder.unwrap_or(config.image_encoder);
         config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
         config.illumination = self.illumination.unwrap_or(config.illumination);
+        config.bn_momentum = self.bn_momentum.unwrap_or(config.bn_momentum);
         config.use_coarse &= !self.no_coarse;
         config.check().map_err(Error::usage)?;
         Ok(config)
@@ -161,6 +165,9 @@ pub struct NetConfig {
     /// Which light the network knows.
     #[serde(default = "any")]
     pub illumination: Illumination,
+    /// Share of a batch in the running statistics of batch normalisation; PyTorch's default is 0.1. Matters in training only.
+    #[serde(default = "bn_momentum")]
+    pub bn_momentum: f64,
     /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
     #[serde(default = "yes")]
     pub use_coarse: bool,
@@ -183,6 +190,9 @@ fn residual_decoder() -> DecoderKind {
 }
 fn any() -> Illumination {
     Illumination::Any
+}
+fn bn_momentum() -> f64 {
+    0.1
 }
 fn yes() -> bool {
     true
@@ -214,6 +224,7 @@ impl NetConfig {
             image_encoder: ImageEncoderKind::Swin,
             decoder_kind: DecoderKind::Residual,
             illumination: Illumination::Any,
+            bn_momentum: 0.1,
             use_coarse: true,
         }
     }
@@ -241,6 +252,9 @@ impl NetConfig {
         }
         if !(0.0..=10.0).contains(&self.range_margin) {
             return Err(format!("configuration: expected range_margin in 0..=10, found {}", self.range_margin));
+        }
+        if !(0.0..=1.0).contains(&self.bn_momentum) {
+            return Err(format!("configuration: expected bn_momentum in 0..=1, found {}", self.bn_momentum));
         }
         if self.head == Head::Residual && !self.use_coarse {
             return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());

@@ -31,6 +31,8 @@ pub struct ConvBnShape {
     pub stride: usize,
     /// Whether a ReLU ends the unit.
     pub relu: bool,
+    /// Share of a batch in the running statistics of the batch normalisation.
+    pub momentum: f64,
 }
 
 impl ConvBn {
@@ -38,7 +40,7 @@ impl ConvBn {
     pub fn new(shape: ConvBnShape, device: &Device) -> Self {
         Self {
             conv: conv(shape.input, shape.output, shape.kernel, shape.stride, false, device),
-            bn: BatchNorm2d::new(shape.output, device),
+            bn: BatchNorm2d::new(shape.output, shape.momentum, device),
             relu: shape.relu,
         }
     }

@@ -15,9 +15,11 @@ pub struct DecoderBlock {
 }
 
 impl DecoderBlock {
-    fn new(previous: usize, skip: usize, output: usize, upb: bool, device: &Device) -> Self {
+    fn new([previous, skip, output]: [usize; 3], config: &NetConfig, device: &Device) -> Self {
+        let (upb, momentum) = (config.decoder_kind == DecoderKind::Upb, config.bn_momentum);
         let all = skip + previous;
-        let unit = |input, kernel, relu| ConvBn::new(ConvBnShape { input, output, kernel, stride: 1, relu }, device);
+        let unit =
+            |input, kernel, relu| ConvBn::new(ConvBnShape { input, output, kernel, stride: 1, relu, momentum }, device);
         Self {
             main: vec![unit(all, 5, true), unit(output, 3, false)],
             shortcut: unit(if upb { all } else { previous }, 5, false),
@@ -42,6 +44,5 @@ pub fn decoder(config: &NetConfig, device: &Device) -> Vec<DecoderBlock> {
     let c = config.embed;
     let previous = [8 * c, config.decoder[0], config.decoder[1], config.decoder[2], config.decoder[3]];
     let skip = [0, 4 * c, 2 * c, c, config.stem];
-    let upb = config.decoder_kind == DecoderKind::Upb;
-    (0..5).map(|i| DecoderBlock::new(previous[i], skip[i], config.decoder[i], upb, device)).collect()
+    (0..5).map(|i| DecoderBlock::new([previous[i], skip[i], config.decoder[i]], config, device)).collect()
 }

@@ -31,7 +31,17 @@ impl ELunarDtmNet {
         Self {
             image_encoder: ImageEncoder::new(config, device),
             dtm_encoder: if config.use_coarse { dtm_encoder(config, device) } else { Vec::new() },
-            fusion: ConvBn::new(ConvBnShape { input: c5 + s5, output: c5, kernel: 3, stride: 1, relu: false }, device),
+            fusion: ConvBn::new(
+                ConvBnShape {
+                    input: c5 + s5,
+                    output: c5,
+                    kernel: 3,
+                    stride: 1,
+                    relu: false,
+                    momentum: config.bn_momentum,
+                },
+                device,
+            ),
             decoder: decoder(config, device),
             head: conv(config.decoder[4], 1, 3, 1, true, device),
             residual: config.head == Head::Residual,

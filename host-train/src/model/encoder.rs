@@ -19,8 +19,12 @@ impl ImageEncoder {
     /// Builds the encoder; the weights are set later.
     pub fn new(config: &NetConfig, device: &Device) -> Self {
         let swin = config.image_encoder == ImageEncoderKind::Swin;
+        let momentum = config.bn_momentum;
         Self {
-            stem: ConvBn::new(ConvBnShape { input: 1, output: config.stem, kernel: 7, stride: 2, relu: true }, device),
+            stem: ConvBn::new(
+                ConvBnShape { input: 1, output: config.stem, kernel: 7, stride: 2, relu: true, momentum },
+                device,
+            ),
             swin: swin.then(|| Swin::new(config, device)),
             resnet: (!swin).then(|| ResNet::new(config, device)),
         }
@@ -48,7 +52,14 @@ pub fn dtm_encoder(config: &NetConfig, device: &Device) -> Vec<ConvBn> {
         .iter()
         .enumerate()
         .map(|(i, &kernel)| {
-            let shape = ConvBnShape { input: input(i), output: config.dtm[i], kernel, stride: 2, relu: true };
+            let shape = ConvBnShape {
+                input: input(i),
+                output: config.dtm[i],
+                kernel,
+                stride: 2,
+                relu: true,
+                momentum: config.bn_momentum,
+            };
             ConvBn::new(shape, device)
         })
         .collect()

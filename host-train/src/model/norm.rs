@@ -4,8 +4,6 @@ use burn::module::{Initializer, Module, Param, RunningState};
 use burn::tensor::module::{batch_norm, batch_norm_train};
 use burn::tensor::{Device, Tensor};
 
-/// Share of a batch in the running statistics; PyTorch's default.
-pub const MOMENTUM: f64 = 0.1;
 /// Added to the variance; PyTorch's default.
 pub const EPSILON: f64 = 1e-5;
 
@@ -20,16 +18,18 @@ pub struct BatchNorm2d {
     bias: Param<Tensor<1>>,
     running_mean: RunningState<Tensor<1>>,
     running_var: RunningState<Tensor<1>>,
+    momentum: f64,
 }
 
 impl BatchNorm2d {
-    /// Identity: weight 1, bias 0, mean 0, variance 1.
-    pub fn new(channels: usize, device: &Device) -> Self {
+    /// Identity: weight 1, bias 0, mean 0, variance 1. `momentum` is the share of a batch in the running statistics.
+    pub fn new(channels: usize, momentum: f64, device: &Device) -> Self {
         Self {
             weight: Initializer::Ones.init([channels], device),
             bias: Initializer::Zeros.init([channels], device),
             running_mean: RunningState::new(Tensor::zeros([channels], device)),
             running_var: RunningState::new(Tensor::ones([channels], device)),
+            momentum,
         }
     }
 
@@ -45,8 +45,8 @@ impl BatchNorm2d {
         let unbiased = samples / (samples - 1.0).max(1.0);
         let out = batch_norm_train(x, self.weight.val(), self.bias.val(), EPSILON);
         let blend = |old: &RunningState<Tensor<1>>, new: Tensor<1>, scale: f64| {
-            let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - MOMENTUM);
-            old.update(kept.add(new.detach().mul_scalar(MOMENTUM * scale)).detach());
+            let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - self.momentum);
+            old.update(kept.add(new.detach().mul_scalar(self.momentum * scale)).detach());
         };
         blend(&self.running_mean, out.mean, 1.0);
         blend(&self.running_var, out.variance, unbiased);

@@ -18,8 +18,8 @@ pub struct BasicBlock {
 }
 
 impl BasicBlock {
-    fn new(input: usize, output: usize, stride: usize, device: &Device) -> Self {
-        let shape = |input, kernel, stride, relu| ConvBnShape { input, output, kernel, stride, relu };
+    fn new(input: usize, output: usize, stride: usize, momentum: f64, device: &Device) -> Self {
+        let shape = |input, kernel, stride, relu| ConvBnShape { input, output, kernel, stride, relu, momentum };
         let same = input == output && stride == 1;
         Self {
             conv1: ConvBn::new(shape(input, 3, stride, true), device),
@@ -54,7 +54,7 @@ impl ResNet {
                 let blocks = (0..BLOCKS)
                     .map(|j| {
                         let (from, stride) = if j == 0 { (input, 2) } else { (output, 1) };
-                        BasicBlock::new(from, output, stride, device)
+                        BasicBlock::new(from, output, stride, config.bn_momentum, device)
                     })
                     .collect();
                 input = output;

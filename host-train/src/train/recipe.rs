@@ -67,7 +67,7 @@ impl Recipe {
                 elevation_only: 0.0,
                 weights: LossWeights::SHORT,
                 crop: [128, 160],
-                crops_per_tile: 3,
+                crops_per_tile: 1,
                 validate_every: 200,
                 validation_tiles: 32,
                 checkpoint_every: 100,
@@ -203,6 +203,8 @@ pub fn trained_network(preset: Preset) -> NetConfig {
             target_range: TargetRange::Reference,
             range_margin: REFERENCE_MARGIN,
             illumination: Illumination::Northwest,
+            // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
+            bn_momentum: 0.02,
             ..config
         },
     }
