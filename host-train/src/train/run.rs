@@ -87,9 +87,9 @@ pub struct Outcome {
     pub finished: bool,
     /// The last validation.
     pub last: Option<Validation>,
-    /// Validation of the best weights of this session.
+    /// Validation of the best weights since the run was started or resumed.
     pub best: Option<Validation>,
-    /// Training steps per second of this session, validation and checkpoints included.
+    /// Training steps per second since the run was started or resumed, validation and checkpoints included.
     pub steps_per_s: f64,
 }
 
