@@ -24,6 +24,7 @@ impl Backend {
     ///
     /// # Errors
     /// [`Error::Usage`] if this build lacks the backend's feature.
+    #[allow(deprecated)] // ndarray and libtorch are second opinions as long as the pinned release has them
     pub fn device(self) -> Result<Device> {
         match self {
             #[cfg(feature = "flex")]

@@ -24,7 +24,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Reads a safetensors file of f32 tensors.
+    /// Reads a safetensors file of f32 tensors. Integer tensors (index buffers, batch counters of PyTorch state dicts) are left out.
     ///
     /// # Errors
     /// [`Error::Io`] if unreadable, [`Error::Broken`] if the format is violated, [`Error::Unsupported`] for other sample types.
@@ -43,6 +43,9 @@ impl Weights {
         let file = SafeTensors::deserialize(bytes).map_err(bad)?;
         let mut tensors = BTreeMap::new();
         for (name, view) in file.tensors() {
+            if matches!(view.dtype(), Dtype::I32 | Dtype::I64) {
+                continue;
+            }
             if view.dtype() != Dtype::F32 {
                 let what = format!("tensor {name}: expected F32 samples, found {:?}", view.dtype());
                 return Err(Error::unsupported(path, what));
