@@ -64,7 +64,7 @@ pub enum Preset {
     Small,
     /// A quarter.
     Tiny,
-    /// An eighth, 1.3 M parameters: trains on a laptop, flies on a microcontroller.
+    /// An eighth, 2.8 M parameters: trains on a laptop, flies on a microcontroller.
     Nano,
 }
 
