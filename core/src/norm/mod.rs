@@ -1,6 +1,8 @@
 //! Bringing a tile's image and elevations to the ranges the network works in, and heights back to metres (Sec. III-A).
 
+pub mod anchor;
 pub mod elevation;
 pub mod intensity;
 
+pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, nr_from_reliefs};

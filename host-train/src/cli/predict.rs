@@ -42,6 +42,9 @@ pub struct Args {
     /// How overlapping tiles are weighed.
     #[arg(long, default_value = "dem-mosaic")]
     pub blend: Blend,
+    /// Let the network change the low frequencies of the coarse DTM too, as in the paper.
+    #[arg(long)]
+    pub no_anchor: bool,
     /// Where a float network runs.
     #[arg(long, default_value = "flex")]
     pub backend: Backend,
@@ -61,7 +64,13 @@ pub fn run(args: Args) -> Result<()> {
         Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?
     };
     let overlap_px = args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile()));
-    let options = Options { overlap_px, blend: args.blend, threads: args.threads, sun_azimuth_deg: args.sun_azimuth };
+    let options = Options {
+        overlap_px,
+        blend: args.blend,
+        anchor: !args.no_anchor,
+        threads: args.threads,
+        sun_azimuth_deg: args.sun_azimuth,
+    };
     interrupt::listen();
     let made = with_progress(|progress| predict(&scene, model.as_ref(), &options, progress))?;
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -109,7 +109,9 @@ pub(super) fn run(
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
     let device = record.backend.device()?;
     let net = store::load(&network, &initial, Path::new(&started_from), &device)?;
-    let before = ValidationSet::new(&*validation, &network, record.recipe.validation_tiles)?.run(&net, &device)?;
+    let recipe = &record.recipe;
+    let before =
+        ValidationSet::new(&*validation, &network, recipe.target, recipe.validation_tiles)?.run(&net, &device)?;
     say(figures("before", &before));
     let run_folder = folder.file(RUN);
     let run = Run {

@@ -20,6 +20,9 @@ pub struct Options {
     pub overlap_px: usize,
     /// How overlapping tiles are weighed.
     pub blend: Blend,
+    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]; our choice) or those the
+    /// network gives it (the paper).
+    pub anchor: bool,
     /// Threads; 0 takes as many as the machine offers.
     pub threads: usize,
     /// Azimuth of the Sun, degrees clockwise from the grid's up; `None` estimates it from image and coarse DTM. Only models that
@@ -29,7 +32,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { overlap_px: INFERENCE_OVERLAP_PX, blend: Blend::DemMosaic, threads: 0, sun_azimuth_deg: None }
+        Self {
+            overlap_px: INFERENCE_OVERLAP_PX,
+            blend: Blend::DemMosaic,
+            anchor: true,
+            threads: 0,
+            sun_azimuth_deg: None,
+        }
     }
 }
 
@@ -60,7 +69,7 @@ pub struct Prediction {
 ///
 /// A scene lit from elsewhere than the model knows is mirrored first, and the result mirrored back ([`crate::illumination`]).
 /// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
-/// size. Every tile is normalised by its own ranges, predicted, recovered to metres (Eq. 8) and blended. The result is the same for
+/// size. Every tile is normalised by its own ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, and blended. The result is the same for
 /// every number of threads: tiles are blended in reading order, whoever finished first.
 ///
 /// # Errors
@@ -89,7 +98,7 @@ pub fn predict(
         let (send, receive) = mpsc::sync_channel(2 * threads);
         for _ in 0..threads.min(tiling.len()) {
             let (send, next, stopped) = (send.clone(), &next, &stopped);
-            scope.spawn(move || work(scene, model, options.blend, tiling, next, stopped, &send));
+            scope.spawn(move || work(scene, model, options, tiling, next, stopped, &send));
         }
         drop(send);
         let joined = sink.collect(&receive, progress);
@@ -107,13 +116,13 @@ pub fn predict(
 fn work(
     scene: &Scene,
     model: &dyn Model,
-    blend: Blend,
+    options: &Options,
     tiling: Tiling,
     next: &AtomicUsize,
     stopped: &AtomicBool,
     send: &mpsc::SyncSender<(usize, Result<Outcome>)>,
 ) {
-    let mut worker = model.worker().map(|network| TileWorker::new(scene, network, model.normalisation(), blend));
+    let mut worker = model.worker().map(|network| TileWorker::new(scene, network, model.normalisation(), options));
     while !stopped.load(Ordering::Relaxed) {
         let index = next.fetch_add(1, Ordering::Relaxed);
         let Some(window) = tiling.get(index) else { return };

@@ -2,7 +2,7 @@
 
 use super::fill::fill_gaps;
 use crate::illumination::Turn;
-use crate::raster::align::{Interpolation, Named, onto};
+use crate::raster::align::{Interpolation, Named, onto, spacing_ratio};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -20,6 +20,8 @@ pub struct Scene {
     pub image: Vec<f32>,
     /// Coarse DTM, metres, interpolated onto the image's grid, gaps filled from their nearest neighbours.
     pub coarse_m: Vec<f32>,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
     /// Pixels where both inputs are real.
     pub valid: Vec<bool>,
 }
@@ -36,6 +38,7 @@ impl Scene {
             return Err(Error::usage(format!("{}: at least one valid pixel expected, none found", image.name)));
         }
         let placed = onto(coarse, image, Interpolation::Bicubic)?;
+        let coarse_px = spacing_ratio(coarse, image)?;
         let valid: Vec<bool> =
             raster.samples.iter().zip(&placed.samples).map(|(i, z)| i.is_finite() && z.is_finite()).collect();
         if !valid.contains(&true) {
@@ -48,7 +51,7 @@ impl Scene {
         let (mut image, mut coarse_m) = (raster.samples.clone(), placed.samples);
         fill_gaps(&mut image, rows, cols);
         fill_gaps(&mut coarse_m, rows, cols);
-        Ok(Self { rows, cols, georef, image, coarse_m, valid })
+        Ok(Self { rows, cols, georef, image, coarse_m, coarse_px, valid })
     }
 
     /// The interpolated coarse DTM as a raster, NaN where it or the image is invalid: what a prediction must beat.

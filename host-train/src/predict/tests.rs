@@ -8,10 +8,17 @@ use crate::raster::align::Named;
 use crate::raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
-/// Gives back its coarse input, bit for bit.
+/// Gives back its coarse input, bit for bit, or raised by as much everywhere.
 struct Identity {
     tile: (usize, usize),
     range_margin: f32,
+    raised: f32,
+}
+
+impl Identity {
+    fn new(tile: (usize, usize), range_margin: f32) -> Self {
+        Self { tile, range_margin, raised: 0.0 }
+    }
 }
 
 impl Model for Identity {
@@ -30,16 +37,18 @@ impl Model for Identity {
         "identity".into()
     }
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
-        Ok(Box::new(Copy))
+        Ok(Box::new(Copy { raised: self.raised }))
     }
 }
 
-struct Copy;
+struct Copy {
+    raised: f32,
+}
 
 impl TileNetwork for Copy {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
         assert!(image.iter().all(|v| (0.0..=1.0).contains(v)) && coarse.iter().all(|v| (0.0..=50.0).contains(v)));
-        output.copy_from_slice(coarse);
+        output.iter_mut().zip(coarse).for_each(|(z, c)| *z = c + self.raised);
         Ok(())
     }
 }
@@ -134,7 +143,7 @@ fn an_identity_network_returns_the_interpolated_coarse_dtm() {
     {
         for (range_margin, blend) in [(0.0, Blend::DemMosaic), (0.1, Blend::Linear)] {
             let scene = scene(&image(rows, cols), &coarse());
-            let model = Identity { tile, range_margin };
+            let model = Identity::new(tile, range_margin);
             let made = predict(
                 &scene,
                 &model,
@@ -169,12 +178,25 @@ fn a_network_that_knows_the_truth_returns_it() {
         scale.normalise(&cut(&truth.samples), &mut answer).unwrap();
         answers.push(Answer { image: key, heights: answer });
     }
-    let made = predict(&scene, &Truth { tile, answers }, &options(24, 2), &mut silent).unwrap();
+    let free = Options { anchor: false, ..options(24, 2) };
+    let made = predict(&scene, &Truth { tile, answers }, &free, &mut silent).unwrap();
     for (found, expected) in made.dtm.samples.iter().zip(&truth.samples) {
         assert!((found - expected).abs() < 1e-3, "{found} {expected}");
     }
     let away = made.dtm.samples.iter().zip(&scene.coarse_m).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(away > 1.0, "the truth is not the coarse DTM: {away} m");
+}
+
+#[test]
+fn what_the_coarse_dtm_knows_a_network_cannot_change() {
+    let scene = scene(&image(100, 120), &coarse());
+    let raised = Identity { raised: 3.0, ..Identity::new((64, 80), 0.1) };
+    let offset_m = |anchor| {
+        let made = predict(&scene, &raised, &Options { anchor, ..options(20, 1) }, &mut silent).unwrap();
+        made.dtm.samples.iter().zip(&scene.coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
+    };
+    assert!(offset_m(true) < 1e-3, "{}", offset_m(true));
+    assert!(offset_m(false) > 0.5, "{}", offset_m(false));
 }
 
 #[test]
@@ -186,7 +208,7 @@ fn gaps_of_either_input_stay_gaps_and_nothing_else_does() {
     let mut coarse = coarse();
     coarse.samples[40 * 3 + 4] = f32::NAN;
     let scene = scene(&image, &coarse);
-    let made = predict(&scene, &Identity { tile: (64, 80), range_margin: 0.0 }, &options(20, 2), &mut silent).unwrap();
+    let made = predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent).unwrap();
     let gaps = scene.valid.iter().filter(|v| !**v).count();
     assert!(gaps > 500, "a coarse gap is many pixels wide: {gaps}");
     for (i, z) in made.dtm.samples.iter().enumerate() {
@@ -202,7 +224,7 @@ fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
     image.samples[..100 * 80].fill(7.0);
     image.samples[150 * 80..].fill(f32::NAN);
     let scene = scene(&image, &coarse());
-    let made = predict(&scene, &Identity { tile: (40, 80), range_margin: 0.0 }, &options(0, 1), &mut silent).unwrap();
+    let made = predict(&scene, &Identity::new((40, 80), 0.0), &options(0, 1), &mut silent).unwrap();
     assert_eq!((made.tiles, made.tiles_coarse, made.tiles_empty), (5, 2, 1));
     assert_eq!(made.dtm.valid_count(), 150 * 80);
     for i in 0..150 * 80 {
@@ -213,7 +235,7 @@ fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
 #[test]
 fn threads_do_not_change_a_bit() {
     let scene = scene(&image(300, 330), &coarse());
-    let model = Identity { tile: (64, 80), range_margin: 0.1 };
+    let model = Identity::new((64, 80), 0.1);
     let one = predict(&scene, &model, &options(30, 1), &mut silent).unwrap();
     for threads in [2, 3, 16] {
         let many = predict(&scene, &model, &options(30, threads), &mut silent).unwrap();
@@ -224,7 +246,7 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn a_run_can_be_stopped_and_counts_its_tiles() {
     let scene = scene(&image(300, 330), &coarse());
-    let model = Identity { tile: (64, 80), range_margin: 0.1 };
+    let model = Identity::new((64, 80), 0.1);
     let mut seen = Vec::new();
     predict(&scene, &model, &options(30, 2), &mut |done, all| {
         seen.push((done, all));
@@ -273,8 +295,7 @@ fn faults_of_the_model_end_the_run_with_one_error() {
         let error = predict(&scene, &Faulty { at_start }, &options(30, 3), &mut silent).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
-    let error =
-        predict(&scene, &Identity { tile: (64, 80), range_margin: 0.0 }, &options(64, 1), &mut silent).unwrap_err();
+    let error = predict(&scene, &Identity::new((64, 80), 0.0), &options(64, 1), &mut silent).unwrap_err();
     assert!(error.to_string().contains("overlap"), "{error}");
 }
 

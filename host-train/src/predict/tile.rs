@@ -1,11 +1,12 @@
 //! One tile: normalise, run the network, recover metres.
 
+use super::Options;
 use super::network::{Normalisation, TileNetwork};
 use super::scene::Scene;
 use crate::mosaic::{Blend, tile_weights};
 use crate::{Error, Result};
 use elunar_core::error::NormError;
-use elunar_core::norm::{ElevationScale, intensity};
+use elunar_core::norm::{Anchor, ElevationScale, intensity};
 use elunar_core::tile::Window;
 
 /// What became of a tile.
@@ -31,7 +32,9 @@ pub(super) struct TileWorker<'a> {
     pub(super) scene: &'a Scene,
     pub(super) network: Box<dyn TileNetwork + 'a>,
     pub(super) normalisation: Normalisation,
-    pub(super) blend: Blend,
+    blend: Blend,
+    anchor: Option<Anchor>,
+    sums: Vec<f64>,
     image: Vec<f32>,
     coarse_m: Vec<f32>,
     valid: Vec<bool>,
@@ -44,10 +47,11 @@ impl<'a> TileWorker<'a> {
         scene: &'a Scene,
         network: Box<dyn TileNetwork + 'a>,
         normalisation: Normalisation,
-        blend: Blend,
+        options: &Options,
     ) -> Self {
-        let (image, coarse_m, valid, full_weights) = (vec![], vec![], vec![], vec![]);
-        Self { scene, network, normalisation, blend, image, coarse_m, valid, full_weights }
+        let (image, coarse_m, valid, sums, full_weights) = (vec![], vec![], vec![], vec![], vec![]);
+        let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
+        Self { scene, network, normalisation, blend: options.blend, anchor, sums, image, coarse_m, valid, full_weights }
     }
 
     /// Predicts `window` of the scene.
@@ -75,6 +79,13 @@ impl<'a> TileWorker<'a> {
                 "the model gave {} at row {row}, column {col}; a finite height expected",
                 heights_m[i]
             )));
+        }
+        if let Some(anchor) = self.anchor {
+            self.sums.resize(Anchor::sums_len(window.rows, window.cols), 0.0);
+            // The normalised heights have served; their room does for the difference.
+            anchor
+                .apply(&mut heights_m, &self.coarse_m, window.cols, &mut normalised, &mut self.sums)
+                .map_err(|e| Error::usage(e.to_string()))?;
         }
         Ok(Outcome::Predicted { heights_m, weights })
     }

@@ -41,6 +41,18 @@ impl<'a> Named<'a> {
     }
 }
 
+/// Side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
+///
+/// # Errors
+/// [`Error::Usage`] if the pixel size of either in metres is unknown.
+pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
+    let side_m = |named: Named| {
+        let size = named.raster.pixel_m().map(|(row_m, col_m)| (row_m * col_m).sqrt());
+        size.ok_or_else(|| Error::usage(format!("{}: a pixel size in metres expected, none found", named.name)))
+    };
+    Ok((side_m(source)? / side_m(target)?) as f32)
+}
+
 /// `source` on the grid of `target`; NaN where `source` has nothing. On the same grid the samples are copied, not interpolated.
 ///
 /// # Errors

@@ -76,10 +76,8 @@ impl Feed {
     fn sample(&self, index: u64) -> Result<Sample> {
         let mut last = None;
         for attempt in 0..TRIES {
-            match Sample::new(
-                &self.config,
-                &self.source.tile(index + (attempt << 40))?.lit_for(self.config.illumination),
-            ) {
+            let tile = self.recipe.target.of(self.source.tile(index + (attempt << 40))?)?;
+            match Sample::new(&self.config, &tile.lit_for(self.config.illumination)) {
                 Ok(sample) => return Ok(sample),
                 Err(error) => last = Some(error),
             }

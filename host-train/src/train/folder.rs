@@ -2,7 +2,7 @@
 
 use super::feed::TileSource;
 use super::sample::RawTile;
-use crate::raster::align::{Interpolation, Named, onto};
+use crate::raster::align::{Interpolation, Named, onto, spacing_ratio};
 use crate::raster::{Raster, geotiff};
 use crate::{Error, Result};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
@@ -51,6 +51,7 @@ struct Scene {
     coarse: Raster,
     truth: Raster,
     pixel_m: f32,
+    coarse_px: f32,
 }
 
 /// Every whole tile of a folder's scenes, without overlap and without invalid pixels (Sec. III-A).
@@ -108,16 +109,17 @@ impl Scene {
     fn read(triple: &Triple) -> Result<Self> {
         let image = geotiff::read(&triple.image)?;
         let name = triple.image.display().to_string();
-        let on_image = |path: &Path, how| -> Result<Raster> {
+        let on_image = |path: &Path, how| -> Result<(Raster, f32)> {
             let raster = geotiff::read(path)?;
-            onto(Named::new(&path.display().to_string(), &raster), Named::new(&name, &image), how)
+            let path = path.display().to_string();
+            let (named, image) = (Named::new(&path, &raster), Named::new(&name, &image));
+            Ok((onto(named, image, how)?, spacing_ratio(named, image)?))
         };
-        let coarse = on_image(&triple.coarse, Interpolation::Bicubic)?;
-        let truth = on_image(&triple.truth, Interpolation::Bilinear)?;
-        let size = image.georef.as_ref().and_then(|g| g.pixel_m(image.rows, image.cols));
-        let (row_m, col_m) = size.ok_or_else(|| Error::usage(format!("{name}: expected a pixel size in metres")))?;
-        let pixel_m = (row_m * col_m).sqrt() as f32;
-        Ok(Self { image, coarse, truth, pixel_m })
+        let (coarse, coarse_px) = on_image(&triple.coarse, Interpolation::Bicubic)?;
+        let (truth, _) = on_image(&triple.truth, Interpolation::Bilinear)?;
+        let size = image.pixel_m().ok_or_else(|| Error::usage(format!("{name}: expected a pixel size in metres")))?;
+        let pixel_m = (size.0 * size.1).sqrt() as f32;
+        Ok(Self { image, coarse, truth, pixel_m, coarse_px })
     }
 
     fn tile(&self, row: usize, col: usize) -> RawTile {
@@ -129,6 +131,7 @@ impl Scene {
             rows: TILE_ROWS,
             cols: TILE_COLS,
             pixel_m: self.pixel_m,
+            coarse_px: self.coarse_px,
             image: cut(&self.image),
             coarse_m: cut(&self.coarse),
             truth_m: cut(&self.truth),

@@ -1,9 +1,33 @@
 //! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
 
 use super::loss::{Elevation, LossWeights};
+use super::sample::RawTile;
 use crate::model::config::{Head, Illumination, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
+
+/// What the network learns to reach.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Target {
+    /// The truth as it is (the paper).
+    Truth,
+    /// The truth with the low frequencies of the coarse DTM ([`RawTile::anchored`]; our choice).
+    Anchored,
+}
+
+impl Target {
+    /// The tile with its truth replaced by the target.
+    ///
+    /// # Errors
+    /// If the tile's maps differ in size.
+    pub fn of(self, tile: RawTile) -> Result<RawTile> {
+        match self {
+            Self::Truth => Ok(tile),
+            Self::Anchored => tile.anchored(),
+        }
+    }
+}
 
 /// Everything that, with the data and the seed, determines a training run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,6 +50,8 @@ pub struct Recipe {
     pub weights: LossWeights,
     /// Elevation term.
     pub elevation: Elevation,
+    /// What training and validation judge by.
+    pub target: Target,
     /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
     pub crop: [usize; 2],
     /// Crops taken from one tile.
@@ -51,6 +77,7 @@ impl Recipe {
             elevation_only: 1.0 / 3.0,
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
+            target: Target::Truth,
             crop: [256, 320],
             crops_per_tile: 1,
             validate_every: 5_000,
@@ -66,6 +93,7 @@ impl Recipe {
                 warm_up: 100,
                 elevation_only: 0.0,
                 weights: LossWeights::SHORT,
+                target: Target::Anchored,
                 crop: [128, 160],
                 crops_per_tile: 1,
                 validate_every: 200,
@@ -151,7 +179,10 @@ pub struct RecipeFlags {
     /// Elevation term of the loss [default: mean-normalised].
     #[arg(long)]
     pub elevation: Option<Elevation>,
-    /// Weights of elevation, gradient and normal term [default: 10 1 1].
+    /// What training and validation judge by [default: the preset's].
+    #[arg(long)]
+    pub target: Option<Target>,
+    /// Weights of elevation, gradient and normal term [default: the preset's].
     #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
     pub loss_weights: Option<Vec<f32>>,
     /// Steps between validations [default: the preset's].
@@ -181,6 +212,7 @@ impl RecipeFlags {
         recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
+        recipe.target = self.target.unwrap_or(recipe.target);
         if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
             recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
         }

@@ -163,7 +163,7 @@ impl Run {
         if let Some(saved) = &saved {
             optimiser = saved.restore(optimiser)?;
         }
-        let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.validation_tiles)?;
+        let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
         let state = Loop { device, net, optimiser, journal, set, best_rmse, best: None, last: None };
         if first == 0 {

@@ -3,8 +3,7 @@
 use crate::illumination::Turn;
 use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::{Error, Result};
-use elunar_core::norm::elevation::ElevationScale;
-use elunar_core::norm::intensity;
+use elunar_core::norm::{Anchor, ElevationScale, intensity};
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]
@@ -21,11 +20,27 @@ pub struct RawTile {
     pub coarse_m: Vec<f32>,
     /// True DTM, metres.
     pub truth_m: Vec<f32>,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
     /// Azimuth of the Sun, degrees clockwise from up, where it is known.
     pub sun_azimuth_deg: Option<f64>,
 }
 
 impl RawTile {
+    /// The tile with a truth that a network can reach: at the wavelengths the coarse DTM resolves it has the coarse heights,
+    /// errors included, since no image shows those ([`Anchor`]).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the maps differ in size.
+    pub fn anchored(mut self) -> Result<Self> {
+        let (mut difference, mut sums) =
+            (vec![0.0; self.truth_m.len()], vec![0.0; Anchor::sums_len(self.rows, self.cols)]);
+        Anchor::new(self.coarse_px)
+            .apply(&mut self.truth_m, &self.coarse_m, self.cols, &mut difference, &mut sums)
+            .map_err(|e| Error::usage(format!("tile: {e}")))?;
+        Ok(self)
+    }
+
     /// The tile mirrored so that the Sun shines from where `illumination` wants it.
     pub fn lit_for(self, illumination: Illumination) -> Self {
         let (azimuth_deg, shape) = (self.sun_azimuth_deg, (self.rows, self.cols));

@@ -3,7 +3,7 @@
 use super::feed::TileSource;
 use super::sample::RawTile;
 use crate::Result;
-use crate::synth::{Moon, SynthOptions};
+use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -63,6 +63,7 @@ impl TileSource for SynthSource {
             image: tile.image,
             coarse_m: tile.coarse_m,
             truth_m: tile.truth_m,
+            coarse_px: (COARSE_PIXEL_M / tile.pixel_m) as f32,
             sun_azimuth_deg: Some(tile.sun_azimuth_deg),
         })
     }

@@ -30,6 +30,7 @@ impl TileSource for Ripples {
             image: map(&|r, c| height(r, c + 1.0) - height(r, c)),
             coarse_m: map(&|r, _| 10.0 * (r * 0.05 + phase).sin()),
             truth_m: map(&height),
+            coarse_px: 30.0,
             sun_azimuth_deg: Some(270.0),
         })
     }

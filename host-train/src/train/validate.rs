@@ -1,6 +1,7 @@
 //! The network on a fixed set of tiles it never trains on, with the interpolated coarse DTM as baseline.
 
 use super::feed::{TileSource, tensors};
+use super::recipe::Target;
 use super::sample::Sample;
 use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
@@ -38,7 +39,7 @@ pub struct Validation {
     pub coarse: Scores,
 }
 
-/// One validation tile: the normalised maps, and the truth in metres.
+/// One validation tile: the normalised maps, and what training aims at, in metres.
 struct Case {
     sample: Sample,
     coarse_m: Vec<f32>,
@@ -52,15 +53,15 @@ pub struct ValidationSet {
 }
 
 impl ValidationSet {
-    /// The first `count` tiles of `source` that can be normalised.
+    /// The first `count` tiles of `source` that can be normalised, judged by `target`.
     ///
     /// # Errors
     /// If tiles cannot be made, or none can be normalised.
-    pub fn new(source: &dyn TileSource, config: &NetConfig, count: usize) -> Result<Self> {
+    pub fn new(source: &dyn TileSource, config: &NetConfig, target: Target, count: usize) -> Result<Self> {
         let cases: Result<Vec<Option<Case>>> = (0..count as u64)
             .into_par_iter()
             .map(|index| {
-                let tile = source.tile(index)?.lit_for(config.illumination);
+                let tile = target.of(source.tile(index)?)?.lit_for(config.illumination);
                 let sample = Sample::new(config, &tile).ok();
                 Ok(sample.map(|sample| Case {
                     sample,

@@ -16,6 +16,14 @@ mod tests;
 pub use read::read;
 pub use write::{SampleType, WriteOptions, write};
 
+/// Opens a GeoTIFF for reading by windows.
+///
+/// # Errors
+/// As [`read`].
+pub fn open(path: &std::path::Path) -> crate::Result<Box<dyn super::source::Source>> {
+    Ok(Box::new(super::source::InMemory::new(read(path)?, None, "GeoTIFF")))
+}
+
 /// Nodata of float files: ISIS NULL4 (bits 0xFF7FFFFB), what LROC's own terrain models hold. It is not the lowest `f32`.
 pub const NODATA: f32 = f32::from_bits(0xFF7F_FFFB);
 

@@ -1,0 +1,179 @@
+//! Keeping the heights the coarse DTM knows.
+//!
+//! One image shows slopes, not heights: over distances the coarse DTM resolves, its measured heights are better than anything
+//! a network can guess. [`Anchor`] replaces the low frequencies of a DTM by those of the coarse one and keeps the detail
+//! (our choice; the paper leaves the network free at every wavelength).
+
+use crate::error::{LengthError, same_length};
+
+/// Half the width of one box, in pixels of the coarse DTM. Three boxes make a low-pass of standard deviation 0.75 coarse
+/// pixels, which halves waves of four coarse pixels: finer ones a coarse DTM hardly carries.
+const RADIUS_COARSE_PX: f32 = 0.75;
+
+/// Box means in a row make a low-pass that is nearly a Gaussian.
+const BOXES: usize = 3;
+
+/// A low-pass as wide as the coarse DTM's pixels.
+///
+/// ```
+/// use elunar_core::norm::Anchor;
+///
+/// // The network added a crater and, wrongly, half a metre everywhere.
+/// let coarse_m = [10.0; 64];
+/// let mut heights_m = [10.5; 64];
+/// heights_m[27] -= 2.0;
+/// let (mut difference, mut sums) = ([0.0; 64], [0.0; 9]);
+/// Anchor::new(4.0).apply(&mut heights_m, &coarse_m, 8, &mut difference, &mut sums)?;
+/// let mean_m = heights_m.iter().sum::<f32>() / 64.0;
+/// assert!((mean_m - 10.0).abs() < 0.05 && heights_m[27] < 8.2);
+/// # Ok::<(), elunar_core::error::LengthError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Anchor {
+    radius_px: usize,
+}
+
+impl Anchor {
+    /// An anchor for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
+    #[must_use]
+    pub fn new(coarse_px: f32) -> Self {
+        // `as` turns NaN and negative numbers into 0: such a coarse DTM knows everything.
+        Self { radius_px: (RADIUS_COARSE_PX * coarse_px + 0.5) as usize }
+    }
+
+    /// Values of `f64` that [`apply`](Self::apply) needs beside a map of the tile's size.
+    #[must_use]
+    pub const fn sums_len(rows: usize, cols: usize) -> usize {
+        (if rows > cols { rows } else { cols }).saturating_add(1)
+    }
+
+    /// Gives `heights_m` the low frequencies of `coarse_m`: subtracts the low-pass of their difference. Both are finite,
+    /// row-major, `cols` wide; beyond the edges there is nothing, and means are taken over what is there. `difference` is
+    /// scratch of the same length, `sums` of at least [`sums_len`](Self::sums_len).
+    ///
+    /// # Errors
+    /// [`LengthError`] if a buffer has another length, or `heights_m` is not made of whole rows; nothing is changed then.
+    pub fn apply(
+        self,
+        heights_m: &mut [f32],
+        coarse_m: &[f32],
+        cols: usize,
+        difference: &mut [f32],
+        sums: &mut [f64],
+    ) -> Result<(), LengthError> {
+        same_length(heights_m.len(), coarse_m.len())?;
+        same_length(heights_m.len(), difference.len())?;
+        let rows = heights_m.len().checked_div(cols).unwrap_or(0);
+        same_length(rows * cols, heights_m.len())?;
+        let needed = Self::sums_len(rows, cols);
+        let found = sums.len();
+        let sums = sums.get_mut(..needed).ok_or(LengthError { expected: needed, found })?;
+        for ((d, z), c) in difference.iter_mut().zip(heights_m.iter()).zip(coarse_m) {
+            *d = z - c;
+        }
+        for _ in 0..BOXES {
+            for row in 0..rows {
+                self.mean_along(difference, row * cols, 1, cols, sums);
+            }
+            for col in 0..cols {
+                self.mean_along(difference, col, cols, rows, sums);
+            }
+        }
+        for (z, d) in heights_m.iter_mut().zip(difference.iter()) {
+            *z -= d;
+        }
+        Ok(())
+    }
+
+    /// One box mean along `count` values from `first` on, `stride` apart.
+    fn mean_along(self, map: &mut [f32], first: usize, stride: usize, count: usize, sums: &mut [f64]) {
+        let line = || (first..).step_by(stride.max(1)).take(count);
+        let mut sum = 0.0;
+        sums[0] = 0.0;
+        for (i, at) in line().enumerate() {
+            sum += f64::from(map[at]);
+            sums[i + 1] = sum;
+        }
+        for (i, at) in line().enumerate() {
+            let (low, high) =
+                (i.saturating_sub(self.radius_px), i.saturating_add(self.radius_px).saturating_add(1).min(count));
+            map[at] = ((sums[high] - sums[low]) / (high - low) as f64) as f32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn anchored(coarse_px: f32, heights_m: &[f32], coarse_m: &[f32], cols: usize) -> Vec<f32> {
+        let mut out = heights_m.to_vec();
+        let rows = heights_m.len() / cols;
+        let (mut difference, mut sums) = (vec![0.0; out.len()], vec![0.0; Anchor::sums_len(rows, cols)]);
+        Anchor::new(coarse_px).apply(&mut out, coarse_m, cols, &mut difference, &mut sums).unwrap();
+        out
+    }
+
+    /// The mean over a rectangle, by definition.
+    fn naive_box(map: &[f64], cols: usize, radius: usize) -> Vec<f64> {
+        let rows = map.len() / cols;
+        let near = |a: usize, b: usize| a.abs_diff(b) <= radius;
+        (0..map.len())
+            .map(|i| {
+                let inside = (0..map.len()).filter(|j| near(i / cols, j / cols) && near(i % cols, j % cols));
+                let (sum, n) = inside.fold((0.0, 0), |(sum, n), j| (sum + map[j], n + 1));
+                assert!(n > 0 && rows > 0);
+                sum / f64::from(n)
+            })
+            .collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn three_boxes_by_definition(rows in 1_usize..9, cols in 1_usize..9, radius in 0_usize..5, seed in any::<u32>()) {
+            let value = |i: usize| (seed.wrapping_mul(2654435761).wrapping_add(i as u32 * 40503) >> 16) as f32 / 64.0;
+            let n = rows * cols;
+            let (heights, coarse): (Vec<f32>, Vec<f32>) = ((0..n).map(value).collect(), (n..2 * n).map(value).collect());
+            let found = anchored(radius as f32 / RADIUS_COARSE_PX, &heights, &coarse, cols);
+            let mut low: Vec<f64> = heights.iter().zip(&coarse).map(|(z, c)| f64::from(z - c)).collect();
+            for _ in 0..BOXES {
+                low = naive_box(&low, cols, radius);
+            }
+            for i in 0..n {
+                prop_assert!((f64::from(found[i]) - (f64::from(heights[i]) - low[i])).abs() < 1e-2);
+            }
+        }
+    }
+
+    #[test]
+    fn long_waves_are_the_coarse_dtms_and_short_ones_the_networks() {
+        let (cols, coarse_px) = (320, 29.6);
+        let wave = |length_px: f32| -> Vec<f32> {
+            (0..256 * cols).map(|i| (core::f32::consts::TAU * (i % cols) as f32 / length_px).sin()).collect()
+        };
+        let kept = |length_px: f32| {
+            let (heights, flat) = (wave(length_px), vec![0.0; 256 * cols]);
+            let out = anchored(coarse_px, &heights, &flat, cols);
+            // Away from the edges.
+            (100..220).map(|c| out[c].abs()).fold(0.0, f32::max)
+        };
+        assert!(kept(20.0) > 0.98, "{}", kept(20.0));
+        assert!(kept(320.0) < 0.15, "{}", kept(320.0));
+        assert!((kept(4.0 * coarse_px) - 0.5).abs() < 0.1, "{}", kept(4.0 * coarse_px));
+    }
+
+    #[test]
+    fn odd_sizes_and_buffers_are_refused_and_odd_ratios_harmless() {
+        let anchor = Anchor::new(3.0);
+        let (mut heights, coarse, mut scratch) = ([1.0_f32; 6], [0.0_f32; 6], [0.0_f32; 6]);
+        assert!(anchor.apply(&mut heights, &coarse[..5], 3, &mut scratch, &mut [0.0; 4]).is_err());
+        assert!(anchor.apply(&mut heights, &coarse, 4, &mut scratch, &mut [0.0; 9]).is_err());
+        assert!(anchor.apply(&mut heights, &coarse, 0, &mut scratch, &mut [0.0; 9]).is_err());
+        assert!(anchor.apply(&mut heights, &coarse, 3, &mut scratch, &mut [0.0; 3]).is_err());
+        assert_eq!(heights, [1.0; 6]);
+        assert_eq!(anchored(f32::NAN, &[5.0, 7.0], &[1.0, 2.0], 2), [1.0, 2.0]);
+        assert_eq!(anchored(f32::MAX, &[5.0, 7.0], &[1.0, 2.0], 2), [0.5, 2.5]);
+    }
+}

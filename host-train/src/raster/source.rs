@@ -1,0 +1,110 @@
+//! Rasters read on demand, window by window: a strip of 5,000 x 50,000 pixels is never whole in memory.
+
+use super::{GeoRef, Raster, geotiff};
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use std::path::Path;
+
+/// What a file says of itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Info {
+    /// Rows (north to south in a north-up raster).
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Where the raster lies; `None` when the file has no transform.
+    pub georef: Option<GeoRef>,
+    /// Unit of the samples as they are handed out: `m` for heights; `None` where the file names none.
+    pub unit: Option<String>,
+    /// How the file was understood, in a few words: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
+    pub format: String,
+}
+
+/// A raster open for reading.
+pub trait Source: Send + Sync {
+    /// What the file says of itself.
+    fn info(&self) -> &Info;
+
+    /// Samples of a window that lies within the raster, row-major. Heights are in metres above the sphere, images in relative
+    /// brightness; invalid samples are NaN.
+    ///
+    /// # Errors
+    /// If the window leaves the raster, or the file cannot be read there.
+    fn read(&self, window: Window) -> Result<Vec<f32>>;
+}
+
+/// Opens a raster file of any format known here; the content decides, not the name.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for formats and
+/// variants unknown here.
+pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    geotiff::open(path)
+}
+
+/// All of a source at once.
+///
+/// # Errors
+/// As [`Source::read`].
+pub fn read_all(source: &dyn Source) -> Result<Raster> {
+    let Info { rows, cols, georef, .. } = source.info().clone();
+    let samples = source.read(Window { row: 0, col: 0, rows, cols })?;
+    Ok(Raster { rows, cols, samples, georef })
+}
+
+/// Refuses a window that leaves a raster of `rows` x `cols`.
+///
+/// # Errors
+/// [`Error::Usage`] naming both.
+pub fn check_window(window: Window, rows: usize, cols: usize) -> Result<()> {
+    let inside = |first: usize, count: usize, all: usize| first.checked_add(count).is_some_and(|end| end <= all);
+    if inside(window.row, window.rows, rows) && inside(window.col, window.cols, cols) {
+        return Ok(());
+    }
+    Err(Error::usage(format!("expected a window within {rows} x {cols} pixels, found {window:?}")))
+}
+
+/// A raster in memory, as a source.
+#[derive(Debug, Clone)]
+pub struct InMemory {
+    info: Info,
+    samples: Vec<f32>,
+}
+
+impl InMemory {
+    /// Takes `raster`; `unit` and `format` as in [`Info`].
+    #[must_use]
+    pub fn new(raster: Raster, unit: Option<String>, format: impl Into<String>) -> Self {
+        let Raster { rows, cols, samples, georef } = raster;
+        Self { info: Info { rows, cols, georef, unit, format: format.into() }, samples }
+    }
+}
+
+impl Source for InMemory {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        check_window(window, self.info.rows, self.info.cols)?;
+        let line = |row: usize| &self.samples[row * self.info.cols + window.col..][..window.cols];
+        Ok((window.row..window.row + window.rows).flat_map(|row| line(row).iter().copied()).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_are_cut_and_never_leave() {
+        let samples = (0..12).map(|i| i as f32).collect();
+        let source = InMemory::new(Raster { rows: 3, cols: 4, samples, georef: None }, None, "memory");
+        let cut = |row, col, rows, cols| source.read(Window { row, col, rows, cols });
+        assert_eq!(cut(1, 2, 2, 2).unwrap(), [6.0, 7.0, 10.0, 11.0]);
+        for (row, col, rows, cols) in [(0, 0, 4, 1), (0, 3, 1, 2), (usize::MAX, 0, 2, 1)] {
+            assert!(cut(row, col, rows, cols).is_err());
+        }
+        assert_eq!(read_all(&source).unwrap().samples.len(), 12);
+    }
+}
