@@ -2,7 +2,9 @@
 
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
-use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Tally, open, predict_rows};
+use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey, Tally, open, predict_rows};
+use crate::raster::scaled::HeightUnit;
+use crate::raster::source;
 use crate::{Error, Result, interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
@@ -33,6 +35,9 @@ pub struct Args {
     /// Threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
+    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    #[arg(long)]
+    pub coarse_unit: Option<HeightUnit>,
     /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
@@ -57,13 +62,21 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     check_output(&args)?;
     let model = open(&args.model, args.backend)?;
-    let scene = Scene::new(Input::open(&args.image)?, Input::open(&args.coarse)?)?;
+    let scene = scene(&args)?;
+    let survey = scene.survey()?;
+    if survey.suspects_kilometres() && args.coarse_unit.is_none() {
+        let Survey { relief_m, extent_m, .. } = survey;
+        eprintln!(
+            "WARNING: {}: {relief_m:.3} m of relief over {extent_m:.0} m: kilometres taken for metres? Say --coarse-unit km, or m",
+            args.coarse.display()
+        );
+    }
     let options = Options {
         overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
         blend: args.blend,
         anchor: !args.no_anchor,
         threads: args.threads,
-        sun_azimuth_deg: args.sun_azimuth,
+        sun_azimuth_deg: args.sun_azimuth.or(survey.sun_azimuth_deg),
     };
     let mut part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
     if part.rows() > 0 {
@@ -102,6 +115,11 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
+fn scene(args: &Args) -> Result<Scene> {
+    let coarse = args.coarse_unit.unwrap_or(HeightUnit::M).in_metres(source::open(&args.coarse)?);
+    Scene::new(Input::open(&args.image)?, Input { name: args.coarse.display().to_string(), source: coarse.into() })
+}
+
 /// What tells this job from others: a changed input, model or option begins anew.
 fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     let file = |path: &Path| -> Result<String> {
@@ -111,7 +129,8 @@ fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };
     let (image, coarse) = (file(&args.image)?, file(&args.coarse)?);
-    Ok(format!("{} {image} {coarse} {model} {options:?}", env!("CARGO_PKG_VERSION")))
+    let unit = args.coarse_unit;
+    Ok(format!("{} {image} {coarse} {unit:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
 }
 
 /// Fails before the work rather than after it.

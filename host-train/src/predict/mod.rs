@@ -21,7 +21,7 @@ mod tests;
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::Part;
 pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
-pub use scene::{Input, Scene};
+pub use scene::{Input, Scene, Survey};
 
 use crate::model::backend::Backend;
 use crate::{Error, Result};

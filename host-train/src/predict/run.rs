@@ -143,11 +143,10 @@ pub fn predict_rows(
         drop(receive);
         joined
     })?;
-    let tally = sink.finish()?;
-    if from == 0 && tally.tiles_empty == tally.tiles {
+    if from == 0 && sink.tally.tiles_empty == sink.tally.tiles {
         return Err(scene.nothing_valid());
     }
-    Ok(tally)
+    sink.finish()
 }
 
 /// A tile to be made: its number, its place, and the rows it lies in.

@@ -67,9 +67,32 @@ pub struct Band {
     pub valid: Vec<bool>,
 }
 
-/// Rows read at once to find the Sun, and at most so often: the light is one over a scene, so long strips are sampled.
-const SUN_ROWS: usize = 960;
-const SUN_BLOCKS: usize = 16;
+/// What a look at a sample of a scene's rows tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Survey {
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, if the scene tells it.
+    pub sun_azimuth_deg: Option<f64>,
+    /// Highest minus lowest valid height of the coarse DTM, metres.
+    pub relief_m: f32,
+    /// What that is spread over, metres: the longer side of the rows looked at.
+    pub extent_m: f64,
+}
+
+impl Survey {
+    /// Relief over extent below which heights are more likely kilometres taken for metres: 0.06 degrees from end to end, where the
+    /// Moon's flattest maria have a degree or two.
+    const FLATTEST: f64 = 1e-3;
+
+    /// Whether the coarse DTM's heights look like kilometres.
+    #[must_use]
+    pub fn suspects_kilometres(&self) -> bool {
+        self.relief_m > 0.0 && f64::from(self.relief_m) < Self::FLATTEST * self.extent_m
+    }
+}
+
+/// Rows a survey reads at once, and at most so often: the light is one over a scene, so long strips are sampled.
+const SURVEY_ROWS: usize = 960;
+const SURVEY_BLOCKS: usize = 16;
 
 impl Scene {
     /// Pairs an image with a coarse DTM, which is interpolated onto the image's grid (bicubic, through map coordinates) as it is
@@ -80,6 +103,10 @@ impl Scene {
     pub fn new(image: Input, coarse: Input) -> Result<Self> {
         let (georef, coarse_px) = (place(&image)?.clone(), spacing_ratio(&coarse, &image)?);
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
+        if coarse_px < 1.0 {
+            let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
+            return Err(Error::usage(format!("{what}, found pixels {coarse_px:.2} times as wide as the image's")));
+        }
         let placed = Placed::new(&coarse, &image)?;
         Ok(Self { rows, cols, georef, coarse_px, image, coarse_name: coarse.name, coarse: placed })
     }
@@ -121,21 +148,32 @@ impl Scene {
         if illumination == Illumination::Any {
             return Ok(Turn::default());
         }
-        let azimuth_deg = if azimuth_deg.is_some() { azimuth_deg } else { self.sun_azimuth_deg()? };
+        let azimuth_deg = if azimuth_deg.is_some() { azimuth_deg } else { self.survey()?.sun_azimuth_deg };
         Ok(azimuth_deg.map_or_else(Turn::default, Turn::from_azimuth_deg))
     }
 
-    fn sun_azimuth_deg(&self) -> Result<Option<f64>> {
-        let mut sun = SunEstimate::default();
-        let blocks = self.rows.div_ceil(SUN_ROWS).min(SUN_BLOCKS);
-        let rows = self.rows.min(SUN_ROWS);
+    /// Looks at all of a small scene, at evenly spread rows of a long one.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn survey(&self) -> Result<Survey> {
+        let (mut sun, mut range) = (SunEstimate::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
+        let rows = self.rows.min(SURVEY_ROWS);
         for block in 0..blocks {
             // Evenly spread, the last one at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let band = self.band(first, rows)?;
             sun.add(&band.image, &band.coarse_m, (rows, self.cols));
+            let valid = band.coarse_m.iter().zip(&band.valid).filter(|(_, valid)| **valid);
+            range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
         }
-        Ok(sun.azimuth_deg())
+        let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
+        Ok(Survey {
+            sun_azimuth_deg: sun.azimuth_deg(),
+            relief_m: range.1 - range.0,
+            extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
+        })
     }
 }
 

@@ -5,6 +5,7 @@ mod crs;
 mod georef;
 pub mod geotiff;
 pub mod resample;
+pub mod scaled;
 pub mod source;
 
 pub use crs::{Crs, MOON_RADIUS_M};
