@@ -41,51 +41,56 @@ fn dot(a: &[Le16], b: &[Le16]) -> i32 {
     unsafe { dot_product(&a[..n], &b[..n]) }
 }
 
-// Plain loops: a closure handed to a method of the standard library would be called, not inlined, there being no AVX2.
-
 /// # Safety
 /// AVX2.
 #[target_feature(enable = "avx2")]
 unsafe fn block<const C: usize>(sums: &mut [[i32; PIXELS]; C], x: Stretches<'_>, w: [&[u8]; C]) {
     let mut lanes = [[_mm256_setzero_si256(); PIXELS]; C];
-    let whole = x[0].len() / STEP * STEP;
-    for k in (0..whole).step_by(STEP) {
-        // SAFETY: all rows have as many samples as the first, and there are `STEP` more from `k` on.
-        unsafe { step(&mut lanes, &x, &w, k) };
-    }
-    if whole < x[0].len() {
-        let (mut last_x, mut last_w) = ([[[0u8; 2]; STEP]; PIXELS], [[0u8; STEP]; C]);
+    let n = x[0].len();
+    let whole = n / STEP * STEP;
+    let (at_x, at_w) = (x.map(<[Le16]>::as_ptr), w.map(<[u8]>::as_ptr));
+    let mut k = 0;
+    // Plain loops: whatever is called instead of inlined keeps the sums in memory.
+    while k < whole {
+        let mut load = [_mm256_setzero_si256(); PIXELS];
         for p in 0..PIXELS {
-            last_x[p] = filled(&x[p][whole..]);
+            // SAFETY: all rows have as many samples as the first, and there are `STEP` more from `k` on.
+            load[p] = unsafe { _mm256_loadu_si256(at_x[p].add(k).cast()) };
         }
         for c in 0..C {
-            last_w[c] = filled(&w[c][whole..]);
+            // SAFETY: as above.
+            let wide = _mm256_cvtepi8_epi16(unsafe { _mm_loadu_si128(at_w[c].add(k).cast()) });
+            for p in 0..PIXELS {
+                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_madd_epi16(load[p], wide));
+            }
         }
-        // SAFETY: each row has `STEP` samples.
-        unsafe { step(&mut lanes, &last_x.each_ref().map(|x| &x[..]), &last_w.each_ref().map(|w| &w[..]), 0) };
+        k += STEP;
+    }
+    // Rows of a convolution are multiples of eight, so most end here.
+    if n - whole == STEP / 2 {
+        for c in 0..C {
+            // SAFETY: as above, half as many.
+            let wide = _mm_cvtepi8_epi16(unsafe { _mm_loadl_epi64(w[c].as_ptr().add(whole).cast()) });
+            for p in 0..PIXELS {
+                // SAFETY: as above.
+                let x = unsafe { _mm_loadu_si128(x[p].as_ptr().add(whole).cast()) };
+                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_zextsi128_si256(_mm_madd_epi16(x, wide)));
+            }
+        }
+    } else if whole < n {
+        for c in 0..C {
+            let w = filled(&w[c][whole..]);
+            // SAFETY: 16 bytes are read from 16.
+            let wide = _mm256_cvtepi8_epi16(unsafe { _mm_loadu_si128(w.as_ptr().cast()) });
+            for p in 0..PIXELS {
+                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_madd_epi16(load(&filled(&x[p][whole..])), wide));
+            }
+        }
     }
     for c in 0..C {
         let parts = add_up(lanes[c]);
         for p in 0..PIXELS {
             sums[c][p] = sums[c][p].wrapping_add(parts[p]);
-        }
-    }
-}
-
-/// One step of every sum, from sample `k` on.
-///
-/// # Safety
-/// AVX2; every row has at least `k + STEP` samples.
-#[target_feature(enable = "avx2")]
-#[inline]
-unsafe fn step<const C: usize>(lanes: &mut [[__m256i; PIXELS]; C], x: &Stretches<'_>, w: &[&[u8]; C], k: usize) {
-    for c in 0..C {
-        // SAFETY: the caller's promise.
-        let wide = _mm256_cvtepi8_epi16(unsafe { _mm_loadu_si128(w[c].as_ptr().add(k).cast()) });
-        for p in 0..PIXELS {
-            // SAFETY: the caller's promise.
-            let x = unsafe { _mm256_loadu_si256(x[p].as_ptr().add(k).cast()) };
-            lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_madd_epi16(x, wide));
         }
     }
 }
