@@ -28,7 +28,7 @@ assert d.nodata == -3.4028226550889045e+38, d.nodata
 assert d.transform[:6] == (2.0, 0.0, 349000.25, 0.0, -2.5, 600000.5), d.transform
 assert d.tags()['AREA_OR_POINT'] == 'Area' and d.tags()['MODEL'] == 'nano <é>', d.tags()
 assert d.units == ('m',) and d.descriptions[0].startswith('metres above'), (d.units, d.descriptions)
-assert d.block_shapes == [(256, 256)] and d.compression.value == 'DEFLATE', d.profile
+assert d.block_shapes == [(304, 272)] and d.compression.value == 'DEFLATE', d.profile
 p = d.crs.to_dict()
 assert (p['proj'], p['lat_ts'], p['lon_0'], p['R'], p['units']) == ('eqc', 12, 180, 1737400, 'm'), p
 ";
