@@ -6,6 +6,7 @@ mod georef;
 pub mod geotiff;
 mod projection;
 pub mod resample;
+pub mod scaled;
 pub mod source;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
