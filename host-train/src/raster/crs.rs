@@ -1,5 +1,11 @@
 //! Coordinate reference systems, as GeoTIFF keys.
 
+mod build;
+mod parse;
+
+pub use build::Axes;
+
+use super::Projection;
 use std::collections::BTreeMap;
 
 /// Radius of the Moon's reference sphere, metres: all heights of this project are above it.
@@ -17,46 +23,54 @@ pub struct Crs {
 }
 
 /// GeoKey numbers, as the GeoTIFF standard (OGC 19-008) names them.
-mod key {
-    pub(super) const MODEL_TYPE: u16 = 1024;
-    pub(super) const RASTER_TYPE: u16 = 1025;
-    pub(super) const CITATION: u16 = 1026;
-    pub(super) const GEODETIC_CRS: u16 = 2048;
-    pub(super) const GEODETIC_CITATION: u16 = 2049;
-    pub(super) const DATUM: u16 = 2050;
-    pub(super) const PRIME_MERIDIAN: u16 = 2051;
-    pub(super) const ANGULAR_UNIT: u16 = 2054;
-    pub(super) const ANGULAR_UNIT_SIZE: u16 = 2055;
-    pub(super) const ELLIPSOID: u16 = 2056;
-    pub(super) const SEMI_MAJOR: u16 = 2057;
-    pub(super) const SEMI_MINOR: u16 = 2058;
-    pub(super) const INV_FLATTENING: u16 = 2059;
-    pub(super) const PRIME_MERIDIAN_LON: u16 = 2061;
-    pub(super) const PROJECTED_CRS: u16 = 3072;
-    pub(super) const PROJECTED_CITATION: u16 = 3073;
-    pub(super) const PROJECTION: u16 = 3074;
-    pub(super) const METHOD: u16 = 3075;
-    pub(super) const LINEAR_UNIT: u16 = 3076;
-    pub(super) const LINEAR_UNIT_SIZE: u16 = 3077;
-    pub(super) const STD_PARALLEL_1: u16 = 3078;
-    pub(super) const NAT_ORIGIN_LON: u16 = 3080;
-    pub(super) const NAT_ORIGIN_LAT: u16 = 3081;
-    pub(super) const FALSE_EASTING: u16 = 3082;
-    pub(super) const FALSE_NORTHING: u16 = 3083;
-    pub(super) const FALSE_ORIGIN_LON: u16 = 3084;
-    pub(super) const FALSE_ORIGIN_LAT: u16 = 3085;
-    pub(super) const CENTRE_LON: u16 = 3088;
-    pub(super) const CENTRE_LAT: u16 = 3089;
-    pub(super) const SCALE: u16 = 3092;
-    pub(super) const STRAIGHT_POLE_LON: u16 = 3095;
+pub(super) mod key {
+    pub(in crate::raster) const MODEL_TYPE: u16 = 1024;
+    pub(in crate::raster) const RASTER_TYPE: u16 = 1025;
+    pub(in crate::raster) const CITATION: u16 = 1026;
+    pub(in crate::raster) const GEODETIC_CRS: u16 = 2048;
+    pub(in crate::raster) const GEODETIC_CITATION: u16 = 2049;
+    pub(in crate::raster) const DATUM: u16 = 2050;
+    pub(in crate::raster) const PRIME_MERIDIAN: u16 = 2051;
+    pub(in crate::raster) const ANGULAR_UNIT: u16 = 2054;
+    pub(in crate::raster) const ANGULAR_UNIT_SIZE: u16 = 2055;
+    pub(in crate::raster) const ELLIPSOID: u16 = 2056;
+    pub(in crate::raster) const SEMI_MAJOR: u16 = 2057;
+    pub(in crate::raster) const SEMI_MINOR: u16 = 2058;
+    pub(in crate::raster) const INV_FLATTENING: u16 = 2059;
+    pub(in crate::raster) const PRIME_MERIDIAN_LON: u16 = 2061;
+    pub(in crate::raster) const PROJECTED_CRS: u16 = 3072;
+    pub(in crate::raster) const PROJECTED_CITATION: u16 = 3073;
+    pub(in crate::raster) const PROJECTION: u16 = 3074;
+    pub(in crate::raster) const METHOD: u16 = 3075;
+    pub(in crate::raster) const LINEAR_UNIT: u16 = 3076;
+    pub(in crate::raster) const LINEAR_UNIT_SIZE: u16 = 3077;
+    pub(in crate::raster) const STD_PARALLEL_1: u16 = 3078;
+    pub(in crate::raster) const NAT_ORIGIN_LON: u16 = 3080;
+    pub(in crate::raster) const NAT_ORIGIN_LAT: u16 = 3081;
+    pub(in crate::raster) const FALSE_EASTING: u16 = 3082;
+    pub(in crate::raster) const FALSE_NORTHING: u16 = 3083;
+    pub(in crate::raster) const FALSE_ORIGIN_LON: u16 = 3084;
+    pub(in crate::raster) const FALSE_ORIGIN_LAT: u16 = 3085;
+    pub(in crate::raster) const CENTRE_LON: u16 = 3088;
+    pub(in crate::raster) const CENTRE_LAT: u16 = 3089;
+    pub(in crate::raster) const SCALE: u16 = 3092;
+    pub(in crate::raster) const STRAIGHT_POLE_LON: u16 = 3095;
 }
 
-const USER_DEFINED: f64 = 32767.0;
-const PROJECTED: u16 = 1;
-const METRE: u16 = 9001;
-const DEGREE: u16 = 9102;
-const EQUIRECTANGULAR: u16 = 17;
-const POLAR_STEREOGRAPHIC: u16 = 15;
+/// Values of the keys above.
+pub(super) mod code {
+    pub(in crate::raster) const USER_DEFINED: u16 = 32767;
+    pub(in crate::raster) const PROJECTED: u16 = 1;
+    pub(in crate::raster) const GEOGRAPHIC: u16 = 2;
+    pub(in crate::raster) const METRE: u16 = 9001;
+    pub(in crate::raster) const KILOMETRE: u16 = 9036;
+    pub(in crate::raster) const DEGREE: u16 = 9102;
+    pub(in crate::raster) const STEREOGRAPHIC: u16 = 14;
+    pub(in crate::raster) const POLAR_STEREOGRAPHIC: u16 = 15;
+    pub(in crate::raster) const EQUIRECTANGULAR: u16 = 17;
+}
+
+const USER_DEFINED: f64 = code::USER_DEFINED as f64;
 
 /// The value of one key.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,29 +80,6 @@ enum Value {
 }
 
 impl Crs {
-    /// Equirectangular on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres. The keys are
-    /// those GDAL 3.10 writes for this system.
-    #[must_use]
-    pub fn moon_equirectangular(lat_ts_deg: f64, lon0_deg: f64) -> Self {
-        let mut keys = Builder::moon("Equirectangular Moon");
-        keys.short(key::METHOD, EQUIRECTANGULAR).short(key::LINEAR_UNIT, METRE);
-        keys.double(key::STD_PARALLEL_1, lat_ts_deg).double(key::FALSE_EASTING, 0.0).double(key::FALSE_NORTHING, 0.0);
-        keys.double(key::CENTRE_LON, lon0_deg).double(key::CENTRE_LAT, 0.0);
-        keys.crs
-    }
-
-    /// Polar stereographic on the Moon's sphere, tangent at the pole, longitude 0 downwards (south: upwards), metres.
-    #[must_use]
-    pub fn moon_polar(south: bool) -> Self {
-        let mut keys =
-            Builder::moon(if south { "South Polar Stereographic Moon" } else { "North Polar Stereographic Moon" });
-        keys.short(key::METHOD, POLAR_STEREOGRAPHIC).short(key::LINEAR_UNIT, METRE);
-        keys.double(key::NAT_ORIGIN_LAT, if south { -90.0 } else { 90.0 });
-        keys.double(key::FALSE_EASTING, 0.0).double(key::FALSE_NORTHING, 0.0);
-        keys.double(key::SCALE, 1.0).double(key::STRAIGHT_POLE_LON, 0.0);
-        keys.crs
-    }
-
     /// True if the file named no system at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -98,7 +89,7 @@ impl Crs {
     /// True for systems with map coordinates in a length unit, false for longitude and latitude.
     #[must_use]
     pub fn is_projected(&self) -> bool {
-        self.number(key::MODEL_TYPE) == Some(f64::from(PROJECTED))
+        self.number(key::MODEL_TYPE) == Some(f64::from(code::PROJECTED))
     }
 
     /// True if (0, 0) of the file's own coordinates means the centre of the first pixel (`AREA_OR_POINT=Point`).
@@ -115,7 +106,7 @@ impl Crs {
         }
         match self.number(key::LINEAR_UNIT) {
             None => Some(1.0),
-            Some(code) if code == f64::from(METRE) => Some(1.0),
+            Some(code) if code == f64::from(code::METRE) => Some(1.0),
             Some(9002.0) => Some(0.3048),
             Some(9003.0) => Some(1200.0 / 3937.0),
             Some(9036.0) => Some(1000.0),
@@ -130,10 +121,14 @@ impl Crs {
         (major == minor).then_some(major)
     }
 
-    /// True if both mean the same system: keys and values are compared, with the standard's defaults filled in and the synonymous
-    /// keys of other writers folded together; citation text and the pixel-is-area flag are left out.
+    /// True if both mean the same system. Where both are understood, their [`Projection`]s are compared. Otherwise keys and values
+    /// are, with the standard's defaults filled in and the synonymous keys of other writers folded together; citation text and the
+    /// pixel-is-area flag are left out.
     #[must_use]
     pub fn same_as(&self, other: &Crs) -> bool {
+        if let (Some(a), Some(b)) = (Projection::of(self), Projection::of(other)) {
+            return a.same_as(&b);
+        }
         let (a, b) = (self.meaning(), other.meaning());
         let close = |x: &f64, y: &f64| (x - y).abs() <= 1e-9 * x.abs().max(y.abs()).max(1e-3);
         let equal = |x: &Value, y: &Value| match (x, y) {
@@ -203,7 +198,8 @@ impl Crs {
         self.directory.get(4..).unwrap_or(&[]).as_chunks::<4>().0.iter().take(count).copied()
     }
 
-    fn number(&self, key: u16) -> Option<f64> {
+    /// The first number of a key.
+    pub(super) fn number(&self, key: u16) -> Option<f64> {
         match self.values().remove(&key)? {
             Value::Numbers(numbers) => numbers.first().copied(),
             Value::Text(_) => None,
@@ -255,7 +251,7 @@ impl Crs {
                 key::GEODETIC_CRS | key::DATUM | key::ELLIPSOID | key::PROJECTED_CRS | key::PROJECTION => {
                     Some(USER_DEFINED)
                 }
-                key::ANGULAR_UNIT => Some(f64::from(DEGREE)),
+                key::ANGULAR_UNIT => Some(f64::from(code::DEGREE)),
                 key::PRIME_MERIDIAN => Some(8901.0),
                 key::PRIME_MERIDIAN_LON | key::FALSE_EASTING | key::FALSE_NORTHING => Some(0.0),
                 key::CENTRE_LON | key::CENTRE_LAT | key::STD_PARALLEL_1 => Some(0.0),
@@ -282,53 +278,6 @@ impl Crs {
             meaning.insert(key::LINEAR_UNIT, unit);
         }
         meaning
-    }
-}
-
-/// Appends keys in ascending order.
-struct Builder {
-    crs: Crs,
-}
-
-impl Builder {
-    /// The keys every projected lunar system starts with.
-    fn moon(name: &str) -> Self {
-        let mut keys = Self { crs: Crs { directory: vec![1, 1, 0, 0], doubles: vec![], ascii: String::new() } };
-        keys.short(key::MODEL_TYPE, PROJECTED).short(key::RASTER_TYPE, 1).text(key::CITATION, name);
-        keys.short(key::GEODETIC_CRS, 32767);
-        keys.text(
-            key::GEODETIC_CITATION,
-            "GCS Name = GCS_Moon|Datum = D_Moon|Ellipsoid = Moon|Primem = Reference Meridian|",
-        );
-        keys.short(key::DATUM, 32767).short(key::ANGULAR_UNIT, DEGREE).short(key::ELLIPSOID, 32767);
-        keys.double(key::SEMI_MAJOR, MOON_RADIUS_M)
-            .double(key::SEMI_MINOR, MOON_RADIUS_M)
-            .double(key::PRIME_MERIDIAN_LON, 0.0);
-        keys.short(key::PROJECTED_CRS, 32767).short(key::PROJECTION, 32767);
-        keys
-    }
-
-    fn entry(&mut self, key: u16, tag: u16, count: usize, at: usize) -> &mut Self {
-        let small = |n: usize| u16::try_from(n).expect("a handful of keys");
-        self.crs.directory.extend([key, tag, small(count), small(at)]);
-        self.crs.directory[3] += 1;
-        self
-    }
-
-    fn short(&mut self, key: u16, value: u16) -> &mut Self {
-        self.entry(key, 0, 1, usize::from(value))
-    }
-
-    fn double(&mut self, key: u16, value: f64) -> &mut Self {
-        self.crs.doubles.push(value);
-        self.entry(key, 34736, 1, self.crs.doubles.len() - 1)
-    }
-
-    fn text(&mut self, key: u16, value: &str) -> &mut Self {
-        let at = self.crs.ascii.len();
-        self.crs.ascii.push_str(value);
-        self.crs.ascii.push('|');
-        self.entry(key, 34737, value.len() + 1, at)
     }
 }
 
@@ -369,9 +318,19 @@ mod tests {
     #[test]
     fn synonyms_and_defaults_are_folded() {
         let a = Crs::moon_equirectangular(0.0, 25.0);
-        let mut b = Builder::moon("x");
-        b.short(key::METHOD, EQUIRECTANGULAR).double(key::NAT_ORIGIN_LON, 25.0);
-        assert!(a.same_as(&b.crs));
+        let mut b = a.clone();
+        // Entry of the central meridian: its key becomes that of other writers, and the zeros are left to their defaults.
+        let at = b.directory[4..].chunks(4).position(|entry| entry[0] == key::CENTRE_LON).unwrap() * 4 + 4;
+        b.directory[at] = key::NAT_ORIGIN_LON;
+        let kept: Vec<u16> = b.directory[4..]
+            .chunks(4)
+            .filter(|entry| ![key::STD_PARALLEL_1, key::FALSE_EASTING, key::CENTRE_LAT].contains(&entry[0]))
+            .flatten()
+            .copied()
+            .collect();
+        b.directory = [vec![1, 1, 0, (kept.len() / 4) as u16], kept].concat();
+        assert!(a.same_as(&b) && b.directory.len() < a.directory.len());
+        assert_eq!(a.meaning(), b.meaning());
     }
 
     #[test]

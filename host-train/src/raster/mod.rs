@@ -4,12 +4,14 @@ pub mod align;
 mod crs;
 mod georef;
 pub mod geotiff;
+mod projection;
 pub mod resample;
 pub mod scaled;
 pub mod source;
 
-pub use crs::{Crs, MOON_RADIUS_M};
+pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use georef::{GeoRef, GeoTransform};
+pub use projection::Projection;
 
 use crate::{Error, Result};
 use std::io::Write;

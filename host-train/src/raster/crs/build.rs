@@ -1,0 +1,120 @@
+//! Making systems: the keys are those GDAL 3.10 writes for them.
+
+use super::{Crs, MOON_RADIUS_M, code, key};
+
+/// Where the axes of a projected system begin, and what they count in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axes {
+    /// Added to x, in the unit of the map.
+    pub false_easting: f64,
+    /// Added to y, in the unit of the map.
+    pub false_northing: f64,
+    /// Kilometres instead of metres.
+    pub kilometres: bool,
+}
+
+impl Axes {
+    /// Metres from the projection's own origin.
+    pub const PLAIN: Self = Self { false_easting: 0.0, false_northing: 0.0, kilometres: false };
+}
+
+impl Crs {
+    /// Equirectangular on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
+    #[must_use]
+    pub fn moon_equirectangular(lat_ts_deg: f64, lon0_deg: f64) -> Self {
+        Self::equirectangular(MOON_RADIUS_M, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
+    }
+
+    /// Polar stereographic on the Moon's sphere, tangent at the pole, longitude 0 downwards (south: upwards), metres.
+    #[must_use]
+    pub fn moon_polar(south: bool) -> Self {
+        Self::polar_stereographic(MOON_RADIUS_M, if south { -90.0 } else { 90.0 }, 1.0, 0.0, Axes::PLAIN)
+    }
+
+    /// Longitude and latitude in degrees on a sphere.
+    #[must_use]
+    pub fn geographic(radius_m: f64) -> Self {
+        let name = body(radius_m);
+        Builder::new(code::GEOGRAPHIC, &name, &name, radius_m).crs
+    }
+
+    /// Equirectangular on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central meridian).
+    #[must_use]
+    pub fn equirectangular(radius_m: f64, lat_ts_deg: f64, origin_deg: (f64, f64), axes: Axes) -> Self {
+        let name = body(radius_m);
+        let mut keys = Builder::new(code::PROJECTED, &format!("Equirectangular {name}"), &name, radius_m);
+        keys.projected(code::EQUIRECTANGULAR, axes).double(key::STD_PARALLEL_1, lat_ts_deg).axes(axes);
+        keys.double(key::CENTRE_LON, origin_deg.1).double(key::CENTRE_LAT, origin_deg.0);
+        keys.crs
+    }
+
+    /// Polar stereographic on a sphere. `lat_ts_deg` is the latitude of true scale, whose sign says which pole; where it is ±90,
+    /// `scale` is the scale at the pole, elsewhere it must be 1. `lon0_deg` points downwards in the north, upwards in the south.
+    #[must_use]
+    pub fn polar_stereographic(radius_m: f64, lat_ts_deg: f64, scale: f64, lon0_deg: f64, axes: Axes) -> Self {
+        let name = body(radius_m);
+        let pole = if lat_ts_deg < 0.0 { "South" } else { "North" };
+        let citation = format!("{pole} Polar Stereographic {name}");
+        let mut keys = Builder::new(code::PROJECTED, &citation, &name, radius_m);
+        keys.projected(code::POLAR_STEREOGRAPHIC, axes).double(key::NAT_ORIGIN_LAT, lat_ts_deg).axes(axes);
+        keys.double(key::SCALE, scale).double(key::STRAIGHT_POLE_LON, lon0_deg);
+        keys.crs
+    }
+}
+
+/// What citations call a body.
+fn body(radius_m: f64) -> String {
+    if radius_m == MOON_RADIUS_M { "Moon".into() } else { format!("sphere of {radius_m} m") }
+}
+
+/// Appends keys in ascending order.
+struct Builder {
+    crs: Crs,
+}
+
+impl Builder {
+    /// The keys every system starts with.
+    fn new(model: u16, citation: &str, body: &str, radius_m: f64) -> Self {
+        let mut keys = Self { crs: Crs { directory: vec![1, 1, 0, 0], doubles: vec![], ascii: String::new() } };
+        keys.short(key::MODEL_TYPE, model).short(key::RASTER_TYPE, 1).text(key::CITATION, citation);
+        let parts = format!("GCS Name = GCS_{body}|Datum = D_{body}|Ellipsoid = {body}|Primem = Reference Meridian|");
+        keys.short(key::GEODETIC_CRS, code::USER_DEFINED).text(key::GEODETIC_CITATION, &parts);
+        keys.short(key::DATUM, code::USER_DEFINED).short(key::ANGULAR_UNIT, code::DEGREE);
+        keys.short(key::ELLIPSOID, code::USER_DEFINED);
+        keys.double(key::SEMI_MAJOR, radius_m).double(key::SEMI_MINOR, radius_m).double(key::PRIME_MERIDIAN_LON, 0.0);
+        keys
+    }
+
+    fn projected(&mut self, method: u16, axes: Axes) -> &mut Self {
+        let unit = if axes.kilometres { code::KILOMETRE } else { code::METRE };
+        self.short(key::PROJECTED_CRS, code::USER_DEFINED).short(key::PROJECTION, code::USER_DEFINED);
+        self.short(key::METHOD, method).short(key::LINEAR_UNIT, unit)
+    }
+
+    fn axes(&mut self, axes: Axes) -> &mut Self {
+        self.double(key::FALSE_EASTING, axes.false_easting).double(key::FALSE_NORTHING, axes.false_northing)
+    }
+
+    fn entry(&mut self, key: u16, tag: u16, count: usize, at: usize) -> &mut Self {
+        let small = |n: usize| u16::try_from(n).expect("a handful of keys");
+        self.crs.directory.extend([key, tag, small(count), small(at)]);
+        self.crs.directory[3] += 1;
+        self
+    }
+
+    fn short(&mut self, key: u16, value: u16) -> &mut Self {
+        self.entry(key, 0, 1, usize::from(value))
+    }
+
+    fn double(&mut self, key: u16, value: f64) -> &mut Self {
+        self.crs.doubles.push(value);
+        self.entry(key, 34736, 1, self.crs.doubles.len() - 1)
+    }
+
+    fn text(&mut self, key: u16, value: &str) -> &mut Self {
+        let at = self.crs.ascii.len();
+        self.crs.ascii.push_str(value);
+        self.crs.ascii.push('|');
+        self.entry(key, 34737, value.len() + 1, at)
+    }
+}
