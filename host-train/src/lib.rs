@@ -3,7 +3,7 @@
 //! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`model`] is the float network,
 //! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene,
 //! [`mosaic`] joins the tiles, [`evaluate`] judges the result by a truth and [`lola`] by laser tracks, [`picture`] shows it, [`demo`]
-//! does all of this once.
+//! does all of this once. [`inspect`] says what a file is.
 
 pub mod cli;
 pub mod demo;
@@ -11,6 +11,7 @@ pub mod error;
 pub mod evaluate;
 pub mod export;
 pub mod illumination;
+pub mod inspect;
 pub mod interrupt;
 pub mod lola;
 pub mod model;

@@ -1,5 +1,7 @@
 //! Values of a label: what stands right of the equals sign.
 
+use std::fmt;
+
 /// A value with the unit that follows it, if one does.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
@@ -69,6 +71,31 @@ impl Value {
             Kind::Sequence(members) | Kind::Set(members) => members,
             _ => std::slice::from_ref(self),
         }
+    }
+}
+
+impl fmt::Display for Value {
+    /// As a label has it, with the lines of texts joined.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |f: &mut fmt::Formatter<'_>, open: char, members: &[Value], close: char| {
+            write!(f, "{open}")?;
+            for (index, member) in members.iter().enumerate() {
+                write!(f, "{}{member}", if index == 0 { "" } else { ", " })?;
+            }
+            write!(f, "{close}")
+        };
+        match &self.kind {
+            Kind::Integer(value) => write!(f, "{value}")?,
+            Kind::Based { radix, value } => write!(f, "{value} (stated to base {radix})")?,
+            Kind::Real(value) => write!(f, "{value}")?,
+            Kind::Time(text) => f.write_str(text)?,
+            Kind::Text(text) | Kind::Symbol(text) => {
+                f.write_str(&text.split_whitespace().collect::<Vec<_>>().join(" "))?;
+            }
+            Kind::Sequence(members) => list(f, '(', members, ')')?,
+            Kind::Set(members) => list(f, '{', members, '}')?,
+        }
+        self.unit.as_ref().map_or(Ok(()), |unit| write!(f, " <{unit}>"))
     }
 }
 
