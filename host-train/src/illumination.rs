@@ -62,36 +62,55 @@ impl Turn {
 }
 
 /// The Sun's azimuth (degrees clockwise from up) that best explains an image by the slopes of its coarse DTM, both row-major
-/// of `shape`; `None` if one of them is featureless.
+/// of `shape`; `None` if one of them is featureless. See [`SunEstimate`].
+pub fn estimate_azimuth_deg(image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Option<f64> {
+    let mut sun = SunEstimate::default();
+    sun.add(image, coarse_m, shape);
+    sun.azimuth_deg()
+}
+
+/// Finds the Sun's azimuth in as much of a scene as it is shown.
 ///
 /// For small slopes brightness is linear in them: I = a + b_x ∂z/∂x + b_y ∂z/∂y (x east, y south), falling towards the Sun's
 /// side; a least-squares fit over cells of 24 pixels gives b, and the azimuth is that of (-b_x, b_y). Pixels that are not finite
 /// are left out.
-pub fn estimate_azimuth_deg(image: &[f32], coarse_m: &[f32], (rows, cols): (usize, usize)) -> Option<f64> {
-    let (grid_rows, grid_cols) = (rows / CELL_PX, cols / CELL_PX);
-    if grid_rows < 3 || grid_cols < 3 {
-        return None;
-    }
-    let (image, height) = (cells(image, cols, grid_rows, grid_cols), cells(coarse_m, cols, grid_rows, grid_cols));
-    let at = |map: &[f64], r: usize, c: usize| map[r * grid_cols + c];
-    let samples: Vec<[f64; 3]> = (1..grid_rows - 1)
-        .flat_map(|r| (1..grid_cols - 1).map(move |c| (r, c)))
-        .map(|(r, c)| {
+#[derive(Debug, Clone, Default)]
+pub struct SunEstimate {
+    /// Brightness and the differences of height to the east and south, of each cell.
+    cells: Vec<[f64; 3]>,
+}
+
+impl SunEstimate {
+    /// Shows it a rectangle of `shape`, row-major.
+    pub fn add(&mut self, image: &[f32], coarse_m: &[f32], (rows, cols): (usize, usize)) {
+        let (grid_rows, grid_cols) = (rows / CELL_PX, cols / CELL_PX);
+        if grid_rows < 3 || grid_cols < 3 {
+            return;
+        }
+        let (image, height) = (cells(image, cols, grid_rows, grid_cols), cells(coarse_m, cols, grid_rows, grid_cols));
+        let at = |map: &[f64], r: usize, c: usize| map[r * grid_cols + c];
+        let found = (1..grid_rows - 1).flat_map(|r| (1..grid_cols - 1).map(move |c| (r, c))).map(|(r, c)| {
             let dx = at(&height, r, c + 1) - at(&height, r, c - 1);
             let dy = at(&height, r + 1, c) - at(&height, r - 1, c);
             [at(&image, r, c), dx, dy]
-        })
-        .filter(|sample| sample.iter().all(|v| v.is_finite()))
-        .collect();
-    let n = samples.len() as f64;
-    let mean: [f64; 3] = std::array::from_fn(|k| samples.iter().map(|s| s[k]).sum::<f64>() / n);
-    let covariance = |a: usize, b: usize| samples.iter().map(|s| (s[a] - mean[a]) * (s[b] - mean[b])).sum::<f64>();
-    let (xx, yy, xy) = (covariance(1, 1), covariance(2, 2), covariance(1, 2));
-    let (ix, iy) = (covariance(0, 1), covariance(0, 2));
-    let determinant = xx * yy - xy * xy;
-    let (bx, by) = ((ix * yy - iy * xy) / determinant, (iy * xx - ix * xy) / determinant);
-    let azimuth = (-bx).atan2(by).to_degrees().rem_euclid(360.0);
-    (azimuth.is_finite() && (bx, by) != (0.0, 0.0)).then_some(azimuth)
+        });
+        self.cells.extend(found.filter(|cell| cell.iter().all(|v| v.is_finite())));
+    }
+
+    /// Degrees clockwise from up; `None` if what was shown is featureless or too small.
+    #[must_use]
+    pub fn azimuth_deg(&self) -> Option<f64> {
+        let n = self.cells.len() as f64;
+        let mean: [f64; 3] = std::array::from_fn(|k| self.cells.iter().map(|s| s[k]).sum::<f64>() / n);
+        let covariance =
+            |a: usize, b: usize| self.cells.iter().map(|s| (s[a] - mean[a]) * (s[b] - mean[b])).sum::<f64>();
+        let (xx, yy, xy) = (covariance(1, 1), covariance(2, 2), covariance(1, 2));
+        let (ix, iy) = (covariance(0, 1), covariance(0, 2));
+        let determinant = xx * yy - xy * xy;
+        let (bx, by) = ((ix * yy - iy * xy) / determinant, (iy * xx - ix * xy) / determinant);
+        let azimuth = (-bx).atan2(by).to_degrees().rem_euclid(360.0);
+        (azimuth.is_finite() && (bx, by) != (0.0, 0.0)).then_some(azimuth)
+    }
 }
 
 /// Means over cells.

@@ -115,6 +115,54 @@ fn an_image_and_a_coarse_dtm_become_a_dtm() {
 }
 
 #[test]
+fn kilometres_are_suspected_and_can_be_stated() {
+    let bench = Bench::new();
+    rewrite(&bench.path("coarse.tif"), &bench.path("km.tif"), |r| r.samples.iter_mut().for_each(|z| *z /= 1000.0));
+    let run = |coarse, output, unit: &[&str]| {
+        let arguments = [predict("image.tif", coarse, "net.safetensors", output), unit.to_vec()].concat();
+        let out = bench.run(&arguments);
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8(out.stderr).unwrap()
+    };
+    assert_eq!(run("coarse.tif", "m.tif", &[]), "");
+    assert!(run("km.tif", "wrong.tif", &[]).contains("WARNING: km.tif"));
+    assert_eq!(run("km.tif", "wrong.tif", &["--coarse-unit", "m"]), "");
+    assert_eq!(run("km.tif", "right.tif", &["--coarse-unit", "km"]), "");
+    let (right, metres) = (read(bench.path("right.tif")).unwrap(), read(bench.path("m.tif")).unwrap());
+    let far = right.samples.iter().zip(&metres.samples).filter(|(a, b)| (*a - *b).abs() > 0.1).count();
+    assert_eq!(far, 0, "as with metres, but for rounding");
+}
+
+#[test]
+fn a_killed_prediction_goes_on_where_it_was() {
+    let bench = Bench::new();
+    let whole = bench.run(&predict("image.tif", "coarse.tif", "net.safetensors", "whole.tif"));
+    assert!(whole.status.success());
+    let arguments = predict("image.tif", "coarse.tif", "net.safetensors", "killed.tif");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_host-train"))
+        .args(&arguments)
+        .args(["--threads", "1"])
+        .current_dir(bench.folder.path())
+        .spawn()
+        .unwrap();
+    // The first rows are on disk when the file has more than its header; the second row of tiles is still to come.
+    let part = bench.path("killed.tif.part");
+    while std::fs::metadata(&part).map_or(0, |found| found.len()) <= 32 {
+        assert!(child.try_wait().unwrap().is_none(), "ended before it could be killed");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(part.exists() && !bench.path("killed.tif").exists());
+    let again = bench.run(&arguments);
+    assert!(again.status.success());
+    assert!(String::from_utf8_lossy(&again.stderr).contains("going on after row"));
+    let (a, b) = (read(bench.path("whole.tif")).unwrap(), read(bench.path("killed.tif")).unwrap());
+    assert!(a.samples.iter().zip(&b.samples).all(|(a, b)| a.to_bits() == b.to_bits()), "bit for bit");
+    assert!(!part.exists());
+}
+
+#[test]
 fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let bench = Bench::new();
     let source = bench.path("coarse.tif");
@@ -134,8 +182,8 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
         (predict("image.tif", "projection.tif", net, "x.tif"), ["projection.tif", "lat 90"]),
         (predict("image.tif", "nowhere.tif", net, "x.tif"), ["nowhere.tif", "geotransform"]),
         (predict("image.tif", "unnamed.tif", net, "x.tif"), ["unnamed.tif", "reference system"]),
-        (predict("image.tif", "empty.tif", net, "x.tif"), ["empty.tif", "no valid sample"]),
-        (predict("empty.tif", "coarse.tif", net, "x.tif"), ["empty.tif", "valid pixel"]),
+        (predict("image.tif", "empty.tif", net, "x.tif"), ["empty.tif", "valid heights"]),
+        (predict("empty.tif", "coarse.tif", net, "x.tif"), ["coarse.tif", "valid pixels of empty.tif"]),
         (predict("image.tif", "cut.tif", net, "x.tif"), ["cut.tif", "broken"]),
         (predict("image.tif", "missing.tif", net, "x.tif"), ["missing.tif", "No such file"]),
         (predict("image.tif", "coarse.tif", "cut.safetensors", "x.tif"), ["cut.safetensors", "broken"]),

@@ -2,9 +2,9 @@
 
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
-use crate::predict::{Options, Prediction, Provenance, Scene, open, predict, write_dtm};
-use crate::raster::align::Named;
-use crate::raster::geotiff;
+use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey, Tally, open, predict_rows};
+use crate::raster::scaled::HeightUnit;
+use crate::raster::source;
 use crate::{Error, Result, interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
   host-train predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif
 
 The coarse DTM may lie on a grid of its own, but must be in the image's reference system. The DTM gets the image's grid; pixels
-without a valid image sample or coarse height become nodata. A hillshade, dtm_hillshade.png, is written beside it.")]
+without a valid image sample or coarse height become nodata. A hillshade, dtm_hillshade.png, is written beside it.
+
+Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there.")]
 pub struct Args {
     /// Orbiter image, GeoTIFF.
     #[arg(long, value_name = "I.tif")]
@@ -33,6 +35,9 @@ pub struct Args {
     /// Threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
+    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    #[arg(long)]
+    pub coarse_unit: Option<HeightUnit>,
     /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
@@ -53,31 +58,79 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the inputs, opening the model, predicting and writing; no file is left behind then.
+/// From reading the inputs, opening the model, predicting and writing; no DTM is left behind then.
 pub fn run(args: Args) -> Result<()> {
     check_output(&args)?;
     let model = open(&args.model, args.backend)?;
-    let (image_name, coarse_name) = (args.image.display().to_string(), args.coarse.display().to_string());
-    // The rasters are let go once the scene holds what it needs of them.
-    let scene = {
-        let (image, coarse) = (geotiff::read(&args.image)?, geotiff::read(&args.coarse)?);
-        Scene::new(Named::new(&image_name, &image), Named::new(&coarse_name, &coarse))?
-    };
-    let overlap_px = args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile()));
+    let scene = scene(&args)?;
+    let survey = scene.survey()?;
+    if survey.suspects_kilometres() && args.coarse_unit.is_none() {
+        let Survey { relief_m, extent_m, .. } = survey;
+        eprintln!(
+            "WARNING: {}: {relief_m:.3} m of relief over {extent_m:.0} m: kilometres taken for metres? Say --coarse-unit km, or m",
+            args.coarse.display()
+        );
+    }
     let options = Options {
-        overlap_px,
+        overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
         blend: args.blend,
         anchor: !args.no_anchor,
         threads: args.threads,
-        sun_azimuth_deg: args.sun_azimuth,
+        sun_azimuth_deg: args.sun_azimuth.or(survey.sun_azimuth_deg),
     };
+    let mut part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
+    if part.rows() > 0 {
+        eprintln!("{}: going on after row {} of {}", part.path().display(), part.rows(), scene.rows);
+    }
     interrupt::listen();
-    let made = with_progress(|progress| predict(&scene, model.as_ref(), &options, progress))?;
+    let from = part.rows();
+    let tally = with_progress(|progress| {
+        predict_rows(&scene, model.as_ref(), &options, from, &mut |rows| part.append(rows), progress)
+    });
+    let tally = match tally {
+        Ok(tally) => tally,
+        Err(error) if part.rows() == 0 => {
+            part.remove()?;
+            return Err(error);
+        }
+        Err(error) => {
+            let kept = part.path().display();
+            return Err(Error::usage(format!(
+                "{error}; what was made is in {kept}, the same command goes on from there"
+            )));
+        }
+    };
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let (model, image, coarse) = (model.description(), file(&args.image), file(&args.coarse));
-    write_dtm(&args.output, &made, &Provenance { model: &model, image: &image, coarse: &coarse })?;
-    println!("{}", summary(&args.output, &made));
+    let from = Provenance { model: &model, image: &image, coarse: &coarse };
+    let mut writer = DtmWriter::create(&args.output, scene.rows, scene.cols, &scene.georef, &from)?;
+    let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+    part.read(&mut |rows| {
+        range = rows.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)));
+        writer.add(rows)
+    })?;
+    writer.finish()?;
+    part.remove()?;
+    println!("{}", summary(&args.output, &scene, range, &tally));
     Ok(())
+}
+
+fn scene(args: &Args) -> Result<Scene> {
+    let coarse = args.coarse_unit.unwrap_or(HeightUnit::M).in_metres(source::open(&args.coarse)?);
+    Scene::new(Input::open(&args.image)?, Input { name: args.coarse.display().to_string(), source: coarse.into() })
+}
+
+/// What tells this job from others: a changed input, model or option begins anew.
+fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
+    let file = |path: &Path| -> Result<String> {
+        let known = path.metadata().map_err(Error::io(path))?;
+        Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
+    };
+    // The result is the same for every number of threads.
+    let options = Options { threads: 0, ..*options };
+    let (image, coarse) = (file(&args.image)?, file(&args.coarse)?);
+    let unit = args.coarse_unit;
+    Ok(format!("{} {image} {coarse} {unit:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
 }
 
 /// Fails before the work rather than after it.
@@ -105,15 +158,17 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
     result
 }
 
-fn summary(output: &Path, made: &Prediction) -> String {
-    let (rows, cols) = (made.dtm.rows, made.dtm.cols);
-    let heights = made.dtm.range().map_or("no valid pixel".into(), |(low, high)| format!("{low:.1} to {high:.1} m"));
-    let mut text = format!("{}: {rows} x {cols} pixels, {heights}, {} tiles", output.display(), made.tiles);
-    if made.tiles_coarse > 0 {
-        text += &format!(", {} of them without contrast or relief (coarse heights kept)", made.tiles_coarse);
-    }
-    if made.tiles_empty > 0 {
-        text += &format!(", {} of them without a valid pixel", made.tiles_empty);
+fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
+    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty } = *tally;
+    let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
+    let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
+    let notes = [
+        (tiles_before, "made by an earlier run"),
+        (tiles_coarse, "of them without contrast or relief (coarse heights kept)"),
+        (tiles_empty, "of them without a valid pixel"),
+    ];
+    for (count, what) in notes.into_iter().filter(|(count, _)| *count > 0) {
+        text += &format!(", {count} {what}");
     }
     text
 }

@@ -5,7 +5,7 @@ use super::console::{bar, minutes, say};
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::scene::DemoScene;
 use crate::model::backend::Backend;
-use crate::predict::{Options, Prediction, Provenance, open, predict, write_dtm};
+use crate::predict::{DtmWriter, Options, Prediction, Provenance, open, predict};
 use crate::{Result, interrupt};
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -61,7 +61,11 @@ fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static s
     let predicted = Predicted { name, made, model: model.description(), seconds };
     let (image, coarse) = (scene.file("image"), scene.file("coarse"));
     let from = Provenance { model: &predicted.model, image: &image, coarse: &coarse };
-    write_dtm(&folder.file(&predicted.file()), &predicted.made, &from)?;
-    say(format!("{}: {} overlapping tiles in {}", predicted.file(), predicted.made.tiles, minutes(seconds)));
+    let Prediction { dtm, tally } = &predicted.made;
+    let place = &scene.input.georef;
+    let mut writer = DtmWriter::create(&folder.file(&predicted.file()), dtm.rows, dtm.cols, place, &from)?;
+    writer.add(&dtm.samples)?;
+    writer.finish()?;
+    say(format!("{}: {} overlapping tiles in {}", predicted.file(), tally.tiles, minutes(seconds)));
     Ok(predicted)
 }

@@ -70,7 +70,7 @@ fn profile(folder: &Folder, scene: &DemoScene, float: &Raster, int8: &Raster) ->
     };
     let all = [
         series("float", &float.samples),
-        series(NAMES[0], &scene.input.coarse_m),
+        series(NAMES[0], &scene.interpolated.samples),
         series("truth", &scene.truth.samples),
         series("int8", &int8.samples),
     ];

@@ -3,8 +3,7 @@
 use super::console::say;
 use super::folder::Folder;
 use crate::picture::{hillshade, stretch, write_png};
-use crate::predict::Scene;
-use crate::raster::align::Named;
+use crate::predict::{Input, Scene};
 use crate::raster::{Raster, geotiff};
 use crate::synth::{Manifest, Moon, SceneEntry, SynthOptions};
 use crate::{Error, Result};
@@ -29,6 +28,8 @@ pub(super) struct DemoScene {
     pub truth: Raster,
     /// Image and coarse DTM on one grid: what the networks are given.
     pub input: Scene,
+    /// The coarse DTM on the image's grid.
+    pub interpolated: Raster,
 }
 
 impl DemoScene {
@@ -52,10 +53,11 @@ pub(super) fn make(folder: &Folder, seed: u64, (rows, cols): (usize, usize)) -> 
     Manifest { made_by, seed, options, scenes: vec![about.clone()] }.write(&at)?;
     let read = |what: &str| geotiff::read(folder.file(&format!("{}_{what}.tif", about.name)));
     let (image, coarse, truth) = (read("image")?, read("coarse")?, read("truth")?);
-    let input = Scene::new(Named::new("image", &image), Named::new("coarse DTM", &coarse))?;
+    let input = Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone()))?;
+    let interpolated = input.coarse_raster()?;
     let shade = |heights_m: &[f32]| hillshade(heights_m, rows, cols, PixelSize::square(pixel_m));
     write_png(&folder.file(IMAGE), stretch(&image.samples, rows, cols)?)?;
-    write_png(&folder.file(COARSE_SHADE), shade(&input.coarse_m)?)?;
+    write_png(&folder.file(COARSE_SHADE), shade(&interpolated.samples)?)?;
     write_png(&folder.file(TRUTH_SHADE), shade(&truth.samples)?)?;
     let kind = format!("{:?}", about.kind).to_lowercase();
     let (low, high) = truth.range().ok_or_else(|| Error::usage("scene: expected heights, found none"))?;
@@ -69,5 +71,5 @@ pub(super) fn make(folder: &Folder, seed: u64, (rows, cols): (usize, usize)) -> 
         "with a coarse DTM of {} x {} pixels of 59 m, spoilt as a global one is, and the truth",
         coarse.rows, coarse.cols
     ));
-    Ok(DemoScene { about, pixel_m, coarse, truth, input })
+    Ok(DemoScene { about, pixel_m, coarse, truth, input, interpolated })
 }

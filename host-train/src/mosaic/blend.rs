@@ -11,11 +11,13 @@ struct Row {
 
 /// A scene being put together from tiles that arrive from top to bottom.
 ///
-/// Only the rows that further tiles can touch are kept as `f64` sums, so a strip of 50,000 lines costs its `f32` result and one band
-/// of tiles. Tiles are added in the order they are handed in: the result does not depend on who computed them, or when.
+/// Only the rows that further tiles can touch are kept as `f64` sums; finished rows can be taken out at any time, so a strip of 50,000
+/// lines costs one band of tiles. Tiles are added in the order they are handed in: the result does not depend on who computed them, or when.
 pub struct Mosaic {
     cols: usize,
     rows: usize,
+    /// Rows above are nobody's business: made before, and known.
+    from: usize,
     /// First row that is not finished.
     first: usize,
     band: VecDeque<Row>,
@@ -26,7 +28,13 @@ impl Mosaic {
     /// An empty scene.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
-        Self { cols, rows, first: 0, band: VecDeque::new(), finished: Vec::with_capacity(rows * cols) }
+        Self::from_row(0, rows, cols)
+    }
+
+    /// The scene from row `from` on. It must be given every tile that reaches into those rows.
+    #[must_use]
+    pub fn from_row(from: usize, rows: usize, cols: usize) -> Self {
+        Self { cols, rows, from, first: from, band: VecDeque::new(), finished: vec![] }
     }
 
     /// Adds a tile with its upper left pixel at (`row`, `col`), `tile_cols` wide; what lies beyond the scene is dropped. Pixels of
@@ -35,7 +43,7 @@ impl Mosaic {
     /// # Errors
     /// [`Error::Usage`] if a tile starts above one that was added before, or heights and weights differ in number.
     pub fn add(&mut self, row: usize, col: usize, tile_cols: usize, heights_m: &[f32], weights: &[f64]) -> Result<()> {
-        if row < self.first || heights_m.len() != weights.len() || tile_cols == 0 {
+        if row < self.first && self.first > self.from || heights_m.len() != weights.len() || tile_cols == 0 {
             let what = format!("row {row}, {} heights, {} weights", heights_m.len(), weights.len());
             return Err(Error::usage(format!(
                 "mosaic: tiles from row {} downwards, one weight per height expected; {what} found",
@@ -44,7 +52,8 @@ impl Mosaic {
         }
         self.finish_above(row);
         let lines = heights_m.chunks_exact(tile_cols).zip(weights.chunks_exact(tile_cols));
-        for (line, (heights_m, weights)) in lines.enumerate().take(self.rows.saturating_sub(row)) {
+        let below = lines.enumerate().take(self.rows.saturating_sub(row)).skip(self.first.saturating_sub(row));
+        for (line, (heights_m, weights)) in below {
             let at = row + line - self.first;
             while self.band.len() <= at {
                 self.band.push_back(Row { weighted_m: vec![0.0; self.cols], weight: vec![0.0; self.cols] });
@@ -62,7 +71,14 @@ impl Mosaic {
         Ok(())
     }
 
-    /// The scene, row-major; NaN where no tile had weight.
+    /// Takes out the rows finished so far, row-major: the first call begins with the scene's first row (or that of
+    /// [`from_row`](Self::from_row)), each later one where the one before ended.
+    #[must_use]
+    pub fn take_finished(&mut self) -> Vec<f32> {
+        std::mem::take(&mut self.finished)
+    }
+
+    /// What was not taken out, row-major; NaN where no tile had weight.
     #[must_use]
     pub fn finish(mut self) -> Vec<f32> {
         self.finish_above(self.rows);
@@ -131,6 +147,18 @@ mod tests {
             mosaic.add(tile.row, tile.col, tile.cols, &tile.heights_m, &tile.weights).unwrap();
         }
         let (found, expected) = (mosaic.finish(), naive(rows, cols, &tiles));
+        let same =
+            |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
+        // In pieces, and begun anew at any row.
+        for from in [0, 1, 16, 37, rows - 1] {
+            let (mut mosaic, mut pieces) = (Mosaic::from_row(from, rows, cols), vec![]);
+            for tile in tiles.iter().filter(|tile| tile.row + 16 > from) {
+                mosaic.add(tile.row, tile.col, tile.cols, &tile.heights_m, &tile.weights).unwrap();
+                pieces.extend(mosaic.take_finished());
+            }
+            pieces.extend(mosaic.finish());
+            assert!(same(&pieces, &found[from * cols..]), "from row {from}");
+        }
         assert_eq!(found.len(), rows * cols);
         for (found, expected) in found.iter().zip(&expected) {
             assert!(found == expected || (found.is_nan() && expected.is_nan()));

@@ -1,13 +1,16 @@
 //! A scene through the network, tile by tile.
 //!
-//! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict()`] cuts the scene into overlapping tiles, runs a
-//! [`network::Model`] over them and joins the heights. The network is float or int8: [`open`] looks at the file's extension.
+//! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict_rows`] cuts the scene into overlapping tiles, runs a
+//! [`network::Model`] over them and joins the heights, a band of rows at a time; [`Part`] keeps finished rows on disk. The network is float or int8: [`open`] looks at the file's extension.
 
 mod fill;
 pub mod float;
 pub mod int8;
 pub mod network;
 mod output;
+mod part;
+mod placed;
+mod preview;
 mod run;
 mod scene;
 mod tile;
@@ -15,9 +18,10 @@ mod tile;
 #[cfg(test)]
 mod tests;
 
-pub use output::{Provenance, hillshade_path, write_dtm};
-pub use run::{Options, Prediction, predict};
-pub use scene::Scene;
+pub use output::{DtmWriter, Provenance, hillshade_path};
+pub use part::Part;
+pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
+pub use scene::{Input, Scene, Survey};
 
 use crate::model::backend::Backend;
 use crate::{Error, Result};

@@ -1,8 +1,8 @@
 //! A prediction as files: the DTM with its provenance, and a hillshade beside it.
 
-use super::run::Prediction;
+use super::preview::Preview;
 use crate::raster::geotiff::{self, WriteOptions};
-use crate::raster::{MOON_RADIUS_M, Raster};
+use crate::raster::{GeoRef, MOON_RADIUS_M, Raster};
 use crate::{Error, Result, picture};
 use elunar_core::terrain::PixelSize;
 use std::path::{Path, PathBuf};
@@ -18,26 +18,55 @@ pub struct Provenance<'a> {
     pub coarse: &'a str,
 }
 
-/// Writes the DTM as a GeoTIFF (heights in metres, the image's place, nodata, model hash and input names) and its hillshade, whose
-/// path is [`hillshade_path`]. The DTM comes last, so one that is there is a finished one.
-///
-/// # Errors
-/// [`crate::Error::Io`] if a file cannot be written; neither is left behind then.
-pub fn write_dtm(output: &Path, made: &Prediction, from: &Provenance) -> Result<()> {
-    let radius_m = made.dtm.georef.as_ref().and_then(|g| g.crs.sphere_radius_m()).unwrap_or(MOON_RADIUS_M);
-    let Provenance { model, image, coarse } = from;
-    let description = format!(
-        "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"
-    );
-    let options = WriteOptions::heights(description)
-        .with_item("MODEL", *model)
-        .with_item("IMAGE", *image)
-        .with_item("COARSE_DTM", *coarse)
-        .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
-        .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
-    let shade = hillshade_path(output);
-    write_hillshade(&shade, &made.dtm)?;
-    geotiff::write(output, &made.dtm, &options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+/// A DTM being written, rows from top to bottom, as a GeoTIFF (heights in metres, the image's place, nodata, model hash and
+/// input names) and its hillshade, whose path is [`hillshade_path`].
+pub struct DtmWriter {
+    output: PathBuf,
+    options: WriteOptions,
+    raster: Raster,
+    preview: Preview,
+}
+
+impl DtmWriter {
+    /// Begins a DTM of `rows` x `cols` pixels.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] if the file cannot be begun.
+    pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
+        let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
+        let Provenance { model, image, coarse } = from;
+        let description = format!(
+            "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"
+        );
+        let options = WriteOptions::heights(description)
+            .with_item("MODEL", *model)
+            .with_item("IMAGE", *image)
+            .with_item("COARSE_DTM", *coarse)
+            .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
+            .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
+        let raster = Raster { rows, cols, samples: vec![], georef: Some(georef.clone()) };
+        Ok(Self { output: output.into(), options, raster, preview: Preview::new(rows, cols, georef.clone()) })
+    }
+
+    /// Adds whole rows.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] if they cannot be written.
+    pub fn add(&mut self, samples: &[f32]) -> Result<()> {
+        self.raster.samples.extend_from_slice(samples);
+        self.preview.add(samples);
+        Ok(())
+    }
+
+    /// Writes what is left. The DTM comes last, so one that is there is a finished one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`] if a file cannot be written; neither is left behind then.
+    pub fn finish(self) -> Result<()> {
+        let shade = hillshade_path(&self.output);
+        write_hillshade(&shade, &self.preview.finish())?;
+        geotiff::write(&self.output, &self.raster, &self.options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+    }
 }
 
 fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {

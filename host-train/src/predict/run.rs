@@ -1,17 +1,17 @@
 //! All tiles of a scene, on several threads, in one order.
 
 use super::network::Model;
-use super::scene::Scene;
-use super::tile::{Outcome, TileWorker};
-use crate::illumination::Turn;
+use super::scene::{Band, Scene};
+use super::tile::{Outcome, Rules, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
-use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_ROWS, Tiling};
+use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_ROWS, Tiling, Window};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex};
 
 /// How a scene is cut, shared out and joined.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,85 +52,142 @@ impl Options {
     }
 }
 
+/// What became of the tiles of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tally {
+    /// Tiles the scene was cut into.
+    pub tiles: usize,
+    /// Tiles left out because their rows were made before.
+    pub tiles_before: usize,
+    /// Of those made now, tiles without image contrast or coarse relief: there the coarse heights stand.
+    pub tiles_coarse: usize,
+    /// Of those made now, tiles without a valid pixel.
+    pub tiles_empty: usize,
+}
+
 /// What [`predict`] made.
 #[derive(Debug, Clone)]
 pub struct Prediction {
     /// Heights, metres, on the image's grid; NaN where image or coarse DTM are invalid.
     pub dtm: Raster,
-    /// Tiles the scene was cut into.
-    pub tiles: usize,
-    /// Of these, tiles without image contrast or coarse relief: there the coarse heights stand.
-    pub tiles_coarse: usize,
-    /// Of these, tiles without a valid pixel.
-    pub tiles_empty: usize,
+    /// What became of the tiles.
+    pub tally: Tally,
 }
 
-/// Runs `model` over `scene`. `progress` hears (tiles done, tiles in all) at the start and after each tile, and may stop the run.
-///
-/// A scene lit from elsewhere than the model knows is mirrored first, and the result mirrored back ([`crate::illumination`]).
-/// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
-/// size. Every tile is normalised by its own ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, and blended. The result is the same for
-/// every number of threads: tiles are blended in reading order, whoever finished first.
+/// Hears (tiles done, tiles in all) at the start and after each tile, and may stop the run.
+pub type Progress<'a> = &'a mut dyn FnMut(usize, usize) -> ControlFlow<()>;
+
+/// As [`predict_rows`], into memory.
 ///
 /// # Errors
-/// [`Error::Usage`] if the overlap does not fit the model's tile or the run was stopped; the model's own errors.
-pub fn predict(
+/// As there.
+pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Progress) -> Result<Prediction> {
+    let mut samples = Vec::with_capacity(scene.rows * scene.cols);
+    let mut keep = |rows: &[f32]| {
+        samples.extend_from_slice(rows);
+        Ok(())
+    };
+    let tally = predict_rows(scene, model, options, 0, &mut keep, progress)?;
+    let dtm = Raster { rows: scene.rows, cols: scene.cols, samples, georef: Some(scene.georef.clone()) };
+    Ok(Prediction { dtm, tally })
+}
+
+/// Runs `model` over `scene` from row `from` on and hands finished rows to `keep`, in order, heights in metres, NaN where image or
+/// coarse DTM are invalid. Memory does not depend on the number of rows.
+///
+/// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
+/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`crate::illumination`]), normalised by its own
+/// ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, mirrored back and blended.
+/// The result is the same for every number of threads and every `from`: tiles are blended in reading order, whoever finished first.
+///
+/// # Errors
+/// [`Error::Usage`] if the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid
+/// coarse height, or the run was stopped; the model's, the files' and `keep`'s own errors.
+pub fn predict_rows(
     scene: &Scene,
     model: &dyn Model,
     options: &Options,
-    progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
-) -> Result<Prediction> {
-    let illumination = model.normalisation().illumination;
-    let shape = (scene.rows, scene.cols);
-    let turn = Turn::wanted(illumination, options.sun_azimuth_deg, &scene.image, &scene.coarse_m, shape);
-    let turned = (!turn.is_none()).then(|| scene.turned(turn));
-    let scene = turned.as_ref().unwrap_or(scene);
+    from: usize,
+    keep: &mut dyn FnMut(&[f32]) -> Result<()>,
+    progress: Progress,
+) -> Result<Tally> {
+    let normalisation = model.normalisation();
+    let turn = scene.turn_for(normalisation.illumination, options.sun_azimuth_deg)?;
     let tile = model.tile();
     let covered = (scene.rows.max(tile.0), scene.cols.max(tile.1));
     let tiling = Tiling::new(covered, tile, options.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
-    let mut sink = Sink { mosaic: Mosaic::new(scene.rows, scene.cols), tiling, tiles_coarse: 0, tiles_empty: 0 };
+    let first = tiling.iter().take_while(|window| window.row + window.rows <= from).count();
     let threads = match options.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let rules = Rules::new(normalisation, turn, scene.coarse_px, options);
+    let mosaic = Mosaic::from_row(from, scene.rows, scene.cols);
+    let tally = Tally { tiles: tiling.len(), tiles_before: first, ..Tally::default() };
+    let mut sink = Sink { mosaic, tiling, keep, tally };
+    let stopped = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let (send, receive) = mpsc::sync_channel(2 * threads);
+        let (give, take) = sync_channel(2 * threads);
+        let (send, receive) = sync_channel(2 * threads);
+        let take = Arc::new(Mutex::new(take));
         for _ in 0..threads.min(tiling.len()) {
-            let (send, next, stopped) = (send.clone(), &next, &stopped);
-            scope.spawn(move || work(scene, model, options, tiling, next, stopped, &send));
+            let (take, send, stopped) = (take.clone(), send.clone(), &stopped);
+            scope.spawn(move || work(model, rules, &take, stopped, &send));
         }
-        drop(send);
-        let joined = sink.collect(&receive, progress);
+        // With the last worker its end of the channel goes, so the reader does not wait for anybody.
+        drop(take);
+        scope.spawn(move || read(scene, tiling, first, &give, &send));
+        let joined = sink.collect(first, &receive, progress);
         stopped.store(true, Ordering::Relaxed);
         // A worker may be waiting for room in the channel: it must see that nobody listens any more.
         drop(receive);
         joined
     })?;
-    let mut prediction = sink.finish(scene);
-    prediction.dtm.samples = turn.apply(&prediction.dtm.samples, scene.cols);
-    Ok(prediction)
+    if from == 0 && sink.tally.tiles_empty == sink.tally.tiles {
+        return Err(scene.nothing_valid());
+    }
+    sink.finish()
 }
 
-/// One thread: takes the next tile until none is left.
-fn work(
-    scene: &Scene,
-    model: &dyn Model,
-    options: &Options,
-    tiling: Tiling,
-    next: &AtomicUsize,
-    stopped: &AtomicBool,
-    send: &mpsc::SyncSender<(usize, Result<Outcome>)>,
-) {
-    let mut worker = model.worker().map(|network| TileWorker::new(scene, network, model.normalisation(), options));
+/// A tile to be made: its number, its place, and the rows it lies in.
+type Job = (usize, Window, Arc<Band>);
+/// A tile that was made, or why not.
+type Made = (usize, Result<Outcome>);
+
+/// Reads the scene band by band and hands out its tiles in reading order.
+fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, send: &SyncSender<Made>) {
+    let mut band: Option<Arc<Band>> = None;
+    for (index, window) in tiling.iter().enumerate().skip(first) {
+        let current = match band.take().filter(|band| band.first == window.row) {
+            Some(band) => band,
+            None => match scene.band(window.row, window.rows.min(scene.rows - window.row)) {
+                Ok(band) => Arc::new(band),
+                Err(error) => {
+                    // Nobody listens only if the run ended for another reason.
+                    let _ = send.send((index, Err(error)));
+                    return;
+                }
+            },
+        };
+        if give.send((index, window, current.clone())).is_err() {
+            return;
+        }
+        band = Some(current);
+    }
+}
+
+/// One thread: makes tiles until none is left.
+fn work(model: &dyn Model, rules: Rules, take: &Mutex<Receiver<Job>>, stopped: &AtomicBool, send: &SyncSender<Made>) {
+    let mut worker = model.worker().map(|network| TileWorker::new(network, rules));
     while !stopped.load(Ordering::Relaxed) {
-        let index = next.fetch_add(1, Ordering::Relaxed);
-        let Some(window) = tiling.get(index) else { return };
-        let outcome = match &mut worker {
-            Ok(worker) => worker.run(window),
+        let worker = match &mut worker {
+            Ok(worker) => worker,
             Err(_) => break,
         };
-        if send.send((index, outcome)).is_err() {
+        // The lock is held while waiting: whoever waits longest gets the next tile.
+        let job = take.lock().map(|take| take.recv());
+        let Ok(Ok((index, window, band))) = job else { return };
+        if send.send((index, worker.run(&band, window))).is_err() {
             return;
         }
     }
@@ -141,24 +198,20 @@ fn work(
 }
 
 /// Puts outcomes back into order and joins them.
-struct Sink {
+struct Sink<'a> {
     mosaic: Mosaic,
     tiling: Tiling,
-    tiles_coarse: usize,
-    tiles_empty: usize,
+    keep: &'a mut dyn FnMut(&[f32]) -> Result<()>,
+    tally: Tally,
 }
 
-impl Sink {
-    fn collect(
-        &mut self,
-        receive: &mpsc::Receiver<(usize, Result<Outcome>)>,
-        progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
-    ) -> Result<()> {
+impl Sink<'_> {
+    fn collect(&mut self, first: usize, receive: &Receiver<Made>, progress: Progress) -> Result<()> {
         let mut waiting = BTreeMap::new();
-        let (mut done, mut joined, all) = (0, 0, self.tiling.len());
+        let (mut done, mut joined, all) = (first, first, self.tiling.len());
         while done < all {
             if progress(done, all).is_break() {
-                return Err(Error::usage(format!("stopped after {done} of {all} tiles; nothing was written")));
+                return Err(Error::usage(format!("stopped after {done} of {all} tiles")));
             }
             let Ok((index, outcome)) = receive.recv() else {
                 return Err(Error::usage(format!("{done} of {all} tiles were predicted before the threads ended")));
@@ -180,20 +233,21 @@ impl Sink {
         let (heights_m, weights) = match outcome {
             Outcome::Predicted { heights_m, weights } => (heights_m, weights),
             Outcome::Coarse { heights_m, weights } => {
-                self.tiles_coarse += 1;
+                self.tally.tiles_coarse += 1;
                 (heights_m, weights)
             }
             Outcome::Empty => {
-                self.tiles_empty += 1;
+                self.tally.tiles_empty += 1;
                 return Ok(());
             }
         };
-        self.mosaic.add(window.row, window.col, window.cols, &heights_m, &weights)
+        self.mosaic.add(window.row, window.col, window.cols, &heights_m, &weights)?;
+        let finished = self.mosaic.take_finished();
+        if finished.is_empty() { Ok(()) } else { (self.keep)(&finished) }
     }
 
-    fn finish(self, scene: &Scene) -> Prediction {
-        let (rows, cols, georef) = (scene.rows, scene.cols, Some(scene.georef.clone()));
-        let dtm = Raster { rows, cols, samples: self.mosaic.finish(), georef };
-        Prediction { dtm, tiles: self.tiling.len(), tiles_coarse: self.tiles_coarse, tiles_empty: self.tiles_empty }
+    fn finish(self) -> Result<Tally> {
+        (self.keep)(&self.mosaic.finish())?;
+        Ok(self.tally)
     }
 }

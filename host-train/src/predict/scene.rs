@@ -1,14 +1,41 @@
-//! What a prediction starts from: an image and a coarse DTM on one grid, without gaps, and which pixels are real.
+//! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
 use super::fill::fill_gaps;
-use crate::illumination::Turn;
-use crate::raster::align::{Interpolation, Named, onto, spacing_ratio};
+use super::placed::{Placed, place, spacing_ratio};
+use crate::illumination::{SunEstimate, Turn};
+use crate::model::config::Illumination;
+use crate::raster::source::{InMemory, Source};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
+use std::sync::Arc;
 
-/// Image and coarse DTM on the image's grid.
-#[derive(Debug, Clone)]
+/// A raster open for reading, with the name messages call it by.
+#[derive(Clone)]
+pub struct Input {
+    /// File name, or what the raster is.
+    pub name: String,
+    /// The raster.
+    pub source: Arc<dyn Source>,
+}
+
+impl Input {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// As [`crate::raster::source::open`].
+    pub fn open(path: &std::path::Path) -> Result<Self> {
+        Ok(Self { name: path.display().to_string(), source: crate::raster::source::open(path)?.into() })
+    }
+
+    /// A raster in memory.
+    #[must_use]
+    pub fn in_memory(name: impl Into<String>, raster: Raster) -> Self {
+        Self { name: name.into(), source: Arc::new(InMemory::new(raster, None, "memory")) }
+    }
+}
+
+/// Image and coarse DTM on the image's grid, wherever they are kept.
 pub struct Scene {
     /// Rows of the image.
     pub rows: usize,
@@ -16,78 +43,158 @@ pub struct Scene {
     pub cols: usize,
     /// Where the image lies.
     pub georef: GeoRef,
-    /// Relative brightness, gaps filled from their nearest neighbours.
-    pub image: Vec<f32>,
-    /// Coarse DTM, metres, interpolated onto the image's grid, gaps filled from their nearest neighbours.
-    pub coarse_m: Vec<f32>,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
+    image: Input,
+    coarse_name: String,
+    coarse: Placed,
+}
+
+/// Some whole rows of a scene, without gaps, and which of their pixels are real.
+#[derive(Debug, Clone)]
+pub struct Band {
+    /// First row in the scene.
+    pub first: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns of the scene.
+    pub cols: usize,
+    /// Relative brightness, gaps filled from their nearest neighbours within the band.
+    pub image: Vec<f32>,
+    /// Coarse DTM, metres, gaps filled likewise.
+    pub coarse_m: Vec<f32>,
     /// Pixels where both inputs are real.
     pub valid: Vec<bool>,
 }
 
+/// What a look at a sample of a scene's rows tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Survey {
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, if the scene tells it.
+    pub sun_azimuth_deg: Option<f64>,
+    /// Highest minus lowest valid height of the coarse DTM, metres.
+    pub relief_m: f32,
+    /// What that is spread over, metres: the longer side of the rows looked at.
+    pub extent_m: f64,
+}
+
+impl Survey {
+    /// Relief over extent below which heights are more likely kilometres taken for metres: 0.06 degrees from end to end, where the
+    /// Moon's flattest maria have a degree or two.
+    const FLATTEST: f64 = 1e-3;
+
+    /// Whether the coarse DTM's heights look like kilometres.
+    #[must_use]
+    pub fn suspects_kilometres(&self) -> bool {
+        self.relief_m > 0.0 && f64::from(self.relief_m) < Self::FLATTEST * self.extent_m
+    }
+}
+
+/// Rows a survey reads at once, and at most so often: the light is one over a scene, so long strips are sampled.
+const SURVEY_ROWS: usize = 960;
+const SURVEY_BLOCKS: usize = 16;
+
 impl Scene {
-    /// Interpolates `coarse`, which lies on its own grid, onto the grid of `image` (bicubic, through map coordinates).
+    /// Pairs an image with a coarse DTM, which is interpolated onto the image's grid (bicubic, through map coordinates) as it is
+    /// read.
     ///
     /// # Errors
-    /// [`Error::Usage`] if either has no place, their reference systems differ, or no pixel has both a valid image sample and a
-    /// valid coarse height.
-    pub fn new(image: Named, coarse: Named) -> Result<Self> {
-        let raster = image.raster;
-        if raster.valid_count() == 0 {
-            return Err(Error::usage(format!("{}: at least one valid pixel expected, none found", image.name)));
+    /// [`Error::Usage`] if either has no place, their reference systems differ, or a pixel size is unknown.
+    pub fn new(image: Input, coarse: Input) -> Result<Self> {
+        let (georef, coarse_px) = (place(&image)?.clone(), spacing_ratio(&coarse, &image)?);
+        let (rows, cols) = (image.source.info().rows, image.source.info().cols);
+        if coarse_px < 1.0 {
+            let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
+            return Err(Error::usage(format!("{what}, found pixels {coarse_px:.2} times as wide as the image's")));
         }
-        let placed = onto(coarse, image, Interpolation::Bicubic)?;
-        let coarse_px = spacing_ratio(coarse, image)?;
-        let valid: Vec<bool> =
-            raster.samples.iter().zip(&placed.samples).map(|(i, z)| i.is_finite() && z.is_finite()).collect();
-        if !valid.contains(&true) {
-            let what =
-                format!("{}: a valid height under a valid pixel of {} expected, none found", coarse.name, image.name);
-            return Err(Error::usage(what));
-        }
-        let georef = raster.georef.clone().ok_or_else(|| Error::usage(format!("{}: no geotransform", image.name)))?;
-        let (rows, cols) = (raster.rows, raster.cols);
-        let (mut image, mut coarse_m) = (raster.samples.clone(), placed.samples);
-        fill_gaps(&mut image, rows, cols);
-        fill_gaps(&mut coarse_m, rows, cols);
-        Ok(Self { rows, cols, georef, image, coarse_m, coarse_px, valid })
+        let placed = Placed::new(&coarse, &image)?;
+        Ok(Self { rows, cols, georef, coarse_px, image, coarse_name: coarse.name, coarse: placed })
+    }
+
+    /// Rows `first..first + rows`.
+    ///
+    /// # Errors
+    /// If they leave the scene or a file cannot be read there.
+    pub fn band(&self, first: usize, rows: usize) -> Result<Band> {
+        let window = Window { row: first, col: 0, rows, cols: self.cols };
+        let (mut image, mut coarse_m) = (self.image.source.read(window)?, self.coarse.read(window));
+        let valid = image.iter().zip(&coarse_m).map(|(i, z)| i.is_finite() && z.is_finite()).collect();
+        fill_gaps(&mut image, rows, self.cols);
+        fill_gaps(&mut coarse_m, rows, self.cols);
+        Ok(Band { first, rows, cols: self.cols, image, coarse_m, valid })
+    }
+
+    /// The error that says so.
+    pub(super) fn nothing_valid(&self) -> Error {
+        let (coarse, image) = (&self.coarse_name, &self.image.name);
+        Error::usage(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
     }
 
     /// The interpolated coarse DTM as a raster, NaN where it or the image is invalid: what a prediction must beat.
-    #[must_use]
-    pub fn coarse_raster(&self) -> Raster {
-        let samples =
-            self.coarse_m.iter().zip(&self.valid).map(|(&z, &valid)| if valid { z } else { f32::NAN }).collect();
-        Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) }
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn coarse_raster(&self) -> Result<Raster> {
+        let Band { coarse_m, valid, .. } = self.band(0, self.rows)?;
+        let samples = coarse_m.into_iter().zip(valid).map(|(z, valid)| if valid { z } else { f32::NAN }).collect();
+        Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
     }
 
-    /// The scene mirrored; its place is that of the original.
-    pub(super) fn turned(&self, turn: Turn) -> Self {
-        Self {
-            image: turn.apply(&self.image, self.cols),
-            coarse_m: turn.apply(&self.coarse_m, self.cols),
-            valid: turn.apply(&self.valid, self.cols),
-            georef: self.georef.clone(),
-            ..*self
+    /// How tiles are mirrored for a network that knows `illumination`: from the Sun's azimuth, estimated where it is not given.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn turn_for(&self, illumination: Illumination, azimuth_deg: Option<f64>) -> Result<Turn> {
+        if illumination == Illumination::Any {
+            return Ok(Turn::default());
         }
+        let azimuth_deg = if azimuth_deg.is_some() { azimuth_deg } else { self.survey()?.sun_azimuth_deg };
+        Ok(azimuth_deg.map_or_else(Turn::default, Turn::from_azimuth_deg))
     }
 
-    /// Cuts `window` out of `layer`. Beyond the scene its last row and column repeat.
-    pub(super) fn cut(&self, layer: &[f32], window: Window, out: &mut Vec<f32>) {
-        out.clear();
-        for row in window.row..window.row + window.rows {
+    /// Looks at all of a small scene, at evenly spread rows of a long one.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn survey(&self) -> Result<Survey> {
+        let (mut sun, mut range) = (SunEstimate::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
+        let rows = self.rows.min(SURVEY_ROWS);
+        for block in 0..blocks {
+            // Evenly spread, the last one at the end.
+            let first = (self.rows - rows) * block / (blocks - 1).max(1);
+            let band = self.band(first, rows)?;
+            sun.add(&band.image, &band.coarse_m, (rows, self.cols));
+            let valid = band.coarse_m.iter().zip(&band.valid).filter(|(_, valid)| **valid);
+            range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
+        }
+        let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
+        Ok(Survey {
+            sun_azimuth_deg: sun.azimuth_deg(),
+            relief_m: range.1 - range.0,
+            extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
+        })
+    }
+}
+
+impl Band {
+    /// Cuts `window` (of the scene) out of one of the band's maps. Beyond the band its last row and column repeat.
+    pub(super) fn cut(&self, layer: &[f32], window: Window) -> Vec<f32> {
+        let mut out = Vec::with_capacity(window.rows * window.cols);
+        for row in window.row - self.first..window.row - self.first + window.rows {
             let line = &layer[row.min(self.rows - 1) * self.cols..][..self.cols];
             out.extend((window.col..window.col + window.cols).map(|col| line[col.min(self.cols - 1)]));
         }
+        out
     }
 
-    /// The valid pixels of `window`; none lie beyond the scene.
-    pub(super) fn cut_valid(&self, window: Window, out: &mut Vec<bool>) {
-        out.clear();
-        for row in window.row..window.row + window.rows {
+    /// The valid pixels of `window`; none lie beyond the band.
+    pub(super) fn cut_valid(&self, window: Window) -> Vec<bool> {
+        let mut out = Vec::with_capacity(window.rows * window.cols);
+        for row in window.row - self.first..window.row - self.first + window.rows {
             let inside = |col: usize| row < self.rows && col < self.cols && self.valid[row * self.cols + col];
             out.extend((window.col..window.col + window.cols).map(inside));
         }
+        out
     }
 }

@@ -4,7 +4,6 @@ use super::network::{Model, Normalisation, TileNetwork};
 use super::*;
 use crate::model::config::{Illumination, TargetRange};
 use crate::mosaic::Blend;
-use crate::raster::align::Named;
 use crate::raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
@@ -129,7 +128,11 @@ fn silent(_: usize, _: usize) -> ControlFlow<()> {
 }
 
 fn scene(image: &Raster, coarse: &Raster) -> Scene {
-    Scene::new(Named::new("image", image), Named::new("coarse DTM", coarse)).unwrap()
+    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+}
+
+fn whole(scene: &Scene) -> scene::Band {
+    scene.band(0, scene.rows).unwrap()
 }
 
 fn options(overlap_px: usize, threads: usize) -> Options {
@@ -152,10 +155,10 @@ fn an_identity_network_returns_the_interpolated_coarse_dtm() {
             )
             .unwrap();
             assert_eq!((made.dtm.rows, made.dtm.cols, &made.dtm.georef), (rows, cols, &Some(scene.georef.clone())));
-            for (found, expected) in made.dtm.samples.iter().zip(&scene.coarse_m) {
+            for (found, expected) in made.dtm.samples.iter().zip(&whole(&scene).coarse_m) {
                 assert!((found - expected).abs() < 1e-3, "{rows} x {cols}: {found} {expected}");
             }
-            assert_eq!((made.tiles_coarse, made.tiles_empty), (0, 0));
+            assert_eq!((made.tally.tiles_coarse, made.tally.tiles_empty), (0, 0));
         }
     }
 }
@@ -172,9 +175,10 @@ fn a_network_that_knows_the_truth_returns_it() {
         let cut = |layer: &[f32]| -> Vec<f32> {
             (0..64 * 80).map(|i| layer[(window.row + i / 80) * 260 + window.col + i % 80]).collect()
         };
-        let scale = ElevationScale::from_heights(&cut(&scene.coarse_m), None, 50.0).unwrap().with_margin(0.1).unwrap();
+        let scale =
+            ElevationScale::from_heights(&cut(&whole(&scene).coarse_m), None, 50.0).unwrap().with_margin(0.1).unwrap();
         let (mut key, mut answer) = (vec![0.0; 64 * 80], vec![0.0; 64 * 80]);
-        intensity::normalise(&cut(&scene.image), None, &mut key).unwrap();
+        intensity::normalise(&cut(&whole(&scene).image), None, &mut key).unwrap();
         scale.normalise(&cut(&truth.samples), &mut answer).unwrap();
         answers.push(Answer { image: key, heights: answer });
     }
@@ -183,7 +187,7 @@ fn a_network_that_knows_the_truth_returns_it() {
     for (found, expected) in made.dtm.samples.iter().zip(&truth.samples) {
         assert!((found - expected).abs() < 1e-3, "{found} {expected}");
     }
-    let away = made.dtm.samples.iter().zip(&scene.coarse_m).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let away = made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(away > 1.0, "the truth is not the coarse DTM: {away} m");
 }
 
@@ -193,7 +197,7 @@ fn what_the_coarse_dtm_knows_a_network_cannot_change() {
     let raised = Identity { raised: 3.0, ..Identity::new((64, 80), 0.1) };
     let offset_m = |anchor| {
         let made = predict(&scene, &raised, &Options { anchor, ..options(20, 1) }, &mut silent).unwrap();
-        made.dtm.samples.iter().zip(&scene.coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
+        made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
     };
     assert!(offset_m(true) < 1e-3, "{}", offset_m(true));
     assert!(offset_m(false) > 0.5, "{}", offset_m(false));
@@ -209,13 +213,14 @@ fn gaps_of_either_input_stay_gaps_and_nothing_else_does() {
     coarse.samples[40 * 3 + 4] = f32::NAN;
     let scene = scene(&image, &coarse);
     let made = predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent).unwrap();
-    let gaps = scene.valid.iter().filter(|v| !**v).count();
+    let scene::Band { valid, coarse_m, .. } = whole(&scene);
+    let gaps = valid.iter().filter(|v| !**v).count();
     assert!(gaps > 500, "a coarse gap is many pixels wide: {gaps}");
     for (i, z) in made.dtm.samples.iter().enumerate() {
-        assert_eq!(z.is_finite(), scene.valid[i], "{i}");
-        assert!(!scene.valid[i] || (z - scene.coarse_m[i]).abs() < 1e-3);
+        assert_eq!(z.is_finite(), valid[i], "{i}");
+        assert!(!valid[i] || (z - coarse_m[i]).abs() < 1e-3);
     }
-    assert_eq!(scene.coarse_raster().valid_count(), 150 * 170 - gaps);
+    assert_eq!(scene.coarse_raster().unwrap().valid_count(), 150 * 170 - gaps);
 }
 
 #[test]
@@ -225,10 +230,11 @@ fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
     image.samples[150 * 80..].fill(f32::NAN);
     let scene = scene(&image, &coarse());
     let made = predict(&scene, &Identity::new((40, 80), 0.0), &options(0, 1), &mut silent).unwrap();
-    assert_eq!((made.tiles, made.tiles_coarse, made.tiles_empty), (5, 2, 1));
+    assert_eq!((made.tally.tiles, made.tally.tiles_coarse, made.tally.tiles_empty), (5, 2, 1));
     assert_eq!(made.dtm.valid_count(), 150 * 80);
-    for i in 0..150 * 80 {
-        assert!((made.dtm.samples[i] - scene.coarse_m[i]).abs() < 1e-3);
+    let coarse_m = whole(&scene).coarse_m;
+    for (found, expected) in made.dtm.samples.iter().zip(&coarse_m).take(150 * 80) {
+        assert!((found - expected).abs() < 1e-3);
     }
 }
 
@@ -300,22 +306,41 @@ fn faults_of_the_model_end_the_run_with_one_error() {
 }
 
 #[test]
+fn a_run_begun_anew_at_any_row_makes_the_same_rows() {
+    let scene = scene(&image(300, 330), &coarse());
+    let model = Identity::new((64, 80), 0.1);
+    let whole = predict(&scene, &model, &options(30, 2), &mut silent).unwrap();
+    for from in [1, 63, 64, 150, 299] {
+        let mut rows = vec![];
+        let mut keep = |more: &[f32]| {
+            rows.extend_from_slice(more);
+            Ok(())
+        };
+        let tally = predict_rows(&scene, &model, &options(30, 2), from, &mut keep, &mut silent).unwrap();
+        let expected = &whole.dtm.samples[from * 330..];
+        assert!(rows.len() == expected.len() && rows.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()));
+        assert_eq!(tally.tiles_before > 0, from >= 64, "row {from}: {tally:?}");
+    }
+}
+
+#[test]
 fn inputs_that_do_not_meet_are_refused() {
     let refused = |image: &Raster, coarse: &Raster| {
-        Scene::new(Named::new("i.tif", image), Named::new("c.tif", coarse)).unwrap_err().to_string()
+        let pair = Scene::new(Input::in_memory("i.tif", image.clone()), Input::in_memory("c.tif", coarse.clone()));
+        let made = pair.and_then(|scene| predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent));
+        made.unwrap_err().to_string()
     };
     let (mut image, coarse) = (image(20, 20), coarse());
-    assert!(refused(&image, &terrain(3, 3, (9e5, 0.0), 60.0)).contains("overlapping"));
+    let text = refused(&image, &terrain(3, 3, (9e5, 0.0), 60.0));
+    assert!(text.contains("c.tif") && text.contains("i.tif"), "{text}");
     image.samples.fill(f32::NAN);
-    assert!(refused(&image, &coarse).contains("i.tif: at least one valid pixel"));
+    assert!(refused(&image, &coarse).contains("under valid pixels of i.tif"), "{text}");
     image.samples[0] = 5.0;
     let mut partial = terrain(30, 40, (900.0, 2100.0), 60.0);
-    partial
-        .samples
-        .iter_mut()
-        .enumerate()
-        .filter(|(i, _)| i / 40 < 4 && i % 40 < 4 && i % 40 != 2)
-        .for_each(|(_, z)| *z = f32::NAN);
+    let hole = |i: usize| i / 40 < 4 && i % 40 < 4 && i % 40 != 2;
+    partial.samples.iter_mut().enumerate().filter(|(i, _)| hole(*i)).for_each(|(_, z)| *z = f32::NAN);
     let text = refused(&image, &partial);
     assert!(text.contains("c.tif"), "{text}");
+    let elsewhere = Raster { georef: None, ..coarse };
+    assert!(refused(&image, &elsewhere).contains("c.tif: a raster with a geotransform expected"));
 }

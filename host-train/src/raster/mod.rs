@@ -10,6 +10,7 @@ pub mod npy;
 pub mod pds3;
 mod projection;
 pub mod resample;
+pub mod scaled;
 pub mod source;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};

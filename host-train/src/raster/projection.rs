@@ -93,7 +93,7 @@ impl Projection {
     /// does; geographic maps keep them as they are. NaN for latitudes beyond a pole, and for the pole a polar map cannot show.
     #[must_use]
     pub fn forward(&self, lon_deg: f64, lat_deg: f64) -> (f64, f64) {
-        if !(lat_deg.abs() <= 90.0) {
+        if lat_deg.is_nan() || lat_deg.abs() > 90.0 {
             return (f64::NAN, f64::NAN);
         }
         let (x_m, y_m) = match self.method {

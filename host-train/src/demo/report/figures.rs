@@ -9,7 +9,7 @@ pub(super) fn figures(story: &Story) -> Value {
     let against_truth: Value = serde_json::from_str(&crate::evaluate::json(&verdict.against_truth)).unwrap_or_default();
     let networks: Vec<Value> = predicted
         .iter()
-        .map(|p| json!({ "name": p.name, "model": p.model, "tiles": p.made.tiles, "predict_s": p.seconds }))
+        .map(|p| json!({ "name": p.name, "model": p.model, "tiles": p.made.tally.tiles, "predict_s": p.seconds }))
         .collect();
     let steps: Vec<Value> = times.iter().map(|t| json!({ "step": t.title, "seconds": t.seconds })).collect();
     json!({

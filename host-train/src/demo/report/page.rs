@@ -187,7 +187,7 @@ fn int8(story: &Story) -> String {
     rows.push(("The same over the scene".into(), difference));
     rows.push(("Largest height difference on the scene".into(), format!("{:.2} m", on_scene.largest_m)));
     for predicted in &story.predicted {
-        let name = format!("The scene with {}, {} tiles", predicted.name, predicted.made.tiles);
+        let name = format!("The scene with {}, {} tiles", predicted.name, predicted.made.tally.tiles);
         rows.push((name, minutes(predicted.seconds)));
     }
     let rows: Vec<Vec<Cell>> =

@@ -1,28 +1,32 @@
 //! GeoTIFF in and out: one band, with place, nodata, scale and unit.
 //!
-//! [`read`] takes what GDAL, ISIS and the Ames Stereo Pipeline write: strips or tiles, classic or BigTIFF, uncompressed, LZW, Deflate
-//! or PackBits, predictors 2 and 3, integers up to 32 bits and floats. [`write()`] makes tiled Deflate files. Whatever is not
-//! read correctly is refused: several bands, palettes, internal masks, ground control points.
+//! [`open`] and [`read`] take what GDAL, ISIS and the Ames Stereo Pipeline write: strips or tiles, classic or BigTIFF, uncompressed,
+//! LZW, Deflate, ZSTD, PackBits or JPEG, predictors 2 and 3, integers up to 32 bits and floats. [`Writer`] and [`write()`] make cloud-optimised ones.
+//! Whatever is not read correctly is refused: several bands, palettes, internal masks, ground control points.
 
+mod block;
+mod cache;
+mod handle;
+mod ifd;
+mod layout;
 mod metadata;
+mod place;
+mod pyramid;
 mod read;
+mod rule;
 mod write;
+mod writer;
 
+#[cfg(test)]
+mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
 #[cfg(test)]
 mod tests;
 
-pub use read::read;
-pub use write::{SampleType, WriteOptions, write};
-
-/// Opens a GeoTIFF for reading by windows.
-///
-/// # Errors
-/// As [`read`].
-pub fn open(path: &std::path::Path) -> crate::Result<Box<dyn super::source::Source>> {
-    Ok(Box::new(super::source::InMemory::new(read(path)?, None, "GeoTIFF")))
-}
+pub use read::{open, read};
+pub use write::{Compression, SampleType, WriteOptions, write};
+pub use writer::Writer;
 
 /// Nodata of float files: ISIS NULL4 (bits 0xFF7FFFFB), what LROC's own terrain models hold. It is not the lowest `f32`.
 pub const NODATA: f32 = f32::from_bits(0xFF7F_FFFB);

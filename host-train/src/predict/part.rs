@@ -1,0 +1,154 @@
+//! Finished rows of an unfinished prediction, on disk: what a killed run leaves, and the next one goes on from.
+
+use crate::{Error, Result};
+use sha2::{Digest, Sha256};
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Bytes before the first row: the job's SHA-256.
+const HEADER_BYTES: u64 = 32;
+
+/// The rows made so far, beside the output: `dtm.tif` has `dtm.tif.part`.
+pub struct Part {
+    path: PathBuf,
+    file: File,
+    cols: usize,
+    rows: usize,
+}
+
+impl Part {
+    /// Goes on with the rows of the same job, or begins anew. `job` is any text that tells jobs apart: inputs, model, options.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be made or read.
+    pub fn open(output: &Path, job: &str, cols: usize) -> Result<Self> {
+        let mut name = output.file_name().unwrap_or_default().to_os_string();
+        name.push(".part");
+        let path = output.with_file_name(name);
+        let id = Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize();
+        let open = || -> std::io::Result<(File, usize)> {
+            let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+            let (mut found, row_bytes) = ([0; HEADER_BYTES as usize], 4 * cols as u64);
+            let same = file.read_exact(&mut found).is_ok() && found[..] == id[..];
+            if !same {
+                file.set_len(0)?;
+                file.rewind()?;
+                file.write_all(&id)?;
+            }
+            // A run that was killed while writing leaves part of a row.
+            let rows = (file.metadata()?.len() - HEADER_BYTES) / row_bytes.max(1);
+            file.set_len(HEADER_BYTES + rows * row_bytes)?;
+            file.seek(SeekFrom::End(0))?;
+            Ok((file, rows as usize))
+        };
+        let (file, rows) = open().map_err(Error::io(&path))?;
+        Ok(Self { path, file, cols, rows })
+    }
+
+    /// Whole rows on disk.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Where they are.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds whole rows and waits until they are on the disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if they cannot be written, [`Error::Usage`] if they are not whole.
+    pub fn append(&mut self, samples: &[f32]) -> Result<()> {
+        if !samples.len().is_multiple_of(self.cols.max(1)) {
+            let what = format!("expected rows of {} samples, found {} samples", self.cols, samples.len());
+            return Err(Error::usage(format!("{}: {what}", self.path.display())));
+        }
+        let bytes: Vec<u8> = samples.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.file.write_all(&bytes).and_then(|()| self.file.sync_data()).map_err(Error::io(&self.path))?;
+        self.rows += samples.len() / self.cols.max(1);
+        Ok(())
+    }
+
+    /// Hands all rows to `take`, in order, some at a time.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if they cannot be read; `take`'s own.
+    pub fn read(&mut self, take: &mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()> {
+        const ROWS_AT_ONCE: usize = 256;
+        self.file.seek(SeekFrom::Start(HEADER_BYTES)).map_err(Error::io(&self.path))?;
+        let mut left = self.rows;
+        while left > 0 {
+            let rows = left.min(ROWS_AT_ONCE);
+            let mut bytes = vec![0; 4 * rows * self.cols];
+            self.file.read_exact(&mut bytes).map_err(Error::io(&self.path))?;
+            let samples: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+            take(&samples)?;
+            left -= rows;
+        }
+        Ok(())
+    }
+
+    /// Removes the file: its rows are safe elsewhere, or worthless.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be removed.
+    pub fn remove(self) -> Result<()> {
+        let Self { path, file, .. } = self;
+        drop(file);
+        std::fs::remove_file(&path).map_err(Error::io(&path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(part: &mut Part) -> Vec<f32> {
+        let mut all = vec![];
+        part.read(&mut |rows| {
+            all.extend_from_slice(rows);
+            Ok(())
+        })
+        .unwrap();
+        all
+    }
+
+    #[test]
+    fn the_same_job_goes_on_and_another_begins_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("dtm.tif");
+        let mut part = Part::open(&output, "a", 3).unwrap();
+        assert_eq!((part.rows(), part.path()), (0, folder.path().join("dtm.tif.part").as_path()));
+        part.append(&[1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0]).unwrap();
+        assert!(part.append(&[1.0]).is_err());
+        // Killed in the middle of a row.
+        drop(part);
+        let path = folder.path().join("dtm.tif.part");
+        OpenOptions::new().append(true).open(&path).unwrap().write_all(&[7; 9]).unwrap();
+        let mut part = Part::open(&output, "a", 3).unwrap();
+        assert_eq!(part.rows(), 2);
+        part.append(&[7.0, 8.0, 9.0]).unwrap();
+        let found = rows(&mut part);
+        assert!(found[2].is_nan());
+        assert_eq!((found.len(), found[5], found[8]), (9, 6.0, 9.0));
+        drop(part);
+        assert_eq!(Part::open(&output, "a", 1).unwrap().rows(), 0, "another width is another job");
+        assert_eq!(Part::open(&output, "b", 3).unwrap().rows(), 0);
+        Part::open(&output, "b", 3).unwrap().remove().unwrap();
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_foreign_or_cut_file_is_no_job() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("dtm.tif");
+        for bytes in [&b"short"[..], &[9; 500]] {
+            std::fs::write(folder.path().join("dtm.tif.part"), bytes).unwrap();
+            assert_eq!(Part::open(&output, "a", 3).unwrap().rows(), 0);
+        }
+    }
+}

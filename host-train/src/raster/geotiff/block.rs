@@ -1,0 +1,106 @@
+//! One block of samples as the file holds it: rounded, predicted, compressed.
+
+use super::NODATA;
+use super::write::{Compression, SampleType};
+use std::io::Result;
+use tiff::encoder::compression::{CompressionAlgorithm, Deflate, Lzw};
+
+/// GDAL's own level.
+const ZSTD_LEVEL: i32 = 9;
+
+/// How samples become bytes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Coding {
+    pub(super) sample: SampleType,
+    pub(super) compression: Compression,
+    /// Integers: 0 stands for invalid, and valid samples are at least 1.
+    pub(super) zero_is_nodata: bool,
+}
+
+impl Coding {
+    /// Code of tag 317: prediction helps only where something is compressed.
+    pub(super) fn predictor(self) -> u16 {
+        match (self.compression, self.sample) {
+            (Compression::None, _) => 1,
+            (_, SampleType::F32) => 3,
+            _ => 2,
+        }
+    }
+
+    /// Code of tag 259.
+    pub(super) fn compression_code(self) -> u16 {
+        match self.compression {
+            Compression::None => 1,
+            Compression::Lzw => 5,
+            Compression::Deflate => 8,
+            Compression::Zstd => 50000,
+        }
+    }
+
+    /// `band` has rows of `stride` samples; the block is `size` = (rows, columns) from column `first_col` on. Beyond the band its last
+    /// row and column repeat: that compresses best.
+    pub(super) fn encode(self, band: &[f32], stride: usize, first_col: usize, size: (usize, usize)) -> Result<Vec<u8>> {
+        let band_rows = band.len() / stride;
+        let mut bytes = Vec::with_capacity(size.0 * size.1 * self.sample.bytes());
+        let mut line = vec![0.0; size.1];
+        for row in 0..size.0 {
+            let from = &band[row.min(band_rows - 1) * stride..][..stride];
+            let there = size.1.min(stride - first_col);
+            line[..there].copy_from_slice(&from[first_col..first_col + there]);
+            line[there..].fill(from[stride - 1]);
+            self.append(&line, &mut bytes);
+        }
+        let mut packed = Vec::new();
+        match self.compression {
+            Compression::None => return Ok(bytes),
+            Compression::Lzw => Lzw.write_to(&mut packed, &bytes)?,
+            Compression::Deflate => Deflate::default().write_to(&mut packed, &bytes)?,
+            Compression::Zstd => return zstd::bulk::compress(&bytes, ZSTD_LEVEL),
+        };
+        Ok(packed)
+    }
+
+    /// Appends one row, prediction applied, little-endian.
+    fn append(self, line: &[f32], out: &mut Vec<u8>) {
+        let lowest = if self.zero_is_nodata { 1.0 } else { 0.0 };
+        let whole = |v: f32, highest: f32| if v.is_finite() { v.round().clamp(lowest, highest) } else { 0.0 };
+        let predicted = self.predictor() != 1;
+        match self.sample {
+            SampleType::F32 if predicted => append_float_predicted(line, out),
+            SampleType::F32 => line.iter().for_each(|&v| out.extend(or_nodata(v).to_le_bytes())),
+            SampleType::U16 => {
+                let mut previous = 0_u16;
+                for value in line.iter().map(|&v| whole(v, f32::from(u16::MAX)) as u16) {
+                    out.extend(value.wrapping_sub(previous).to_le_bytes());
+                    previous = if predicted { value } else { 0 };
+                }
+            }
+            SampleType::U8 => {
+                let mut previous = 0_u8;
+                for value in line.iter().map(|&v| whole(v, f32::from(u8::MAX)) as u8) {
+                    out.push(value.wrapping_sub(previous));
+                    previous = if predicted { value } else { 0 };
+                }
+            }
+        }
+    }
+}
+
+fn or_nodata(value: f32) -> f32 {
+    if value.is_finite() { value } else { NODATA }
+}
+
+/// Predictor 3: the row's bytes by significance, highest first, then differences of neighbouring bytes.
+fn append_float_predicted(line: &[f32], out: &mut Vec<u8>) {
+    let start = out.len();
+    out.resize(start + 4 * line.len(), 0);
+    let planes = &mut out[start..];
+    for (i, &value) in line.iter().enumerate() {
+        for (plane, byte) in or_nodata(value).to_be_bytes().into_iter().enumerate() {
+            planes[plane * line.len() + i] = byte;
+        }
+    }
+    for i in (1..planes.len()).rev() {
+        planes[i] = planes[i].wrapping_sub(planes[i - 1]);
+    }
+}

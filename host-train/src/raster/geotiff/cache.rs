@@ -1,0 +1,56 @@
+//! The chunks read last, up to a number of bytes.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+
+/// Decoded chunks by number; the oldest goes first. Scenes are read from top to bottom, so age tells what is done with.
+pub(super) struct Cache {
+    chunks: HashMap<usize, Arc<[f32]>>,
+    by_age: VecDeque<usize>,
+    bytes: usize,
+    most_bytes: usize,
+}
+
+impl Cache {
+    pub(super) fn new(most_bytes: usize) -> Self {
+        Self { chunks: HashMap::new(), by_age: VecDeque::new(), bytes: 0, most_bytes }
+    }
+
+    pub(super) fn get(&self, chunk: usize) -> Option<Arc<[f32]>> {
+        self.chunks.get(&chunk).cloned()
+    }
+
+    /// Keeps a chunk that is not there yet; one alone larger than the cache is not kept.
+    pub(super) fn insert(&mut self, chunk: usize, samples: &Arc<[f32]>) {
+        let bytes = size_of_val(&**samples);
+        if bytes > self.most_bytes {
+            return;
+        }
+        while self.bytes + bytes > self.most_bytes {
+            let Some(oldest) = self.by_age.pop_front() else { break };
+            self.bytes -= self.chunks.remove(&oldest).map_or(0, |gone| size_of_val(&*gone));
+        }
+        self.bytes += bytes;
+        self.by_age.push_back(chunk);
+        self.chunks.insert(chunk, Arc::clone(samples));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_goes_first_and_the_bytes_are_bounded() {
+        let mut cache = Cache::new(100);
+        let chunk: Arc<[f32]> = vec![0.0; 10].into();
+        for number in 0..5 {
+            cache.insert(number, &chunk);
+            assert!(cache.bytes <= 100 && cache.chunks.len() == cache.by_age.len());
+        }
+        let kept: Vec<usize> = (0..5).filter(|&n| cache.get(n).is_some()).collect();
+        assert_eq!(kept, [3, 4]);
+        cache.insert(9, &vec![0.0; 26].into());
+        assert!(cache.get(9).is_none() && cache.get(4).is_some(), "too large to keep");
+    }
+}

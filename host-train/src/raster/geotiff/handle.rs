@@ -1,0 +1,101 @@
+//! An open TIFF with its name, so that every refusal names the file.
+
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::{BufReader, ErrorKind};
+use std::path::{Path, PathBuf};
+use tiff::TiffError;
+use tiff::decoder::Decoder;
+use tiff::tags::{Tag, Type, ValueBuffer};
+
+/// More images in one file than any writer makes; a chain of them may be a loop.
+const MOST_IMAGES: usize = 256;
+
+/// A TIFF at its first image.
+pub(super) struct Handle {
+    pub(super) path: PathBuf,
+    pub(super) file_bytes: u64,
+    pub(super) tiff: Decoder<BufReader<File>>,
+}
+
+impl Handle {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io(path))?;
+        let file_bytes = file.metadata().map_err(Error::io(path))?.len();
+        let tiff = Decoder::new(BufReader::new(file)).map_err(|e| refusal(path, e))?;
+        Ok(Self { path: path.into(), file_bytes, tiff })
+    }
+
+    pub(super) fn broken(&self, what: impl Into<String>) -> Error {
+        Error::broken(&self.path, what)
+    }
+
+    pub(super) fn unsupported(&self, what: impl Into<String>) -> Error {
+        Error::unsupported(&self.path, what)
+    }
+
+    /// Sorts a decoder's refusal into ours.
+    pub(super) fn check<T>(&self, result: std::result::Result<T, TiffError>) -> Result<T> {
+        result.map_err(|e| refusal(&self.path, e))
+    }
+
+    pub(super) fn unsigned<T: TryFrom<u64>>(&mut self, tag: Tag) -> Result<Option<T>> {
+        let value = self.tiff.find_tag_unsigned(tag);
+        self.check(value)
+    }
+
+    pub(super) fn unsigned_list<T: TryFrom<u64>>(&mut self, tag: Tag) -> Result<Option<Vec<T>>> {
+        let values = self.tiff.find_tag_unsigned_vec(tag);
+        self.check(values)
+    }
+
+    pub(super) fn doubles(&mut self, tag: Tag) -> Result<Option<Vec<f64>>> {
+        let values = self.tiff.find_tag(tag).and_then(|v| v.map(|v| v.into_f64_vec()).transpose());
+        self.check(values)
+    }
+
+    /// Text up to its end, whatever encoding the writer used: other bytes than ASCII are replaced.
+    pub(super) fn text(&mut self, tag: Tag) -> Result<Option<String>> {
+        let mut buffer = ValueBuffer::empty(Type::ASCII);
+        let found = self.tiff.image_ifd().find_tag_buf(tag, &mut buffer).map(|found| found.is_some());
+        if !self.check(found)? {
+            return Ok(None);
+        }
+        let bytes = buffer.as_bytes();
+        let text = bytes.split(|&b| b == 0).next().unwrap_or(bytes);
+        // One character per byte keeps the positions that GeoKeys state.
+        Ok(Some(text.iter().map(|&b| if b.is_ascii() { char::from(b) } else { '?' }).collect()))
+    }
+
+    /// An internal mask (a further image of subfile type 4) says which pixels are real; it is not read, so it is refused.
+    pub(super) fn refuse_masks(&mut self) -> Result<()> {
+        let mut next = self.tiff.ifd_pointer();
+        for _ in 0..MOST_IMAGES {
+            let Some(at) = next else { return Ok(()) };
+            // A broken overview is nobody's concern: the first image is read, and it was sound.
+            let Ok(directory) = self.tiff.read_directory(at) else { return Ok(()) };
+            let mut tags = self.tiff.read_directory_tags(&directory);
+            if tags.find_tag_unsigned::<u32>(Tag::NewSubfileType).is_ok_and(|kind| kind.is_some_and(|k| k & 4 != 0)) {
+                return Err(self.unsupported(
+                    "an internal mask; a nodata value expected (gdalwarp -dstnodata -3.4028226550889045e+38 IN OUT makes one)",
+                ));
+            }
+            next = directory.next();
+        }
+        Err(self.broken(format!("more than {MOST_IMAGES} images in a chain")))
+    }
+}
+
+fn refusal(path: &Path, error: TiffError) -> Error {
+    match error {
+        TiffError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => Error::broken(path, "the file ends too early"),
+        TiffError::IoError(e)
+            if matches!(e.kind(), ErrorKind::InvalidData | ErrorKind::InvalidInput | ErrorKind::Other) =>
+        {
+            Error::broken(path, e.to_string())
+        }
+        TiffError::IoError(source) => Error::Io { path: path.into(), source },
+        TiffError::UnsupportedError(e) => Error::unsupported(path, e.to_string()),
+        other => Error::broken(path, other.to_string()),
+    }
+}

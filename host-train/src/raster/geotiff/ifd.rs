@@ -1,0 +1,66 @@
+//! The head of a TIFF: its header and directories with all their values, before any sample, as a cloud-optimised file needs it.
+
+use std::collections::BTreeMap;
+
+/// The values of one tag.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Field {
+    Short(Vec<u16>),
+    Long(Vec<u32>),
+    /// Places in the file: 32 bits in classic files, 64 in BigTIFF.
+    Offset(Vec<u64>),
+    Double(Vec<f64>),
+    /// ASCII without its final NUL.
+    Text(String),
+}
+
+/// One image's tags.
+pub(super) type Directory = BTreeMap<u16, Field>;
+
+impl Field {
+    /// TIFF's type number, the count, and the bytes, little-endian.
+    fn encode(&self, big: bool) -> (u16, usize, Vec<u8>) {
+        match self {
+            Self::Short(v) => (3, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Long(v) => (4, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Offset(v) if big => (16, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Offset(v) => (4, v.len(), v.iter().flat_map(|&v| (v as u32).to_le_bytes()).collect()),
+            Self::Double(v) => (12, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Text(text) => (2, text.len() + 1, [text.as_bytes(), &[0]].concat()),
+        }
+    }
+}
+
+/// Header and directories. Its length depends on the counts in `images` alone, not on the values: offsets can be filled in after a
+/// first call has told how much room the head takes.
+pub(super) fn head(images: &[Directory], big: bool) -> Vec<u8> {
+    let word = |value: u64| if big { value.to_le_bytes().to_vec() } else { (value as u32).to_le_bytes().to_vec() };
+    let mut out = if big { b"II\x2b\0\x08\0\0\0".to_vec() } else { b"II\x2a\0".to_vec() };
+    let first = out.len() + word(0).len();
+    out.extend(word(first as u64));
+    for (index, tags) in images.iter().enumerate() {
+        let (count_bytes, entry_bytes) = if big { (8, 20) } else { (2, 12) };
+        let values_at = out.len() + count_bytes + entry_bytes * tags.len() + word(0).len();
+        let mut values = Vec::new();
+        out.extend(&(tags.len() as u64).to_le_bytes()[..count_bytes]);
+        for (tag, field) in tags {
+            let (kind, count, mut bytes) = field.encode(big);
+            out.extend(tag.to_le_bytes());
+            out.extend(kind.to_le_bytes());
+            out.extend(word(count as u64));
+            if bytes.len() <= word(0).len() {
+                bytes.resize(word(0).len(), 0);
+                out.extend(bytes);
+            } else {
+                values.resize((values_at + values.len()).next_multiple_of(8) - values_at, 0);
+                out.extend(word((values_at + values.len()) as u64));
+                values.extend(bytes);
+            }
+        }
+        values.resize((values_at + values.len()).next_multiple_of(8) - values_at, 0);
+        let next = if index + 1 < images.len() { (values_at + values.len()) as u64 } else { 0 };
+        out.extend(word(next));
+        out.extend(values);
+    }
+    out
+}

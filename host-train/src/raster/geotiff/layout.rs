@@ -1,0 +1,200 @@
+//! How the samples of a file are stored: sizes, chunks (strips or tiles), and whether the file can hold what it claims.
+
+use super::handle::Handle;
+use crate::Result;
+use tiff::ColorType;
+use tiff::decoder::{ChunkType, Limits};
+use tiff::tags::Tag;
+
+/// Deflate and LZW cannot shrink data more than about 1000 and 2700 times: a file that claims more is damaged or hostile.
+const MOST_COMPRESSION: u64 = 4096;
+
+/// ZSTD stores 128 KiB of one value in 4 bytes.
+const MOST_COMPRESSION_ZSTD: u64 = 1 << 15;
+
+/// Compressions read here: their codes in tag 259 and their names.
+const COMPRESSIONS: [(u16, &str); 7] = [
+    (1, "uncompressed"),
+    (5, "LZW"),
+    (7, "JPEG"),
+    (8, "Deflate"),
+    (32946, "Deflate"),
+    (32773, "PackBits"),
+    (ZSTD, "ZSTD"),
+];
+
+const ZSTD: u16 = 50000;
+
+/// Compressions other programs write: named, so that the refusal helps.
+const REFUSED: [(u16, &str); 9] = [
+    (2, "CCITT"),
+    (3, "CCITT"),
+    (4, "CCITT"),
+    (6, "old JPEG"),
+    (34887, "LERC"),
+    (34925, "LZMA"),
+    (50001, "WEBP"),
+    (50002, "JPEG XL"),
+    (34712, "JPEG 2000"),
+];
+
+/// Sizes of a file and its chunks, pixels.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) chunk_rows: usize,
+    pub(super) chunk_cols: usize,
+    /// Chunks side by side.
+    pub(super) across: usize,
+    /// Chunks in all.
+    pub(super) chunks: usize,
+    pub(super) sample_bytes: usize,
+    /// Chunks that were never written (sparse files).
+    pub(super) unwritten: Vec<usize>,
+    /// In words.
+    pub(super) format: String,
+}
+
+impl Layout {
+    /// Reads and judges the layout, then lets the decoder use as much memory as one chunk needs.
+    pub(super) fn of(mut file: Handle) -> Result<(Self, Handle)> {
+        let dimensions = file.tiff.dimensions();
+        let (cols, rows) = file.check(dimensions)?;
+        let kind = sample_kind(&mut file)?;
+        let (compression, compression_name) = compression(&mut file)?;
+        let (chunk_cols, chunk_rows) = file.tiff.chunk_dimensions();
+        let tiled = matches!(file.tiff.get_chunk_type(), ChunkType::Tile);
+        let (rows, cols, chunk_cols) = (rows as usize, cols as usize, chunk_cols as usize);
+        // A strip's stated rows may exceed the image's without meaning.
+        let chunk_rows = if tiled { chunk_rows as usize } else { (chunk_rows as usize).min(rows) };
+        if chunk_rows == 0 || chunk_cols == 0 {
+            return Err(file.broken(format!("strips or tiles of {chunk_rows} x {chunk_cols} pixels")));
+        }
+        let across = cols.div_ceil(chunk_cols);
+        let shape = match tiled {
+            true => format!("tiles of {chunk_rows} x {chunk_cols}"),
+            false => format!("strips of {chunk_rows} row{}", if chunk_rows == 1 { "" } else { "s" }),
+        };
+        let mut layout = Self {
+            rows,
+            cols,
+            chunk_rows,
+            chunk_cols,
+            across,
+            chunks: across * rows.div_ceil(chunk_rows),
+            sample_bytes: kind.bits as usize / 8,
+            unwritten: vec![],
+            format: format!("GeoTIFF, {}{}, {shape}, {compression_name}", kind.letter, kind.bits),
+        };
+        layout.check_claims(&file, compression)?;
+        let file = layout.with_limits(file);
+        let file = layout.check_table(file, tiled)?;
+        Ok((layout, file))
+    }
+
+    /// Pixels of a chunk's window of the image: (first row, first column, rows, columns).
+    pub(super) fn place(&self, chunk: usize) -> (usize, usize, usize, usize) {
+        let (row, col) = (chunk / self.across * self.chunk_rows, chunk % self.across * self.chunk_cols);
+        (row, col, self.chunk_rows.min(self.rows - row), self.chunk_cols.min(self.cols - col))
+    }
+
+    fn chunk_bytes(&self) -> usize {
+        self.chunk_rows.saturating_mul(self.chunk_cols).saturating_mul(self.sample_bytes)
+    }
+
+    /// Refuses sizes the file cannot hold.
+    fn check_claims(&self, file: &Handle, compression: u16) -> Result<()> {
+        let image = (self.rows as u64).saturating_mul(self.cols as u64).saturating_mul(self.sample_bytes as u64);
+        let claimed = image.max(self.chunk_bytes() as u64);
+        let most = if compression == ZSTD { MOST_COMPRESSION_ZSTD } else { MOST_COMPRESSION };
+        if claimed / most > file.file_bytes {
+            let (rows, cols, file_bytes) = (self.rows, self.cols, file.file_bytes);
+            return Err(file.broken(format!(
+                "claims {rows} x {cols} pixels ({claimed} bytes), which a file of {file_bytes} bytes cannot hold"
+            )));
+        }
+        Ok(())
+    }
+
+    fn with_limits(&self, file: Handle) -> Handle {
+        let mut limits = Limits::default();
+        let file_bytes = usize::try_from(file.file_bytes).unwrap_or(usize::MAX);
+        limits.decoding_buffer_size = limits.decoding_buffer_size.max(self.chunk_bytes());
+        limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(file_bytes);
+        limits.ifd_value_size = limits.ifd_value_size.max(file_bytes.min(1 << 26));
+        Handle { tiff: file.tiff.with_limits(limits), ..file }
+    }
+
+    /// Where the chunks lie: a file cut short is refused now, not after hours of work; empty places are remembered.
+    fn check_table(&mut self, mut file: Handle, tiled: bool) -> Result<Handle> {
+        let (at, long) =
+            if tiled { (Tag::TileOffsets, Tag::TileByteCounts) } else { (Tag::StripOffsets, Tag::StripByteCounts) };
+        let offsets: Vec<u64> = file.unsigned_list(at)?.unwrap_or_default();
+        let lengths: Vec<u64> = file.unsigned_list(long)?.unwrap_or_default();
+        if offsets.len() < self.chunks || lengths.len() < self.chunks {
+            let (found, chunks) = (offsets.len().min(lengths.len()), self.chunks);
+            return Err(file.broken(format!("{chunks} strips or tiles expected, {found} found")));
+        }
+        for (chunk, (&offset, &length)) in offsets.iter().zip(&lengths).take(self.chunks).enumerate() {
+            let end = offset.saturating_add(length);
+            if length == 0 {
+                self.unwritten.push(chunk);
+            } else if end > file.file_bytes {
+                let (part, chunks, bytes) = (chunk + 1, self.chunks, file.file_bytes);
+                let what =
+                    format!("the file ends too early: part {part} of {chunks} ends at byte {end}, the file at {bytes}");
+                return Err(file.broken(what));
+            }
+        }
+        Ok(file)
+    }
+}
+
+/// The type of a sample.
+struct SampleKind {
+    letter: char,
+    bits: u16,
+}
+
+/// Refuses everything that is not one band of plain grey samples.
+fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
+    let bands: u16 = file.unsigned(Tag::SamplesPerPixel)?.unwrap_or(1);
+    if bands != 1 {
+        return Err(file.unsupported(format!("{bands} bands found, one expected (gdal_translate -b 1 IN OUT)")));
+    }
+    let color = file.tiff.colortype();
+    let bits = match file.check(color)? {
+        ColorType::Gray(bits @ (8 | 16 | 32 | 64)) => u16::from(bits),
+        other => {
+            return Err(file.unsupported(format!("{other:?} samples, grey of 8, 16, 32 or 64 bits expected")));
+        }
+    };
+    if file.unsigned::<u16>(Tag::PhotometricInterpretation)? == Some(0) {
+        return Err(file.unsupported("grey counted downwards (white is zero), black is zero expected"));
+    }
+    let letter = match file.unsigned::<u16>(Tag::SampleFormat)?.unwrap_or(1) {
+        1 => 'u',
+        2 => 'i',
+        3 => 'f',
+        other => {
+            return Err(file.unsupported(format!("sample format {other}; integers and floats (1 to 3) are read")));
+        }
+    };
+    if bits == 64 && letter != 'f' {
+        return Err(file.unsupported("64-bit integers; integers up to 32 bits and floats are read"));
+    }
+    Ok(SampleKind { letter, bits })
+}
+
+fn compression(file: &mut Handle) -> Result<(u16, &'static str)> {
+    let code: u16 = file.unsigned(Tag::Compression)?.unwrap_or(1);
+    let named = |list: &[(u16, &'static str)]| list.iter().find(|(number, _)| *number == code).copied();
+    named(&COMPRESSIONS).ok_or_else(|| {
+        let name =
+            named(&REFUSED).map_or_else(|| format!("compression {code}"), |(_, name)| format!("{name} compression"));
+        file.unsupported(format!(
+            "{name}; Deflate, LZW, ZSTD, PackBits or JPEG expected (gdal_translate -co COMPRESS=DEFLATE IN OUT)"
+        ))
+    })
+}

@@ -1,0 +1,76 @@
+//! The levels of a file: full resolution and overviews, filled from top to bottom with a band of rows in memory for each.
+
+/// One level: its size, and the rows that are not written yet.
+#[derive(Debug)]
+pub(super) struct Level {
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    /// Whole rows, at most [`BLOCK_PX`].
+    pub(super) band: Vec<f32>,
+    /// Place and length of each written block, row by row, in the spill.
+    pub(super) blocks: Vec<(u64, u64)>,
+}
+
+/// Block side, pixels: the default of GDAL's COG driver.
+pub(super) const BLOCK_PX: usize = 512;
+
+impl Level {
+    fn new(rows: usize, cols: usize) -> Self {
+        Self { rows, cols, band: vec![], blocks: vec![] }
+    }
+
+    /// Rows and columns of a block. Sides must be multiples of 16; a raster smaller than a block has one just large enough.
+    pub(super) fn block(&self) -> (usize, usize) {
+        (BLOCK_PX.min(self.rows.next_multiple_of(16)), BLOCK_PX.min(self.cols.next_multiple_of(16)))
+    }
+}
+
+/// Full resolution first, each further level half as large (rounded up), until both sides fit one block.
+pub(super) fn levels(rows: usize, cols: usize) -> Vec<Level> {
+    let mut levels = vec![Level::new(rows, cols)];
+    while let Some(last) = levels.last().filter(|last| last.rows > BLOCK_PX || last.cols > BLOCK_PX) {
+        levels.push(Level::new(last.rows.div_ceil(2), last.cols.div_ceil(2)));
+    }
+    levels
+}
+
+/// Each 2 x 2 samples of `band` (rows of `cols`) become the mean of those that are valid, NaN where none is.
+pub(super) fn halve(band: &[f32], cols: usize) -> Vec<f32> {
+    let rows = band.len() / cols;
+    let mut out = Vec::with_capacity(rows.div_ceil(2) * cols.div_ceil(2));
+    for row in (0..rows).step_by(2) {
+        let pair = &band[row * cols..(row + 2).min(rows) * cols];
+        let (upper, lower) = pair.split_at(cols);
+        for col in (0..cols).step_by(2) {
+            let beside = col..(col + 2).min(cols);
+            let both = upper[beside.clone()].iter().chain(lower.get(beside).unwrap_or(&[]));
+            let (sum, count) =
+                both.filter(|v| v.is_finite()).fold((0.0_f64, 0), |(sum, count), &v| (sum + f64::from(v), count + 1));
+            out.push(if count == 0 { f32::NAN } else { (sum / f64::from(count)) as f32 });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_shrink_to_one_block() {
+        let sizes = |rows, cols| levels(rows, cols).iter().map(|l| (l.rows, l.cols)).collect::<Vec<_>>();
+        assert_eq!(sizes(512, 512), [(512, 512)]);
+        assert_eq!(sizes(513, 10), [(513, 10), (257, 5)]);
+        assert_eq!(sizes(50_000, 5_000).last(), Some(&(391, 40)));
+    }
+
+    #[test]
+    fn means_leave_gaps_out() {
+        let nan = f32::NAN;
+        let out = halve(&[1.0, 3.0, nan, 5.0, 7.0, nan, 2.0, nan, nan], 3);
+        // Rows of three: (1 3 nan), (5 7 nan), (2 nan nan).
+        assert_eq!(out[0], 4.0);
+        assert_eq!(out[2], 2.0);
+        assert!(out[1].is_nan() && out[3].is_nan() && out.len() == 4);
+    }
+}

@@ -1,0 +1,98 @@
+//! How a stored number becomes a sample.
+
+use super::super::GeoRef;
+use super::handle::Handle;
+use super::{LOWEST_VALID, metadata, tag};
+use crate::Result;
+use elunar_core::mask::is_real_i16;
+use tiff::decoder::DecodingResult;
+use tiff::tags::Tag;
+
+/// Nodata, scale and offset.
+pub(super) struct Rule {
+    nodata: Option<f64>,
+    /// As `f32` files hold it: the text may carry more digits.
+    nodata_f32: Option<f64>,
+    scale: f64,
+    offset: f64,
+    /// Unit of the samples handed out.
+    pub(super) unit: Option<String>,
+}
+
+impl Rule {
+    pub(super) fn of(file: &mut Handle, georef: Option<&GeoRef>) -> Result<Self> {
+        let nodata = match file.text(Tag::GdalNodata)? {
+            Some(text) if !text.trim().is_empty() => Some(number(file, "nodata tag 42113", &text)?),
+            _ => None,
+        };
+        let (mut scale, mut offset, mut unit) = (1.0, 0.0, None);
+        for item in metadata::parse(&file.text(tag::GDAL_METADATA)?.unwrap_or_default()) {
+            match item.role.as_str() {
+                "scale" => scale = number(file, "band scale", &item.text)?,
+                "offset" => offset = number(file, "band offset", &item.text)?,
+                "unittype" => unit = Some(item.text.trim().to_string()).filter(|unit| !unit.is_empty()),
+                _ => {}
+            }
+        }
+        let mut to_metres = match unit.as_deref().unwrap_or_default().to_lowercase().as_str() {
+            "km" | "kilometre" | "kilometer" | "kilometres" | "kilometers" => Some(1000.0),
+            "m" | "metre" | "meter" | "metres" | "meters" => Some(1.0),
+            _ => None,
+        };
+        if let Some(radius_m) = georef.and_then(|g| g.crs.sphere_radius_m()) {
+            let is_radius = |value: f64| (value - radius_m).abs() <= 1e-6 * radius_m;
+            // A radius in kilometres says the unit even where the unit is not stated.
+            if is_radius(offset * 1000.0) {
+                (offset, to_metres) = (0.0, Some(1000.0));
+            } else if is_radius(offset) {
+                (offset, to_metres) = (0.0, Some(to_metres.unwrap_or(1.0)));
+            }
+        }
+        if to_metres.is_some() {
+            unit = Some("m".into());
+        }
+        let (scale, offset) = (scale * to_metres.unwrap_or(1.0), offset * to_metres.unwrap_or(1.0));
+        Ok(Self { nodata, nodata_f32: nodata.map(|v| f64::from(v as f32)), scale, offset, unit })
+    }
+
+    /// All samples of a chunk; `None` for types no file of ours has.
+    pub(super) fn samples(&self, data: &DecodingResult) -> Option<Vec<f32>> {
+        Some(match data {
+            DecodingResult::U8(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
+            DecodingResult::I8(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
+            DecodingResult::U16(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
+            DecodingResult::I16(v) => {
+                v.iter().map(|&v| if is_real_i16(v) { self.whole(f64::from(v)) } else { f32::NAN }).collect()
+            }
+            DecodingResult::U32(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
+            DecodingResult::I32(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
+            DecodingResult::F16(v) => v.iter().map(|v| self.float(v.to_f64(), self.nodata)).collect(),
+            DecodingResult::F32(v) => v.iter().map(|&v| self.float(f64::from(v), self.nodata_f32)).collect(),
+            DecodingResult::F64(v) => v.iter().map(|&v| self.float(v, self.nodata)).collect(),
+            DecodingResult::U64(_) | DecodingResult::I64(_) => return None,
+        })
+    }
+
+    /// What a chunk that was never written holds: nodata, or zeros where none is stated, as GDAL has it.
+    pub(super) fn unwritten(&self) -> f32 {
+        if self.nodata.is_some() { f32::NAN } else { self.finish(0.0) }
+    }
+
+    fn whole(&self, value: f64) -> f32 {
+        if self.nodata == Some(value) { f32::NAN } else { self.finish(value) }
+    }
+
+    fn float(&self, value: f64, nodata: Option<f64>) -> f32 {
+        let valid = value.is_finite() && value > LOWEST_VALID && nodata != Some(value);
+        if valid { self.finish(value) } else { f32::NAN }
+    }
+
+    fn finish(&self, value: f64) -> f32 {
+        let sample = (value * self.scale + self.offset) as f32;
+        if sample.is_finite() { sample } else { f32::NAN }
+    }
+}
+
+fn number(file: &Handle, name: &str, text: &str) -> Result<f64> {
+    text.trim().parse().map_err(|_| file.broken(format!("{name} is {text:?}, a number expected")))
+}

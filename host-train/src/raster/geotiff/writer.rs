@@ -1,0 +1,280 @@
+//! A cloud-optimised GeoTIFF, written row by row.
+
+use super::super::GeoRef;
+use super::NODATA_TEXT;
+use super::block::Coding;
+use super::ifd::{Directory, Field, head};
+use super::metadata::{self, Item};
+use super::pyramid::{BLOCK_PX, Level, halve, levels};
+use super::write::{SampleType, WriteOptions};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a cloud-optimised GeoTIFF from top to bottom: blocks of 512 x 512, overviews by means of valid samples until the
+/// smallest fits one block, directories first, BigTIFF only for files beyond 4 GiB.
+///
+/// Memory holds two bands of 512 rows, whatever the height. Compressed blocks wait in a nameless temporary file beside the target
+/// (which therefore needs twice its size on the disk for a moment), and become the file in [`Writer::finish`]. Until then, and if
+/// anything fails or the program dies, there is no file at `path`, or the old one.
+#[derive(Debug)]
+pub struct Writer {
+    path: PathBuf,
+    georef: Option<GeoRef>,
+    options: WriteOptions,
+    coding: Coding,
+    levels: Vec<Level>,
+    spill: BufWriter<File>,
+    spilled_bytes: u64,
+    rows_given: usize,
+}
+
+impl Writer {
+    /// Starts a file of `rows` x `cols` pixels. The reference system's keys go out as they came in.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a side is 0 or beyond 2^31 - 1, or `path` is a folder; [`Error::Io`] if its folder cannot be written.
+    pub fn create(
+        path: &Path,
+        rows: usize,
+        cols: usize,
+        georef: Option<&GeoRef>,
+        options: &WriteOptions,
+    ) -> Result<Self> {
+        let most = i32::MAX as usize;
+        if rows == 0 || cols == 0 || rows > most || cols > most {
+            let what = format!("{}: sides of 1 to {most} pixels expected, {rows} x {cols} found", path.display());
+            return Err(Error::usage(what));
+        }
+        if path.is_dir() {
+            return Err(Error::usage(format!("{}: a file name expected, a folder found", path.display())));
+        }
+        let spill = BufWriter::new(tempfile::tempfile_in(folder(path)).map_err(Error::io(path))?);
+        let coding = Coding {
+            sample: options.sample,
+            compression: options.compression,
+            zero_is_nodata: options.zero_is_nodata && options.sample != SampleType::F32,
+        };
+        let (georef, options) = (georef.cloned(), options.clone());
+        let levels = levels(rows, cols);
+        Ok(Self { path: path.into(), georef, options, coding, levels, spill, spilled_bytes: 0, rows_given: 0 })
+    }
+
+    /// Takes the next rows, any number of whole ones; NaN is invalid.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the samples are no whole rows, more than the file has, or do not fit its integers; [`Error::Io`] if the
+    /// disk does not take them.
+    pub fn write_rows(&mut self, samples: &[f32]) -> Result<()> {
+        let (rows, cols) = (self.levels[0].rows, self.levels[0].cols);
+        let given = samples.len() / cols;
+        if !samples.len().is_multiple_of(cols) || given > rows - self.rows_given {
+            let (left, found) = (rows - self.rows_given, samples.len());
+            let what = format!(
+                "{}: whole rows of {cols} samples expected, {left} at the most, {found} samples found",
+                self.path.display()
+            );
+            return Err(Error::usage(what));
+        }
+        if given == 0 {
+            return Ok(());
+        }
+        self.check_range(samples)?;
+        self.rows_given += given;
+        self.push(0, samples, self.rows_given == rows).map_err(Error::io(&self.path))
+    }
+
+    /// Puts the file together and gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the name cannot be taken.
+    pub fn finish(mut self) -> Result<()> {
+        let rows = self.levels[0].rows;
+        if self.rows_given != rows {
+            let (path, given) = (self.path.display(), self.rows_given);
+            return Err(Error::usage(format!("{path}: {rows} rows expected, {given} given")));
+        }
+        let path = self.path.clone();
+        self.assemble().map_err(Error::io(&path))
+    }
+
+    fn assemble(&mut self) -> std::io::Result<()> {
+        self.spill.flush()?;
+        let mut builder = tempfile::Builder::new();
+        builder.suffix(".part");
+        // Readable as the user's umask says; a temporary file is private by default.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(folder(&self.path))?;
+        let mut out = BufWriter::with_capacity(1 << 20, file.as_file());
+        out.write_all(&self.head())?;
+        let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
+        // The smallest overview comes first, so that a first look at the file costs little.
+        for level in self.levels.iter().rev() {
+            for &(at, length) in &level.blocks {
+                let back = spill.stream_position()? as i64;
+                spill.seek_relative(at as i64 - back)?;
+                if std::io::copy(&mut spill.by_ref().take(length), &mut out)? != length {
+                    return Err(std::io::ErrorKind::UnexpectedEof.into());
+                }
+            }
+        }
+        out.flush()?;
+        drop(out);
+        file.as_file().sync_all()?;
+        file.persist(&self.path).map(drop).map_err(|e| e.error)
+    }
+
+    /// Adds rows to a level, writes its full bands, and hands their halves on to the next level.
+    fn push(&mut self, level: usize, samples: &[f32], last: bool) -> std::io::Result<()> {
+        let cols = self.levels[level].cols;
+        let full = BLOCK_PX * cols;
+        let mut rest = samples;
+        loop {
+            let band = &mut self.levels[level].band;
+            let (now, later) = rest.split_at(rest.len().min(full - band.len()));
+            band.extend_from_slice(now);
+            rest = later;
+            let ends = last && rest.is_empty();
+            if band.len() < full && !ends {
+                return Ok(());
+            }
+            let band = std::mem::take(band);
+            self.spill_band(level, &band)?;
+            if level + 1 < self.levels.len() {
+                self.push(level + 1, &halve(&band, cols), ends)?;
+            }
+            if ends {
+                return Ok(());
+            }
+            // The room is used again.
+            self.levels[level].band = band;
+            self.levels[level].band.clear();
+        }
+    }
+
+    fn spill_band(&mut self, level: usize, band: &[f32]) -> std::io::Result<()> {
+        let Self { levels, coding, spill, spilled_bytes, .. } = self;
+        let level = &mut levels[level];
+        let (block, cols) = (level.block(), level.cols);
+        let starts: Vec<usize> = (0..cols).step_by(block.1).collect();
+        let packed: Vec<Vec<u8>> =
+            starts.into_par_iter().map(|col| coding.encode(band, cols, col, block)).collect::<std::io::Result<_>>()?;
+        for bytes in packed {
+            spill.write_all(&bytes)?;
+            level.blocks.push((*spilled_bytes, bytes.len() as u64));
+            *spilled_bytes += bytes.len() as u64;
+        }
+        Ok(())
+    }
+
+    fn check_range(&self, samples: &[f32]) -> Result<()> {
+        let Some(highest) = self.options.sample.highest() else { return Ok(()) };
+        let fits =
+            |v: &f32| if v.is_finite() { (0.0..=highest).contains(&v.round()) } else { self.coding.zero_is_nodata };
+        match samples.iter().find(|v| !fits(v)) {
+            Some(v) => Err(Error::usage(format!(
+                "{}: samples within 0 and {highest} expected, {v} found",
+                self.path.display()
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// Header and directories, with the places of all blocks.
+    fn head(&self) -> Vec<u8> {
+        let mut images: Vec<Directory> = self.levels.iter().enumerate().map(|(i, l)| self.tags(l, i > 0)).collect();
+        // Offsets beyond 4 GiB need a BigTIFF; the head's length does not depend on them.
+        let big =
+            head(&images, false).len() as u64 + self.spilled_bytes > u64::from(u32::MAX) || self.options.force_big;
+        let mut at = head(&images, big).len() as u64;
+        for (image, level) in images.iter_mut().zip(&self.levels).rev() {
+            let place = |&(_, length): &(u64, u64)| {
+                at += length;
+                at - length
+            };
+            image.insert(324, Field::Offset(level.blocks.iter().map(place).collect()));
+        }
+        head(&images, big)
+    }
+
+    fn tags(&self, level: &Level, overview: bool) -> Directory {
+        let (block_rows, block_cols) = level.block();
+        let float = self.options.sample == SampleType::F32;
+        let short = |value: u16| Field::Short(vec![value]);
+        let long = |value: usize| Field::Long(vec![value as u32]);
+        let mut tags = Directory::from([
+            (256, long(level.cols)),
+            (257, long(level.rows)),
+            (258, short(8 * self.options.sample.bytes() as u16)),
+            (259, short(self.coding.compression_code())),
+            (262, short(1)),
+            (277, short(1)),
+            (284, short(1)),
+            (317, short(self.coding.predictor())),
+            (322, long(block_cols)),
+            (323, long(block_rows)),
+            (324, Field::Offset(vec![0; level.blocks.len()])),
+            (325, Field::Long(level.blocks.iter().map(|&(_, length)| length as u32).collect())),
+            (339, short(if float { 3 } else { 1 })),
+        ]);
+        if float {
+            tags.insert(42113, Field::Text(NODATA_TEXT.into()));
+        } else if self.coding.zero_is_nodata {
+            tags.insert(42113, Field::Text("0".into()));
+        }
+        if overview {
+            tags.insert(254, Field::Long(vec![1]));
+            return tags;
+        }
+        if let Some(georef) = &self.georef {
+            insert_georef(&mut tags, georef);
+        }
+        let items = items(&self.options);
+        if !items.is_empty() {
+            tags.insert(42112, Field::Text(metadata::format(&items)));
+        }
+        tags
+    }
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn insert_georef(tags: &mut Directory, georef: &GeoRef) {
+    let mut t = georef.transform;
+    if georef.crs.pixel_is_point() {
+        t[0] += 0.5 * (t[1] + t[2]);
+        t[3] += 0.5 * (t[4] + t[5]);
+    }
+    if t[1] > 0.0 && t[5] < 0.0 && t[2] == 0.0 && t[4] == 0.0 {
+        tags.insert(33550, Field::Double(vec![t[1], -t[5], 0.0]));
+        tags.insert(33922, Field::Double(vec![0.0, 0.0, 0.0, t[0], t[3], 0.0]));
+    } else {
+        let matrix = vec![t[1], t[2], 0.0, t[0], t[4], t[5], 0.0, t[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        tags.insert(34264, Field::Double(matrix));
+    }
+    let crs = &georef.crs;
+    if !crs.is_empty() {
+        tags.insert(34735, Field::Short(crs.directory.clone()));
+        if !crs.doubles.is_empty() {
+            tags.insert(34736, Field::Double(crs.doubles.clone()));
+        }
+        if !crs.ascii.is_empty() {
+            tags.insert(34737, Field::Text(crs.ascii.clone()));
+        }
+    }
+}
+
+fn items(options: &WriteOptions) -> Vec<Item> {
+    let free = |(name, text): &(String, String)| Item { name: name.clone(), role: String::new(), text: text.clone() };
+    let band =
+        |name: &str, role: &str, text: &String| Item { name: name.into(), role: role.into(), text: text.clone() };
+    let mut items: Vec<Item> = options.items.iter().map(free).collect();
+    items.extend(options.unit.iter().map(|unit| band("UNITTYPE", "unittype", unit)));
+    items.extend(options.description.iter().map(|text| band("DESCRIPTION", "description", text)));
+    items
+}
