@@ -1,10 +1,11 @@
-//! One 256x320 tile of the shipped `nano`: float network against int8 runner, in one run.
+//! One 256x320 tile of the shipped `nano`: float network against the int8 runner with every kernel this processor has, in one run.
 //!
 //! `cargo bench -p elunar-benches --bench tile_latency`
 
 #![allow(missing_docs)] // criterion's macros make undocumented functions
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use elunar_core::nn::kernels::Kernel;
 use host_train::model::backend::Backend;
 use host_train::predict::network::Model;
 use host_train::predict::{float, int8};
@@ -38,8 +39,10 @@ fn one(criterion: &mut Criterion, name: &str, model: &dyn Model) {
 fn tile_latency(criterion: &mut Criterion) {
     let float = float::open(&models().join("nano.safetensors"), Backend::Flex).expect("shipped float weights");
     one(criterion, "nano/float-flex", &float);
-    let int8 = int8::open(&models().join("nano.eld")).expect("shipped model file");
-    one(criterion, "nano/int8-scalar", &int8);
+    for kernel in Kernel::available() {
+        let int8 = int8::open(&models().join("nano.eld")).expect("shipped model file").with_kernel(kernel);
+        one(criterion, &format!("nano/int8-{}", kernel.name()), &int8);
+    }
 }
 
 criterion_group!(benches, tile_latency);

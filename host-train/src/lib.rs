@@ -2,7 +2,8 @@
 //!
 //! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`model`] is the float network,
 //! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene,
-//! [`mosaic`] joins the tiles, [`evaluate`] judges the result, [`picture`] shows it, [`demo`] does all of this once.
+//! [`mosaic`] joins the tiles, [`evaluate`] judges the result by a truth and [`lola`] by laser tracks, [`picture`] shows it, [`demo`]
+//! does all of this once. [`inspect`] says what a file is.
 
 pub mod cli;
 pub mod demo;
@@ -10,7 +11,9 @@ pub mod error;
 pub mod evaluate;
 pub mod export;
 pub mod illumination;
+pub mod inspect;
 pub mod interrupt;
+pub mod lola;
 pub mod model;
 pub mod mosaic;
 pub mod picture;

@@ -4,6 +4,7 @@ use super::arena::Arena;
 use super::crc::Crc32c;
 use super::error::RunError;
 use super::format::{NONE, Scrub};
+use super::kernels::Kernel;
 use super::model::Model;
 use super::ops::{conv, layer_norm, window_attention};
 use super::program::{Operator, Tensor};
@@ -57,6 +58,7 @@ enum State {
 /// A model with its working memory. One tile at a time: `begin`, `step` until done, `output`.
 #[derive(Debug)]
 pub struct Runner<'a, 'm> {
+    kernel: Kernel,
     model: Model<'a>,
     arena: Arena<'m>,
     state: State,
@@ -65,22 +67,31 @@ pub struct Runner<'a, 'm> {
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
-    /// Takes [`required`] bytes of `arena`; more do no harm, and no alignment is asked for.
+    /// Takes [`required`] bytes of `arena`; more do no harm, and no alignment is asked for. Computes with the fastest kernel
+    /// this processor runs ([`Kernel::best`]).
     ///
     /// # Errors
     /// [`RunError::ArenaTooSmall`].
     pub fn new(model: Model<'a>, arena: &'m mut [u8]) -> Result<Self, RunError> {
+        Self::with_kernel(Kernel::best(), model, arena)
+    }
+
+    /// As [`Self::new`], with a kernel of the caller's choice: the results are the same bytes.
+    ///
+    /// # Errors
+    /// [`RunError::ArenaTooSmall`].
+    pub fn with_kernel(kernel: Kernel, model: Model<'a>, arena: &'m mut [u8]) -> Result<Self, RunError> {
         let (required, found) = (required(&model), arena.len());
         if found < required {
             return Err(RunError::ArenaTooSmall { required, found });
         }
         let arena = Arena::new(arena, model.scratch_offset(), model.scratch_bytes());
-        Ok(Self { model, arena, state: State::Idle, scrub: Scrub::default(), telemetry: Telemetry::default() })
+        Ok(Self { kernel, model, arena, state: State::Idle, scrub: Scrub::default(), telemetry: Telemetry::default() })
     }
 
     /// Name of the kernel that does the dot products.
     pub fn kernel(&self) -> &'static str {
-        super::kernels::scalar::NAME
+        self.kernel.name()
     }
 
     /// The model.
@@ -174,9 +185,9 @@ impl<'a, 'm> Runner<'a, 'm> {
 
     fn run_unit(&mut self, operator: &Operator, unit: usize) -> u64 {
         match operator {
-            Operator::Conv(op) => conv::run(&self.model, op, &mut self.arena, unit),
+            Operator::Conv(op) => conv::run(&self.kernel, &self.model, op, &mut self.arena, unit),
             Operator::LayerNorm(op) => layer_norm::run(&self.model, op, &mut self.arena, unit),
-            Operator::Attention(op) => window_attention::run(&self.model, op, &mut self.arena, unit),
+            Operator::Attention(op) => window_attention::run(&self.kernel, &self.model, op, &mut self.arena, unit),
         }
     }
 

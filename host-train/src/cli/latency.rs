@@ -4,6 +4,7 @@ use crate::model::backend::Backend;
 use crate::predict::network::Model as _;
 use crate::predict::{float, int8};
 use crate::{Error, Result};
+use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{self, Progress, Runner, required};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -21,6 +22,9 @@ pub struct Args {
     /// Seconds to measure for.
     #[arg(long, default_value_t = 3.0)]
     pub seconds: f64,
+    /// Kernel of the int8 runner [default: the fastest this processor runs].
+    #[arg(long, value_name = "NAME")]
+    pub kernel: Option<String>,
     /// Backend of a float network.
     #[arg(long, default_value = "flex")]
     pub backend: Backend,
@@ -50,15 +54,24 @@ pub fn run(args: Args) -> Result<()> {
         let (tiles, wall) = on_threads(args.threads, || measure_float(&model, duration))?;
         (facts, tiles, wall)
     } else {
-        let opened = int8::open(&args.model)?;
+        let (opened, kernel) = (int8::open(&args.model)?, kernel(args.kernel.as_deref())?);
         let model = opened.model();
-        let kernel = nn::kernels::scalar::NAME.to_string();
-        let facts = Facts { kernel, macs: Some(model.macs()), arena_bytes: Some(required(&model)) };
-        let (tiles, wall) = on_threads(args.threads, || measure_int8(model, duration))?;
+        let facts =
+            Facts { kernel: kernel.name().into(), macs: Some(model.macs()), arena_bytes: Some(required(&model)) };
+        let (tiles, wall) = on_threads(args.threads, || measure_int8(kernel, model, duration))?;
         (facts, tiles, wall)
     };
     print(&args, &facts, &tiles_s, wall_s);
     Ok(())
+}
+
+/// The kernel of that name, or the fastest.
+fn kernel(name: Option<&str>) -> Result<Kernel> {
+    let Some(name) = name else { return Ok(Kernel::best()) };
+    Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
+        Error::usage(format!("--kernel: expected one of {}, found {name}", names.join(", ")))
+    })
 }
 
 /// Seconds of every tile, sorted, and of the whole measurement.
@@ -115,10 +128,10 @@ fn measure_float(model: &float::FloatModel, duration: Duration) -> Result<Vec<f6
 }
 
 /// Seconds of each tile: the built-in self-test tile over and over, checked each time.
-fn measure_int8(model: nn::Model<'_>, duration: Duration) -> Result<Vec<f64>> {
+fn measure_int8(kernel: Kernel, model: nn::Model<'_>, duration: Duration) -> Result<Vec<f64>> {
     let fault = |e: nn::RunError| Error::usage(format!("latency: {e}"));
     let mut arena = vec![0; required(&model)];
-    let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
+    let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;
     let (mut tiles, start) = (Vec::new(), Instant::now());
     while tiles.is_empty() || start.elapsed() < duration {
         let tile = Instant::now();

@@ -7,6 +7,7 @@ pub mod export;
 pub mod init;
 pub mod inspect;
 pub mod latency;
+pub mod lola;
 pub mod predict;
 pub mod synth;
 pub mod train;
@@ -42,7 +43,9 @@ pub enum Command {
     Predict(predict::Args),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
-    /// Say what a model or weights file holds.
+    /// Shift laser altimeter tracks over a DTM and say how well they fit.
+    Lola(lola::Args),
+    /// Say what a file is understood as: raster, label, track, model or weights.
     Inspect(inspect::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
@@ -63,6 +66,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Lola(args)) => lola::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Latency(args)) => latency::run(args),
     }

@@ -3,6 +3,7 @@
 use super::network::{Model, Normalisation, TileNetwork};
 use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
+use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{self, Progress, Runner, TruthRange, required};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -12,6 +13,7 @@ const STEP_MACS: u64 = 1 << 28;
 
 /// A validated `.eld` file in memory.
 pub struct Int8Model {
+    kernel: Kernel,
     bytes: Vec<u8>,
     description: String,
 }
@@ -25,10 +27,22 @@ pub fn open(path: &Path) -> Result<Int8Model> {
     nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
     let hash: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    Ok(Int8Model { bytes, description: format!("int8 network {name} sha256:{hash}") })
+    Ok(Int8Model { kernel: Kernel::best(), bytes, description: format!("int8 network {name} sha256:{hash}") })
 }
 
 impl Int8Model {
+    /// The same model computed by a kernel of the caller's choice instead of the fastest: same results, other speed.
+    #[must_use]
+    pub fn with_kernel(self, kernel: Kernel) -> Self {
+        Self { kernel, ..self }
+    }
+
+    /// What computes it.
+    #[must_use]
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
     /// The validated model.
     ///
     /// # Panics
@@ -62,11 +76,12 @@ impl Model for Int8Model {
 
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
         let model = self.model();
-        Ok(Box::new(Worker { model, arena: vec![0; required(&model)] }))
+        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model)] }))
     }
 }
 
 struct Worker<'a> {
+    kernel: Kernel,
     model: nn::Model<'a>,
     arena: Vec<u8>,
 }
@@ -74,7 +89,7 @@ struct Worker<'a> {
 impl TileNetwork for Worker<'_> {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
         let fault = |e: nn::RunError| Error::usage(format!("int8 network: {e}"));
-        let mut runner = Runner::new(self.model, &mut self.arena).map_err(fault)?;
+        let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena).map_err(fault)?;
         runner.begin(image, coarse).map_err(fault)?;
         while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}
         runner.output(output).map_err(fault)

@@ -1,9 +1,13 @@
 //! Rasters with a place on a sphere, and the files they live in.
 
 pub mod align;
+mod binary;
 mod crs;
+pub mod format;
 mod georef;
 pub mod geotiff;
+pub mod npy;
+pub mod pds3;
 mod projection;
 pub mod resample;
 pub mod scaled;

@@ -1,6 +1,7 @@
 //! Rasters read on demand, window by window: a strip of 5,000 x 50,000 pixels is never whole in memory.
 
-use super::{GeoRef, Raster, geotiff};
+use super::format::{Format, describe};
+use super::{GeoRef, Raster, geotiff, npy, pds3};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::Path;
@@ -33,13 +34,38 @@ pub trait Source: Send + Sync {
     fn read(&self, window: Window) -> Result<Vec<f32>>;
 }
 
-/// Opens a raster file of any format known here; the content decides, not the name.
+/// Opens a raster file of any format known here; the content decides, not the name. A PDS3 image may be named by its label or, where
+/// a label lies beside it, by the image file itself.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for formats and
-/// variants unknown here.
+/// variants unknown here, with the command that converts them where there is one.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
-    geotiff::open(path)
+    match Format::of(path)? {
+        Format::Tiff => geotiff::open(path),
+        Format::Pds3 => pds3::open(path),
+        Format::Npy => npy::open(path),
+        Format::Convertible(what) => {
+            let name = path.display();
+            let what = format!("{what}; convert it first: gdal_translate -of GTiff {name} {name}.tif");
+            Err(Error::unsupported(path, what))
+        }
+        Format::Unknown(head) => match pds3::label_beside(path)? {
+            Some(label) => pds3::open(&label),
+            None => {
+                let what = "a GeoTIFF, a PDS3 label or image, or a .npy array expected";
+                Err(Error::unsupported(path, format!("{what}, found {} and no PDS3 label beside it", describe(&head))))
+            }
+        },
+    }
+}
+
+/// All of a file at once.
+///
+/// # Errors
+/// As [`open`] and [`Source::read`].
+pub fn read(path: &Path) -> Result<Raster> {
+    read_all(open(path)?.as_ref())
 }
 
 /// All of a source at once.

@@ -6,17 +6,14 @@
 
 use super::saturate;
 use crate::nn::arena::{Arena, Sample};
-use crate::nn::kernels::{CHANNEL_GROUP, Le16, scalar};
+use crate::nn::kernels::{CHANNEL_GROUP, Kernel, Le16, PIXELS, Sums};
 use crate::nn::model::{ConvShape, Model};
 use crate::nn::program::{Conv, Dtype, Source, Tensor};
 use crate::quant::lut::CODE_TABLE_LEN;
 use crate::quant::round_shift;
 
-/// Pixels computed together.
-const PIXELS: usize = 4;
-
 /// Runs unit `unit` (row-major over output rows and channel groups).
-pub(crate) fn run(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, unit: usize) -> u64 {
+pub(crate) fn run(kernel: &Kernel, model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, unit: usize) -> u64 {
     let out = model.tensor(conv.out);
     let shape = model.conv_shape(conv);
     let groups = out.channels.div_ceil(CHANNEL_GROUP);
@@ -28,48 +25,63 @@ pub(crate) fn run(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, unit: u
             fill_row(model, conv, &shape, arena, padded_row);
         }
     }
-    let channels = group * CHANNEL_GROUP..out.channels.min((group + 1) * CHANNEL_GROUP);
-    let mut saturated = 0;
-    for channel in channels {
-        saturated += run_channel(model, conv, &shape, arena, &out, row, channel);
+    let first = group * CHANNEL_GROUP;
+    let job = Row { model, conv, shape: &shape, out: &out, row };
+    if out.channels - first >= CHANNEL_GROUP {
+        return job.run(arena, first, |sums: &mut Sums, x, w| (kernel.group)(sums, x, w));
     }
-    saturated
+    let single = |channel| job.run(arena, channel, |[sums]: &mut [_; 1], x, [w]| (kernel.single)(sums, x, w));
+    (first..out.channels).map(single).sum()
 }
 
-fn run_channel(
-    model: &Model<'_>,
-    conv: &Conv,
-    shape: &ConvShape,
-    arena: &mut Arena<'_>,
-    out: &Tensor,
+/// One output row of a convolution.
+struct Row<'a, 'm> {
+    model: &'a Model<'m>,
+    conv: &'a Conv,
+    shape: &'a ConvShape,
+    out: &'a Tensor,
     row: usize,
-    channel: usize,
-) -> u64 {
-    let size = conv.kernel_rows * shape.segment;
-    let weights = model.constants(conv.weights + channel * size, size);
-    let finish = Finish::new(model, conv, out, channel);
-    let mut saturated = 0;
-    let mut col = 0;
-    while col < out.cols {
-        // At the end of a row the last block steps back; its first pixels are computed twice and stored once.
-        let start = col.min(out.cols.saturating_sub(PIXELS));
-        let mut sums = [finish.bias; PIXELS];
-        for (k, w) in weights.chunks_exact(shape.segment).enumerate() {
-            let slot = (row * conv.stride + k) % conv.kernel_rows * shape.row_samples;
-            let stretch = |p: usize| {
-                let x = slot + (start + p).min(out.cols - 1) * conv.stride * shape.in_channels;
-                &arena.scratch[x..x + shape.segment]
-            };
-            scalar::multiply_add(&mut sums, core::array::from_fn(stretch), w);
+}
+
+impl Row<'_, '_> {
+    /// `C` channels from `first` on, their sums made by `add`.
+    #[inline(always)]
+    fn run<const C: usize>(
+        &self,
+        arena: &mut Arena<'_>,
+        first: usize,
+        add: impl Fn(&mut [[i32; PIXELS]; C], [&[Le16]; PIXELS], [&[u8]; C]),
+    ) -> u64 {
+        let Self { model, conv, shape, out, row } = *self;
+        let size = conv.kernel_rows * shape.segment;
+        let weights = model.constants(conv.weights + first * size, C * size);
+        let finish: [Finish<'_>; C] = core::array::from_fn(|c| Finish::new(model, conv, out, first + c));
+        let mut saturated = 0;
+        let mut col = 0;
+        while col < out.cols {
+            // At the end of a row the last block steps back; its first pixels are computed twice and stored once.
+            let start = col.min(out.cols.saturating_sub(PIXELS));
+            let mut sums = finish.each_ref().map(|finish| [finish.bias; PIXELS]);
+            for k in 0..conv.kernel_rows {
+                let slot = (row * conv.stride + k) % conv.kernel_rows * shape.row_samples;
+                let stretch = |p: usize| {
+                    let x = slot + (start + p).min(out.cols - 1) * conv.stride * shape.in_channels;
+                    &arena.scratch[x..x + shape.segment]
+                };
+                let weights = |c: usize| &weights[c * size + k * shape.segment..][..shape.segment];
+                add(&mut sums, core::array::from_fn(stretch), core::array::from_fn(weights));
+            }
+            let end = out.cols.min(start + PIXELS);
+            for pixel in col..end {
+                let index = (row * out.cols + pixel) * out.channels + first;
+                for (c, finish) in finish.iter().enumerate() {
+                    saturated += finish.store(arena, out, index + c, sums[c][pixel - start]) as u64;
+                }
+            }
+            col = end;
         }
-        let end = out.cols.min(start + PIXELS);
-        for pixel in col..end {
-            let index = (row * out.cols + pixel) * out.channels + channel;
-            saturated += finish.store(arena, out, index, sums[pixel - start]) as u64;
-        }
-        col = end;
+        saturated
     }
-    saturated
 }
 
 /// What turns one output channel's accumulator into its stored sample.

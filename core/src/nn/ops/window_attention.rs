@@ -6,7 +6,7 @@
 
 use super::saturate;
 use crate::nn::arena::{Arena, value};
-use crate::nn::kernels::{Le16, padded, scalar};
+use crate::nn::kernels::{Kernel, Le16, padded};
 use crate::nn::model::{MAX_WINDOW, Model};
 use crate::nn::program::{Attention, Tensor};
 use crate::quant::lut::exp_lookup;
@@ -82,22 +82,21 @@ impl<'s> Scratch<'s> {
 }
 
 /// Runs unit `unit` (windows row-major, heads fastest).
-pub(crate) fn run(model: &Model<'_>, a: &Attention, arena: &mut Arena<'_>, unit: usize) -> u64 {
+pub(crate) fn run(kernel: &Kernel, model: &Model<'_>, a: &Attention, arena: &mut Arena<'_>, unit: usize) -> u64 {
     let out = model.tensor(a.out);
     let (window, head) = (Window::new(a, &out, unit / a.heads), unit % a.heads);
     let (tokens, channels) = (a.window * a.window, out.channels / a.heads);
     gather(model, a, arena, &window, head);
-    let exp_table = model.constants(a.exp_table, 2 * a.exp_len).as_chunks().0;
     let multiplier = model.constant_i32(a.multipliers, head) as i64;
     let mut saturated = 0;
     for query in 0..tokens {
         let Some(pixel) = window.pixel(query) else { continue };
         let mut s = Scratch::new(arena.scratch, tokens, channels);
-        let sum = exponentials(model, a, &window, head, query, &mut s, exp_table);
+        let sum = exponentials(kernel, model, a, &window, head, query, &mut s);
         let reciprocal = (1i64 << RECIPROCAL_BITS) / sum;
         for channel in 0..channels {
             let s = Scratch::new(arena.scratch, tokens, channels);
-            let weighted = scalar::dot(s.exp, &s.v[channel * padded(tokens)..(channel + 1) * padded(tokens)]);
+            let weighted = (kernel.dot)(s.exp, &s.v[channel * padded(tokens)..(channel + 1) * padded(tokens)]);
             let mean = round_shift(weighted as i64 * reciprocal, RECIPROCAL_BITS - FRACTION_BITS);
             let (code, cut) = saturate(round_shift(mean * multiplier, a.shift), &out);
             arena.store(&out, pixel * out.channels + head * channels + channel, code);
@@ -136,14 +135,15 @@ fn gather(model: &Model<'_>, a: &Attention, arena: &mut Arena<'_>, window: &Wind
 
 /// Fills the row of exponentials of one query; returns their sum, which is at least the table's first entry.
 fn exponentials(
+    kernel: &Kernel,
     model: &Model<'_>,
     a: &Attention,
     window: &Window,
     head: usize,
     query: usize,
     s: &mut Scratch<'_>,
-    table: &[Le16],
 ) -> i64 {
+    let table = model.constants(a.exp_table, 2 * a.exp_len).as_chunks().0;
     let (tokens, side) = (a.window * a.window, 2 * a.window - 1);
     let width = s.q.len() / tokens;
     let multiplier = model.constant_i32(a.logit_multipliers, head) as i64;
@@ -155,7 +155,7 @@ fn exponentials(
         if window.region(key) != region {
             continue;
         }
-        let acc = scalar::dot(q, &s.k[key * width..(key + 1) * width]) as i64;
+        let acc = (kernel.dot)(q, &s.k[key * width..(key + 1) * width]) as i64;
         let product = round_shift(acc * multiplier, a.logit_shift).clamp(-LOGIT_LIMIT, LOGIT_LIMIT) as i32;
         let (down, across) = (query / a.window + a.window - 1, query % a.window + a.window - 1);
         let index = (down - key / a.window) * side + across - key % a.window;

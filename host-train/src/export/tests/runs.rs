@@ -3,6 +3,7 @@
 use super::super::compile::Precision;
 use super::{CalibrationTile, random_export, small_config};
 use crate::model::config::{Head, NetConfig};
+use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, Progress, RunError, Runner, required};
 
 /// One tile with steps of `budget_macs`, in an arena full of rubbish.
@@ -26,6 +27,25 @@ fn every_step_budget_gives_the_same_bytes() {
     assert!(whole.iter().any(|v| *v != whole[0]), "a constant output proves nothing");
     for budget in [0, 1, 777, 50_000, 3_000_000] {
         assert!(run(&made.bytes, &tile, budget) == whole, "budget {budget}");
+    }
+}
+
+#[test]
+fn every_kernel_gives_the_same_bytes() {
+    for (tile, precision, seed) in [((64, 96), Precision::Mixed, 13), ((32, 64), Precision::Int8, 14)] {
+        let (made, tile) = random_export(&small_config(), tile, precision, seed);
+        let model = Model::new(&made.bytes).unwrap();
+        let mut arena = vec![0; required(&model)];
+        let mut crc = |kernel| {
+            let mut runner = Runner::with_kernel(kernel, model, &mut arena).unwrap();
+            runner.begin(&tile.image, &tile.coarse).unwrap();
+            while runner.step(1 << 20).unwrap() == Progress::Running {}
+            (runner.output_crc().unwrap(), runner.telemetry())
+        };
+        let expected = crc(Kernel::SCALAR);
+        for kernel in Kernel::available() {
+            assert_eq!(crc(kernel), expected, "{kernel:?}");
+        }
     }
 }
 

@@ -1,0 +1,55 @@
+//! Which kernels this processor runs: the one place that asks it.
+
+use super::Kernel;
+
+/// The kernels at hand, fastest first.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn fastest_first() -> [Option<Kernel>; 3] {
+    let has = Features::of_this_processor();
+    [
+        has.avx512_vnni.then_some(super::x86_avx512::KERNEL),
+        has.avx2.then_some(super::x86_avx2::KERNEL),
+        Some(Kernel::SCALAR),
+    ]
+}
+
+/// The kernels at hand, fastest first.
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) fn fastest_first() -> [Option<Kernel>; 1] {
+    [Some(Kernel::SCALAR)]
+}
+
+/// What the processor offers and the operating system saves on a task switch.
+#[cfg(target_arch = "x86_64")]
+struct Features {
+    avx2: bool,
+    /// AVX-512 F, BW, VL and VNNI.
+    avx512_vnni: bool,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Features {
+    #[allow(unsafe_code)]
+    fn of_this_processor() -> Self {
+        use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
+        const OSXSAVE_AND_AVX: u32 = 1 << 27 | 1 << 28;
+        const AVX2: u32 = 1 << 5;
+        const AVX512_F_BW_VL: u32 = 1 << 16 | 1 << 30 | 1 << 31;
+        const AVX512_VNNI: u32 = 1 << 11;
+        // State components: SSE and AVX; the same with the three of AVX-512.
+        const AVX_STATE: u64 = 0b110;
+        const AVX512_STATE: u64 = 0b1110_0110;
+        let all = |value: u32, bits: u32| value & bits == bits;
+        if __cpuid(0).eax < 7 || !all(__cpuid(1).ecx, OSXSAVE_AND_AVX) {
+            return Self { avx2: false, avx512_vnni: false };
+        }
+        // SAFETY: OSXSAVE says that the instruction exists and the operating system allows it.
+        let state = unsafe { _xgetbv(0) };
+        let found = __cpuid_count(7, 0);
+        let saves = |bits: u64| state & bits == bits;
+        Self {
+            avx2: saves(AVX_STATE) && all(found.ebx, AVX2),
+            avx512_vnni: saves(AVX512_STATE) && all(found.ebx, AVX512_F_BW_VL) && all(found.ecx, AVX512_VNNI),
+        }
+    }
+}

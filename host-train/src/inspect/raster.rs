@@ -1,0 +1,58 @@
+//! A raster in words.
+
+use crate::Result;
+use crate::raster::source::{Info, Source};
+use crate::raster::{GeoRef, Projection};
+use elunar_core::tile::Window;
+
+/// Larger rasters are sampled: whole rows at even distances.
+const MOST_SAMPLES: usize = 1 << 22;
+
+pub(super) fn describe(source: &dyn Source) -> Result<String> {
+    let Info { rows, cols, georef, unit, format } = source.info();
+    let mut text = format!("raster of {rows} x {cols} pixels (rows x columns)\nformat: {format}\n");
+    text += &format!("unit: {}\n", unit.as_deref().unwrap_or("not stated"));
+    text += &match georef {
+        Some(georef) => place(georef, *rows, *cols),
+        None => "place: none\n".into(),
+    };
+    Ok(text + &values(source)?)
+}
+
+fn place(georef: &GeoRef, rows: usize, cols: usize) -> String {
+    let mut text = format!("reference system: {}\n", georef.crs.summary());
+    if let Some((row_m, col_m)) = georef.pixel_m(rows, cols) {
+        text += &format!("pixel: {row_m:.6} x {col_m:.6} m (rows x columns)\n");
+    }
+    let (x0, y0) = georef.centre(-0.5, -0.5);
+    let (x1, y1) = georef.centre(rows as f64 - 0.5, cols as f64 - 0.5);
+    text += &format!("corners: ({x0:.6}, {y0:.6}) to ({x1:.6}, {y1:.6})\n");
+    if let Some(projection) = Projection::of(&georef.crs) {
+        let (x, y) = georef.centre((rows as f64 - 1.0) / 2.0, (cols as f64 - 1.0) / 2.0);
+        let (lon_deg, lat_deg) = projection.inverse(x, y);
+        text += &format!("centre: longitude {lon_deg:.6}, latitude {lat_deg:.6} deg\n");
+    }
+    text
+}
+
+/// Range and valid share of all samples, or of rows at even distances.
+fn values(source: &dyn Source) -> Result<String> {
+    let &Info { rows, cols, .. } = source.info();
+    let looked_at = (MOST_SAMPLES / cols.max(1)).clamp(1, rows.max(1));
+    let (mut valid, mut low, mut high) = (0usize, f32::INFINITY, f32::NEG_INFINITY);
+    for index in 0..looked_at {
+        // Every row, or rows at the middle of as many equal parts.
+        let row = (2 * index + 1) * rows / (2 * looked_at);
+        for value in source.read(Window { row, col: 0, rows: 1, cols })? {
+            if value.is_finite() {
+                (valid, low, high) = (valid + 1, low.min(value), high.max(value));
+            }
+        }
+    }
+    let share = 100.0 * valid as f64 / (looked_at * cols).max(1) as f64;
+    let of = if looked_at == rows { "all samples".into() } else { format!("{looked_at} of {rows} rows") };
+    Ok(match valid {
+        0 => format!("values: none valid in {of}"),
+        _ => format!("values: {low} to {high}, {share:.2} % valid, in {of}"),
+    })
+}

@@ -1,0 +1,170 @@
+//! Raw samples in a file, row after row: what PDS3 images and `.npy` files hold behind their headers.
+
+use super::source::{Info, Source, check_window};
+use crate::{Error, Result};
+use elunar_core::mask::{FLOAT_SPECIAL_MAX, is_real_i16};
+use elunar_core::tile::Window;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// How one sample is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sample {
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    F32,
+    F64,
+}
+
+impl Sample {
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_float(self) -> bool {
+        matches!(self, Self::F32 | Self::F64)
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "u8",
+            Self::I8 => "i8",
+            Self::U16 => "u16",
+            Self::I16 => "i16",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+}
+
+/// Where the samples lie in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) sample: Sample,
+    pub(super) big_endian: bool,
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    /// First byte of the first sample.
+    pub(super) start: u64,
+    /// Bytes from one row's first sample to the next row's.
+    pub(super) row_bytes: u64,
+}
+
+impl Layout {
+    /// First byte behind the last sample; `None` beyond 2^64.
+    pub(super) fn end(&self) -> Option<u64> {
+        let last = (self.rows as u64).checked_sub(1)?.checked_mul(self.row_bytes)?;
+        let row = (self.cols as u64).checked_mul(self.sample.bytes() as u64)?;
+        self.start.checked_add(last)?.checked_add(row)
+    }
+}
+
+/// What the stored numbers mean.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Meaning {
+    /// Stored numbers that stand for "no measurement", beyond those every file has.
+    pub(super) missing: Vec<f64>,
+    /// Sample = stored * scale + offset.
+    pub(super) scale: f64,
+    pub(super) offset: f64,
+}
+
+impl Default for Meaning {
+    fn default() -> Self {
+        Self { missing: Vec::new(), scale: 1.0, offset: 0.0 }
+    }
+}
+
+impl Meaning {
+    fn apply(&self, stored: f64) -> f32 {
+        if self.missing.contains(&stored) {
+            return f32::NAN;
+        }
+        let sample = (stored * self.scale + self.offset) as f32;
+        if sample.is_finite() { sample } else { f32::NAN }
+    }
+
+    /// Floats are special at or below [`FLOAT_SPECIAL_MAX`], as everywhere.
+    pub(super) fn apply_float(&self, stored: f64) -> f32 {
+        if stored > f64::from(FLOAT_SPECIAL_MAX) { self.apply(stored) } else { f32::NAN }
+    }
+}
+
+/// A file of raw samples, open for reading.
+#[derive(Debug)]
+pub(super) struct Binary {
+    path: PathBuf,
+    file: Mutex<File>,
+    layout: Layout,
+    meaning: Meaning,
+    info: Info,
+}
+
+impl Binary {
+    /// Takes a file that is known to be long enough for `layout`.
+    pub(super) fn new(path: PathBuf, file: File, layout: Layout, meaning: Meaning, info: Info) -> Self {
+        Self { path, file: Mutex::new(file), layout, meaning, info }
+    }
+
+    fn convert(&self, bytes: &[u8], out: &mut Vec<f32>) {
+        let meaning = &self.meaning;
+        /// Reads every group of bytes as one number.
+        macro_rules! each {
+            ($kind:ty, $convert:expr) => {{
+                let groups = bytes.as_chunks::<{ size_of::<$kind>() }>().0.iter();
+                if self.layout.big_endian {
+                    out.extend(groups.map(|&b| $convert(<$kind>::from_be_bytes(b))));
+                } else {
+                    out.extend(groups.map(|&b| $convert(<$kind>::from_le_bytes(b))));
+                }
+            }};
+        }
+        match self.layout.sample {
+            Sample::U8 => each!(u8, |v| meaning.apply(f64::from(v))),
+            Sample::I8 => each!(i8, |v| meaning.apply(f64::from(v))),
+            Sample::U16 => each!(u16, |v| meaning.apply(f64::from(v))),
+            Sample::I16 => each!(i16, |v| if is_real_i16(v) { meaning.apply(f64::from(v)) } else { f32::NAN }),
+            Sample::U32 => each!(u32, |v| meaning.apply(f64::from(v))),
+            Sample::I32 => each!(i32, |v| meaning.apply(f64::from(v))),
+            Sample::F32 => each!(f32, |v| meaning.apply_float(f64::from(v))),
+            Sample::F64 => each!(f64, |v| meaning.apply_float(v)),
+        }
+    }
+}
+
+impl Source for Binary {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        let Layout { rows, cols, sample, start, row_bytes, .. } = self.layout;
+        check_window(window, rows, cols)?;
+        let mut out = Vec::with_capacity(window.rows * window.cols);
+        if window.rows == 0 || window.cols == 0 {
+            return Ok(out);
+        }
+        let mut line = vec![0; window.cols * sample.bytes()];
+        // A reader that panicked leaves nothing half done here: every read seeks first.
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        for row in window.row..window.row + window.rows {
+            let at = start + row as u64 * row_bytes + (window.col * sample.bytes()) as u64;
+            file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut line)).map_err(Error::io(&self.path))?;
+            self.convert(&line, &mut out);
+        }
+        Ok(out)
+    }
+}

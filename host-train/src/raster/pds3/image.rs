@@ -1,0 +1,345 @@
+//! From a label to the image it describes.
+
+use super::super::binary::{Binary, Layout, Meaning, Sample};
+use super::super::source::{Info, Source};
+use super::super::{GeoRef, geotiff};
+use super::label::Block;
+use super::pointer::{Found, Pointer, resolve};
+use super::units::{self, Radius};
+use super::value::{Kind, Value};
+use super::{Defect, one_line, place, read_label};
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Why a label is not followed: it contradicts itself, or it describes something not read here.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Refusal {
+    Broken(Defect),
+    Unsupported(String),
+}
+
+impl From<Defect> for Refusal {
+    fn from(defect: Defect) -> Self {
+        Self::Broken(defect)
+    }
+}
+
+impl Refusal {
+    fn of(self, path: &Path) -> Error {
+        match self {
+            Self::Broken(defect) => defect.of(path),
+            Self::Unsupported(what) => Error::unsupported(path, one_line(&what)),
+        }
+    }
+}
+
+/// What a label says about its image.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Description {
+    /// File that holds the samples; `None` for the label's own.
+    pub(super) file: Option<String>,
+    pub(super) layout: Layout,
+    pub(super) meaning: Meaning,
+    pub(super) unit: Option<String>,
+    pub(super) georef: Option<GeoRef>,
+    /// Bytes of a record, 1 where there are none.
+    record_bytes: u64,
+    /// First bytes of everything else the label points at in the image's file.
+    others: Vec<u64>,
+}
+
+/// Opens the image that the label at `path` describes, attached or detached.
+///
+/// Samples are stored number * SCALING_FACTOR + OFFSET, kilometres turned into metres; an OFFSET equal to the radius of the sphere is
+/// not added, since heights here are above the sphere. Samples are NaN where they equal a constant the label sets apart
+/// (MISSING_CONSTANT, CORE_NULL and their kin), are not finite, or are special pixels: at or below -3.4e38 in real samples, at or below
+/// -32764 in signed 16-bit ones. If the label points at a TIFF, that is read as a TIFF, and the label adds what it does not say.
+///
+/// # Errors
+/// [`Error::Io`] if a file cannot be read; [`Error::Broken`] for defects of the label, and if label and file disagree in size;
+/// [`Error::Unsupported`] for several bands, packed images, VAX reals and map projections unknown here; [`Error::Usage`] if the file the label names is
+/// not there.
+pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    let label = read_label(path)?;
+    let description = describe(&label).map_err(|refusal| refusal.of(path))?;
+    let data = match &description.file {
+        Some(name) => resolve(path, name)?,
+        None => path.to_path_buf(),
+    };
+    let mut file = File::open(&data).map_err(Error::io(&data))?;
+    let mut head = [0; 4];
+    let is_tiff = file.read_exact(&mut head).is_ok() && geotiff_magic(head);
+    if is_tiff && description.file.is_some() {
+        return Ok(Box::new(Relabelled::new(path, &data, description)?));
+    }
+    let file_bytes = file.metadata().map_err(Error::io(&data))?.len();
+    description.check_size(path, &data, file_bytes)?;
+    let Description { file: named, layout, meaning, unit, georef, .. } = description;
+    let order = match (layout.sample.bytes(), layout.big_endian) {
+        (1, _) => "",
+        (_, true) => " big-endian",
+        (_, false) => " little-endian",
+    };
+    let kind = if named.is_some() { "detached" } else { "attached" };
+    let format = format!("PDS3, {}{order}, {kind} label", layout.sample.name());
+    let info = Info { rows: layout.rows, cols: layout.cols, georef, unit, format };
+    Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
+}
+
+fn geotiff_magic(head: [u8; 4]) -> bool {
+    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].contains(&&head)
+}
+
+impl Description {
+    fn check_size(&self, label: &Path, data: &Path, file_bytes: u64) -> Result<()> {
+        let Layout { rows, cols, sample, start, .. } = self.layout;
+        let image = format!("{rows} lines of {cols} {} samples from byte {start} on", sample.name());
+        let broken = |what: String| {
+            let file = if data == label { String::new() } else { format!(" of {}", data.display()) };
+            Err(Error::broken(label, format!("{image} expected, found {what}{file}")))
+        };
+        let Some(end) = self.layout.end() else { return broken(format!("{file_bytes} bytes")) };
+        if file_bytes < end {
+            return broken(format!("{file_bytes} bytes where {end} are needed"));
+        }
+        // A file is padded to whole records and may hold more objects; anything else behind the image means that it is another size.
+        let padding = self.record_bytes.max(self.layout.row_bytes);
+        if file_bytes - end >= padding && !self.others.iter().any(|&start| start >= end) {
+            return broken(format!("{} bytes more than that, with no pointer to them,", file_bytes - end));
+        }
+        Ok(())
+    }
+}
+
+/// Everything the label says, before any other file is touched.
+pub(super) fn describe(label: &Block) -> std::result::Result<Description, Refusal> {
+    let Some(found) = Found::in_label(label)? else { return Err(no_image(label)) };
+    let record_bytes = match found.nearest("RECORD_BYTES")? {
+        Some(item) => Some(whole("RECORD_BYTES", &item.value, item.line)?),
+        None => None,
+    };
+    let mut pointer = Pointer::parse(found.item, record_bytes)?;
+    // A label of several files states their names beside their pointers.
+    let file_block = found.around.iter().find(|block| block.name.ends_with("FILE"));
+    if let (None, Some(block)) = (&pointer.file, file_block) {
+        pointer.file = block.find("FILE_NAME")?.and_then(|item| item.value.text()).map(str::to_owned);
+    }
+    if pointer.file.is_none() && pointer.start == 0 {
+        return Err(Defect::at(found.item.line, "^IMAGE behind the label expected, found the label itself").into());
+    }
+    let Some(image) = found.object("IMAGE") else {
+        return Err(Defect::missing("OBJECT = IMAGE for ^IMAGE expected, found none").into());
+    };
+    let layout = layout(image, pointer.start)?;
+    let projection = label.block("IMAGE_MAP_PROJECTION");
+    let radius = projection.map(Radius::of).transpose()?.flatten();
+    let (unit, scale, offset) = units::heights(image, radius)?;
+    let missing = missing(image, layout.sample)?;
+    let georef = projection.map(|block| place::georef(block, &layout)).transpose()?;
+    let mut others = Vec::new();
+    collect_others(label, record_bytes, &pointer, &mut others);
+    let meaning = Meaning { missing, scale, offset };
+    Ok(Description {
+        file: pointer.file,
+        layout,
+        meaning,
+        unit,
+        georef,
+        record_bytes: record_bytes.unwrap_or(1),
+        others,
+    })
+}
+
+fn no_image(label: &Block) -> Refusal {
+    if label.block("COMPRESSED_FILE").is_some() {
+        let what = "a packed image (COMPRESSED_FILE); unpack it first: gdal_translate -of GTiff FILE.JP2 FILE.tif";
+        return Refusal::Unsupported(what.into());
+    }
+    let mut pointers: Vec<&str> =
+        label.items.iter().map(|item| item.key.as_str()).filter(|key| key.starts_with('^')).collect();
+    pointers.truncate(5);
+    let found = if pointers.is_empty() { "no pointer".into() } else { pointers.join(", ") };
+    Refusal::Unsupported(format!("a label with an ^IMAGE expected, found {found}"))
+}
+
+/// Where everything else in the image's own file begins.
+fn collect_others(block: &Block, record_bytes: Option<u64>, image: &Pointer, out: &mut Vec<u64>) {
+    for item in block.items.iter().filter(|item| item.key.starts_with('^') && item.key != "^IMAGE") {
+        out.extend(Pointer::parse(item, record_bytes).ok().filter(|p| p.same_file(image)).map(|p| p.start));
+    }
+    block.blocks.iter().for_each(|inner| collect_others(inner, record_bytes, image, out));
+}
+
+fn layout(image: &Block, start: u64) -> std::result::Result<Layout, Refusal> {
+    let count = |key: &str, default: Option<u64>| -> std::result::Result<u64, Defect> {
+        match (image.find(key)?, default) {
+            (Some(item), _) => whole(key, &item.value, item.line),
+            (None, Some(default)) => Ok(default),
+            (None, None) => Err(Defect::missing(format!("{key} of the IMAGE expected, found none"))),
+        }
+    };
+    let bands = count("BANDS", Some(1))?;
+    if bands != 1 {
+        let what = format!("{bands} bands found, one expected; take one out: gdal_translate -b 1 FILE.LBL FILE.tif");
+        return Err(Refusal::Unsupported(what));
+    }
+    if let Some(item) = image.find("ENCODING_TYPE")? {
+        let packing = item.value.text().unwrap_or("?").to_owned();
+        return Err(Refusal::Unsupported(format!("samples packed as {packing}; plain samples expected")));
+    }
+    let (sample, big_endian) = sample(image, count("SAMPLE_BITS", None)?)?;
+    let (rows, cols) = (count("LINES", None)?, count("LINE_SAMPLES", None)?);
+    let (prefix, suffix) = (count("LINE_PREFIX_BYTES", Some(0))?, count("LINE_SUFFIX_BYTES", Some(0))?);
+    let samples = cols.checked_mul(sample.bytes() as u64);
+    let row_bytes = samples.and_then(|bytes| bytes.checked_add(prefix)?.checked_add(suffix));
+    let size = |n: u64| usize::try_from(n).ok().filter(|&n| n > 0);
+    match (size(rows), size(cols), row_bytes, start.checked_add(prefix)) {
+        (Some(rows), Some(cols), Some(row_bytes), Some(start)) => {
+            Ok(Layout { sample, big_endian, rows, cols, start, row_bytes })
+        }
+        _ => {
+            let what =
+                format!("an image of at least one sample and less than 2^64 bytes expected, found {rows} x {cols}");
+            Err(Defect::missing(what).into())
+        }
+    }
+}
+
+fn whole(key: &str, value: &Value, line: usize) -> std::result::Result<u64, Defect> {
+    let number = match value.kind {
+        Kind::Integer(n) | Kind::Based { value: n, .. } => u64::try_from(n).ok(),
+        _ => None,
+    };
+    number.ok_or_else(|| Defect::at(line, format!("a count as {key} expected, found {:?}", value.kind)))
+}
+
+/// SAMPLE_TYPE and SAMPLE_BITS, with the synonyms of the PDS Data Dictionary. Integers of 8 bits are unsigned whatever their type says:
+/// labels of images up to 255 call them MSB_INTEGER and LSB_INTEGER, and GDAL reads them so.
+fn sample(image: &Block, bits: u64) -> std::result::Result<(Sample, bool), Refusal> {
+    let item = image.find("SAMPLE_TYPE")?;
+    let Some((item, name)) = item.and_then(|item| Some((item, item.value.text()?.to_ascii_uppercase()))) else {
+        return Err(Defect::missing("SAMPLE_TYPE of the IMAGE expected, found none").into());
+    };
+    let words: Vec<&str> = name.split(['_', ' ']).filter(|word| !word.is_empty()).collect();
+    let big_endian = !words.iter().any(|word| ["LSB", "PC", "VAX"].contains(word));
+    let signed = !words.contains(&"UNSIGNED");
+    let is_real = words.iter().any(|word| ["REAL", "FLOAT"].contains(word));
+    let is_integer = words.contains(&"INTEGER");
+    let vax = is_real && words.iter().any(|word| word.starts_with("VAX"));
+    let sample = match (is_real, is_integer, bits, signed) {
+        _ if vax => None,
+        (true, false, 32, _) => Some(Sample::F32),
+        (true, false, 64, _) => Some(Sample::F64),
+        (false, true, 8, _) => Some(Sample::U8),
+        (false, true, 16, true) => Some(Sample::I16),
+        (false, true, 16, false) => Some(Sample::U16),
+        (false, true, 32, true) => Some(Sample::I32),
+        (false, true, 32, false) => Some(Sample::U32),
+        _ => None,
+    };
+    let refuse = || {
+        let read = "integers of 8, 16 or 32 bits, IEEE and PC reals of 32 or 64 bits are read";
+        Refusal::Unsupported(format!("line {}: samples {name} of {bits} bits; {read}", item.line))
+    };
+    sample.map(|sample| (sample, big_endian)).ok_or_else(refuse)
+}
+
+/// The stored numbers that stand for "no measurement".
+fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defect> {
+    let mut missing = Vec::new();
+    for item in &image.items {
+        let key = item.key.as_str();
+        let sets_apart = [
+            "MISSING",
+            "MISSING_CONSTANT",
+            "INVALID_CONSTANT",
+            "NOT_APPLICABLE_CONSTANT",
+            "UNKNOWN_CONSTANT",
+            "NULL_CONSTANT",
+        ]
+        .contains(&key)
+            || key == "CORE_NULL"
+            || key.starts_with("CORE_") && key.ends_with("_SATURATION");
+        if !sets_apart || item.value.is_absent() {
+            continue;
+        }
+        for value in item.value.members() {
+            let stored = stored(value, sample);
+            missing.push(
+                stored.ok_or_else(|| {
+                    Defect::at(item.line, format!("a number as {key} expected, found {:?}", value.kind))
+                })?,
+            );
+        }
+    }
+    Ok(missing)
+}
+
+/// A constant as the samples hold it. Before real samples a based integer is a bit pattern, and some labels quote it.
+fn stored(value: &Value, sample: Sample) -> Option<f64> {
+    if let Some(text) = value.text() {
+        let kind = super::value::classify(text).ok()?;
+        let value = Value { kind, unit: None };
+        return if value.text().is_some() { None } else { stored(&value, sample) };
+    }
+    match (&value.kind, sample) {
+        (Kind::Based { value, .. }, Sample::F32) => Some(f64::from(f32::from_bits(u32::try_from(*value).ok()?))),
+        (Kind::Based { value, .. }, Sample::F64) => Some(f64::from_bits(u64::try_from(*value).ok()?)),
+        (_, Sample::F32) => value.number().map(|number| f64::from(number as f32)),
+        _ => value.number(),
+    }
+}
+
+/// A TIFF with a label beside it: the TIFF says how its samples lie, the label what they mean where the TIFF is silent.
+struct Relabelled {
+    tiff: Box<dyn Source>,
+    meaning: Meaning,
+    info: Info,
+}
+
+impl Relabelled {
+    fn new(label: &Path, data: &Path, description: Description) -> Result<Self> {
+        let tiff = geotiff::open(data)?;
+        let Layout { rows, cols, sample, .. } = description.layout;
+        let found = tiff.info();
+        if (found.rows, found.cols) != (rows, cols) {
+            let what = format!(
+                "{rows} x {cols} samples expected, found {} x {} in {}",
+                found.rows,
+                found.cols,
+                data.display()
+            );
+            return Err(Error::broken(label, what));
+        }
+        let mut meaning = description.meaning;
+        // A TIFF that names its unit has scale and offset of its own, already applied.
+        if found.unit.is_some() {
+            (meaning.scale, meaning.offset) = (1.0, 0.0);
+        }
+        if !sample.is_float() {
+            meaning.missing.iter_mut().for_each(|v| *v = f64::from(*v as f32));
+        }
+        let info = Info {
+            georef: found.georef.clone().or(description.georef),
+            unit: found.unit.clone().or(description.unit),
+            format: format!("{}, PDS3 label", found.format),
+            ..found.clone()
+        };
+        Ok(Self { tiff, meaning, info })
+    }
+}
+
+impl Source for Relabelled {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        let mut samples = self.tiff.read(window)?;
+        samples.iter_mut().for_each(|v| *v = self.meaning.apply_float(f64::from(*v)));
+        Ok(samples)
+    }
+}

@@ -1,0 +1,93 @@
+//! PDS3 images: a text label that describes raw samples, in the same file or beside it.
+//!
+//! [`Block`] is the label as a tree; [`open`] finds the image a label points at and hands it out by windows, as metres above the
+//! sphere with its place on the map.
+
+mod image;
+mod label;
+mod lexer;
+mod place;
+mod pointer;
+mod units;
+mod value;
+
+#[cfg(test)]
+mod tests;
+
+pub use image::open;
+pub use label::{Block, Item};
+pub use pointer::label_beside;
+pub use value::{Kind, Value};
+
+use crate::{Error, Result};
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Labels end within this many bytes; those of the archive's lunar products are below 100 kB.
+pub const MOST_LABEL_BYTES: u64 = 1 << 20;
+
+/// What is wrong with a label, and where.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Defect {
+    /// Line of the label, counted from 1; 0 where something is missing altogether.
+    pub line: usize,
+    /// What was expected and what was found.
+    pub what: String,
+}
+
+impl Defect {
+    fn at(line: usize, what: impl Into<String>) -> Self {
+        Self { line, what: what.into() }
+    }
+
+    fn missing(what: impl Into<String>) -> Self {
+        Self::at(0, what)
+    }
+
+    /// As an error about the label's file.
+    fn of(self, path: &Path) -> Error {
+        Error::broken(path, one_line(&self.to_string()))
+    }
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            0 => f.write_str(&self.what),
+            line => write!(f, "line {line}: {}", self.what),
+        }
+    }
+}
+
+impl std::error::Error for Defect {}
+
+/// Messages are one line, whatever a label's texts hold.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// Reads the label of a file: the whole of a detached one, the beginning of an image with an attached one.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] with the line and the reason if it holds no label.
+pub fn read_label(path: &Path) -> Result<Block> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(Error::io(path))?;
+    file.take(MOST_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    Block::parse(&bytes).map_err(|defect| defect.of(path))
+}
+
+/// True if a file that begins like this carries a PDS3 label: its first keyword is the version of the standard, or it is wrapped in
+/// transfer labels as older volumes are.
+#[must_use]
+pub fn is_label(head: &[u8]) -> bool {
+    if head.starts_with(b"CCSD3ZF") || head.starts_with(b"NJPL1I00PDS") {
+        return true;
+    }
+    let mut lexer = lexer::Lexer::new(head);
+    let first = ["PDS_VERSION_ID", "ODL_VERSION_ID", "LABEL_REVISION_NOTE"];
+    matches!(lexer.next(), Ok(lexer::Token::Word(word)) if first.contains(&word.to_ascii_uppercase().as_str()))
+        && matches!(lexer.next(), Ok(lexer::Token::Mark(b'=')))
+}

@@ -1,0 +1,141 @@
+//! `^IMAGE`: which file, and from which byte.
+
+use super::label::{Block, Item};
+use super::value::{Kind, Value};
+use super::{Defect, one_line, read_label};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// What an `^IMAGE` says, resolved to bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Pointer {
+    /// The file named, if one is; otherwise the label's own.
+    pub(super) file: Option<String>,
+    /// First byte of the image, counted from 0.
+    pub(super) start: u64,
+}
+
+impl Pointer {
+    /// Reads the five forms: `n`, `n <BYTES>`, `"F"`, `("F", n)`, `("F", n <BYTES>)`; records and bytes are counted from 1.
+    /// A record is as long as `record_bytes` says.
+    pub(super) fn parse(item: &Item, record_bytes: Option<u64>) -> std::result::Result<Self, Defect> {
+        let members = item.value.members();
+        let (file, place) = match members {
+            [file] if file.text().is_some() => (file.text(), None),
+            [place] => (None, Some(place)),
+            [file, place] if file.text().is_some() => (file.text(), Some(place)),
+            _ => return Err(Defect::at(item.line, format!("{} as \"FILE\", n or (\"FILE\", n) expected", item.key))),
+        };
+        let start = place.map_or(Ok(0), |place| Self::start(item, place, record_bytes))?;
+        Ok(Self { file: file.map(str::to_owned), start })
+    }
+
+    /// True if both point into one file. Names differ in case where archives were copied.
+    pub(super) fn same_file(&self, other: &Self) -> bool {
+        match (&self.file, &other.file) {
+            (Some(a), Some(b)) => a.eq_ignore_ascii_case(b),
+            (a, b) => a == b,
+        }
+    }
+
+    fn start(item: &Item, place: &Value, record_bytes: Option<u64>) -> std::result::Result<u64, Defect> {
+        let refuse = |what: String| Defect::at(item.line, what);
+        let count = match place.kind {
+            Kind::Integer(n) | Kind::Based { value: n, .. } => u64::try_from(n).ok().and_then(|n| n.checked_sub(1)),
+            _ => None,
+        };
+        let Some(count) = count else {
+            return Err(refuse(format!("{} from record or byte 1 on expected, found {:?}", item.key, place.kind)));
+        };
+        let size = match &place.unit {
+            Some(unit) if unit.eq_ignore_ascii_case("BYTES") || unit.eq_ignore_ascii_case("BYTE") => 1,
+            Some(unit) if !unit.eq_ignore_ascii_case("RECORDS") => {
+                return Err(refuse(format!("{} in <BYTES> or records expected, found <{unit}>", item.key)));
+            }
+            _ if count == 0 => 0,
+            _ => record_bytes
+                .ok_or_else(|| refuse(format!("RECORD_BYTES for {} in records expected, found none", item.key)))?,
+        };
+        count.checked_mul(size).ok_or_else(|| refuse(format!("{} within 2^64 bytes expected", item.key)))
+    }
+}
+
+/// An image's pointer together with the blocks around it, innermost first: sizes and names are stated near their pointer.
+pub(super) struct Found<'a> {
+    pub(super) item: &'a Item,
+    pub(super) around: Vec<&'a Block>,
+}
+
+impl<'a> Found<'a> {
+    /// The first `^IMAGE` that points at plain samples: those in COMPRESSED_FILE objects describe the same image once more, packed.
+    pub(super) fn in_label(label: &'a Block) -> std::result::Result<Option<Self>, Defect> {
+        if label.name == "COMPRESSED_FILE" {
+            return Ok(None);
+        }
+        if let Some(item) = label.find("^IMAGE")? {
+            return Ok(Some(Self { item, around: vec![label] }));
+        }
+        for block in &label.blocks {
+            if let Some(mut found) = Self::in_label(block)? {
+                found.around.push(label);
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The value of `key` in the nearest block around the pointer that states it.
+    pub(super) fn nearest(&self, key: &str) -> std::result::Result<Option<&'a Item>, Defect> {
+        for block in &self.around {
+            if let Some(item) = block.find(key)? {
+                return Ok(Some(item));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The nearest `OBJECT` of that name.
+    pub(super) fn object(&self, name: &str) -> Option<&'a Block> {
+        self.around
+            .iter()
+            .find_map(|block| block.blocks.iter().find(|inner| inner.name == name).or_else(|| block.block(name)))
+    }
+}
+
+/// The file `name` in the folder of the label, whatever the case of its letters: archives were copied from systems that knew none.
+pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
+    if name.contains(['/', '\\']) {
+        return Err(Error::unsupported(label, format!("a file beside the label expected, ^IMAGE names {name:?}")));
+    }
+    let folder = label.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let exact = folder.join(name);
+    if exact.exists() {
+        return Ok(exact);
+    }
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
+    let mut others =
+        entries.flatten().filter(|e| e.file_name().to_string_lossy().eq_ignore_ascii_case(name)).map(|e| e.path());
+    let missing =
+        || Error::usage(format!("{}: ^IMAGE names {}, no such file beside the label", label.display(), one_line(name)));
+    others.next().ok_or_else(missing)
+}
+
+/// The label of an image file without one of its own: `NAME.LBL` in the same folder, in any case, whose ^IMAGE names the file.
+///
+/// # Errors
+/// From reading the folder or the label.
+pub fn label_beside(image: &Path) -> Result<Option<PathBuf>> {
+    let Some((name, stem)) = image.file_name().zip(image.file_stem()) else { return Ok(None) };
+    let (name, wanted) = (name.to_string_lossy(), format!("{}.lbl", stem.to_string_lossy()));
+    let folder = image.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
+    let beside = entries.flatten().filter(|e| e.file_name().to_string_lossy().eq_ignore_ascii_case(&wanted));
+    let Some(label) = beside.map(|e| e.path()).find(|path| path != image) else { return Ok(None) };
+    let tree = read_label(&label)?;
+    let names_image = |found: Found| {
+        let names = |value: &Value| value.text().is_some_and(|text| text.eq_ignore_ascii_case(&name));
+        found.item.value.members().iter().any(names)
+    };
+    let found = Found::in_label(&tree).map_err(|defect| defect.of(&label))?;
+    Ok(found.is_some_and(names_image).then_some(label))
+}

@@ -1,0 +1,75 @@
+//! Numbers with units: lengths, scales, and the traps of height products.
+
+use super::super::MOON_RADIUS_M;
+use super::Defect;
+use super::label::{Block, Item};
+
+/// Radius of the body's sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Radius {
+    pub(super) metres: f64,
+}
+
+impl Radius {
+    /// A_AXIS_RADIUS, kilometres unless its unit says otherwise; `None` without one.
+    pub(super) fn of(projection: &Block) -> Result<Option<Self>, Defect> {
+        let Some(item) = projection.find("A_AXIS_RADIUS")? else { return Ok(None) };
+        let metres = length_m(item, "km")?;
+        if metres > 0.0 {
+            return Ok(Some(Self { metres }));
+        }
+        Err(Defect::at(item.line, format!("a radius above 0 expected, found {metres} m")))
+    }
+}
+
+/// Metres per unit of length, by the many names labels give it.
+pub(super) fn metres_per(unit: &str) -> Option<f64> {
+    match unit.trim().to_ascii_uppercase().as_str() {
+        "M" | "METER" | "METERS" | "METRE" | "METRES" => Some(1.0),
+        "KM" | "KILOMETER" | "KILOMETERS" | "KILOMETRE" | "KILOMETRES" => Some(1000.0),
+        _ => None,
+    }
+}
+
+/// A length in metres; `default` is the unit where none is stated.
+pub(super) fn length_m(item: &Item, default: &str) -> Result<f64, Defect> {
+    let unit = item.value.unit.as_deref().unwrap_or(default);
+    let metres = metres_per(unit).ok_or_else(|| {
+        Defect::at(item.line, format!("{} in metres or kilometres expected, found <{unit}>", item.key))
+    })?;
+    Ok(finite(item)? * metres)
+}
+
+/// A finite number.
+pub(super) fn finite(item: &Item) -> Result<f64, Defect> {
+    let refuse = || Defect::at(item.line, format!("a number as {} expected, found {:?}", item.key, item.value.kind));
+    item.value.number().filter(|v| v.is_finite()).ok_or_else(refuse)
+}
+
+/// A number that may be missing.
+pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
+    block.find(key)?.map(finite).transpose()
+}
+
+/// Unit of the samples, and how stored numbers become them: (unit, scale, offset).
+///
+/// SLDEM2015 and the LOLA maps give their sphere's radius as OFFSET (`1737.4` and `1737400.`): their samples are heights above it already,
+/// so it is left out. A radius in kilometres also says the unit where none is stated.
+pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, f64, f64), Defect> {
+    let scale = number(image, "SCALING_FACTOR")?.unwrap_or(1.0);
+    let mut offset = number(image, "OFFSET")?.unwrap_or(0.0);
+    let unit = image.find("UNIT")?.and_then(|item| item.value.text());
+    let mut metres = unit.and_then(metres_per);
+    let radius_m = radius.map_or(MOON_RADIUS_M, |radius| radius.metres);
+    let is_radius = |value: f64| (value - radius_m).abs() <= 1e-6 * radius_m;
+    if is_radius(offset * 1000.0) {
+        metres = metres.or(Some(1000.0));
+        offset = 0.0;
+    } else if is_radius(offset) {
+        metres = metres.or(Some(1.0));
+        offset = 0.0;
+    }
+    let unit = if metres.is_some() { Some("m".into()) } else { unit.map(str::to_owned) };
+    let factor = metres.unwrap_or(1.0);
+    Ok((unit, scale * factor, offset * factor))
+}
