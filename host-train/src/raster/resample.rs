@@ -103,7 +103,7 @@ pub fn resample_bicubic(
 const RING: usize = 2;
 
 /// The source with [`RING`] linearly continued samples on every side.
-struct Padded {
+pub(super) struct Padded {
     samples: Vec<f32>,
     rows: usize,
     cols: usize,
@@ -111,7 +111,7 @@ struct Padded {
 }
 
 impl Padded {
-    fn new(source: &[f32], rows: usize, cols: usize) -> Self {
+    pub(super) fn new(source: &[f32], rows: usize, cols: usize) -> Self {
         let stride = cols + 2 * RING;
         let mut samples = vec![0.0; (rows + 2 * RING) * stride];
         for row in 0..rows {
@@ -126,7 +126,7 @@ impl Padded {
     }
 
     /// The value at source position (`r`, `c`); NaN outside the outer pixel edges.
-    fn sample(&self, r: f64, c: f64) -> f32 {
+    pub(super) fn sample(&self, r: f64, c: f64) -> f32 {
         // The slack keeps a pixel whose centre lies on the outer edge from being lost to rounding.
         const EDGE: f64 = 0.5 + 1e-9;
         if !(r >= -EDGE && c >= -EDGE && r <= self.rows as f64 - 1.0 + EDGE && c <= self.cols as f64 - 1.0 + EDGE) {

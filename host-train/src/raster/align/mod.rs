@@ -1,17 +1,32 @@
 //! Putting one raster on another's grid, through map coordinates and never by index.
 
-use super::resample::{PixelMap, resample_bicubic};
-use super::{GeoRef, Raster};
+mod map;
+mod sample;
+mod windowed;
+
+#[cfg(test)]
+mod gdal_tests;
+
+pub use windowed::Onto;
+
+use super::source::{Info, Source, check_window};
+use super::{Projection, Raster};
 use crate::{Error, Result};
-use rayon::prelude::*;
+use elunar_core::tile::Window;
+use map::Grid;
+use windowed::{Plan, lattice};
 
 /// How samples between pixel centres are made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "lower")]
 pub enum Interpolation {
-    /// [`resample_bicubic`]: for making a fine grid from a coarse one.
+    /// Interpolating bicubic ([`super::resample`]): for making a fine grid from a coarse one.
     Bicubic,
     /// Bilinear, invalid where any sample that counts is invalid: for comparing grids of about equal spacing.
     Bilinear,
+    /// GDAL's and the Ames Stereo Pipeline's `cubicspline`, a cubic B-spline that smooths and does not pass through the samples:
+    /// for results to be compared with theirs. Meant for finer grids; GDAL widens the kernel for coarser ones, this does not.
+    CubicSpline,
 }
 
 /// Grids closer than this, in pixels, are taken as one: a transform's last digits differ between writers.
@@ -32,13 +47,6 @@ impl<'a> Named<'a> {
     pub fn new(name: &'a str, raster: &'a Raster) -> Self {
         Self { name, raster }
     }
-
-    /// The place, which must be complete.
-    fn place(&self) -> Result<&'a GeoRef> {
-        let missing = |what: &str| Error::usage(format!("{}: a raster with {what} expected, none found", self.name));
-        let georef = self.raster.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-        if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
-    }
 }
 
 /// Side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
@@ -53,100 +61,82 @@ pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
     Ok((side_m(source)? / side_m(target)?) as f32)
 }
 
-/// `source` on the grid of `target`; NaN where `source` has nothing. On the same grid the samples are copied, not interpolated.
+/// `source` on the grid of `target`, as [`Onto`] makes it; NaN where `source` has nothing.
 ///
 /// # Errors
-/// [`Error::Usage`] if either has no place, their reference systems differ, they do not overlap, or no valid sample of `source`
-/// falls on `target`.
+/// Those of [`Onto::new`]; [`Error::Usage`] if no valid sample of `source` falls on `target`.
 pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Result<Raster> {
-    let (from, to) = (source.place()?, target.place()?);
-    if !from.crs.same_as(&to.crs) {
-        let (a, b) = (from.crs.summary(), to.crs.summary());
-        return Err(Error::usage(format!(
-            "{}: the reference system of {} ({b}) expected, {a} found",
-            source.name, target.name
-        )));
-    }
-    let map = PixelMap::between(&to.transform, &from.transform)
-        .ok_or_else(|| Error::usage(format!("{}: transform {:?} has no inverse", source.name, from.transform)))?;
+    let (view, target_info) = (View::new(source.raster), info(target.raster));
+    let (from, to) = ((source.name, &view.info), (target.name, &target_info));
     let (rows, cols) = (target.raster.rows, target.raster.cols);
-    let grid = source.raster;
-    let samples = if (grid.rows, grid.cols) == (rows, cols) && is_identity(&map, rows, cols) {
-        grid.samples.clone()
-    } else {
-        match interpolation {
-            Interpolation::Bicubic => resample_bicubic(&grid.samples, grid.rows, grid.cols, &map, rows, cols),
-            Interpolation::Bilinear => bilinear(grid, &map, rows, cols),
-        }
-    };
-    let placed = Raster { rows, cols, samples, georef: Some(to.clone()) };
-    if placed.valid_count() == 0 {
-        let (a, b) = (bounds(from, grid), bounds(to, target.raster));
-        let what = if grid.valid_count() == 0 {
-            "it holds no valid sample".into()
-        } else {
-            format!("it covers {a}, {} covers {b}", target.name)
-        };
-        return Err(Error::usage(format!(
-            "{}: valid samples overlapping {} expected, none found: {what}",
-            source.name, target.name
-        )));
+    let samples = Plan::new(from, to, interpolation)?.read(&view, Window { row: 0, col: 0, rows, cols })?;
+    let placed = Raster { rows, cols, samples, georef: target.raster.georef.clone() };
+    if placed.valid_count() > 0 {
+        return Ok(placed);
     }
-    Ok(placed)
+    if source.raster.valid_count() == 0 {
+        let (source, target) = (source.name, target.name);
+        let what =
+            format!("{source}: valid samples overlapping {target} expected, none found: it holds no valid sample");
+        return Err(Error::usage(what));
+    }
+    Err(windowed::no_overlap(from, to))
 }
 
-/// An affine map is furthest from the identity at a corner.
-fn is_identity(map: &PixelMap, rows: usize, cols: usize) -> bool {
-    let (last_row, last_col) = (rows.saturating_sub(1) as f64, cols.saturating_sub(1) as f64);
-    [(0.0, 0.0), (0.0, last_col), (last_row, 0.0), (last_row, last_col)].into_iter().all(|(row, col)| {
-        let (r, c) = map.apply(row, col);
-        (r - row).abs() <= SAME_GRID_PX && (c - col).abs() <= SAME_GRID_PX
-    })
+fn info(raster: &Raster) -> Info {
+    Info { rows: raster.rows, cols: raster.cols, georef: raster.georef.clone(), unit: None, format: "memory".into() }
 }
 
-fn bounds(georef: &GeoRef, raster: &Raster) -> String {
-    let corner = |row: usize, col: usize| georef.centre(row as f64 - 0.5, col as f64 - 0.5);
-    let corners = [corner(0, 0), corner(0, raster.cols), corner(raster.rows, 0), corner(raster.rows, raster.cols)];
+/// A raster lent as a source.
+struct View<'a> {
+    raster: &'a Raster,
+    info: Info,
+}
+
+impl<'a> View<'a> {
+    fn new(raster: &'a Raster) -> Self {
+        Self { raster, info: info(raster) }
+    }
+}
+
+impl Source for View<'_> {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        check_window(window, self.raster.rows, self.raster.cols)?;
+        let line = |row: usize| &self.raster.samples[row * self.raster.cols + window.col..][..window.cols];
+        Ok((window.row..window.row + window.rows).flat_map(|row| line(row).iter().copied()).collect())
+    }
+}
+
+/// What a grid covers, in words: map coordinates of its corners, or degrees of its pixels.
+fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
+    let projection = Projection::of(&georef.crs).filter(|_| as_degrees);
+    let corners = [(0.0, 0.0), (0.0, cols as f64), (rows as f64, 0.0), (rows as f64, cols as f64)];
+    let corners = corners.into_iter().map(|(row, col)| georef.centre(row - 0.5, col - 0.5)).collect::<Vec<_>>();
+    let points = match projection {
+        Some(p) => {
+            lattice(rows, cols).map(|(row, col)| georef.centre(row, col)).map(|(x, y)| p.inverse(x, y)).collect()
+        }
+        None => corners,
+    };
     let span = |of: fn(&(f64, f64)) -> f64| {
-        let values = corners.iter().map(of);
+        let values = points.iter().map(of);
         (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
     };
     let ((x0, x1), (y0, y1)) = (span(|c| c.0), span(|c| c.1));
-    format!("x {x0:.1} to {x1:.1}, y {y0:.1} to {y1:.1}")
-}
-
-fn bilinear(source: &Raster, map: &PixelMap, rows: usize, cols: usize) -> Vec<f32> {
-    let mut out = vec![f32::NAN; rows * cols];
-    out.par_chunks_mut(cols.max(1)).enumerate().for_each(|(row, line)| {
-        for (col, value) in line.iter_mut().enumerate() {
-            let (r, c) = map.apply(row as f64, col as f64);
-            *value = bilinear_at(source, r, c);
-        }
-    });
-    out
-}
-
-/// NaN outside the outermost pixel centres (rounding apart), and where a sample with any weight is invalid.
-fn bilinear_at(source: &Raster, r: f64, c: f64) -> f32 {
-    // On-grid positions take their sample exactly, so that a shift by whole pixels loses no edge to rounding.
-    let snap = |v: f64| if (v - v.round()).abs() <= SAME_GRID_PX { v.round() } else { v };
-    let (r, c) = (snap(r), snap(c));
-    if !(r >= 0.0 && c >= 0.0 && r <= source.rows as f64 - 1.0 && c <= source.cols as f64 - 1.0) {
-        return f32::NAN;
+    match projection {
+        Some(_) => format!("longitudes {x0:.3} to {x1:.3}, latitudes {y0:.3} to {y1:.3}"),
+        None => format!("x {x0:.1} to {x1:.1}, y {y0:.1} to {y1:.1}"),
     }
-    let (row, col) = (r.floor(), c.floor());
-    let (fr, fc) = (r - row, c - col);
-    let (row, col) = (row as usize, col as usize);
-    let corners = [((1.0 - fr) * (1.0 - fc), 0, 0), ((1.0 - fr) * fc, 0, 1), (fr * (1.0 - fc), 1, 0), (fr * fc, 1, 1)];
-    let used = corners.into_iter().filter(|&(weight, ..)| weight > 0.0);
-    used.map(|(weight, dr, dc)| weight * f64::from(source.samples[(row + dr) * source.cols + col + dc])).sum::<f64>()
-        as f32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Crs;
+    use crate::raster::{Crs, GeoRef};
 
     fn plane(rows: usize, cols: usize, transform: [f64; 6]) -> Raster {
         let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -213,10 +203,15 @@ mod tests {
         };
         b.georef.as_mut().unwrap().crs = Crs::moon_equirectangular(0.0, 180.0);
         let text = refused(&b);
-        assert!(
-            text.contains("c.tif") && text.contains("i.tif") && text.contains("lon 180") && text.contains("lon 0 "),
-            "{text}"
-        );
+        assert!(text.contains("c.tif") && text.contains("i.tif") && text.contains("longitudes -180.000 to"), "{text}");
+        let mars = Crs::parse("IAU_2015:49910").unwrap();
+        b.georef.as_mut().unwrap().crs = mars;
+        assert!(refused(&b).contains("(1737400 m) expected, 3396190 m found"), "{}", refused(&b));
+        let mut unknown = Crs::moon_equirectangular(0.0, 180.0);
+        let at = unknown.directory.iter().position(|&key| key == 3075).unwrap();
+        unknown.directory[at + 3] = 7;
+        b.georef.as_mut().unwrap().crs = unknown;
+        assert!(refused(&b).contains("projection method 7"), "{}", refused(&b));
         b.georef.as_mut().unwrap().crs = Crs::default();
         assert!(refused(&b).contains("reference system expected, none found"));
         b.georef = None;
