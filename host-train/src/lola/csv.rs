@@ -279,6 +279,9 @@ fn seconds(text: &str) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::raster::MOON_RADIUS_M;
+    use crate::testing::mutate;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     fn read_text(text: &str, format: Option<&str>) -> Result<Table> {
         let format = format.map(|format| format.parse::<CsvFormat>().unwrap());
@@ -359,5 +362,34 @@ mod tests {
         {
             assert!(text == "2009" || seconds(text).is_none(), "{text}");
         }
+    }
+
+    #[test]
+    fn damaged_tables_never_panic() {
+        let seeds = [
+            "Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\r\n2009-07-17T00:46:24.1,30.5,20.25,1737.6,0\r\n\
+             2009-198T00:46:24.2Z,30.5,20.25,1737.6,1\r\n",
+            "\u{feff}\"lon (deg)\"; lat; height_m\n1;2;3\n# c\n4;5;-6\n",
+        ];
+        let pieces =
+            [",", ";", "\n", "\"", "\u{e9}", "1e400", "-", "nan", "Pt_Radius", "9999-366T23:59:60", "#", "\u{feff}"];
+        let mut rng = ChaCha8Rng::seed_from_u64(34);
+        let (mut read, mut refused) = (0, 0);
+        for round in 0..6000 {
+            let mut bytes = seeds[round % 2].as_bytes().to_vec();
+            mutate(&mut bytes, &pieces, &mut rng);
+            match parse(Path::new("t.csv"), bytes.as_slice(), None, MOON_RADIUS_M) {
+                Ok(table) => {
+                    let sound = |p: &Point| p.height_m.is_finite() && p.time_s.is_none_or(f64::is_finite);
+                    assert!(table.points.iter().all(sound));
+                    read += 1;
+                }
+                Err(error) => {
+                    assert!(!error.to_string().contains('\n'), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(read > 500 && refused > 500, "{read} read, {refused} refused");
     }
 }
