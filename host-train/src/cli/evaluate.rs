@@ -2,7 +2,7 @@
 
 use crate::evaluate::{Candidate, compare, json, table};
 use crate::raster::align::Named;
-use crate::raster::geotiff;
+use crate::raster::source;
 use crate::{Result, picture};
 use std::path::PathBuf;
 
@@ -36,8 +36,8 @@ pub struct Args {
 /// # Errors
 /// From reading the rasters, from rasters that do not fit each other, and from writing the map.
 pub fn run(args: Args) -> Result<()> {
-    let (truth, dtm) = (geotiff::read(&args.truth)?, geotiff::read(&args.dtm)?);
-    let coarse = args.coarse.as_ref().map(geotiff::read).transpose()?;
+    let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
+    let coarse = args.coarse.as_deref().map(source::read).transpose()?;
     let name = |path: &PathBuf| path.display().to_string();
     let (truth_name, dtm_name) = (name(&args.truth), name(&args.dtm));
     let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! A prediction as files: the DTM with its provenance, and a hillshade beside it.
 
 use super::preview::Preview;
-use crate::raster::geotiff::{self, WriteOptions};
+use crate::raster::geotiff::{WriteOptions, Writer};
 use crate::raster::{GeoRef, MOON_RADIUS_M, Raster};
 use crate::{Error, Result, picture};
 use elunar_core::terrain::PixelSize;
@@ -22,8 +22,7 @@ pub struct Provenance<'a> {
 /// input names) and its hillshade, whose path is [`hillshade_path`].
 pub struct DtmWriter {
     output: PathBuf,
-    options: WriteOptions,
-    raster: Raster,
+    file: Writer,
     preview: Preview,
 }
 
@@ -44,8 +43,8 @@ impl DtmWriter {
             .with_item("COARSE_DTM", *coarse)
             .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
             .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
-        let raster = Raster { rows, cols, samples: vec![], georef: Some(georef.clone()) };
-        Ok(Self { output: output.into(), options, raster, preview: Preview::new(rows, cols, georef.clone()) })
+        let file = Writer::create(output, rows, cols, Some(georef), &options)?;
+        Ok(Self { output: output.into(), file, preview: Preview::new(rows, cols, georef.clone()) })
     }
 
     /// Adds whole rows.
@@ -53,9 +52,8 @@ impl DtmWriter {
     /// # Errors
     /// [`crate::Error::Io`] if they cannot be written.
     pub fn add(&mut self, samples: &[f32]) -> Result<()> {
-        self.raster.samples.extend_from_slice(samples);
         self.preview.add(samples);
-        Ok(())
+        self.file.write_rows(samples)
     }
 
     /// Writes what is left. The DTM comes last, so one that is there is a finished one.
@@ -65,7 +63,7 @@ impl DtmWriter {
     pub fn finish(self) -> Result<()> {
         let shade = hillshade_path(&self.output);
         write_hillshade(&shade, &self.preview.finish())?;
-        geotiff::write(&self.output, &self.raster, &self.options).inspect_err(|_| drop(std::fs::remove_file(&shade)))
+        self.file.finish().inspect_err(|_| drop(std::fs::remove_file(&shade)))
     }
 }
 

@@ -60,6 +60,14 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     }
 }
 
+/// All of a file at once.
+///
+/// # Errors
+/// As [`open`] and [`Source::read`].
+pub fn read(path: &Path) -> Result<Raster> {
+    read_all(open(path)?.as_ref())
+}
+
 /// All of a source at once.
 ///
 /// # Errors
