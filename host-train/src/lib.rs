@@ -7,9 +7,11 @@
 
 pub mod cli;
 pub mod demo;
+pub mod diff;
 pub mod error;
 pub mod evaluate;
 pub mod export;
+pub mod hillshade;
 pub mod illumination;
 pub mod inspect;
 pub mod interrupt;
@@ -18,6 +20,7 @@ pub mod model;
 pub mod mosaic;
 pub mod picture;
 pub mod predict;
+pub mod quantile;
 pub mod raster;
 pub mod synth;
 #[cfg(test)]

@@ -2,12 +2,16 @@
 
 pub mod check;
 pub mod demo;
+pub mod diff;
 pub mod evaluate;
 pub mod export;
+pub mod hillshade;
 pub mod init;
 pub mod inspect;
 pub mod latency;
 pub mod lola;
+pub mod mosaic;
+mod output;
 pub mod predict;
 pub mod synth;
 pub mod train;
@@ -43,6 +47,12 @@ pub enum Command {
     Predict(predict::Args),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
+    /// Shade a DTM, as `gdaldem hillshade` does.
+    Hillshade(hillshade::Args),
+    /// Subtract one DTM from another, with statistics.
+    Diff(diff::Args),
+    /// Join overlapping DTMs, as `dem_mosaic` does.
+    Mosaic(mosaic::Args),
     /// Shift laser altimeter tracks over a DTM and say how well they fit.
     Lola(lola::Args),
     /// Say what a file is understood as: raster, label, track, model or weights.
@@ -66,6 +76,9 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Hillshade(args)) => hillshade::run(args),
+        Some(Command::Diff(args)) => diff::run(args),
+        Some(Command::Mosaic(args)) => mosaic::run(args),
         Some(Command::Lola(args)) => lola::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Latency(args)) => latency::run(args),

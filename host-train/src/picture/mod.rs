@@ -11,7 +11,7 @@ mod text;
 
 pub use curves::{Chart, Series, curves, plot};
 pub use errors::error_map;
-pub use grey::{hillshade, stretch};
+pub use grey::{grey, hillshade, stretch};
 pub use relief::relief;
 pub use sheet::{Panel, sheet};
 
