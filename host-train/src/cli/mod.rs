@@ -13,6 +13,7 @@ pub mod lola;
 pub mod mosaic;
 mod output;
 pub mod predict;
+pub mod prepare;
 pub mod synth;
 pub mod train;
 
@@ -35,6 +36,8 @@ pub enum Command {
     Demo(demo::Args),
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
+    /// Make a training set from images, DTMs and coarse DTMs.
+    Prepare(prepare::Args),
     /// Write freshly initialised weights.
     Init(init::Args),
     /// Compare the network with a golden file, map by map.
@@ -70,6 +73,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Demo(args)) => demo::run(args),
         None => demo::run(demo::Args::default()),
         Some(Command::Synth(args)) => synth::run(args),
+        Some(Command::Prepare(args)) => prepare::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Train(args)) => train::run(*args),
