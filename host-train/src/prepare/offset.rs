@@ -30,7 +30,7 @@ impl Offset {
 }
 
 /// Measures the offset of `heights_m` from `image`, both row-major `rows` x `cols` without gaps, by normalised cross-correlation of
-/// image and hillshade within `search_px` pixels each way; the peak of a parabola through its neighbours gives the fraction. At the
+/// image and hillshade within `search_px` pixels each way; the peak of a paraboloid through its neighbours gives the fraction. At the
 /// border of the search the offset is that border's: at least as much. `None` if one of them is featureless.
 ///
 /// # Errors
@@ -57,21 +57,40 @@ pub fn measure(
     let Some(scores) = scores else { return Ok(None) };
     let best = (0..scores.len()).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
     let (row, col) = (best / side, best % side);
-    let fraction = |at: usize, step: usize| {
-        if at == 0 || at + 1 == side { 0.0 } else { peak(scores[best - step], scores[best], scores[best + step]) }
+    let at_border = row == 0 || col == 0 || row + 1 == side || col + 1 == side;
+    let (row_fraction, col_fraction) = if at_border {
+        (0.0, 0.0)
+    } else {
+        peak(std::array::from_fn(|k| scores[(row + k / 3 - 1) * side + col + k % 3 - 1]))
     };
     // The image was looked for around the shade: where it lies to the right, the DTM lies to the left.
     Ok(Some(Offset {
-        rows_px: search_px as f64 - row as f64 - fraction(row, side),
-        cols_px: search_px as f64 - col as f64 - fraction(col, 1),
+        rows_px: search_px as f64 - row as f64 - row_fraction,
+        cols_px: search_px as f64 - col as f64 - col_fraction,
         correlation: scores[best],
     }))
 }
 
-/// Where the parabola through three equidistant values has its peak, from the middle one.
-fn peak(before: f64, at: f64, after: f64) -> f64 {
-    let curvature = before - 2.0 * at + after;
-    if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+/// Where the paraboloid that fits 3 x 3 values best (least squares) has its peak: rows and columns from the middle one; (0, 0) if
+/// it has none.
+///
+/// Light from one side stretches the peak across its direction, askew to rows and columns: two parabolas along them would miss the
+/// top by a third of a pixel.
+fn peak(values: [f64; 9]) -> (f64, f64) {
+    let sum = |weight: fn(f64, f64) -> f64| -> f64 {
+        let weighted = |(k, v): (usize, &f64)| v * weight((k / 3) as f64 - 1.0, (k % 3) as f64 - 1.0);
+        values.iter().enumerate().map(weighted).sum()
+    };
+    let level = sum(|_, _| 1.0) / 3.0;
+    // Half the second derivatives, then the mixed one, then the first ones.
+    let (rr, cc) = (0.5 * sum(|r, _| r * r) - level, 0.5 * sum(|_, c| c * c) - level);
+    let (rc, r, c) = (0.25 * sum(|r, c| r * c), sum(|r, _| r) / 6.0, sum(|_, c| c) / 6.0);
+    let determinant = 4.0 * rr * cc - rc * rc;
+    if !(rr < 0.0 && determinant > 0.0) {
+        return (0.0, 0.0);
+    }
+    let (row, col) = ((rc * c - 2.0 * cc * r) / determinant, (rc * r - 2.0 * rr * c) / determinant);
+    (row.clamp(-1.0, 1.0), col.clamp(-1.0, 1.0))
 }
 
 fn shaded(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun) -> Result<Vec<f32>> {
@@ -185,7 +204,20 @@ mod tests {
             worst = worst.max((found.rows_px - down).abs()).max((found.cols_px - right).abs());
             assert!(found.correlation > 0.5, "{found:?}");
         }
-        assert!(worst < 0.3, "{worst} px");
+        assert!(worst < 0.1, "{worst} px");
+    }
+
+    #[test]
+    fn paraboloids_have_their_peak_where_it_is() {
+        let surface = |r0: f64, c0: f64| -> [f64; 9] {
+            std::array::from_fn(|k| {
+                let (r, c) = ((k / 3) as f64 - 1.0 - r0, (k % 3) as f64 - 1.0 - c0);
+                0.9 - 0.03 * r * r - 0.05 * c * c + 0.06 * r * c
+            })
+        };
+        let (row, col) = peak(surface(0.3, -0.45));
+        assert!((row - 0.3).abs() < 1e-12 && (col + 0.45).abs() < 1e-12, "{row} {col}");
+        assert_eq!(peak(surface(0.0, 0.0).map(|v| -v)), (0.0, 0.0), "a hollow has no peak");
     }
 
     #[test]

@@ -190,7 +190,7 @@ fn displaced_dtms_are_measured_and_dropped() {
     let [good, off] = [&made.scenes[0], &made.scenes[1]];
     assert!(good.kept > 0 && !good.dropped.contains_key(&Reason::Offset), "{good:?}");
     let [rows_px, cols_px] = off.offset_px.unwrap();
-    assert!((rows_px - down).abs() < 0.3 && (cols_px - right).abs() < 0.3, "{rows_px} {cols_px}");
+    assert!((rows_px - down).abs() < 0.1 && (cols_px - right).abs() < 0.1, "{rows_px} {cols_px}");
     assert!(off.dropped[&Reason::Offset] + off.dropped.get(&Reason::Nulls).unwrap_or(&0) == 4, "{off:?}");
 }
 
