@@ -12,6 +12,9 @@ const MOST_COMPRESSION: u64 = 4096;
 /// ZSTD stores 128 KiB of one value in 4 bytes.
 const MOST_COMPRESSION_ZSTD: u64 = 1 << 15;
 
+/// The decoder may always use this much: tags need some, too.
+const SMALL_BYTES: usize = 1 << 22;
+
 /// Compressions read here: their codes in tag 259 and their names.
 const COMPRESSIONS: [(u16, &str); 7] = [
     (1, "uncompressed"),
@@ -120,7 +123,7 @@ impl Layout {
     fn with_limits(&self, file: Handle) -> Handle {
         let mut limits = Limits::default();
         let file_bytes = usize::try_from(file.file_bytes).unwrap_or(usize::MAX);
-        limits.decoding_buffer_size = limits.decoding_buffer_size.max(self.chunk_bytes());
+        limits.decoding_buffer_size = self.chunk_bytes().max(SMALL_BYTES);
         limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(file_bytes);
         limits.ifd_value_size = limits.ifd_value_size.max(file_bytes.min(1 << 26));
         Handle { tiff: file.tiff.with_limits(limits), ..file }

@@ -22,6 +22,8 @@ mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
 #[cfg(test)]
+mod mutation_tests;
+#[cfg(test)]
 mod tests;
 
 pub use read::{open, read};
