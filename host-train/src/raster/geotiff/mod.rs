@@ -11,6 +11,7 @@ mod ifd;
 mod layout;
 mod metadata;
 mod place;
+mod plain;
 mod pyramid;
 mod read;
 mod rule;

@@ -72,6 +72,7 @@ make('gdal_jpeg', 'uint8', compress='jpeg', tiled=True, blockxsize=16, blockysiz
 make('gdal_jpeg_strips', 'uint8', compress='jpeg')
 make('gdal_packbits', 'int16', compress='packbits', blockysize=3)
 make('gdal_rows', 'float64', blockysize=1, ENDIANNESS='BIG')
+make('gdal_one_strip', 'int32', blockysize=40)
 make('gdal_lzw', 'float32', compress='lzw', predictor=3, tiled=True, blockxsize=32, blockysize=16)
 make('gdal_lzw_big_endian', 'int32', compress='lzw', predictor=2, ENDIANNESS='BIG')
 make('gdal_zstd', 'float64', compress='zstd', predictor=3, BIGTIFF='YES')
