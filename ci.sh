@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test backends no_std architecture
+#   ./ci.sh format lint   only these steps: format lint test backends no_std architecture fuzz
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
 set -euo pipefail
@@ -67,16 +67,28 @@ architecture() {
     cargo test --locked --quiet -p elunar-tests --test architecture
 }
 
-[ $# -gt 0 ] || set -- format lint test backends no_std architecture
+# Needs a nightly compiler and cargo-fuzz: a minute for every target. The seeded mutations of `test` need neither.
+fuzz() {
+    if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
+        echo "SKIPPED: fuzzing: no nightly compiler with cargo-fuzz (cargo install cargo-fuzz)"
+        return
+    fi
+    local one
+    for one in $(cargo +nightly fuzz list --fuzz-dir tests/fuzz); do
+        cargo +nightly fuzz run --fuzz-dir tests/fuzz "$one" -- -max_total_time="${FUZZ_SECONDS:-60}"
+    done
+}
+
+[ $# -gt 0 ] || set -- format lint test backends no_std architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | backends | no_std | architecture)
+    format | lint | test | backends | no_std | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test backends no_std architecture), found '$step'" ;;
+    *) fail "expected a step (format lint test backends no_std architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

@@ -1,5 +1,7 @@
 //! What several tests share.
 
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
@@ -30,4 +32,23 @@ pub(crate) fn rasterio(script: &str, folder: &Path) -> Option<String> {
         Command::new("python3").args(["-W", "ignore", "-c", &script]).current_dir(folder).output().expect("python3");
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     Some(String::from_utf8_lossy(&out.stdout).into_owned())
+}
+
+/// Damages a file in one to three places: a byte changed, the end cut off, a piece taken out or doubled, or one of `pieces` put in. Pieces that mean
+/// something to the format reach deeper than random bytes.
+pub(crate) fn mutate(bytes: &mut Vec<u8>, pieces: &[&str], rng: &mut ChaCha8Rng) {
+    for _ in 0..rng.random_range(1..4) {
+        let at = rng.random_range(0..=bytes.len());
+        let end = (at + rng.random_range(0..12)).min(bytes.len());
+        match rng.random_range(0..5) {
+            0 if at < bytes.len() => bytes[at] = rng.random(),
+            1 => bytes.truncate(at),
+            2 => drop(bytes.drain(at..end)),
+            3 => drop(bytes.splice(at..at, pieces[rng.random_range(0..pieces.len())].bytes())),
+            _ => {
+                let copy = bytes[at..end].to_vec();
+                drop(bytes.splice(at..at, copy));
+            }
+        }
+    }
 }

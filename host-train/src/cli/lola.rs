@@ -89,3 +89,80 @@ fn judge(args: &Args) -> Result<Report> {
     }
     Ok(report)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use crate::raster::{Crs, GeoRef, Raster, geotiff};
+    use clap::Parser;
+    use std::path::Path;
+
+    fn args(words: &[&str]) -> Args {
+        match Cli::try_parse_from([&["host-train", "lola"], words].concat()).unwrap().command {
+            Some(Command::Lola(args)) => args,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// A ridged DTM of 80 x 60 pixels of 2 m around longitude 0, latitude 0.
+    fn write_dtm(path: &Path) {
+        let georef = GeoRef { transform: [-60.0, 2.0, 0.0, 80.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let height = |i: usize| ((i / 60) as f32 * 0.31).sin() * 20.0 + ((i % 60) as f32 * 0.17).cos() * 15.0;
+        let raster = Raster { rows: 80, cols: 60, samples: (0..4800).map(height).collect(), georef: Some(georef) };
+        geotiff::write(path, &raster, &geotiff::WriteOptions::heights("heights")).unwrap();
+    }
+
+    /// Points on every third pixel centre of a diagonal, `start_s` seconds after midnight, two pixels west of where they were measured.
+    fn rows(start_s: f64) -> String {
+        let degrees = |metres: f64| (metres / 1_737_400.0).to_degrees();
+        let row = |i: usize| {
+            let (row, col) = (12 + i, 15 + i / 2);
+            let height = ((row as f32 * 0.31).sin() * 20.0 + (col as f32 * 0.17).cos() * 15.0) as f64;
+            let (x, y) = (-59.0 + 2.0 * col as f64 - 4.0, 79.0 - 2.0 * row as f64);
+            let (minute, second) = ((start_s / 60.0) as usize % 60, start_s % 60.0 + i as f64 * 0.05);
+            let hour = (start_s / 3600.0) as usize;
+            let radius_km = 1737.4 + height / 1000.0;
+            format!(
+                "2010-07-17T{hour:02}:{minute:02}:{second:06.3},{:.9},{:.9},{radius_km:.6},0\n",
+                degrees(x),
+                degrees(y)
+            )
+        };
+        (0..50).map(row).collect()
+    }
+
+    #[test]
+    fn tracks_of_a_table_are_judged_one_by_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (dtm, csv) = (folder.path().join("d.tif"), folder.path().join("t.csv"));
+        write_dtm(&dtm);
+        let heading = "Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\n";
+        let few: String = rows(20_000.0).lines().take(3).map(|line| format!("{line}\n")).collect();
+        std::fs::write(&csv, heading.to_owned() + &rows(3600.0) + &rows(10_830.0) + &few).unwrap();
+        let (dtm, csv) = (dtm.to_str().unwrap(), csv.to_str().unwrap());
+        let report = judge(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8"])).unwrap();
+        let names: Vec<&str> = report.tracks.iter().map(|track| track.name.as_str()).collect();
+        assert_eq!(names, ["t.csv#1", "t.csv#2", "t.csv#3"]);
+        for track in &report.tracks[..2] {
+            let fit = track.fit.unwrap();
+            assert!((fit.x_m - 4.0).abs() < 1e-3 && fit.y_m.abs() < 1e-3 && fit.std_m < 0.01, "{fit:?}");
+        }
+        assert_eq!(report.tracks[2].fit, None);
+        let one = judge(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"])).unwrap();
+        assert_eq!((one.tracks.len(), one.tracks[0].name.as_str()), (1, "t.csv"));
+        let named = args(&[
+            "--dtm",
+            dtm,
+            "--tracks",
+            csv,
+            csv,
+            "--csv-format",
+            "2:lon 3:lat 4:radius_km",
+            "--min-points",
+            "200",
+        ]);
+        let text = judge(&named).unwrap_err().to_string();
+        assert!(text.contains("at least 200 points") && text.contains("206 points of 2 tracks"), "{text}");
+    }
+}

@@ -3,8 +3,8 @@
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
 use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey, Tally, open, predict_rows};
-use crate::raster::scaled::HeightUnit;
-use crate::raster::source;
+use crate::raster::stated::{HeightUnit, Statements};
+use crate::raster::{Crs, source};
 use crate::{Error, Result, interrupt};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
@@ -35,6 +35,12 @@ pub struct Args {
     /// Threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
+    /// Reference system of the image, where the file does not say it: IAU_2015:30110 and the like, or a PROJ text.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub image_srs: Option<Crs>,
+    /// Reference system of the coarse DTM, likewise.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub coarse_srs: Option<Crs>,
     /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
@@ -116,8 +122,11 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn scene(args: &Args) -> Result<Scene> {
-    let coarse = args.coarse_unit.unwrap_or(HeightUnit::M).in_metres(source::open(&args.coarse)?);
-    Scene::new(Input::open(&args.image)?, Input { name: args.coarse.display().to_string(), source: coarse.into() })
+    let input = |path: &Path, srs: &Option<Crs>, unit| -> Result<Input> {
+        let source = Statements { srs: srs.clone(), unit }.of(source::open(path)?);
+        Ok(Input { name: path.display().to_string(), source: source.into() })
+    };
+    Scene::new(input(&args.image, &args.image_srs, None)?, input(&args.coarse, &args.coarse_srs, args.coarse_unit)?)
 }
 
 /// What tells this job from others: a changed input, model or option begins anew.
@@ -129,8 +138,8 @@ fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };
     let (image, coarse) = (file(&args.image)?, file(&args.coarse)?);
-    let unit = args.coarse_unit;
-    Ok(format!("{} {image} {coarse} {unit:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
+    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit);
+    Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
 }
 
 /// Fails before the work rather than after it.

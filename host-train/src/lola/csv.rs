@@ -88,10 +88,6 @@ impl CsvFormat {
         }
         Err("one lon, one lat and one of radius_km, radius_m and height_above_datum expected".into())
     }
-
-    fn has(&self, role: Role) -> bool {
-        self.columns.iter().any(|column| column.1 == role)
-    }
 }
 
 /// `Pt_Longitude` and ` "pt longitude"` to `pt_longitude`.
@@ -192,49 +188,28 @@ fn cells(line: &str) -> Vec<&str> {
     cells.into_iter().map(|cell| &cell[bare(cell)]).collect()
 }
 
-/// One row; `None` if it is flagged.
+/// One row; `None` if it is flagged, whatever else it holds.
 fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Result<Option<Point>, String> {
-    let mut point = Point { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s: None };
-    let mut flagged = false;
+    let missing = |column: usize| format!("column {} expected, found {} columns", column + 1, cells.len());
+    let mut row = Vec::with_capacity(format.columns.len());
     for &(column, role) in &format.columns {
-        let cell = *cells
-            .get(column)
-            .ok_or_else(|| format!("column {} expected, found {} columns", column + 1, cells.len()))?;
-        let number = || {
-            let refuse = || {
-                format!(
-                    "a number in column {} expected, found {:?}",
-                    column + 1,
-                    cell.chars().take(30).collect::<String>()
-                )
-            };
-            cell.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(refuse)
-        };
-        let radius = |radius_m: f64| {
-            if (radius_m - sphere_m).abs() > 0.1 * sphere_m {
-                return Err(format!(
-                    "a radius about {sphere_m} m expected, found {radius_m} m in column {}",
-                    column + 1
-                ));
-            }
-            Ok(radius_m - sphere_m)
-        };
-        match role {
-            Role::LonDeg => point.lon_deg = number()?,
-            Role::LatDeg => point.lat_deg = number()?,
-            Role::RadiusKm => point.height_m = radius(number()? * 1000.0)?,
-            Role::RadiusM => point.height_m = radius(number()?)?,
-            Role::HeightM => point.height_m = number()?,
-            Role::Time => {
-                let refuse = || {
-                    format!(
-                        "a time such as 2009-07-17T00:46:24.5 expected, found {:?}",
-                        cell.chars().take(30).collect::<String>()
-                    )
-                };
-                point.time_s = Some(seconds(cell).ok_or_else(refuse)?);
-            }
-            Role::Flag => flagged = number()? != 0.0,
+        row.push(Cell { column, role, text: cells.get(column).ok_or_else(|| missing(column))? });
+    }
+    for cell in row.iter().filter(|cell| cell.role == Role::Flag) {
+        if cell.number()? != 0.0 {
+            return Ok(None);
+        }
+    }
+    let mut point = Point { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s: None };
+    for cell in &row {
+        match cell.role {
+            Role::LonDeg => point.lon_deg = cell.number()?,
+            Role::LatDeg => point.lat_deg = cell.number()?,
+            Role::RadiusKm => point.height_m = cell.height_m(1000.0, sphere_m)?,
+            Role::RadiusM => point.height_m = cell.height_m(1.0, sphere_m)?,
+            Role::HeightM => point.height_m = cell.number()?,
+            Role::Time => point.time_s = Some(cell.time_s()?),
+            Role::Flag => {}
         }
     }
     if point.lon_deg.abs() > 360.0 || point.lat_deg.abs() > 90.0 {
@@ -243,8 +218,39 @@ fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Resu
             point.lon_deg, point.lat_deg
         ));
     }
-    // A flagged row may hold anything.
-    Ok((!flagged || !format.has(Role::Flag)).then_some(point))
+    Ok(Some(point))
+}
+
+struct Cell<'a> {
+    column: usize,
+    role: Role,
+    text: &'a str,
+}
+
+impl Cell<'_> {
+    fn refuse(&self, expected: &str) -> String {
+        let start: String = self.text.chars().filter(|c| !c.is_control()).take(30).collect();
+        format!("{expected} in column {} expected, found {start:?}", self.column + 1)
+    }
+
+    fn number(&self) -> std::result::Result<f64, String> {
+        self.text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| self.refuse("a number"))
+    }
+
+    /// Height above the sphere of a radius in units of `metres`.
+    fn height_m(&self, metres: f64, sphere_m: f64) -> std::result::Result<f64, String> {
+        let radius_m = self.number()? * metres;
+        if (radius_m - sphere_m).abs() > 0.1 * sphere_m {
+            let column = self.column + 1;
+            return Err(format!("a radius about {sphere_m} m in column {column} expected, found {radius_m} m"));
+        }
+        Ok(radius_m - sphere_m)
+    }
+
+    fn time_s(&self) -> std::result::Result<f64, String> {
+        let way_out = "a time such as 2009-07-17T00:46:24.5 (or --csv-format without time)";
+        seconds(self.text).ok_or_else(|| self.refuse(way_out))
+    }
 }
 
 /// Seconds since some moment: of `2009-07-17T00:46:24.5`, `2009-198T00:46:24.5`, or a plain number of seconds.
@@ -279,6 +285,9 @@ fn seconds(text: &str) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::raster::MOON_RADIUS_M;
+    use crate::testing::mutate;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     fn read_text(text: &str, format: Option<&str>) -> Result<Table> {
         let format = format.map(|format| format.parse::<CsvFormat>().unwrap());
@@ -293,7 +302,7 @@ mod tests {
         let bad = read_text(text, None).unwrap_err().to_string();
         assert!(
             bad.contains("t.csv")
-                && bad.contains("line 3: a radius about 1737400 m expected, found 9000 m in column 4"),
+                && bad.contains("line 3: a radius about 1737400 m in column 4 expected, found 9000 m"),
             "{bad}"
         );
         let table =
@@ -359,5 +368,34 @@ mod tests {
         {
             assert!(text == "2009" || seconds(text).is_none(), "{text}");
         }
+    }
+
+    #[test]
+    fn damaged_tables_never_panic() {
+        let seeds = [
+            "Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\r\n2009-07-17T00:46:24.1,30.5,20.25,1737.6,0\r\n\
+             2009-198T00:46:24.2Z,30.5,20.25,1737.6,1\r\n",
+            "\u{feff}\"lon (deg)\"; lat; height_m\n1;2;3\n# c\n4;5;-6\n",
+        ];
+        let pieces =
+            [",", ";", "\n", "\"", "\u{e9}", "1e400", "-", "nan", "Pt_Radius", "9999-366T23:59:60", "#", "\u{feff}"];
+        let mut rng = ChaCha8Rng::seed_from_u64(34);
+        let (mut read, mut refused) = (0, 0);
+        for round in 0..6000 {
+            let mut bytes = seeds[round % 2].as_bytes().to_vec();
+            mutate(&mut bytes, &pieces, &mut rng);
+            match parse(Path::new("t.csv"), bytes.as_slice(), None, MOON_RADIUS_M) {
+                Ok(table) => {
+                    let sound = |p: &Point| p.height_m.is_finite() && p.time_s.is_none_or(f64::is_finite);
+                    assert!(table.points.iter().all(sound));
+                    read += 1;
+                }
+                Err(error) => {
+                    assert!(!error.to_string().contains('\n'), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(read > 500 && refused > 500, "{read} read, {refused} refused");
     }
 }

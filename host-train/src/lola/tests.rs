@@ -1,10 +1,14 @@
 //! Planted shifts are found.
 
+use super::csv;
 use super::report::{Judged, Report, json, table};
 use super::shift::{Fit, Ground};
 use super::track::Point;
-use crate::raster::source::InMemory;
-use crate::raster::{Crs, GeoRef, Projection, Raster};
+use crate::raster::source::{self, InMemory};
+use crate::raster::{Crs, GeoRef, Projection, Raster, geotiff};
+use crate::testing::rasterio;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Smooth terrain without symmetries; x and y in metres.
 fn height(x: f64, y: f64) -> f64 {
@@ -144,4 +148,57 @@ fn reports_hold_every_track() {
     assert_eq!(json["tracks"][0]["shift_x_m"], -3.0);
     assert_eq!(json["tracks"][1]["judged"], false);
     assert_eq!(json["mean"]["std_median_removed_m"], 1.25);
+}
+
+/// The definition once more in numpy, on rough terrain: every shift tried, bilinear, the same points for all.
+const TWIN: &str = "
+d = rasterio.open('d.tif'); z = d.read(1).astype('f8')
+lon, lat, h = np.loadtxt('t.csv', delimiter=',', skiprows=1).T
+R = 1737400.0
+x, y = R * np.radians(lon - 180), R * np.radians(lat)
+c, r = ~d.transform * (x, y); c, r = c - 0.5, r - 0.5
+def at(r, c):
+    i, j = np.floor(r).astype(int), np.floor(c).astype(int)
+    f, g = r - i, c - j
+    return (1-f)*(1-g)*z[i, j] + (1-f)*g*z[i, j+1] + f*(1-g)*z[i+1, j] + f*g*z[i+1, j+1]
+n = 9
+keep = (r > n/2 + 1) & (c > n/2 + 1) & (r < z.shape[0] - n/2 - 2) & (c < z.shape[1] - n/2 - 2)
+r, c, h = r[keep], c[keep], h[keep]
+best = min((np.sqrt(((at(r + i/2, c + j/2) - h)**2).sum() / (len(h) - 1)), i, j) for i in range(-n, n+1) for j in range(-n, n+1))
+s, i, j = best
+e = at(r + i/2, c + j/2) - h
+m = np.median(e)
+print(len(h), s, j/2 * d.transform.a, i/2 * d.transform.e, m, np.sqrt(((e - m)**2).sum() / (len(h) - 1)))
+";
+
+#[test]
+fn a_twin_in_numpy_agrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let (rows, cols) = (90, 70);
+    let georef =
+        GeoRef { transform: [-40_000.0, 2.0, 0.0, 9000.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 180.0) };
+    let samples: Vec<f32> = (0..rows * cols).map(|i| (i % cols) as f32 * 0.5 + rng.random_range(-3.0..3.0)).collect();
+    let raster = Raster { rows, cols, samples, georef: Some(georef.clone()) };
+    geotiff::write(&folder.path().join("d.tif"), &raster, &geotiff::WriteOptions::heights("heights")).unwrap();
+    let projection = Projection::of(&georef.crs).unwrap();
+    let mut text = String::from("lon,lat,height_m\n");
+    for _ in 0..300 {
+        let (row, col) = (rng.random_range(7.0..82.0), rng.random_range(7.0..62.0));
+        let (x, y) = georef.centre(row, col);
+        let (lon, lat) = projection.inverse(x, y);
+        text += &format!("{lon:.9},{lat:.9},{:.4}\n", (col + 2.3) * 0.5 + rng.random_range(-2.0..2.0));
+    }
+    std::fs::write(folder.path().join("t.csv"), text).unwrap();
+    let Some(out) = rasterio(TWIN, folder.path()) else { return };
+    let expected: Vec<f64> = out.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    let source = source::open(&folder.path().join("d.tif")).unwrap();
+    let ground = Ground::new(&*source, "d.tif", 9.0).unwrap();
+    let table = csv::read(&folder.path().join("t.csv"), None, ground.sphere_m()).unwrap();
+    let fit = ground.fit(&table.points, 10).unwrap().unwrap();
+    let found = [fit.points as f64, fit.std_m, fit.x_m, fit.y_m, fit.median_m, fit.std_median_removed_m];
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-4, "{fit:?}, numpy {expected:?}");
+    }
+    assert_eq!(expected.len(), 6);
 }

@@ -2,7 +2,9 @@
 //! from its edges and gaps, and the weighted mean is taken in `f64`.
 
 mod blend;
+mod overlap;
 mod weights;
 
 pub use blend::Mosaic;
+pub use overlap::OverlapWeights;
 pub use weights::{Blend, tile_weights};

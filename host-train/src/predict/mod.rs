@@ -9,7 +9,6 @@ pub mod int8;
 pub mod network;
 mod output;
 mod part;
-mod placed;
 mod preview;
 mod run;
 mod scene;

@@ -121,7 +121,7 @@ pub fn predict_rows(
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    let rules = Rules::new(normalisation, turn, scene.coarse_px, options);
+    let rules = Rules::new(normalisation, turn, scene, options);
     let mosaic = Mosaic::from_row(from, scene.rows, scene.cols);
     let tally = Tally { tiles: tiling.len(), tiles_before: first, ..Tally::default() };
     let mut sink = Sink { mosaic, tiling, keep, tally };

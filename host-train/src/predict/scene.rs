@@ -1,10 +1,10 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
 use super::fill::fill_gaps;
-use super::placed::{Placed, place, spacing_ratio};
 use crate::illumination::{SunEstimate, Turn};
 use crate::model::config::Illumination;
-use crate::raster::source::{InMemory, Source};
+use crate::raster::align::{Interpolation, Onto};
+use crate::raster::source::{InMemory, Info, Source};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -47,7 +47,7 @@ pub struct Scene {
     pub coarse_px: f32,
     image: Input,
     coarse_name: String,
-    coarse: Placed,
+    coarse: Onto,
 }
 
 /// Some whole rows of a scene, without gaps, and which of their pixels are real.
@@ -101,13 +101,15 @@ impl Scene {
     /// # Errors
     /// [`Error::Usage`] if either has no place, their reference systems differ, or a pixel size is unknown.
     pub fn new(image: Input, coarse: Input) -> Result<Self> {
-        let (georef, coarse_px) = (place(&image)?.clone(), spacing_ratio(&coarse, &image)?);
+        let georef = place(&image)?.clone();
+        let coarse_px = (side_m(&coarse)? / side_m(&image)?) as f32;
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
             let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
             return Err(Error::usage(format!("{what}, found pixels {coarse_px:.2} times as wide as the image's")));
         }
-        let placed = Placed::new(&coarse, &image)?;
+        let info = image.source.info();
+        let placed = Onto::new(coarse.source, &coarse.name, info, &image.name, Interpolation::Bicubic)?;
         Ok(Self { rows, cols, georef, coarse_px, image, coarse_name: coarse.name, coarse: placed })
     }
 
@@ -117,7 +119,7 @@ impl Scene {
     /// If they leave the scene or a file cannot be read there.
     pub fn band(&self, first: usize, rows: usize) -> Result<Band> {
         let window = Window { row: first, col: 0, rows, cols: self.cols };
-        let (mut image, mut coarse_m) = (self.image.source.read(window)?, self.coarse.read(window));
+        let (mut image, mut coarse_m) = (self.image.source.read(window)?, self.coarse.read(window)?);
         let valid = image.iter().zip(&coarse_m).map(|(i, z)| i.is_finite() && z.is_finite()).collect();
         fill_gaps(&mut image, rows, self.cols);
         fill_gaps(&mut coarse_m, rows, self.cols);
@@ -175,6 +177,20 @@ impl Scene {
             extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
         })
     }
+}
+
+/// The place of `input`, which must be complete.
+fn place(input: &Input) -> Result<&GeoRef> {
+    let missing = |what: &str| Error::usage(format!("{}: a raster with {what} expected, none found", input.name));
+    let georef = input.source.info().georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
+    if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
+}
+
+/// Side of a pixel, metres.
+fn side_m(input: &Input) -> Result<f64> {
+    let Info { rows, cols, .. } = *input.source.info();
+    let size = place(input)?.pixel_m(rows, cols).map(|(row_m, col_m)| (row_m * col_m).sqrt());
+    size.ok_or_else(|| Error::usage(format!("{}: a pixel size in metres expected, none found", input.name)))
 }
 
 impl Band {

@@ -2,9 +2,9 @@
 
 use super::Options;
 use super::network::{Normalisation, TileNetwork};
-use super::scene::Band;
+use super::scene::{Band, Scene};
 use crate::illumination::Turn;
-use crate::mosaic::{Blend, tile_weights};
+use crate::mosaic::{Blend, OverlapWeights};
 use crate::{Error, Result};
 use elunar_core::error::NormError;
 use elunar_core::norm::{Anchor, ElevationScale, intensity};
@@ -25,6 +25,8 @@ pub(super) enum Outcome {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
     pub(super) normalisation: Normalisation,
+    /// Rows and columns of the scene.
+    pub(super) scene: (usize, usize),
     /// How tiles are mirrored before the network and back after it.
     pub(super) turn: Turn,
     pub(super) blend: Blend,
@@ -32,9 +34,9 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub(super) fn new(normalisation: Normalisation, turn: Turn, coarse_px: f32, options: &Options) -> Self {
-        let anchor = options.anchor.then(|| Anchor::new(coarse_px));
-        Self { normalisation, turn, blend: options.blend, anchor }
+    pub(super) fn new(normalisation: Normalisation, turn: Turn, scene: &Scene, options: &Options) -> Self {
+        let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
+        Self { normalisation, scene: (scene.rows, scene.cols), turn, blend: options.blend, anchor }
     }
 }
 
@@ -43,8 +45,7 @@ pub(super) struct TileWorker<'a> {
     network: Box<dyn TileNetwork + 'a>,
     rules: Rules,
     sums: Vec<f64>,
-    /// Weights of a tile without gaps: nearly all tiles, so they are made once.
-    full_weights: Vec<f64>,
+    weights: OverlapWeights,
 }
 
 /// A tile as the network sees it, and the way back.
@@ -56,7 +57,8 @@ struct Normalised {
 
 impl<'a> TileWorker<'a> {
     pub(super) fn new(network: Box<dyn TileNetwork + 'a>, rules: Rules) -> Self {
-        Self { network, rules, sums: vec![], full_weights: vec![] }
+        let weights = OverlapWeights::new(rules.scene, rules.blend);
+        Self { network, rules, sums: vec![], weights }
     }
 
     /// Predicts `window` of the scene, of which `band` holds the rows.
@@ -103,14 +105,8 @@ impl<'a> TileWorker<'a> {
     }
 
     fn weights(&mut self, valid: &[bool], window: Window) -> Vec<f64> {
-        let (rows, cols) = (window.rows, window.cols);
-        if valid.contains(&false) {
-            return tile_weights(valid, rows, cols, self.rules.blend);
-        }
-        if self.full_weights.len() != valid.len() {
-            self.full_weights = tile_weights(valid, rows, cols, self.rules.blend);
-        }
-        self.full_weights.clone()
+        let weight = |(&weight, &valid): (&f64, &bool)| if valid { weight } else { 0.0 };
+        self.weights.of(window).iter().zip(valid).map(weight).collect()
     }
 }
 

@@ -10,8 +10,8 @@ pub mod npy;
 pub mod pds3;
 mod projection;
 pub mod resample;
-pub mod scaled;
 pub mod source;
+pub mod stated;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use georef::{GeoRef, GeoTransform};

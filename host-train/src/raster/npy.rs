@@ -153,8 +153,10 @@ mod tests {
     use super::super::source::read_all;
     use super::*;
     use crate::raster::source;
-    use crate::testing::rasterio;
+    use crate::testing::{mutate, rasterio};
     use elunar_core::tile::Window;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     fn file(version: u8, header: &str, samples: &[u8]) -> Vec<u8> {
         let mut bytes = [MAGIC, &[version, 0]].concat();
@@ -226,5 +228,32 @@ for kind in ('<f4', '>f4', '<f8', '>f8', '|u1', '<u2', '>u2', '<i2', '>i2', '<i4
             let window = source.read(Window { row: 2, col: 3, rows: 3, cols: 2 }).unwrap();
             assert_eq!(window, [51.0, 54.0, 72.0, 75.0, 93.0, 96.0], "{}", path.display());
         }
+    }
+
+    #[test]
+    fn damaged_arrays_never_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }        \n";
+        let seeds = [file(1, header, &[0x3F; 48]), file(2, &header.replace("<f4", ">u2"), &[1; 24])];
+        let pieces = ["(", ")", ",", "'", "18446744073709551615", "0", "True", "<f8", "|u1", "shape", "\u{e9}", ":"];
+        let mut rng = ChaCha8Rng::seed_from_u64(33);
+        let (mut read, mut refused) = (0, 0);
+        for round in 0..3000 {
+            let mut bytes = seeds[round % 2].clone();
+            mutate(&mut bytes, &pieces, &mut rng);
+            std::fs::write(&path, &bytes).unwrap();
+            match open(&path).and_then(|source| read_all(&*source)) {
+                Ok(raster) => {
+                    assert!(raster.samples.len() <= bytes.len());
+                    read += 1;
+                }
+                Err(error) => {
+                    assert!(!error.to_string().contains('\n'), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(read > 100 && refused > 1000, "{read} read, {refused} refused");
     }
 }

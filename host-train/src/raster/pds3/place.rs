@@ -116,12 +116,13 @@ fn scale_m(block: &Block, radius_m: f64) -> Result<f64, Defect> {
     Err(Defect::missing(format!("a MAP_SCALE above 0 expected, found {scale} m per pixel")))
 }
 
-/// Some products count the offsets with the other sign; their stated latitude gives them away.
+/// Some products count the offsets with the other sign; their stated latitude gives them away. It may be that of the samples that
+/// hold anything, so a tenth of the image is allowed.
 fn check_latitude(block: &Block, top_m: f64, scale_m: f64, radius_m: f64, rows: usize) -> Result<(), Defect> {
     let Some(stated_deg) = number(block, "MAXIMUM_LATITUDE")? else { return Ok(()) };
     let found_deg = (top_m / radius_m).to_degrees();
     let pixel_deg = (scale_m / radius_m).to_degrees();
-    if (found_deg - stated_deg).abs() <= (0.01 * rows as f64).max(2.0) * pixel_deg {
+    if (found_deg - stated_deg).abs() <= (0.1 * rows as f64).max(2.0) * pixel_deg {
         return Ok(());
     }
     let what = format!(

@@ -133,8 +133,9 @@ pub fn label_beside(image: &Path) -> Result<Option<PathBuf>> {
     let Some(label) = beside.map(|e| e.path()).find(|path| path != image) else { return Ok(None) };
     let tree = read_label(&label)?;
     let names_image = |found: Found| {
-        let names = |value: &Value| value.text().is_some_and(|text| text.eq_ignore_ascii_case(&name));
-        found.item.value.members().iter().any(names)
+        let stated = found.around.iter().flat_map(|block| &block.items).filter(|item| item.key == "FILE_NAME");
+        let mut names = found.item.value.members().iter().chain(stated.map(|item| &item.value));
+        names.any(|value| value.text().is_some_and(|text| text.eq_ignore_ascii_case(&name)))
     };
     let found = Found::in_label(&tree).map_err(|defect| defect.of(&label))?;
     Ok(found.is_some_and(names_image).then_some(label))

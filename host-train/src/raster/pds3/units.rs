@@ -57,6 +57,9 @@ pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
 /// so it is left out. A radius in kilometres also says the unit where none is stated.
 pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, f64, f64), Defect> {
     let scale = number(image, "SCALING_FACTOR")?.unwrap_or(1.0);
+    if scale == 0.0 {
+        return Err(Defect::missing("a SCALING_FACTOR other than 0 expected, found 0"));
+    }
     let mut offset = number(image, "OFFSET")?.unwrap_or(0.0);
     let unit = image.find("UNIT")?.and_then(|item| item.value.text());
     let mut metres = unit.and_then(metres_per);

@@ -107,6 +107,13 @@ fn pointers_of_every_form() {
         let source = opened(folder.path(), &[("A.LBL", text.as_bytes()), ("A.DAT", &data)]).unwrap();
         assert_eq!(read_all(&*source).unwrap().samples[0], first, "{pointer}");
     }
+    // The name beside the pointer, and from the image back to the label.
+    let inside = label("2")
+        .replace("^IMAGE", "OBJECT = FILE\nFILE_NAME = \"A.DAT\"\n^IMAGE")
+        .replace("END\n", "END_OBJECT = FILE\nEND\n");
+    let source = opened(folder.path(), &[("A.LBL", inside.as_bytes()), ("A.DAT", &data)]).unwrap();
+    assert_eq!(read_all(&*source).unwrap().samples[0], 4.0);
+    assert_eq!(open(&folder.path().join("A.DAT")).unwrap().info(), source.info());
     // Attached, counted in bytes.
     let text = format!("{:300}", label("301 <BYTES>"));
     let file = [text.as_bytes(), &[7, 8, 9, 10]].concat();
@@ -149,6 +156,8 @@ fn files_and_labels_that_disagree_are_refused() {
         refused(&[("a.img", label.as_bytes())])
             .contains("3 bands found, one expected; take one out: gdal_translate -b 1")
     );
+    let nothing = attached(4, 5, &format!("{I16} SCALING_FACTOR = 0"), "", 2);
+    assert!(refused(&[("a.img", &nothing)]).contains("SCALING_FACTOR other than 0"));
     let packed = attached(4, 5, &format!("{I16} ENCODING_TYPE = HUFFMAN"), "", 2);
     assert!(refused(&[("a.img", &packed)]).contains("packed as HUFFMAN"));
     assert!(refused(&[("a.lbl", b"PDS_VERSION_ID = PDS3\n^TABLE = \"a.tab\"\nEND")]).contains("found ^TABLE"));

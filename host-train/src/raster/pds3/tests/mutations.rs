@@ -3,7 +3,8 @@
 use super::super::Block;
 use super::{EQUIRECTANGULAR, POLAR, attached, shared, sldem_label};
 use crate::raster::source::{open, read_all};
-use rand::{Rng, SeedableRng};
+use crate::testing::mutate;
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 /// Pieces that mean something to a label: mutations made of them reach deeper than random bytes.
@@ -34,23 +35,6 @@ const PIECES: [&str; 24] = [
     "GROUP = G\n",
 ];
 
-fn mutate(bytes: &mut Vec<u8>, rng: &mut ChaCha8Rng) {
-    for _ in 0..rng.random_range(1..4) {
-        let at = rng.random_range(0..=bytes.len());
-        let end = (at + rng.random_range(0..12)).min(bytes.len());
-        match rng.random_range(0..5) {
-            0 if at < bytes.len() => bytes[at] = rng.random(),
-            1 => bytes.truncate(at),
-            2 => drop(bytes.drain(at..end)),
-            3 => drop(bytes.splice(at..at, PIECES[rng.random_range(0..PIECES.len())].bytes())),
-            _ => {
-                let copy = bytes[at..end].to_vec();
-                drop(bytes.splice(at..at, copy));
-            }
-        }
-    }
-}
-
 #[test]
 fn damaged_labels_never_panic() {
     let mut seeds = vec![sldem_label("A", 3, 4).into_bytes(), attached(2, 3, "UNIT = 'm'", EQUIRECTANGULAR, 4)];
@@ -62,7 +46,7 @@ fn damaged_labels_never_panic() {
     let (mut parsed, mut refused) = (0, 0);
     for round in 0..6000 {
         let mut bytes = seeds[round % seeds.len()].clone();
-        mutate(&mut bytes, &mut rng);
+        mutate(&mut bytes, &PIECES, &mut rng);
         match Block::parse(&bytes) {
             Ok(_) => parsed += 1,
             Err(defect) => {
@@ -85,7 +69,7 @@ fn damaged_images_never_panic() {
     let (mut read, mut refused) = (0, 0);
     for round in 0..3000 {
         let mut bytes = seeds[round % 2].clone();
-        mutate(&mut bytes, &mut rng);
+        mutate(&mut bytes, &PIECES, &mut rng);
         std::fs::write(&path, &bytes).unwrap();
         match open(&path).and_then(|source| read_all(&*source)) {
             Ok(raster) => {

@@ -1,0 +1,66 @@
+//! What a user knows of a file and the file does not say: its reference system, the unit of its heights.
+
+use super::source::{Info, Source};
+use super::{Crs, GeoRef};
+use crate::Result;
+use elunar_core::tile::Window;
+
+/// Unit of heights, as a user states it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum HeightUnit {
+    /// Metres.
+    M,
+    /// Kilometres.
+    Km,
+}
+
+/// A user's statements about a raster; they win over the file's own.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Statements {
+    /// Reference system of its map coordinates.
+    pub srs: Option<Crs>,
+    /// Unit of its samples.
+    pub unit: Option<HeightUnit>,
+}
+
+impl Statements {
+    /// `source` as stated: in the stated system, with samples in metres.
+    #[must_use]
+    pub fn of(self, source: Box<dyn Source>) -> Box<dyn Source> {
+        if self == Self::default() {
+            return source;
+        }
+        let mut info: Info = source.info().clone();
+        if let Some(crs) = self.srs {
+            info.georef = info.georef.map(|georef| GeoRef { crs, ..georef });
+        }
+        let factor = match self.unit {
+            Some(HeightUnit::Km) => 1000.0,
+            Some(HeightUnit::M) | None => 1.0,
+        };
+        if self.unit.is_some() {
+            info.unit = Some("m".into());
+        }
+        Box::new(Stated { info, source, factor })
+    }
+}
+
+struct Stated {
+    info: Info,
+    source: Box<dyn Source>,
+    factor: f32,
+}
+
+impl Source for Stated {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        let mut samples = self.source.read(window)?;
+        if self.factor != 1.0 {
+            samples.iter_mut().for_each(|v| *v *= self.factor);
+        }
+        Ok(samples)
+    }
+}

@@ -1,0 +1,8 @@
+//! Any text is a NumPy header or not.
+#![no_main]
+
+use host_train::raster::npy::Header;
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    let _ = Header::parse(text);
+});
