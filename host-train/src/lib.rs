@@ -1,15 +1,17 @@
 //! The ground side of ELunarDTM: makes and reads data, trains the network, exports it for flight, predicts and evaluates.
 //!
-//! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`model`] is the float network,
+//! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`prepare`] makes training sets, [`model`] is the float network,
 //! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene,
 //! [`mosaic`] joins the tiles, [`evaluate`] judges the result by a truth and [`lola`] by laser tracks, [`picture`] shows it, [`demo`]
 //! does all of this once. [`inspect`] says what a file is.
 
 pub mod cli;
 pub mod demo;
+pub mod diff;
 pub mod error;
 pub mod evaluate;
 pub mod export;
+pub mod hillshade;
 pub mod illumination;
 pub mod inspect;
 pub mod interrupt;
@@ -18,6 +20,8 @@ pub mod model;
 pub mod mosaic;
 pub mod picture;
 pub mod predict;
+pub mod prepare;
+pub mod quantile;
 pub mod raster;
 pub mod synth;
 #[cfg(test)]

@@ -6,6 +6,7 @@ use crate::export::{CalibrationTile, Options, Precision, export};
 use crate::model::config::NetConfig;
 use crate::model::store;
 use crate::model::weights::Weights;
+use crate::prepare::Split;
 use crate::raster::atomic_write;
 use crate::train::feed::TileSource;
 use crate::train::sample::{RawTile, Sample};
@@ -56,7 +57,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let weights = Weights::read(&args.weights)?;
     let config = store::config_of(&weights, &args.weights)?;
-    let source = DataSpec::parse(Some(args.calibrate.clone()), SYNTH_SEED).open()?;
+    let source = DataSpec::parse(Some(args.calibrate.clone()), SYNTH_SEED, Split::Train)?.open()?;
     let tiles = calibration_tiles(source.as_ref(), &config, 0, args.tiles)?;
     let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: args.precision, name: name(&args.output) };
     let bar = bar("calibrating", args.tiles);

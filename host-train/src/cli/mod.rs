@@ -2,13 +2,18 @@
 
 pub mod check;
 pub mod demo;
+pub mod diff;
 pub mod evaluate;
 pub mod export;
+pub mod hillshade;
 pub mod init;
 pub mod inspect;
 pub mod latency;
 pub mod lola;
+pub mod mosaic;
+mod output;
 pub mod predict;
+pub mod prepare;
 pub mod synth;
 pub mod train;
 
@@ -31,6 +36,8 @@ pub enum Command {
     Demo(demo::Args),
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
+    /// Make a training set from images, DTMs and coarse DTMs.
+    Prepare(prepare::Args),
     /// Write freshly initialised weights.
     Init(init::Args),
     /// Compare the network with a golden file, map by map.
@@ -43,6 +50,12 @@ pub enum Command {
     Predict(predict::Args),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
+    /// Shade a DTM, as `gdaldem hillshade` does.
+    Hillshade(hillshade::Args),
+    /// Subtract one DTM from another, with statistics.
+    Diff(diff::Args),
+    /// Join overlapping DTMs, as `dem_mosaic` does.
+    Mosaic(mosaic::Args),
     /// Shift laser altimeter tracks over a DTM and say how well they fit.
     Lola(lola::Args),
     /// Say what a file is understood as: raster, label, track, model or weights.
@@ -60,12 +73,16 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Demo(args)) => demo::run(args),
         None => demo::run(demo::Args::default()),
         Some(Command::Synth(args)) => synth::run(args),
+        Some(Command::Prepare(args)) => prepare::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Train(args)) => train::run(*args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Hillshade(args)) => hillshade::run(args),
+        Some(Command::Diff(args)) => diff::run(args),
+        Some(Command::Mosaic(args)) => mosaic::run(args),
         Some(Command::Lola(args)) => lola::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Latency(args)) => latency::run(args),

@@ -5,6 +5,7 @@ use crate::model::config::{Preset, Switches};
 use crate::model::init::initial_weights;
 use crate::model::weights::Weights;
 use crate::model::{published, store};
+use crate::prepare::Split;
 use crate::train::recipe::{Recipe, RecipeFlags, trained_network};
 use crate::train::run::{BEST, LAST, Outcome, Record, Run};
 use crate::train::source::{DataSpec, VALIDATION_SEED};
@@ -34,10 +35,11 @@ pub struct Start {
     /// Size of the network, and its recipe [default: nano].
     #[arg(long)]
     pub preset: Option<Preset>,
-    /// `synth`, or a folder of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
+    /// `synth`, a folder written by `prepare`, or one of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
     #[arg(long, value_name = "DIR|synth")]
     pub data: Option<PathBuf>,
-    /// Tiles to validate on: `synth` (a Moon of another seed) or a folder [default: synth].
+    /// Tiles to validate on: `synth` (a Moon of another seed) or a folder [default: the validation tiles of a prepared folder, else
+    /// synth].
     #[arg(long, value_name = "DIR|synth")]
     pub validation: Option<PathBuf>,
     /// Seed of weights, data and cropping [default: 0].
@@ -131,12 +133,18 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
         published::load_swin(&mut initial, &Weights::read(path)?, path)?;
         started_from += &format!(", image encoder {}", path.display());
     }
+    let data = DataSpec::parse(start.data, seed, Split::Train)?;
+    // The validation Moon shares nothing with the training Moon but its statistics.
+    let validation_seed = seed.wrapping_add(VALIDATION_SEED);
+    let validation_data = match start.validation {
+        None => data.validation(validation_seed),
+        named => DataSpec::parse(named, validation_seed, Split::Validation)?,
+    };
     let record = Record {
         network,
         recipe: start.recipe.apply(Recipe::preset(preset))?,
-        data: DataSpec::parse(start.data, seed),
-        // The validation Moon shares nothing with the training Moon but its statistics.
-        validation_data: DataSpec::parse(start.validation, seed.wrapping_add(VALIDATION_SEED)),
+        data,
+        validation_data,
         seed,
         backend: start.backend.unwrap_or(Backend::Flex),
         started_from,

@@ -1,5 +1,6 @@
 //! The figures of one candidate.
 
+use crate::quantile::quantile;
 use crate::raster::Raster;
 use crate::{Error, Result};
 use elunar_core::grid::GridView;
@@ -52,8 +53,8 @@ impl Scores {
         slopes.extend(truth_grid, dtm_grid, pixel).map_err(misfit)?;
         let both = truth.samples.iter().zip(&dtm.samples).filter(|(t, z)| t.is_finite() && z.is_finite());
         let mut errors: Vec<f64> = both.map(|(t, z)| f64::from(*z) - f64::from(*t)).collect();
-        let median_m =
-            median(&mut errors).ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
+        let median_m = quantile(&mut errors, 0.5)
+            .ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
         let square = errors.iter().map(|e| (e - median_m).powi(2)).sum::<f64>() / errors.len() as f64;
         Ok(Self {
             pixels: heights.count(),
@@ -69,29 +70,5 @@ impl Scores {
             slope_rmse_deg: slopes.rmse_deg().unwrap_or_default(),
             slope_bias_deg: slopes.bias_deg().unwrap_or_default(),
         })
-    }
-}
-
-/// The middle value, or the mean of the middle two; reorders `values`.
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    let odd = values.len() % 2 == 1;
-    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    let lower = if odd { upper } else { below.iter().copied().fold(f64::NEG_INFINITY, f64::max) };
-    Some(0.5 * (lower + upper))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn medians_of_odd_and_even_counts() {
-        assert_eq!(median(&mut [3.0, -1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&mut [3.0, -1.0, 2.0, 9.0]), Some(2.5));
-        assert_eq!(median(&mut []), None);
     }
 }

@@ -20,6 +20,16 @@ pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) 
     Ok(GrayImage::from_fn(width, height, |col, row| Luma([shade[row as usize * cols + col as usize]])))
 }
 
+/// Row-major bytes as a picture.
+///
+/// # Errors
+/// [`Error::Usage`] if there are not `rows · cols` bytes.
+pub fn grey(bytes: Vec<u8>, rows: usize, cols: usize) -> Result<GrayImage> {
+    let (width, height) = check_size(bytes.len(), rows, cols)?;
+    let misfit = || Error::usage(format!("picture: {rows} x {cols} bytes expected"));
+    GrayImage::from_raw(width, height, bytes).ok_or_else(misfit)
+}
+
 /// An orbiter image as a viewer shows it: the central 99 % of its samples stretched over grey; invalid samples are black.
 ///
 /// # Errors

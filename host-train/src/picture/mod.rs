@@ -5,13 +5,15 @@
 mod curves;
 mod errors;
 mod grey;
+mod histogram;
 mod relief;
 mod sheet;
 mod text;
 
 pub use curves::{Chart, Series, curves, plot};
 pub use errors::error_map;
-pub use grey::{hillshade, stretch};
+pub use grey::{grey, hillshade, stretch};
+pub use histogram::histogram;
 pub use relief::relief;
 pub use sheet::{Panel, sheet};
 

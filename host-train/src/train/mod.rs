@@ -10,6 +10,7 @@ pub mod feed;
 pub mod folder;
 pub mod journal;
 pub mod loss;
+pub mod prepared;
 pub mod recipe;
 pub mod run;
 pub mod sample;

@@ -3,6 +3,7 @@
 use super::feed::TileSource;
 use super::sample::RawTile;
 use crate::Result;
+use crate::prepare::{Manifest, Split};
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -24,16 +25,38 @@ pub enum DataSpec {
         /// The folder.
         path: PathBuf,
     },
+    /// A folder written by `prepare`.
+    Prepared {
+        /// The folder.
+        path: PathBuf,
+        /// Which of its tiles.
+        split: Split,
+    },
 }
 
 /// Added to a run's seed to get the seed of its validation Moon.
 pub const VALIDATION_SEED: u64 = 0x5EED_0000_0000;
 
 impl DataSpec {
-    /// `None` or `synth`: the synthetic Moon of `seed` with default options; anything else is a folder.
-    pub fn parse(data: Option<PathBuf>, seed: u64) -> Self {
-        match data {
-            Some(path) if path.as_os_str() != "synth" => Self::Folder { path },
+    /// `None` or `synth`: the synthetic Moon of `seed` with default options; anything else is a folder: what `prepare` wrote, of which
+    /// `split` is taken, if it has such a manifest, else one of triples.
+    ///
+    /// # Errors
+    /// If there is a manifest that cannot be read.
+    pub fn parse(data: Option<PathBuf>, seed: u64, split: Split) -> Result<Self> {
+        Ok(match data {
+            Some(path) if path.as_os_str() != "synth" => match Manifest::find(&path)? {
+                Some(_) => Self::Prepared { path, split },
+                None => Self::Folder { path },
+            },
+            _ => Self::Synth { seed, options: SynthOptions::default() },
+        })
+    }
+
+    /// What to validate on where nothing is named: the validation tiles of a prepared folder, else a Moon of another seed.
+    pub fn validation(&self, seed: u64) -> Self {
+        match self {
+            Self::Prepared { path, .. } => Self::Prepared { path: path.clone(), split: Split::Validation },
             _ => Self::Synth { seed, options: SynthOptions::default() },
         }
     }
@@ -46,6 +69,7 @@ impl DataSpec {
         Ok(match self {
             Self::Synth { seed, options } => Arc::new(SynthSource(Moon::new(*seed, options.clone())?)),
             Self::Folder { path } => Arc::new(super::folder::FolderSource::open(path)?),
+            Self::Prepared { path, split } => Arc::new(super::prepared::PreparedSource::open(path, *split)?),
         })
     }
 }

@@ -1,0 +1,221 @@
+//! The weighted mean of whole DTMs, each on a grid of its own.
+
+use super::grid::{Grid, Input};
+use super::weights::{WeightRules, grassfire};
+use crate::raster::resample::PixelMap;
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use rayon::prelude::*;
+
+/// Positions closer than this, in pixels, to a row or column of centres lie on it: no neighbour beyond it is asked.
+const ON_GRID_PX: f64 = 1e-3;
+
+/// How DTMs are joined.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct JoinRules {
+    /// Weight by distance from edges and gaps.
+    pub weights: WeightRules,
+    /// If positive, an earlier DTM stands as it is but for a band this wide, in pixels, along its edges and gaps, where the next one is
+    /// blended in (`--priority-blending-length`).
+    pub priority_px: u32,
+}
+
+/// Joins the DTMs on `grid`, earlier ones first: heights row-major, NaN where no DTM has one. A part of a mosaic's grid ([`Grid::rows`])
+/// gives that part of the mosaic, whatever lies around it, so that a large one can be made band by band.
+///
+/// Each DTM is weighed on its own grid and read at the mosaic's pixel centres: as it is on its own pixels, else bilinearly, and not at
+/// all where one of the four neighbours has no weight (`dem_mosaic`).
+///
+/// # Errors
+/// [`Error::Usage`] if a DTM's transform has no inverse; else as reading the DTMs.
+pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>> {
+    // With priorities, what lies around the grid decides about weights within it.
+    let frame = if rules.priority_px > 0 { Frame::around(inputs, grid, rules) } else { Frame::of(grid) };
+    let mut sums = Sums::new(frame.rows * frame.cols);
+    let mut room = vec![f64::INFINITY; if rules.priority_px > 0 { frame.rows * frame.cols } else { 0 }];
+    for input in inputs {
+        if let Some(part) = Part::read(input, grid, &frame, rules)? {
+            if rules.priority_px > 0 {
+                part.add_with_priority(&frame, rules, &mut room, &mut sums);
+            } else {
+                part.add(&frame, &mut sums);
+            }
+        }
+    }
+    Ok(frame.crop(&sums.mean(), grid))
+}
+
+/// The pixels that are worked on: those of the grid, or more around it.
+struct Frame {
+    /// Rows above the grid.
+    above: usize,
+    /// Columns left of the grid.
+    left: usize,
+    rows: usize,
+    cols: usize,
+}
+
+impl Frame {
+    fn of(grid: &Grid) -> Self {
+        Self { above: 0, left: 0, rows: grid.rows, cols: grid.cols }
+    }
+
+    /// The grid and what of the DTMs around it can have a say: twice the reach of a weight, since weights are made twice.
+    fn around(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Self {
+        let reach = f64::from(2 * rules.reach_px() + rules.priority_px);
+        let (mut low, mut high) = ([0.0_f64; 2], [grid.rows as f64, grid.cols as f64]);
+        let t = grid.georef.transform;
+        for input in inputs {
+            let info = input.source.info();
+            let Some(from) = info.georef.as_ref().map(|georef| georef.transform) else { continue };
+            let corners =
+                [(from[3], from[0]), (from[3] + info.rows as f64 * from[5], from[0] + info.cols as f64 * from[1])];
+            for (y, x) in corners {
+                let at = [(y - t[3]) / t[5], (x - t[0]) / t[1]];
+                low = std::array::from_fn(|k| low[k].min(at[k].floor()));
+                high = std::array::from_fn(|k| high[k].max(at[k].ceil()));
+            }
+        }
+        let [above, left] = low.map(|v| (-v).min(reach) as usize);
+        let [rows, cols] = [(high[0], grid.rows), (high[1], grid.cols)].map(|(v, n)| v.min(n as f64 + reach) as usize);
+        Self { above, left, rows: above + rows, cols: left + cols }
+    }
+
+    fn crop(&self, samples: &[f32], grid: &Grid) -> Vec<f32> {
+        let line = |row: usize| &samples[(row + self.above) * self.cols + self.left..][..grid.cols];
+        (0..grid.rows).flat_map(|row| line(row).iter().copied()).collect()
+    }
+}
+
+impl JoinRules {
+    /// How far away a gap or edge can change a weight.
+    fn reach_px(&self) -> u32 {
+        self.weights.farthest_px() + self.weights.taps() as u32
+    }
+}
+
+struct Sums {
+    weighted_m: Vec<f64>,
+    weight: Vec<f64>,
+}
+
+impl Sums {
+    fn new(count: usize) -> Self {
+        Self { weighted_m: vec![0.0; count], weight: vec![0.0; count] }
+    }
+
+    /// 0 / 0 is NaN, which is what a pixel without any DTM is.
+    fn mean(&self) -> Vec<f32> {
+        self.weighted_m.par_iter().zip(&self.weight).map(|(z, w)| (z / w) as f32).collect()
+    }
+}
+
+/// What is needed of one DTM: heights and weights on its own grid.
+struct Part {
+    heights_m: Vec<f32>,
+    weights: Vec<f64>,
+    rows: usize,
+    cols: usize,
+    /// From the frame's pixels to this part's.
+    map: PixelMap,
+}
+
+impl Part {
+    /// `None` if the DTM does not reach the frame.
+    fn read(input: &Input, grid: &Grid, frame: &Frame, rules: &JoinRules) -> Result<Option<Self>> {
+        let info = input.source.info();
+        let map = info.georef.as_ref().and_then(|from| PixelMap::between(&grid.georef.transform, &from.transform));
+        let map = map.ok_or_else(|| Error::usage(format!("{}: an invertible geotransform expected", input.name)))?;
+        let map = PixelMap {
+            row0: map.row0 - frame.above as f64 * map.row_per_row,
+            col0: map.col0 - frame.left as f64 * map.col_per_col,
+            ..map
+        };
+        let margin = f64::from(rules.reach_px().max(rules.priority_px)) + 2.0;
+        let span = |start: f64, step: f64, count: usize, all: usize| {
+            let first = (start - margin).floor().max(0.0);
+            let end = (start + step * (count - 1) as f64 + margin).ceil() + 1.0;
+            (first < end && first < all as f64).then(|| first as usize..(end as usize).min(all))
+        };
+        let rows = span(map.row0, map.row_per_row, frame.rows, info.rows);
+        let cols = span(map.col0, map.col_per_col, frame.cols, info.cols);
+        let (Some(rows), Some(cols)) = (rows, cols) else { return Ok(None) };
+        let window = Window { row: rows.start, col: cols.start, rows: rows.len(), cols: cols.len() };
+        let heights_m = input.source.read(window)?;
+        let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
+        let weights = if rules.priority_px > 0 {
+            // Only where it falls below the priority length does the distance matter here.
+            let eroded = |d: u32| f64::from(d.saturating_sub(rules.weights.erode_px));
+            grassfire(&valid, window.rows, window.cols).into_iter().map(eroded).collect()
+        } else {
+            rules.weights.weights(&valid, window.rows, window.cols)
+        };
+        let map = PixelMap { row0: map.row0 - rows.start as f64, col0: map.col0 - cols.start as f64, ..map };
+        Ok(Some(Self { heights_m, weights, rows: window.rows, cols: window.cols, map }))
+    }
+
+    /// Height and weight at a pixel of the frame; `None` off the DTM and where a neighbour has no weight.
+    fn at(&self, row: usize, col: usize) -> Option<(f64, f64)> {
+        let (r, c) = self.map.apply(row as f64, col as f64);
+        let snap = |v: f64| if (v - v.round()).abs() < ON_GRID_PX { v.round() } else { v };
+        let (r, c) = (snap(r), snap(c));
+        if !(r >= 0.0 && c >= 0.0 && r <= self.rows as f64 - 1.0 && c <= self.cols as f64 - 1.0) {
+            return None;
+        }
+        let index = |r: f64, c: f64| r as usize * self.cols + c as usize;
+        let (fr, fc) = (r.fract(), c.fract());
+        let corners = [
+            (index(r.floor(), c.floor()), (1.0 - fr) * (1.0 - fc)),
+            (index(r.floor(), c.ceil()), (1.0 - fr) * fc),
+            (index(r.ceil(), c.floor()), fr * (1.0 - fc)),
+            (index(r.ceil(), c.ceil()), fr * fc),
+        ];
+        if corners.iter().any(|&(i, _)| self.weights[i] <= 0.0) {
+            return None;
+        }
+        let sum = |value: &dyn Fn(usize) -> f64| corners.iter().map(|&(i, share)| share * value(i)).sum::<f64>();
+        Some((sum(&|i| f64::from(self.heights_m[i])), sum(&|i| self.weights[i])))
+    }
+
+    fn add(&self, frame: &Frame, sums: &mut Sums) {
+        let lines = sums.weighted_m.par_chunks_mut(frame.cols).zip(sums.weight.par_chunks_mut(frame.cols));
+        lines.enumerate().for_each(|(row, (weighted_m, weight))| {
+            for (col, (weighted_m, weight)) in weighted_m.iter_mut().zip(weight).enumerate() {
+                if let Some((z, w)) = self.at(row, col).filter(|&(_, w)| w > 0.0) {
+                    *weighted_m += w * z;
+                    *weight += w;
+                }
+            }
+        });
+    }
+
+    /// Cuts away what earlier DTMs keep for themselves, and weighs what is left anew, on the mosaic's pixels. `room` is the weight
+    /// still to be had at each pixel.
+    fn add_with_priority(&self, frame: &Frame, rules: &JoinRules, room: &mut [f64], sums: &mut Sums) {
+        let length = f64::from(rules.priority_px);
+        let mut heights_m = vec![f64::NAN; room.len()];
+        let lines = heights_m.par_chunks_mut(frame.cols).zip(room.par_chunks_mut(frame.cols));
+        lines.enumerate().for_each(|(row, (heights_m, room))| {
+            for (col, (height_m, room)) in heights_m.iter_mut().zip(room).enumerate() {
+                let Some((z, w)) = self.at(row, col) else { continue };
+                let w = w.min(*room);
+                *room = room.min((length - w).max(0.0));
+                if w > 0.0 {
+                    *height_m = z;
+                }
+            }
+        });
+        let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
+        // Erosion has been done on the DTM's own grid; only its part in the largest distance remains.
+        let weights = rules.weights.weights_of_eroded(&valid, frame.rows, frame.cols);
+        for (i, (z, w)) in heights_m.into_iter().zip(weights).enumerate() {
+            if w > 0.0 {
+                sums.weighted_m[i] += w * z;
+                sums.weight[i] += w;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,199 @@
+//! How far a DTM lies from the image it should explain: its hillshade, lit as the image is, is moved over the image until both
+//! agree best.
+
+use crate::hillshade::{Shading, shade_rows};
+use crate::raster::Raster;
+use crate::raster::source::InMemory;
+use crate::{Error, Result};
+use elunar_core::terrain::{PixelSize, Sun};
+
+/// Radius of the box whose mean is taken away from both pictures, pixels: albedo and slow changes of light are not to be matched.
+const BOX_PX: usize = 12;
+
+/// The place of best agreement.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Offset {
+    /// Rows by which the DTM lies below the image; negative above.
+    pub rows_px: f64,
+    /// Columns by which the DTM lies right of the image; negative left.
+    pub cols_px: f64,
+    /// Normalised cross-correlation there, -1 to 1.
+    pub correlation: f64,
+}
+
+impl Offset {
+    /// Distance, pixels.
+    #[must_use]
+    pub fn distance_px(&self) -> f64 {
+        self.rows_px.hypot(self.cols_px)
+    }
+}
+
+/// Measures the offset of `heights_m` from `image`, both row-major `rows` x `cols` without gaps, by normalised cross-correlation of
+/// image and hillshade within `search_px` pixels each way; the peak of a parabola through its neighbours gives the fraction. At the
+/// border of the search the offset is that border's: at least as much. `None` if one of them is featureless.
+///
+/// # Errors
+/// [`Error::Usage`] if the maps are too small for the search or do not have `rows · cols` samples.
+pub fn measure(
+    image: &[f32],
+    heights_m: &[f32],
+    (rows, cols): (usize, usize),
+    pixel: PixelSize,
+    sun: Sun,
+    search_px: usize,
+) -> Result<Option<Offset>> {
+    if image.len() != rows * cols || heights_m.len() != rows * cols || rows.min(cols) < 4 * (search_px + 1) {
+        let found = format!("{} and {} samples, {rows} x {cols}", image.len(), heights_m.len());
+        return Err(Error::usage(format!(
+            "offset: maps of four times {search_px} pixels and more expected, {found} found"
+        )));
+    }
+    let shade = shaded(heights_m, rows, cols, pixel, sun)?;
+    let (image, shade) = (detail(image, rows, cols), detail(&shade, rows, cols));
+    let side = 2 * search_px + 1;
+    let template = Template::new(&shade, rows, cols, search_px + 1);
+    let scores: Option<Vec<f64>> = (0..side * side).map(|k| template.correlate(&image, k / side, k % side)).collect();
+    let Some(scores) = scores else { return Ok(None) };
+    let best = (0..scores.len()).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
+    let (row, col) = (best / side, best % side);
+    let fraction = |at: usize, step: usize| {
+        if at == 0 || at + 1 == side { 0.0 } else { peak(scores[best - step], scores[best], scores[best + step]) }
+    };
+    // The image was looked for around the shade: where it lies to the right, the DTM lies to the left.
+    Ok(Some(Offset {
+        rows_px: search_px as f64 - row as f64 - fraction(row, side),
+        cols_px: search_px as f64 - col as f64 - fraction(col, 1),
+        correlation: scores[best],
+    }))
+}
+
+/// Where the parabola through three equidistant values has its peak, from the middle one.
+fn peak(before: f64, at: f64, after: f64) -> f64 {
+    let curvature = before - 2.0 * at + after;
+    if curvature < 0.0 { (0.5 * (before - after) / curvature).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
+fn shaded(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun) -> Result<Vec<f32>> {
+    let raster = Raster { rows, cols, samples: heights_m.to_vec(), georef: None };
+    let shading = Shading { sun, compute_edges: true };
+    let bytes = shade_rows(&InMemory::new(raster, None, "tile"), 0..rows, pixel, &shading)?;
+    Ok(bytes.into_iter().map(f32::from).collect())
+}
+
+/// What is left of a map without its mean over a box around each pixel, as far as the box lies within.
+fn detail(map: &[f32], rows: usize, cols: usize) -> Vec<f32> {
+    // Sums over all above and left, so that any box costs four reads.
+    let stride = cols + 1;
+    let mut sums = vec![0.0_f64; (rows + 1) * stride];
+    for row in 0..rows {
+        let mut line = 0.0;
+        for col in 0..cols {
+            line += f64::from(map[row * cols + col]);
+            sums[(row + 1) * stride + col + 1] = sums[row * stride + col + 1] + line;
+        }
+    }
+    let mean = |row: usize, col: usize| {
+        let (top, bottom) = (row.saturating_sub(BOX_PX), (row + BOX_PX + 1).min(rows));
+        let (left, right) = (col.saturating_sub(BOX_PX), (col + BOX_PX + 1).min(cols));
+        let sum = sums[bottom * stride + right] - sums[top * stride + right] - sums[bottom * stride + left]
+            + sums[top * stride + left];
+        sum / ((bottom - top) * (right - left)) as f64
+    };
+    (0..rows * cols).map(|i| map[i] - mean(i / cols, i % cols) as f32).collect()
+}
+
+/// The inner part of a picture, to be found in another of the same size.
+struct Template {
+    /// Without its mean, row-major.
+    values: Vec<f32>,
+    rows: usize,
+    cols: usize,
+    /// Columns of the whole.
+    stride: usize,
+    square: f64,
+}
+
+impl Template {
+    fn new(whole: &[f32], rows: usize, cols: usize, margin: usize) -> Self {
+        let (inner_rows, inner_cols) = (rows - 2 * margin, cols - 2 * margin);
+        let line = |row: usize| &whole[(row + margin) * cols + margin..][..inner_cols];
+        let mut values: Vec<f32> = (0..inner_rows).flat_map(|row| line(row).iter().copied()).collect();
+        let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+        values.iter_mut().for_each(|v| *v -= mean as f32);
+        let square = values.iter().map(|&v| f64::from(v) * f64::from(v)).sum();
+        Self { values, rows: inner_rows, cols: inner_cols, stride: cols, square }
+    }
+
+    /// Normalised cross-correlation with the part of `picture` whose upper left pixel is (`row` + 1, `col` + 1); `None` where
+    /// one of them is featureless.
+    fn correlate(&self, picture: &[f32], row: usize, col: usize) -> Option<f64> {
+        let (mut product, mut sum, mut square) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for r in 0..self.rows {
+            let here = &self.values[r * self.cols..][..self.cols];
+            let there = &picture[(r + row + 1) * self.stride + col + 1..][..self.cols];
+            // A row at a time in f32, for speed: at most some hundred addends.
+            let (mut p, mut s, mut q) = (0.0_f32, 0.0_f32, 0.0_f32);
+            for (a, b) in here.iter().zip(there) {
+                p += a * b;
+                s += b;
+                q += b * b;
+            }
+            product += f64::from(p);
+            sum += f64::from(s);
+            square += f64::from(q);
+        }
+        // The template has no mean, so that of the picture does not matter for the product.
+        let variance = square - sum * sum / self.values.len() as f64;
+        let scale = (self.square * variance.max(0.0)).sqrt();
+        (scale > 0.0).then(|| product / scale)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::resample::{PixelMap, resample_bicubic};
+    use crate::synth::{Moon, SynthOptions};
+
+    fn sun_of(azimuth_deg: f64, elevation_deg: f64) -> Sun {
+        Sun { azimuth_deg, elevation_deg, exaggeration: 1.0 }
+    }
+
+    #[test]
+    fn planted_offsets_are_found() {
+        let moon = Moon::new(5, SynthOptions { rows: 300, cols: 360, ..SynthOptions::default() }).unwrap();
+        let planted = [(0.0, 0.0), (1.3, -2.6), (-3.45, 0.75), (5.2, 4.1), (-0.4, -0.5), (0.25, 6.7)];
+        let mut worst: f64 = 0.0;
+        for (index, &(down, right)) in planted.iter().enumerate() {
+            let tile = moon.tile(index as u64);
+            let sun = sun_of(tile.sun_azimuth_deg, tile.sun_elevation_deg);
+            // The ground at (row - down, col - right) comes to (row, col): moved down and right.
+            let map = PixelMap {
+                row0: 22.0 - down,
+                row_per_row: 1.0,
+                row_per_col: 0.0,
+                col0: 20.0 - right,
+                col_per_row: 0.0,
+                col_per_col: 1.0,
+            };
+            let truth = resample_bicubic(&tile.truth_m, tile.rows, tile.cols, &map, 256, 320);
+            let image: Vec<f32> =
+                (0..256 * 320).map(|i| tile.image[(i / 320 + 22) * tile.cols + i % 320 + 20]).collect();
+            let found = measure(&image, &truth, (256, 320), PixelSize::square(2.0), sun, 8).unwrap().unwrap();
+            eprintln!("planted {down} {right}, found {found:?}");
+            worst = worst.max((found.rows_px - down).abs()).max((found.cols_px - right).abs());
+            assert!(found.correlation > 0.5, "{found:?}");
+        }
+        assert!(worst < 0.3, "{worst} px");
+    }
+
+    #[test]
+    fn nothing_to_see_has_no_offset_and_small_maps_are_refused() {
+        let flat = vec![1.0; 64 * 64];
+        let pixel = PixelSize::square(2.0);
+        assert_eq!(measure(&flat, &flat, (64, 64), pixel, Sun::default(), 4).unwrap(), None);
+        assert!(measure(&flat, &flat, (64, 64), pixel, Sun::default(), 20).is_err());
+        assert!(measure(&flat, &flat[1..], (64, 64), pixel, Sun::default(), 4).is_err());
+    }
+}

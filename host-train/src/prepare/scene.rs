@@ -1,0 +1,126 @@
+//! One scene with its three maps on the image's grid.
+
+use super::list::SceneFiles;
+use crate::hillshade::pixel_of;
+use crate::illumination::estimate_azimuth_deg;
+use crate::raster::align::{Interpolation, Onto};
+use crate::raster::source::{self, Info, Source};
+use crate::raster::stated::{HeightUnit, Statements};
+use crate::{Error, Result};
+use elunar_core::terrain::PixelSize;
+use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Pixels on a side over which the Sun's azimuth is estimated at most: enough relief, and little to read.
+const AZIMUTH_PX: usize = 2048;
+
+/// How files are taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reading {
+    pub(super) interpolation: Interpolation,
+    pub(super) coarse_unit: Option<HeightUnit>,
+}
+
+/// Image, DTM and coarse DTM on the image's grid, read by windows.
+pub(super) struct Scene {
+    image: Arc<dyn Source>,
+    dtm: Onto,
+    coarse: Onto,
+    /// Ground size of a pixel.
+    pub(super) pixel: PixelSize,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub(super) coarse_px: f32,
+    /// Azimuth of the Sun, degrees clockwise from up: as listed, else as estimated; `None` where neither is to be had.
+    pub(super) sun_azimuth_deg: Option<f64>,
+}
+
+/// The three maps of one tile, row-major 256 x 320.
+pub(super) struct Maps {
+    /// Relative brightness.
+    pub(super) image: Vec<f32>,
+    /// Coarse DTM, metres.
+    pub(super) coarse_m: Vec<f32>,
+    /// True DTM, metres.
+    pub(super) truth_m: Vec<f32>,
+}
+
+impl Scene {
+    /// Opens the files and looks how both DTMs come onto the image's grid.
+    ///
+    /// # Errors
+    /// From opening, and if a file has no place, they do not overlap, or the coarse DTM is finer than the image.
+    pub(super) fn open(files: &SceneFiles, reading: Reading) -> Result<Self> {
+        let open = |path: &Path| source::open(path).map(Arc::from);
+        let name = |path: &Path| path.display().to_string();
+        let (image_name, dtm_name, coarse_name) = (name(&files.image), name(&files.dtm), name(&files.coarse));
+        let coarse = Statements { unit: reading.coarse_unit, srs: None }.of(source::open(&files.coarse)?);
+        let (image, dtm, coarse): (Arc<dyn Source>, Arc<dyn Source>, Arc<dyn Source>) =
+            (open(&files.image)?, open(&files.dtm)?, coarse.into());
+        let (pixel, coarse_pixel) = (pixel_of(image.as_ref(), &image_name)?, pixel_of(coarse.as_ref(), &coarse_name)?);
+        let coarse_px = (side_m(coarse_pixel) / side_m(pixel)) as f32;
+        if coarse_px < 1.0 {
+            return Err(Error::usage(format!(
+                "{coarse_name}: pixels no smaller than those of {image_name} expected, {coarse_px:.3} of their side found"
+            )));
+        }
+        let onto = |source, name: &str| Onto::new(source, name, image.info(), &image_name, reading.interpolation);
+        let (dtm, coarse) = (onto(dtm, &dtm_name)?, onto(coarse, &coarse_name)?);
+        let pixel = PixelSize { row_m: pixel.row_m.abs(), col_m: pixel.col_m.abs() };
+        let mut scene = Self { image, dtm, coarse, pixel, coarse_px, sun_azimuth_deg: files.sun_azimuth_deg };
+        if scene.sun_azimuth_deg.is_none() {
+            scene.sun_azimuth_deg = scene.estimate_azimuth_deg()?;
+        }
+        Ok(scene)
+    }
+
+    /// From the middle of the scene, by the slopes of the true DTM.
+    fn estimate_azimuth_deg(&self) -> Result<Option<f64>> {
+        let Info { rows: all_rows, cols: all_cols, .. } = *self.image.info();
+        let (rows, cols) = (all_rows.min(AZIMUTH_PX), all_cols.min(AZIMUTH_PX));
+        let window = Window { row: (all_rows - rows) / 2, col: (all_cols - cols) / 2, rows, cols };
+        Ok(estimate_azimuth_deg(&self.image.read(window)?, &self.dtm.read(window)?, (rows, cols)))
+    }
+
+    /// All whole tiles, row by row, without overlap; what remains at the right and lower edge is left out.
+    pub(super) fn windows(&self) -> Vec<Window> {
+        let (down, across) = (self.image.info().rows / TILE_ROWS, self.image.info().cols / TILE_COLS);
+        let window = |k: usize| Window {
+            row: k / across * TILE_ROWS,
+            col: k % across * TILE_COLS,
+            rows: TILE_ROWS,
+            cols: TILE_COLS,
+        };
+        (0..down * across).map(window).collect()
+    }
+
+    /// The maps of a tile.
+    ///
+    /// # Errors
+    /// If a file cannot be read there.
+    pub(super) fn maps(&self, window: Window) -> Result<Maps> {
+        Ok(Maps {
+            image: self.image.read(window)?,
+            coarse_m: self.coarse.read(window)?,
+            truth_m: self.dtm.read(window)?,
+        })
+    }
+
+    /// Pixel-to-map transform of a tile.
+    pub(super) fn transform(&self, window: Window) -> [f64; 6] {
+        let mut t = self.image.info().georef.as_ref().map_or([0.0, 1.0, 0.0, 0.0, 0.0, 1.0], |georef| georef.transform);
+        let (row, col) = (window.row as f64, window.col as f64);
+        t[0] += col * t[1] + row * t[2];
+        t[3] += col * t[4] + row * t[5];
+        t
+    }
+
+    /// The reference system in a few words.
+    pub(super) fn system(&self) -> String {
+        self.image.info().georef.as_ref().map_or_else(String::new, |georef| georef.crs.summary())
+    }
+}
+
+fn side_m(pixel: PixelSize) -> f64 {
+    (pixel.row_m * pixel.col_m).abs().sqrt()
+}
