@@ -18,6 +18,7 @@ fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
 format() {
     cargo fmt --all --check
     cargo fmt --manifest-path "$flight" --all --check
+    cargo fmt --manifest-path tests/fuzz/Cargo.toml --check
 }
 
 lint() {

@@ -168,6 +168,8 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let source = bench.path("coarse.tif");
     rewrite(&source, &bench.path("elsewhere.tif"), |r| r.georef.as_mut().unwrap().transform[0] += 1e6);
     rewrite(&source, &bench.path("projection.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::moon_polar(false));
+    let mars = Crs::parse("IAU_2015:49935").unwrap();
+    rewrite(&source, &bench.path("mars.tif"), |r| r.georef.as_mut().unwrap().crs = mars.clone());
     rewrite(&source, &bench.path("nowhere.tif"), |r| r.georef = None);
     rewrite(&source, &bench.path("unnamed.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::default());
     rewrite(&source, &bench.path("empty.tif"), |r| r.samples.fill(f32::NAN));
@@ -179,7 +181,8 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let net = "net.safetensors";
     let cases = [
         (predict("image.tif", "elsewhere.tif", net, "x.tif"), ["elsewhere.tif", "overlapping"]),
-        (predict("image.tif", "projection.tif", net, "x.tif"), ["projection.tif", "lat 90"]),
+        (predict("image.tif", "projection.tif", net, "x.tif"), ["projection.tif", "latitudes 89."]),
+        (predict("image.tif", "mars.tif", net, "x.tif"), ["mars.tif", "sphere"]),
         (predict("image.tif", "nowhere.tif", net, "x.tif"), ["nowhere.tif", "geotransform"]),
         (predict("image.tif", "unnamed.tif", net, "x.tif"), ["unnamed.tif", "reference system"]),
         (predict("image.tif", "empty.tif", net, "x.tif"), ["empty.tif", "valid heights"]),
@@ -190,7 +193,8 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
         (predict("image.tif", "coarse.tif", "image.tif", "x.tif"), ["image.tif", ".safetensors"]),
         (predict("image.tif", "coarse.tif", net, "no/x.tif"), ["no/x.tif", "No such file"]),
         (predict("image.tif", "coarse.tif", net, "coarse.tif"), ["coarse.tif", "overwrite"]),
-        (vec!["evaluate", "--dtm", "projection.tif", "--truth", "truth.tif"], ["projection.tif", "reference system"]),
+        (vec!["evaluate", "--dtm", "projection.tif", "--truth", "truth.tif"], ["projection.tif", "overlapping"]),
+        (vec!["evaluate", "--dtm", "mars.tif", "--truth", "truth.tif"], ["mars.tif", "3396190"]),
         (vec!["evaluate", "--dtm", "elsewhere.tif", "--truth", "truth.tif"], ["elsewhere.tif", "overlapping"]),
         (vec!["evaluate", "--dtm", "cut.tif", "--truth", "truth.tif", "--error-map", "e.png"], ["cut.tif", "broken"]),
     ];

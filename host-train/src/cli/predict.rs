@@ -123,8 +123,9 @@ pub fn run(args: Args) -> Result<()> {
 
 fn scene(args: &Args) -> Result<Scene> {
     let input = |path: &Path, srs: &Option<Crs>, unit| -> Result<Input> {
-        let source = Statements { srs: srs.clone(), unit }.of(source::open(path)?);
-        Ok(Input { name: path.display().to_string(), source: source.into() })
+        let name = path.display().to_string();
+        let source = Statements { srs: srs.clone(), unit }.of(&name, source::open(path)?)?;
+        Ok(Input { name, source: source.into() })
     };
     Scene::new(input(&args.image, &args.image_srs, None)?, input(&args.coarse, &args.coarse_srs, args.coarse_unit)?)
 }

@@ -2,7 +2,7 @@
 
 use super::source::{Info, Source};
 use super::{Crs, GeoRef};
-use crate::Result;
+use crate::{Error, Result};
 use elunar_core::tile::Window;
 
 /// Unit of heights, as a user states it.
@@ -14,7 +14,7 @@ pub enum HeightUnit {
     Km,
 }
 
-/// A user's statements about a raster; they win over the file's own.
+/// A user's statements about a raster. A stated system wins over the file's own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Statements {
     /// Reference system of its map coordinates.
@@ -24,11 +24,17 @@ pub struct Statements {
 }
 
 impl Statements {
-    /// `source` as stated: in the stated system, with samples in metres.
-    #[must_use]
-    pub fn of(self, source: Box<dyn Source>) -> Box<dyn Source> {
+    /// `source`, which messages call `name`, as stated: in the stated system, with samples in metres.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the file names a unit itself, and the stated one is another.
+    pub fn of(self, name: &str, source: Box<dyn Source>) -> Result<Box<dyn Source>> {
         if self == Self::default() {
-            return source;
+            return Ok(source);
+        }
+        if let (Some(HeightUnit::Km), Some(unit)) = (self.unit, &source.info().unit) {
+            let what = format!("{name}: expected a file without a unit to take its heights for kilometres");
+            return Err(Error::usage(format!("{what}, found one that is read in {unit}")));
         }
         let mut info: Info = source.info().clone();
         if let Some(crs) = self.srs {
@@ -41,7 +47,7 @@ impl Statements {
         if self.unit.is_some() {
             info.unit = Some("m".into());
         }
-        Box::new(Stated { info, source, factor })
+        Ok(Box::new(Stated { info, source, factor }))
     }
 }
 

@@ -20,10 +20,11 @@ impl Cache {
         self.chunks.get(&chunk).cloned()
     }
 
-    /// Keeps a chunk that is not there yet; one alone larger than the cache is not kept.
+    /// Keeps a chunk that is not there yet. The last one is kept even if it alone is larger than the cache, unless that has no room
+    /// at all: a file that is one huge chunk must not be decoded for every window.
     pub(super) fn insert(&mut self, chunk: usize, samples: &Arc<[f32]>) {
         let bytes = size_of_val(&**samples);
-        if bytes > self.most_bytes {
+        if self.most_bytes == 0 {
             return;
         }
         while self.bytes + bytes > self.most_bytes {
@@ -51,6 +52,11 @@ mod tests {
         let kept: Vec<usize> = (0..5).filter(|&n| cache.get(n).is_some()).collect();
         assert_eq!(kept, [3, 4]);
         cache.insert(9, &vec![0.0; 26].into());
-        assert!(cache.get(9).is_none() && cache.get(4).is_some(), "too large to keep");
+        assert!(cache.get(9).is_some() && cache.get(4).is_none(), "the last one stays");
+        cache.insert(1, &chunk);
+        assert!(cache.get(9).is_none() && cache.get(1).is_some() && cache.bytes == 40);
+        let mut nothing = Cache::new(0);
+        nothing.insert(1, &chunk);
+        assert!(nothing.get(1).is_none());
     }
 }

@@ -83,7 +83,7 @@ for dtype in ('uint8', 'uint16', 'int16', 'int32', 'uint32', 'float32', 'float64
                 continue
             if predictor == 2 and dtype == 'float64':
                 continue
-            for extra in ({}, {'tiled': True, 'blockxsize': 64, 'blockysize': 32}, {'BIGTIFF': 'YES'}, {'ENDIANNESS': 'BIG', 'blockysize': 1}):
+            for extra in ({}, {'tiled': True, 'blockxsize': 64, 'blockysize': 32}, {'BIGTIFF': 'YES'}, {'ENDIANNESS': 'BIG', 'blockysize': 1}, {'blockysize': 150}):
                 name = f'v{n}'
                 with rasterio.open(name + '.tif', 'w', driver='GTiff', width=170, height=150, count=1, dtype=dtype, crs=crs, nodata=7,
                                    transform=Affine(2, 0, 100, 0, -3, 500), compress=compress, predictor=predictor, **extra) as d:

@@ -1,6 +1,7 @@
 //! How the samples of a file are stored: sizes, chunks (strips or tiles), and whether the file can hold what it claims.
 
 use super::handle::Handle;
+use super::plain::SampleKind;
 use crate::Result;
 use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
@@ -11,6 +12,12 @@ const MOST_COMPRESSION: u64 = 4096;
 
 /// ZSTD stores 128 KiB of one value in 4 bytes.
 const MOST_COMPRESSION_ZSTD: u64 = 1 << 15;
+
+/// The decoder may always use this much: tags need some, too.
+const SMALL_BYTES: usize = 1 << 22;
+
+/// Rows of plain files are taken together up to this many bytes.
+const PLAIN_BYTES: usize = 1 << 20;
 
 /// Compressions read here: their codes in tag 259 and their names.
 const COMPRESSIONS: [(u16, &str); 7] = [
@@ -52,6 +59,9 @@ pub(super) struct Layout {
     pub(super) sample_bytes: usize,
     /// Chunks that were never written (sparse files).
     pub(super) unwritten: Vec<usize>,
+    /// Where the first sample of a plain file lies; its chunks are rows taken together as suits reading.
+    pub(super) plain: Option<u64>,
+    pub(super) kind: SampleKind,
     /// In words.
     pub(super) format: String,
 }
@@ -85,11 +95,21 @@ impl Layout {
             chunks: across * rows.div_ceil(chunk_rows),
             sample_bytes: kind.bits as usize / 8,
             unwritten: vec![],
+            plain: None,
+            kind,
             format: format!("GeoTIFF, {}{}, {shape}, {compression_name}", kind.letter, kind.bits),
         };
         layout.check_claims(&file, compression)?;
         let file = layout.with_limits(file);
-        let file = layout.check_table(file, tiled)?;
+        let mut file = layout.check_table(file, tiled, compression == 1)?;
+        // Prediction without compression is legal, if pointless.
+        if file.unsigned::<u16>(Tag::Predictor)?.is_some_and(|predictor| predictor != 1) {
+            layout.plain = None;
+        }
+        if layout.plain.is_some() {
+            layout.chunk_rows = (PLAIN_BYTES / (cols * layout.sample_bytes)).clamp(1, rows);
+            layout.chunks = rows.div_ceil(layout.chunk_rows);
+        }
         Ok((layout, file))
     }
 
@@ -97,6 +117,11 @@ impl Layout {
     pub(super) fn place(&self, chunk: usize) -> (usize, usize, usize, usize) {
         let (row, col) = (chunk / self.across * self.chunk_rows, chunk % self.across * self.chunk_cols);
         (row, col, self.chunk_rows.min(self.rows - row), self.chunk_cols.min(self.cols - col))
+    }
+
+    /// Bytes of the rows of a strip.
+    fn rows_bytes(&self, strip: usize) -> u64 {
+        (self.place(strip).2 * self.cols * self.sample_bytes) as u64
     }
 
     fn chunk_bytes(&self) -> usize {
@@ -120,14 +145,14 @@ impl Layout {
     fn with_limits(&self, file: Handle) -> Handle {
         let mut limits = Limits::default();
         let file_bytes = usize::try_from(file.file_bytes).unwrap_or(usize::MAX);
-        limits.decoding_buffer_size = limits.decoding_buffer_size.max(self.chunk_bytes());
+        limits.decoding_buffer_size = self.chunk_bytes().max(SMALL_BYTES);
         limits.intermediate_buffer_size = limits.intermediate_buffer_size.max(file_bytes);
         limits.ifd_value_size = limits.ifd_value_size.max(file_bytes.min(1 << 26));
         Handle { tiff: file.tiff.with_limits(limits), ..file }
     }
 
     /// Where the chunks lie: a file cut short is refused now, not after hours of work; empty places are remembered.
-    fn check_table(&mut self, mut file: Handle, tiled: bool) -> Result<Handle> {
+    fn check_table(&mut self, mut file: Handle, tiled: bool, uncompressed: bool) -> Result<Handle> {
         let (at, long) =
             if tiled { (Tag::TileOffsets, Tag::TileByteCounts) } else { (Tag::StripOffsets, Tag::StripByteCounts) };
         let offsets: Vec<u64> = file.unsigned_list(at)?.unwrap_or_default();
@@ -147,14 +172,19 @@ impl Layout {
                 return Err(file.broken(what));
             }
         }
+        let known = !(self.kind.letter == 'f' && self.kind.bits == 16);
+        let in_a_run = |(chunk, pair): (usize, &[u64])| pair[1] == pair[0] + self.rows_bytes(chunk);
+        let enough = |(chunk, &length): (usize, &u64)| length >= self.rows_bytes(chunk);
+        if uncompressed
+            && !tiled
+            && known
+            && offsets[..self.chunks].windows(2).enumerate().all(in_a_run)
+            && lengths.iter().take(self.chunks).enumerate().all(enough)
+        {
+            self.plain = offsets.first().copied();
+        }
         Ok(file)
     }
-}
-
-/// The type of a sample.
-struct SampleKind {
-    letter: char,
-    bits: u16,
 }
 
 /// Refuses everything that is not one band of plain grey samples.

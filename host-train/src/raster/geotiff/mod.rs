@@ -11,6 +11,7 @@ mod ifd;
 mod layout;
 mod metadata;
 mod place;
+mod plain;
 mod pyramid;
 mod read;
 mod rule;
@@ -21,6 +22,8 @@ mod writer;
 mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
+#[cfg(test)]
+mod mutation_tests;
 #[cfg(test)]
 mod tests;
 

@@ -6,6 +6,7 @@ use super::cache::Cache;
 use super::handle::Handle;
 use super::layout::Layout;
 use super::place::georef;
+use super::plain;
 use super::rule::Rule;
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -84,6 +85,12 @@ impl GeoTiff {
 
     fn decode(&self, file: &mut Handle, chunk: usize) -> Result<Vec<f32>> {
         let (layout, (.., rows, _)) = (&self.layout, self.layout.place(chunk));
+        if let Some(start) = layout.plain {
+            let row_bytes = layout.cols * layout.sample_bytes;
+            let at = start + (chunk * layout.chunk_rows * row_bytes) as u64;
+            let data = plain::read(file, layout.kind, at, rows * layout.cols)?;
+            return data.and_then(|data| self.rule.samples(&data)).ok_or_else(|| file.unsupported(&layout.format));
+        }
         let mut data = DecodingResult::U8(vec![]);
         // Whole rows of the tile, padding included: asked to drop the padding, the decoder loses its place in LZW tiles.
         let decoded = file.tiff.read_chunk_to_buffer(&mut data, chunk as u32, layout.chunk_cols * layout.sample_bytes);

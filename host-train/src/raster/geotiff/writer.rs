@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Memory holds two bands of 512 rows, whatever the height. Compressed blocks wait in a nameless temporary file beside the target
 /// (which therefore needs twice its size on the disk for a moment), and become the file in [`Writer::finish`]. Until then, and if
-/// anything fails or the program dies, there is no file at `path`, or the old one.
+/// anything fails or the program dies, there is no file at `path`, or the old one; a kill while the parts are joined may leave a
+/// `.tmp*.part` beside it.
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,

@@ -1,0 +1,13 @@
+//! Any bytes are a raster or refused.
+#![no_main]
+
+use host_train::raster::geotiff::read;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    // The reader takes paths: files are read by windows, so there is no way around one.
+    let path = std::env::temp_dir().join(format!("elunar_fuzz_{}.tif", std::process::id()));
+    std::fs::write(&path, bytes).expect("room in the temporary folder");
+    if let Ok(raster) = read(&path) {
+        assert_eq!(raster.samples.len(), raster.rows * raster.cols);
+    }
+});
