@@ -54,7 +54,8 @@ impl Scene {
         let open = |path: &Path| source::open(path).map(Arc::from);
         let name = |path: &Path| path.display().to_string();
         let (image_name, dtm_name, coarse_name) = (name(&files.image), name(&files.dtm), name(&files.coarse));
-        let coarse = Statements { unit: reading.coarse_unit, srs: None }.of(source::open(&files.coarse)?);
+        let stated = Statements { unit: reading.coarse_unit, srs: None };
+        let coarse = stated.of(&files.coarse.display().to_string(), source::open(&files.coarse)?)?;
         let (image, dtm, coarse): (Arc<dyn Source>, Arc<dyn Source>, Arc<dyn Source>) =
             (open(&files.image)?, open(&files.dtm)?, coarse.into());
         let (pixel, coarse_pixel) = (pixel_of(image.as_ref(), &image_name)?, pixel_of(coarse.as_ref(), &coarse_name)?);
