@@ -117,7 +117,10 @@ fn an_image_and_a_coarse_dtm_become_a_dtm() {
 #[test]
 fn kilometres_are_suspected_and_can_be_stated() {
     let bench = Bench::new();
-    rewrite(&bench.path("coarse.tif"), &bench.path("km.tif"), |r| r.samples.iter_mut().for_each(|z| *z /= 1000.0));
+    let mut coarse = read(bench.path("coarse.tif")).unwrap();
+    coarse.samples.iter_mut().for_each(|z| *z /= 1000.0);
+    let unitless = WriteOptions { unit: None, ..WriteOptions::heights("coarse") };
+    write(&bench.path("km.tif"), &coarse, &unitless).unwrap();
     let run = |coarse, output, unit: &[&str]| {
         let arguments = [predict("image.tif", coarse, "net.safetensors", output), unit.to_vec()].concat();
         let out = bench.run(&arguments);
@@ -128,6 +131,8 @@ fn kilometres_are_suspected_and_can_be_stated() {
     assert!(run("km.tif", "wrong.tif", &[]).contains("WARNING: km.tif"));
     assert_eq!(run("km.tif", "wrong.tif", &["--coarse-unit", "m"]), "");
     assert_eq!(run("km.tif", "right.tif", &["--coarse-unit", "km"]), "");
+    let contradiction = [predict("image.tif", "coarse.tif", "net.safetensors", "no.tif"), vec!["--coarse-unit", "km"]];
+    assert!(bench.refused(&contradiction.concat()).contains("coarse.tif: expected a file without a unit"));
     let (right, metres) = (read(bench.path("right.tif")).unwrap(), read(bench.path("m.tif")).unwrap());
     let far = right.samples.iter().zip(&metres.samples).filter(|(a, b)| (*a - *b).abs() > 0.1).count();
     assert_eq!(far, 0, "as with metres, but for rounding");
