@@ -119,7 +119,8 @@ fn kilometres_are_suspected_and_can_be_stated() {
     let bench = Bench::new();
     let mut coarse = read(bench.path("coarse.tif")).unwrap();
     coarse.samples.iter_mut().for_each(|z| *z /= 1000.0);
-    let unitless = WriteOptions { unit: None, ..WriteOptions::heights("coarse") };
+    let mut unitless = WriteOptions::heights("coarse");
+    unitless.unit = None;
     write(&bench.path("km.tif"), &coarse, &unitless).unwrap();
     let run = |coarse, output, unit: &[&str]| {
         let arguments = [predict("image.tif", coarse, "net.safetensors", output), unit.to_vec()].concat();
