@@ -87,8 +87,8 @@ impl Recipe {
         match preset {
             Preset::Paper | Preset::Small => paper,
             Preset::Tiny | Preset::Nano => Self {
-                batch: 6,
-                steps: 2_000,
+                batch: 8,
+                steps: 2_400,
                 learning_rate: 1e-3,
                 warm_up: 100,
                 elevation_only: 0.0,
