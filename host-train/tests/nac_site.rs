@@ -3,9 +3,11 @@
 //! laser points. What comes out is what comes out of plain GeoTIFFs.
 
 use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, GeoRef, MOON_RADIUS_M, Raster};
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use host_train::raster::{Crs, MOON_RADIUS_M, Raster};
+use std::path::Path;
+use support::Shell;
+
+mod support;
 
 const PIXEL_M: f64 = 2.0;
 /// Of SLDEM2015 at 512 pixels a degree.
@@ -25,13 +27,7 @@ fn brightness(x: f64, y: f64) -> f64 {
 }
 
 fn raster(rows: usize, cols: usize, at: (f64, f64), pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
-    let georef =
-        GeoRef { transform: [at.0, pixel_m, 0.0, at.1, 0.0, -pixel_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
-    let sample = |i: usize| {
-        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
-        value(x, y) as f32
-    };
-    Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: Some(georef) }
+    support::raster((rows, cols), at, pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
 }
 
 /// IMAGE_MAP_PROJECTION of a grid whose corner lies at `at`, seen from a central meridian of `lon0_deg`.
@@ -52,27 +48,10 @@ fn projection(name: &str, rows: usize, cols: usize, at: (f64, f64), pixel_m: f64
     )
 }
 
-struct Site {
-    folder: tempfile::TempDir,
-}
+/// The archives' products in a folder.
+struct Site(Shell);
 
 impl Site {
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn run(&self, arguments: &[&str]) -> String {
-        let out = Command::new(env!("CARGO_BIN_EXE_host-train"))
-            .args(arguments)
-            .current_dir(self.folder.path())
-            .output()
-            .unwrap();
-        let (text, errors) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
-        assert!(out.status.success(), "{arguments:?}: {errors}");
-        assert_eq!(errors, "", "{arguments:?}");
-        text
-    }
-
     /// An orthoimage: 16-bit integers behind a label of one record.
     fn orthoimage(&self, name: &str, image: &Raster) {
         let (rows, cols) = (image.rows, image.cols);
@@ -91,7 +70,7 @@ impl Site {
         assert!(bytes.len() <= records * record, "label of {} bytes", bytes.len());
         bytes.resize(records * record, b' ');
         bytes.extend(image.samples.iter().flat_map(|v| (*v as i16).to_le_bytes()));
-        std::fs::write(self.path(name), bytes).unwrap();
+        std::fs::write(self.0.path(name), bytes).unwrap();
     }
 
     /// A coarse DTM in kilometres, its label and its image apart.
@@ -105,9 +84,9 @@ impl Site {
             4 * cols,
             projection("SIMPLE CYLINDRICAL", rows, cols, COARSE_AT, COARSE_M, 180.0),
         );
-        std::fs::write(self.path(&format!("{name}.LBL")), label).unwrap();
+        std::fs::write(self.0.path(&format!("{name}.LBL")), label).unwrap();
         let bytes: Vec<u8> = coarse.samples.iter().flat_map(|v| (v / 1000.0).to_le_bytes()).collect();
-        std::fs::write(self.path(&format!("{name}.IMG")), bytes).unwrap();
+        std::fs::write(self.0.path(&format!("{name}.IMG")), bytes).unwrap();
     }
 
     /// A pass from south to north over the middle of the image, every 20 m.
@@ -119,7 +98,7 @@ impl Site {
             let radius_km = (MOON_RADIUS_M + hills(x, y)) / 1000.0;
             text += &format!("2009-09-01T00:00:{i:02}.000,{:.9},{:.9},{radius_km:.6},0\n", degrees(x), degrees(y));
         }
-        std::fs::write(self.path(name), text).unwrap();
+        std::fs::write(self.0.path(name), text).unwrap();
     }
 }
 
@@ -132,43 +111,43 @@ fn largest_difference(a: &Path, b: &Path) -> f32 {
 
 #[test]
 fn the_archives_products_go_in_and_a_hillshade_comes_out() {
-    let site = Site { folder: tempfile::tempdir().unwrap() };
+    let site = Site(Shell::new());
     let (image, truth) = (raster(300, 350, IMAGE_AT, PIXEL_M, brightness), raster(300, 350, IMAGE_AT, PIXEL_M, hills));
     let coarse = raster(20, 22, COARSE_AT, COARSE_M, hills);
-    write(&site.path("image.tif"), &image, &WriteOptions::image(SampleType::U16, "image")).unwrap();
-    write(&site.path("coarse.tif"), &coarse, &WriteOptions::heights("coarse")).unwrap();
-    write(&site.path("TRUTH.TIF"), &truth, &WriteOptions::heights("truth")).unwrap();
+    write(&site.0.path("image.tif"), &image, &WriteOptions::image(SampleType::U16, "image")).unwrap();
+    write(&site.0.path("coarse.tif"), &coarse, &WriteOptions::heights("coarse")).unwrap();
+    write(&site.0.path("TRUTH.TIF"), &truth, &WriteOptions::heights("truth")).unwrap();
     site.orthoimage("ORTHO_2M.IMG", &image);
     site.sldem("SLDEM2015_FLOAT", &coarse);
     site.track("RDR_PointPerRow_csv_table.csv");
 
-    assert!(site.run(&["inspect", "ORTHO_2M.IMG"]).contains("300"));
-    assert!(site.run(&["inspect", "SLDEM2015_FLOAT.LBL"]).contains("m"));
+    assert!(site.0.made(&["inspect", "ORTHO_2M.IMG"]).contains("300"));
+    assert!(site.0.made(&["inspect", "SLDEM2015_FLOAT.LBL"]).contains("m"));
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
     let model = model.to_str().unwrap();
     let predict = |image, coarse, output| {
         let sun = ["--sun-azimuth", "315"];
         let files = ["predict", "--image", image, "--coarse", coarse, "--model", model, "-o", output];
-        site.run(&[&files[..], &sun].concat())
+        site.0.made(&[&files[..], &sun].concat())
     };
     predict("image.tif", "coarse.tif", "plain.tif");
     predict("ORTHO_2M.IMG", "SLDEM2015_FLOAT.LBL", "dtm.tif");
     // Heights in kilometres as f32 are good to 0.1 mm here, and places to rounding: int8 may turn that into a step now and then.
-    let apart = largest_difference(&site.path("plain.tif"), &site.path("dtm.tif"));
+    let apart = largest_difference(&site.0.path("plain.tif"), &site.0.path("dtm.tif"));
     assert!(apart < 0.1, "{apart} m apart");
 
     let judged = ["--truth", "TRUTH.TIF", "--coarse", "SLDEM2015_FLOAT.LBL", "--error-map", "error.png", "--json"];
-    let scores = site.run(&[&["evaluate", "--dtm", "dtm.tif"][..], &judged].concat());
+    let scores = site.0.made(&[&["evaluate", "--dtm", "dtm.tif"][..], &judged].concat());
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
     assert_eq!(scores["common_pixels"], 300 * 350);
-    let difference = site.run(&["diff", "dtm.tif", "TRUTH.TIF", "-o", "difference.tif"]);
+    let difference = site.0.made(&["diff", "dtm.tif", "TRUTH.TIF", "-o", "difference.tif"]);
     assert!(difference.contains("RMSE"), "{difference}");
-    let tracks = site.run(&["lola", "--dtm", "TRUTH.TIF", "--tracks", "RDR_PointPerRow_csv_table.csv", "--json"]);
+    let tracks = site.0.made(&["lola", "--dtm", "TRUTH.TIF", "--tracks", "RDR_PointPerRow_csv_table.csv", "--json"]);
     let tracks: serde_json::Value = serde_json::from_str(&tracks).unwrap();
     let std_m = tracks["tracks"][0]["std_m"].as_f64().unwrap_or_else(|| panic!("{tracks:#}"));
     assert!(std_m < 0.05, "{tracks:#}");
-    site.run(&["hillshade", "dtm.tif", "-o", "shade.tif", "--sun-azimuth", "315", "--sun-elevation", "30"]);
+    site.0.made(&["hillshade", "dtm.tif", "-o", "shade.tif", "--sun-azimuth", "315", "--sun-elevation", "30"]);
     for made in ["dtm_hillshade.png", "error.png", "difference.tif", "shade.tif"] {
-        assert!(site.path(made).exists(), "{made}");
+        assert!(site.0.path(made).exists(), "{made}");
     }
 }

@@ -3,65 +3,30 @@
 use host_train::model::config::{NetConfig, Preset};
 use host_train::model::init::initial_weights;
 use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, GeoRef, Raster};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use host_train::raster::{Crs, Raster};
+use std::path::Path;
+use support::Shell;
 
-/// A folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
-struct Bench {
-    folder: tempfile::TempDir,
-}
+mod support;
 
 fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster {
-    let crs = Crs::moon_polar(true);
-    let georef = GeoRef { transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m], crs };
-    let height = |i: usize| {
-        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
-        (-1500.0 + 30.0 * (x / 200.0).sin() + 20.0 * (y / 150.0).cos()) as f32
-    };
-    Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
+    let height = |x: f64, y: f64| -1500.0 + 30.0 * (x / 200.0).sin() + 20.0 * (y / 150.0).cos();
+    support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
 }
 
-impl Bench {
-    fn new() -> Self {
-        let bench = Self { folder: tempfile::tempdir().unwrap() };
-        let truth = terrain(300, 340, (1000.0, 5000.0), 2.0);
-        let mut image = truth.clone();
-        image.samples.iter_mut().enumerate().for_each(|(i, v)| *v = 100.0 + ((i * 7919) % 101) as f32);
-        image.samples[..40].fill(f32::NAN);
-        write(&bench.path("image.tif"), &image, &WriteOptions::image(SampleType::U16, "image")).unwrap();
-        write(&bench.path("truth.tif"), &truth, &WriteOptions::heights("truth")).unwrap();
-        let coarse = terrain(14, 16, (900.0, 5100.0), 60.0);
-        write(&bench.path("coarse.tif"), &coarse, &WriteOptions::heights("coarse")).unwrap();
-        initial_weights(&NetConfig::preset(Preset::Nano), 1).write(&bench.path("net.safetensors")).unwrap();
-        bench
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn run(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_host-train")).args(arguments).current_dir(self.folder.path()).output().unwrap()
-    }
-
-    /// The single error line of a command that must fail.
-    fn refused(&self, arguments: &[&str]) -> String {
-        let out = self.run(arguments);
-        let text = String::from_utf8(out.stderr).unwrap();
-        assert_eq!(out.status.code(), Some(1), "{arguments:?}: {text}");
-        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
-        assert!(text.starts_with("ERROR: "), "{text}");
-        text
-    }
-
-    fn files(&self) -> Vec<String> {
-        let names =
-            std::fs::read_dir(self.folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
-        let mut names: Vec<String> = names.collect();
-        names.sort();
-        names
-    }
+/// A folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
+fn bench() -> Shell {
+    let bench = Shell::new();
+    let truth = terrain(300, 340, (1000.0, 5000.0), 2.0);
+    let mut image = truth.clone();
+    image.samples.iter_mut().enumerate().for_each(|(i, v)| *v = 100.0 + ((i * 7919) % 101) as f32);
+    image.samples[..40].fill(f32::NAN);
+    write(&bench.path("image.tif"), &image, &WriteOptions::image(SampleType::U16, "image")).unwrap();
+    write(&bench.path("truth.tif"), &truth, &WriteOptions::heights("truth")).unwrap();
+    let coarse = terrain(14, 16, (900.0, 5100.0), 60.0);
+    write(&bench.path("coarse.tif"), &coarse, &WriteOptions::heights("coarse")).unwrap();
+    initial_weights(&NetConfig::preset(Preset::Nano), 1).write(&bench.path("net.safetensors")).unwrap();
+    bench
 }
 
 fn predict<'a>(image: &'a str, coarse: &'a str, model: &'a str, output: &'a str) -> Vec<&'a str> {
@@ -76,7 +41,7 @@ fn rewrite(from: &Path, to: &Path, change: impl FnOnce(&mut Raster)) {
 
 #[test]
 fn an_image_and_a_coarse_dtm_become_a_dtm() {
-    let bench = Bench::new();
+    let bench = bench();
     for (name, threads) in [("one.tif", "1"), ("two.tif", "2")] {
         let mut arguments = predict("image.tif", "coarse.tif", "net.safetensors", name);
         arguments.extend(["--threads", threads]);
@@ -116,7 +81,7 @@ fn an_image_and_a_coarse_dtm_become_a_dtm() {
 
 #[test]
 fn kilometres_are_suspected_and_can_be_stated() {
-    let bench = Bench::new();
+    let bench = bench();
     let mut coarse = read(bench.path("coarse.tif")).unwrap();
     coarse.samples.iter_mut().for_each(|z| *z /= 1000.0);
     let mut unitless = WriteOptions::heights("coarse");
@@ -141,16 +106,11 @@ fn kilometres_are_suspected_and_can_be_stated() {
 
 #[test]
 fn a_killed_prediction_goes_on_where_it_was() {
-    let bench = Bench::new();
+    let bench = bench();
     let whole = bench.run(&predict("image.tif", "coarse.tif", "net.safetensors", "whole.tif"));
     assert!(whole.status.success());
     let arguments = predict("image.tif", "coarse.tif", "net.safetensors", "killed.tif");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_host-train"))
-        .args(&arguments)
-        .args(["--threads", "1"])
-        .current_dir(bench.folder.path())
-        .spawn()
-        .unwrap();
+    let mut child = bench.command(&arguments).args(["--threads", "1"]).spawn().unwrap();
     // The first rows are on disk when the file has more than its header; the second row of tiles is still to come.
     let part = bench.path("killed.tif.part");
     while std::fs::metadata(&part).map_or(0, |found| found.len()) <= 32 {
@@ -170,7 +130,7 @@ fn a_killed_prediction_goes_on_where_it_was() {
 
 #[test]
 fn every_mistake_is_one_line_and_leaves_nothing_behind() {
-    let bench = Bench::new();
+    let bench = bench();
     let source = bench.path("coarse.tif");
     rewrite(&source, &bench.path("elsewhere.tif"), |r| r.georef.as_mut().unwrap().transform[0] += 1e6);
     rewrite(&source, &bench.path("projection.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::moon_polar(false));

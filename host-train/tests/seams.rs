@@ -3,21 +3,17 @@
 use elunar_core::tile::Tiling;
 use host_train::model::backend::Backend;
 use host_train::predict::{Input, Options, Scene, open, predict};
-use host_train::raster::{Crs, GeoRef, Raster};
+use host_train::raster::{Crs, Raster};
 use std::ops::ControlFlow;
 use std::path::Path;
+
+mod support;
 
 const ROWS: usize = 500;
 const COLS: usize = 700;
 
 fn raster(rows: usize, cols: usize, pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
-    let georef =
-        GeoRef { transform: [0.0, pixel_m, 0.0, 0.0, 0.0, -pixel_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
-    let at = |i: usize| {
-        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
-        value(x, y) as f32
-    };
-    Raster { rows, cols, samples: (0..rows * cols).map(at).collect(), georef: Some(georef) }
+    support::raster((rows, cols), (0.0, 0.0), pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
 }
 
 /// Smooth hills, 100 m and more from crest to crest.

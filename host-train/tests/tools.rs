@@ -1,65 +1,26 @@
 //! `hillshade`, `diff`, `mosaic` and `prepare` as a user meets them: files in, files out, one line for every mistake.
 
 use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, GeoRef, Raster};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use host_train::raster::{Crs, Raster};
+use std::path::Path;
+use support::Shell;
 
-/// A folder with two overlapping DTMs, `left.tif` and `right.tif`, 3 m apart in height.
-struct Bench {
-    folder: tempfile::TempDir,
-}
+mod support;
 
 fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64, offset_m: f64) -> Raster {
-    let georef = GeoRef { transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m], crs: Crs::moon_polar(true) };
-    let height = |i: usize| {
-        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
-        (offset_m - 1500.0 + 30.0 * (x / 40.0).sin() + 20.0 * (y / 30.0).cos()) as f32
-    };
-    Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
+    let height = |x: f64, y: f64| offset_m - 1500.0 + 30.0 * (x / 40.0).sin() + 20.0 * (y / 30.0).cos();
+    support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
 }
 
-impl Bench {
-    fn new() -> Self {
-        let bench = Self { folder: tempfile::tempdir().unwrap() };
-        let mut left = terrain(60, 80, (1000.0, 5000.0), 2.0, 0.0);
-        left.samples[30 * 80 + 20] = f32::NAN;
-        write(&bench.path("left.tif"), &left, &WriteOptions::heights("left")).unwrap();
-        let right = terrain(60, 80, (1080.0, 4980.0), 2.0, 3.0);
-        write(&bench.path("right.tif"), &right, &WriteOptions::heights("right")).unwrap();
-        bench
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn run(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_host-train")).args(arguments).current_dir(self.folder.path()).output().unwrap()
-    }
-
-    fn made(&self, arguments: &[&str]) -> String {
-        let out = self.run(arguments);
-        assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
-        assert!(out.stderr.is_empty(), "quiet where stderr is no terminal");
-        String::from_utf8(out.stdout).unwrap()
-    }
-
-    fn refused(&self, arguments: &[&str]) -> String {
-        let out = self.run(arguments);
-        let text = String::from_utf8(out.stderr).unwrap();
-        assert_eq!(out.status.code(), Some(1), "{arguments:?}: {text}");
-        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
-        assert!(text.starts_with("ERROR: "), "{text}");
-        text
-    }
-
-    fn files(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.folder.path()).unwrap();
-        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
+/// A folder with two overlapping DTMs, `left.tif` and `right.tif`, 3 m apart in height.
+fn bench() -> Shell {
+    let bench = Shell::new();
+    let mut left = terrain(60, 80, (1000.0, 5000.0), 2.0, 0.0);
+    left.samples[30 * 80 + 20] = f32::NAN;
+    write(&bench.path("left.tif"), &left, &WriteOptions::heights("left")).unwrap();
+    let right = terrain(60, 80, (1080.0, 4980.0), 2.0, 3.0);
+    write(&bench.path("right.tif"), &right, &WriteOptions::heights("right")).unwrap();
+    bench
 }
 
 fn same(a: &Path, b: &Path) -> bool {
@@ -69,7 +30,7 @@ fn same(a: &Path, b: &Path) -> bool {
 
 #[test]
 fn hillshades_follow_their_options() {
-    let bench = Bench::new();
+    let bench = bench();
     bench.made(&["hillshade", "left.tif", "-o", "shade.tif"]);
     let shade = read(bench.path("shade.tif")).unwrap();
     assert_eq!(shade.georef, read(bench.path("left.tif")).unwrap().georef);
@@ -96,7 +57,7 @@ fn hillshades_follow_their_options() {
 
 #[test]
 fn differences_follow_their_options() {
-    let bench = Bench::new();
+    let bench = bench();
     let text = bench.made(&["diff", "left.tif", "right.tif", "-o", "d.tif", "--picture", "d.png"]);
     assert!(text.contains("left.tif - right.tif") && text.contains("NMAD [m]"), "{text}");
     let made = read(bench.path("d.tif")).unwrap();
@@ -113,7 +74,7 @@ fn differences_follow_their_options() {
 
 #[test]
 fn mosaics_follow_their_options() {
-    let bench = Bench::new();
+    let bench = bench();
     let of = |name: &str, options: &[&str]| {
         bench.made(&[&["mosaic", "left.tif", "right.tif", "-o", name][..], options].concat());
         read(bench.path(name)).unwrap()
@@ -146,7 +107,7 @@ fn mosaics_follow_their_options() {
 
 #[test]
 fn prepared_tiles_follow_their_options() {
-    let bench = Bench::new();
+    let bench = bench();
     bench.made(&["synth", "--out", "scenes", "--scenes", "1", "--seed", "2", "--rows", "520", "--cols", "650"]);
     let files = [
         "--image",
@@ -195,7 +156,7 @@ fn prepared_tiles_follow_their_options() {
 
 #[test]
 fn every_mistake_is_one_line_and_leaves_nothing_behind() {
-    let bench = Bench::new();
+    let bench = bench();
     let mut elsewhere = read(bench.path("left.tif")).unwrap();
     elsewhere.georef.as_mut().unwrap().crs = Crs::moon_polar(false);
     write(&bench.path("north.tif"), &elsewhere, &WriteOptions::heights("north")).unwrap();

@@ -1,0 +1,77 @@
+//! The program in a folder of its own, as a user's shell runs it.
+
+// Each test program uses its part of it.
+#![allow(dead_code)]
+
+use host_train::raster::{Crs, GeoRef, Raster};
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A folder that goes when the test ends, and commands run in it.
+pub(crate) struct Shell {
+    folder: tempfile::TempDir,
+}
+
+impl Shell {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A command that is not started yet.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_host-train"));
+        command.args(arguments).current_dir(self.folder.path());
+        command
+    }
+
+    pub(crate) fn run(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// What a command prints that must succeed, and say nothing else where there is no terminal.
+    pub(crate) fn made(&self, arguments: &[&str]) -> String {
+        let out = self.run(arguments);
+        let errors = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success(), "{arguments:?}: {errors}");
+        assert_eq!(errors, "", "{arguments:?}: quiet where stderr is no terminal");
+        String::from_utf8(out.stdout).unwrap()
+    }
+
+    /// The single error line of a command that must fail.
+    pub(crate) fn refused(&self, arguments: &[&str]) -> String {
+        let out = self.run(arguments);
+        let text = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(1), "{arguments:?}: {text}");
+        assert_eq!(text.trim_end().lines().count(), 1, "{text}");
+        assert!(text.starts_with("ERROR: "), "{text}");
+        text
+    }
+
+    /// Names of the files, sorted.
+    pub(crate) fn files(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.folder.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+/// A north-up raster of a function of map coordinates, its upper left corner at `at`.
+pub(crate) fn raster(
+    (rows, cols): (usize, usize),
+    at: (f64, f64),
+    pixel_m: f64,
+    crs: Crs,
+    value: impl Fn(f64, f64) -> f64,
+) -> Raster {
+    let georef = GeoRef { transform: [at.0, pixel_m, 0.0, at.1, 0.0, -pixel_m], crs };
+    let sample = |i: usize| {
+        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
+        value(x, y) as f32
+    };
+    Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: Some(georef) }
+}
