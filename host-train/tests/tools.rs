@@ -196,3 +196,22 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     }
     assert_eq!(bench.files(), before, "nothing was left behind");
 }
+
+#[test]
+fn a_mosaic_in_another_system_lies_where_its_dtms_lie() {
+    let bench = bench();
+    bench.made(&["mosaic", "left.tif", "-o", "degrees.tif", "--t_srs", "IAU_2015:30100"]);
+    bench.made(&["mosaic", "degrees.tif", "-o", "back.tif", "--t_srs", "IAU_2015:30135", "--tr", "2"]);
+    let degrees = read(bench.path("degrees.tif")).unwrap();
+    assert!(!degrees.georef.as_ref().unwrap().crs.is_projected());
+    // There and back is two bilinear interpolations of waves 180 m long and more.
+    let found = bench.made(&["diff", "back.tif", "left.tif", "--json"]);
+    let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+    assert!(found["rmse_m"].as_f64().unwrap() < 0.03, "{found:#}");
+    // Two systems in one job.
+    bench.made(&["mosaic", "degrees.tif", "right.tif", "-o", "both.tif", "--t_srs", "IAU_2015:30135", "--tr", "2"]);
+    assert!(read(bench.path("both.tif")).unwrap().valid_count() > 7000);
+    let unknown = bench.run(&["mosaic", "left.tif", "-o", "x.tif", "--t_srs", "EPSG:4326"]);
+    assert!(!unknown.status.success() && String::from_utf8_lossy(&unknown.stderr).contains("EPSG:4326"));
+    assert!(!bench.path("x.tif").exists());
+}

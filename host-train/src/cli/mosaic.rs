@@ -2,8 +2,10 @@
 
 use super::output;
 use crate::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
+use crate::raster::align::{Interpolation, Reprojected};
 use crate::raster::geotiff::{Compression, WriteOptions, Writer};
-use crate::raster::{MOON_RADIUS_M, source};
+use crate::raster::source::Source as _;
+use crate::raster::{Crs, MOON_RADIUS_M, source};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -13,7 +15,7 @@ use std::path::{Path, PathBuf};
   host-train mosaic left.tif right.tif -o mosaic.tif --priority-blending-length 50
 
 Weights, blending and option names are those of the Ames Stereo Pipeline's dem_mosaic: each DTM weighs most where it is far from its
-edges and gaps. All DTMs must be in one reference system; spacing and system of the mosaic are those of the first.")]
+edges and gaps. Without --t_srs all DTMs must be in one reference system; spacing and system of the mosaic are those of the first.")]
 pub struct Args {
     /// DTMs, heights in metres; the order matters only with --priority-blending-length.
     #[arg(value_name = "DEM", required_unless_present = "dem_list", conflicts_with = "dem_list")]
@@ -24,6 +26,10 @@ pub struct Args {
     /// Mosaic to write.
     #[arg(short, long, value_name = "OUT.tif")]
     pub output: PathBuf,
+    /// Reference system of the mosaic, into which every DTM is brought (bilinearly) before it is weighed: IAU_2015:30110 and the
+    /// like, or a PROJ text [default: that of the DTMs, which must be one].
+    #[arg(long = "t_srs", value_name = "SRS", value_parser = Crs::parse)]
+    pub t_srs: Option<Crs>,
     /// Side of a pixel, map units [default: that of the first DTM].
     #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub tr: Option<f64>,
@@ -65,8 +71,10 @@ pub fn run(args: Args) -> Result<()> {
         let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
         return Err(Error::usage(what));
     }
-    let open = |path: &PathBuf| Ok(Input { name: path.display().to_string(), source: source::open(path)? });
-    let inputs: Vec<Input> = paths.iter().map(open).collect::<Result<_>>()?;
+    let mut inputs: Vec<Input> = paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
+    if let Some(crs) = &args.t_srs {
+        inputs = reprojected(inputs, crs, args.tr)?;
+    }
     let window = args.t_projwin.as_deref().map(|w| [w[0], w[1], w[2], w[3]]);
     let grid = Grid::around(&inputs, GridOptions { spacing: args.tr, window })?;
     let weights = WeightRules {
@@ -101,6 +109,21 @@ pub fn run(args: Args) -> Result<()> {
     let (rows, cols) = (grid.rows, grid.cols);
     println!("{}: {rows} x {cols} pixels, {valid} of them valid, {low:.1} to {high:.1} m", args.output.display());
     Ok(())
+}
+
+fn open(path: &Path) -> Result<Input> {
+    Ok(Input { name: path.display().to_string(), source: source::open(path)? })
+}
+
+/// The DTMs in another system, all with pixels of one size: the stated one, or the first DTM's.
+fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<Input>> {
+    let mut seen = Vec::with_capacity(inputs.len());
+    for Input { name, source } in inputs {
+        let source = Reprojected::new(source.into(), &name, crs, spacing, Interpolation::Bilinear)?;
+        spacing = spacing.or_else(|| source.info().georef.as_ref().map(|georef| georef.transform[1]));
+        seen.push(Input { name, source: Box::new(source) });
+    }
+    Ok(seen)
 }
 
 fn listed(list: &Path) -> Result<Vec<PathBuf>> {

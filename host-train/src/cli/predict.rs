@@ -1,5 +1,6 @@
 //! `host-train predict`: an image and a coarse DTM in, a DTM out.
 
+use super::output;
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
 use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey, Tally, open, predict_rows};
@@ -66,7 +67,7 @@ pub struct Args {
 /// # Errors
 /// From reading the inputs, opening the model, predicting and writing; no DTM is left behind then.
 pub fn run(args: Args) -> Result<()> {
-    check_output(&args)?;
+    output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
     let model = open(&args.model, args.backend)?;
     let scene = scene(&args)?;
     let survey = scene.survey()?;
@@ -141,18 +142,6 @@ fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     let (image, coarse) = (file(&args.image)?, file(&args.coarse)?);
     let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit);
     Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
-}
-
-/// Fails before the work rather than after it.
-fn check_output(args: &Args) -> Result<()> {
-    let same = |input: &Path| {
-        input.canonicalize().is_ok_and(|input| args.output.canonicalize().is_ok_and(|output| input == output))
-    };
-    if let Some(input) = [&args.image, &args.coarse, &args.model].into_iter().find(|input| same(input)) {
-        return Err(Error::usage(format!("{}: the output must not overwrite an input", input.display())));
-    }
-    let folder = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    tempfile::NamedTempFile::new_in(folder).map_err(Error::io(&args.output)).map(drop)
 }
 
 fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {

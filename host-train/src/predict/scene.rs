@@ -183,7 +183,8 @@ impl Scene {
 fn place(input: &Input) -> Result<&GeoRef> {
     let missing = |what: &str| Error::usage(format!("{}: a raster with {what} expected, none found", input.name));
     let georef = input.source.info().georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-    if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
+    let hint = "a coordinate reference system (or one stated with --image-srs or --coarse-srs)";
+    if georef.crs.is_empty() { Err(missing(hint)) } else { Ok(georef) }
 }
 
 /// Side of a pixel, metres.

@@ -1,12 +1,14 @@
 //! Putting one raster on another's grid, through map coordinates and never by index.
 
 mod map;
+mod reproject;
 mod sample;
 mod windowed;
 
 #[cfg(test)]
 mod gdal_tests;
 
+pub use reproject::Reprojected;
 pub use windowed::Onto;
 
 use super::source::{Info, Source, check_window};
