@@ -68,8 +68,8 @@ impl Settings {
     pub fn new(out: PathBuf, start: Start, seed: u64, steps: Option<usize>) -> Self {
         let preset = Recipe::preset(Preset::Nano);
         let (usual, learning_rate) = match start {
-            // A tenth of the preset's rate, for a network that is already good (our choice).
-            Start::Weights(_) => (Self::STEPS, 0.1 * preset.learning_rate),
+            // A thirtieth of the preset's rate, for a network that is already good (our choice).
+            Start::Weights(_) => (Self::STEPS, preset.learning_rate / 30.0),
             Start::Scratch(_) => (Self::SCRATCH_STEPS, preset.learning_rate),
         };
         let steps = steps.unwrap_or(usual);

@@ -128,7 +128,8 @@ pub(super) fn run(
     }
     let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
     say(figures("after ", &after));
-    let improved = after.rmse < before.rmse;
+    // By metres, which is what the tour shows.
+    let improved = after.network.rmse_m < before.network.rmse_m;
     let weights = if improved { Weights::read(&run_folder.join(BEST))? } else { initial };
     weights.write(&folder.file(FLOAT_MODEL))?;
     if !improved {
