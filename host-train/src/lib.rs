@@ -8,6 +8,7 @@
 pub mod cli;
 pub mod demo;
 pub mod diff;
+pub mod digest;
 pub mod error;
 pub mod evaluate;
 pub mod export;

@@ -47,8 +47,7 @@ pub fn run(args: Args) -> Result<()> {
     for path in args.output.iter().chain(&args.picture) {
         output::check(path, &[&args.first, &args.second])?;
     }
-    let read = |path: &PathBuf| source::read_all(source::open(path)?.as_ref());
-    let (first, second) = (read(&args.first)?, read(&args.second)?);
+    let (first, second) = (source::read(&args.first)?, source::read(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
     let options = Options { reverse: args.reverse, absolute: args.absolute };
     let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;

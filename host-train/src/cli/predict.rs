@@ -7,7 +7,6 @@ use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey,
 use crate::raster::stated::{HeightUnit, Statements};
 use crate::raster::{Crs, source};
 use crate::{Error, Result, interrupt};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -145,9 +144,7 @@ fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
 }
 
 fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {
-    let style = "{bar:40} {pos}/{len} tiles, {per_sec}, {eta} left";
-    let bar = ProgressBar::new(0)
-        .with_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let bar = output::progress(0, "tiles");
     let result = work(&mut |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);

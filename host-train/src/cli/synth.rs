@@ -1,10 +1,10 @@
 //! `host-train synth`: synthetic scenes as GeoTIFFs.
 
+use super::output;
 use crate::picture::{Panel, hillshade, sheet, stretch, write_png};
 use crate::synth::{Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind};
 use crate::{Error, Result, interrupt};
 use elunar_core::terrain::PixelSize;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -64,9 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     let moon = Moon::new(args.seed, options.clone())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     interrupt::listen();
-    let style = "{bar:40} {pos}/{len} scenes, {per_sec}, {eta} left";
-    let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = ProgressBar::new(args.scenes).with_style(style);
+    let bar = output::progress(args.scenes as usize, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {
         if interrupt::requested() {
             return Err(Error::usage("interrupted"));

@@ -1,9 +1,9 @@
 //! Model files and tensors in words.
 
+use crate::digest::sha256_hex;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
 use elunar_core::nn::{Dtype, Model, Tensor, required};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// Tensors of a safetensors file: weights, a golden case, or neither.
@@ -67,5 +67,5 @@ fn shape(t: &Tensor) -> String {
 }
 
 fn digest(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::from("sha256:"), |text, b| text + &format!("{b:02x}"))
+    format!("sha256:{}", sha256_hex(bytes))
 }

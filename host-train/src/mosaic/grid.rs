@@ -96,11 +96,7 @@ impl Grid {
 }
 
 fn placed<'a>(name: &str, info: &'a Info) -> Result<&'a GeoRef> {
-    let missing = |what: &str| Error::usage(format!("{name}: a raster with {what} expected, none found"));
-    let georef = info.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-    if georef.crs.is_empty() {
-        return Err(missing("a coordinate reference system"));
-    }
+    let georef = info.place(name)?;
     let t = georef.transform;
     if !(t[1] > 0.0 && t[5] < 0.0 && t[2] == 0.0 && t[4] == 0.0) {
         return Err(Error::usage(format!("{name}: a north-up transform expected, {t:?} found")));

@@ -1,6 +1,7 @@
 //! Float weights as a model the tile loop can run.
 
 use super::network::{Model, Normalisation, TileNetwork};
+use crate::digest::sha256_hex;
 use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
@@ -9,7 +10,6 @@ use crate::model::weights::Weights;
 use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// A float network loaded from a `.safetensors` file.
@@ -26,7 +26,7 @@ pub struct FloatModel {
 /// If the file cannot be read, is broken, holds no configuration, or its tensors do not fit it.
 pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    let hash: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let hash = sha256_hex(&bytes);
     let weights = Weights::from_bytes(path, &bytes)?;
     let config = store::config_of(&weights, path)?;
     let device = backend.device()?;

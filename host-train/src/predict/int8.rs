@@ -1,11 +1,11 @@
 //! An exported model file as a model the tile loop can run.
 
 use super::network::{Model, Normalisation, TileNetwork};
+use crate::digest::sha256_hex;
 use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{self, Progress, Runner, TruthRange, required};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -25,7 +25,7 @@ pub struct Int8Model {
 pub fn open(path: &Path) -> Result<Int8Model> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
-    let hash: String = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+    let hash = sha256_hex(&bytes);
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     Ok(Int8Model { kernel: Kernel::best(), bytes, description: format!("int8 network {name} sha256:{hash}") })
 }

@@ -4,7 +4,7 @@ use super::fill::fill_gaps;
 use crate::illumination::{SunEstimate, Turn};
 use crate::model::config::Illumination;
 use crate::raster::align::{Interpolation, Onto};
-use crate::raster::source::{InMemory, Info, Source};
+use crate::raster::source::{InMemory, Source};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -102,6 +102,8 @@ impl Scene {
     /// [`Error::Usage`] if either has no place, their reference systems differ, or a pixel size is unknown.
     pub fn new(image: Input, coarse: Input) -> Result<Self> {
         let georef = place(&image)?.clone();
+        place(&coarse)?;
+        let side_m = |input: &Input| input.source.info().side_m(&input.name);
         let coarse_px = (side_m(&coarse)? / side_m(&image)?) as f32;
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
@@ -181,17 +183,11 @@ impl Scene {
 
 /// The place of `input`, which must be complete.
 fn place(input: &Input) -> Result<&GeoRef> {
-    let missing = |what: &str| Error::usage(format!("{}: a raster with {what} expected, none found", input.name));
-    let georef = input.source.info().georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-    let hint = "a coordinate reference system (or one stated with --image-srs or --coarse-srs)";
-    if georef.crs.is_empty() { Err(missing(hint)) } else { Ok(georef) }
-}
-
-/// Side of a pixel, metres.
-fn side_m(input: &Input) -> Result<f64> {
-    let Info { rows, cols, .. } = *input.source.info();
-    let size = place(input)?.pixel_m(rows, cols).map(|(row_m, col_m)| (row_m * col_m).sqrt());
-    size.ok_or_else(|| Error::usage(format!("{}: a pixel size in metres expected, none found", input.name)))
+    input.source.info().place(&input.name).map_err(|error| {
+        let unnamed = input.source.info().georef.is_some();
+        let hint = if unnamed { "; state one with --image-srs or --coarse-srs" } else { "" };
+        Error::usage(format!("{error}{hint}"))
+    })
 }
 
 impl Band {

@@ -7,6 +7,7 @@ use super::scene::{Reading, Scene};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, pictures};
+use crate::digest::{hex, sha256_hex};
 use crate::raster::align::Interpolation;
 use crate::raster::atomic_write;
 use crate::raster::stated::HeightUnit;
@@ -147,7 +148,7 @@ fn judge_scene(
     let sha256 = [file_sha256(&files.image)?, file_sha256(&files.dtm)?, file_sha256(&files.coarse)?];
     let wrong = |e: serde_json::Error| Error::broken(notes, e.to_string());
     let version = env!("CARGO_PKG_VERSION");
-    let key = hash(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
+    let key = sha256_hex(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
     let known = std::fs::read(notes).ok().and_then(|bytes| serde_json::from_slice::<Judged>(&bytes).ok());
     if let Some(known) = known.filter(|known| known.key == key) {
         return Ok(known);
@@ -287,7 +288,7 @@ fn keep_or_clear(judged: &[Judged], splits: &Splits, out: &Path, parameters: &Pa
     let keys: Vec<&str> = judged.iter().map(|j| j.key.as_str()).collect();
     let places: Vec<_> = splits.iter().collect();
     let plan = serde_json::to_vec(&(keys, places, parameters)).map_err(|e| Error::broken(&path, e.to_string()))?;
-    let plan = hash(&plan);
+    let plan = sha256_hex(&plan);
     if std::fs::read_to_string(&path).is_ok_and(|known| known == plan) {
         return Ok(());
     }
@@ -343,16 +344,12 @@ fn nothing_left(judged: &[Judged]) -> Error {
     ))
 }
 
-fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
-}
-
 fn file_sha256(path: &Path) -> Result<String> {
     let mut file = std::fs::File::open(path).map_err(Error::io(path))?;
     let (mut sum, mut bytes) = (Sha256::new(), vec![0; 1 << 20]);
     loop {
         match file.read(&mut bytes).map_err(Error::io(path))? {
-            0 => return Ok(sum.finalize().iter().map(|b| format!("{b:02x}")).collect()),
+            0 => return Ok(hex(&sum.finalize())),
             count => sum.update(&bytes[..count]),
         }
     }

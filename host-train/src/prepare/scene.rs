@@ -58,8 +58,8 @@ impl Scene {
         let coarse = stated.of(&files.coarse.display().to_string(), source::open(&files.coarse)?)?;
         let (image, dtm, coarse): (Arc<dyn Source>, Arc<dyn Source>, Arc<dyn Source>) =
             (open(&files.image)?, open(&files.dtm)?, coarse.into());
-        let (pixel, coarse_pixel) = (pixel_of(image.as_ref(), &image_name)?, pixel_of(coarse.as_ref(), &coarse_name)?);
-        let coarse_px = (side_m(coarse_pixel) / side_m(pixel)) as f32;
+        let pixel = pixel_of(image.as_ref(), &image_name)?;
+        let coarse_px = (coarse.info().side_m(&coarse_name)? / image.info().side_m(&image_name)?) as f32;
         if coarse_px < 1.0 {
             return Err(Error::usage(format!(
                 "{coarse_name}: pixels no smaller than those of {image_name} expected, {coarse_px:.3} of their side found"
@@ -120,8 +120,4 @@ impl Scene {
     pub(super) fn system(&self) -> String {
         self.image.info().georef.as_ref().map_or_else(String::new, |georef| georef.crs.summary())
     }
-}
-
-fn side_m(pixel: PixelSize) -> f64 {
-    (pixel.row_m * pixel.col_m).abs().sqrt()
 }

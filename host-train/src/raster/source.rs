@@ -21,6 +21,28 @@ pub struct Info {
     pub format: String,
 }
 
+impl Info {
+    /// The raster's place, which must be complete. Messages call the raster `name`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the geotransform or the reference system is missing.
+    pub fn place(&self, name: &str) -> Result<&GeoRef> {
+        let missing = |what: &str| Error::usage(format!("{name}: a raster with {what} expected, none found"));
+        let georef = self.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
+        if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
+    }
+
+    /// Side of a pixel on the ground, metres: the root of its area at the raster's centre.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it is unknown.
+    pub fn side_m(&self, name: &str) -> Result<f64> {
+        let size = self.georef.as_ref().and_then(|georef| georef.pixel_m(self.rows, self.cols));
+        let side_m = size.map(|(row_m, col_m)| (row_m * col_m).sqrt());
+        side_m.ok_or_else(|| Error::usage(format!("{name}: a pixel size in metres expected, none found")))
+    }
+}
+
 /// A raster open for reading.
 pub trait Source: Send + Sync {
     /// What the file says of itself.

@@ -1,11 +1,11 @@
 //! What a killed run needs to go on as if nothing had happened.
 
+use crate::digest::sha256_hex;
 use crate::model::weights::Weights;
 use crate::raster::atomic_write;
 use crate::{Error, Result};
 use burn::optim::ModuleOptimizer;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 const FOLDER: &str = "checkpoint";
@@ -54,7 +54,8 @@ pub fn save(
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;
     let weights = weights.to_bytes();
     let optimiser = optimiser.into_bytes().map_err(|e| Error::usage(format!("optimiser state: {e}")))?;
-    let state = State { step, best_rmse, weights_sha256: hash(&weights), optimiser_sha256: hash(&optimiser) };
+    let state =
+        State { step, best_rmse, weights_sha256: sha256_hex(&weights), optimiser_sha256: sha256_hex(&optimiser) };
     atomic_write(&fresh.join(WEIGHTS), &weights)?;
     atomic_write(&fresh.join(OPTIMISER), &optimiser)?;
     atomic_write(&fresh.join(STATE), &serde_json::to_vec_pretty(&state).expect("plain struct"))?;
@@ -87,7 +88,7 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
     for (path, bytes, expected) in
         [(&weights_path, &weights, &state.weights_sha256), (&optimiser_path, &optimiser, &state.optimiser_sha256)]
     {
-        let found = hash(bytes);
+        let found = sha256_hex(bytes);
         if found != *expected {
             return Err(Error::broken(path, format!("expected SHA-256 {expected}, found {found}")));
         }
@@ -104,10 +105,6 @@ impl Checkpoint {
         let bytes = burn::tensor::Bytes::from_bytes_vec(self.optimiser.clone());
         optimiser.from_bytes(bytes).map_err(|e| Error::usage(format!("optimiser state: {e}")))
     }
-}
-
-fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn remove(folder: &Path) -> Result<()> {

@@ -13,7 +13,7 @@ use elunar_core::terrain::PixelSize;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Heights and slopes of one DTM against the truth, over the whole set.
+/// Heights and slopes of one DTM against what training aims at ([`Target`]), over the whole set.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Scores {
     /// Root mean square height error, metres.

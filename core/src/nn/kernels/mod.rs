@@ -12,7 +12,7 @@
 //! dot:     Σ_k a[k] * b[k]                         both i16
 //! ```
 
-pub mod scalar;
+mod scalar;
 mod select;
 #[cfg(target_arch = "x86_64")]
 mod x86_avx2;

@@ -3,7 +3,7 @@
 use super::{Le16, PIXELS, Stretches, Sums, Weights};
 
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
-pub const NAME: &str = "scalar-i16i8-rows";
+pub(super) const NAME: &str = "scalar-i16i8-rows";
 
 /// Every channel of a group in turn.
 pub(super) fn group(sums: &mut Sums, x: Stretches<'_>, w: Weights<'_>) {

@@ -149,7 +149,8 @@ fn training(story: &Story, pictures: &Pictures) -> Result<String> {
     Ok(format!(
         "<h2>Training</h2>\n<p>{} parameters, from {}, {} steps of {} crops of {} × {} pixels at a learning rate of {:.0e} falling to \
          0 ({:.2} steps/s), on tiles of Moons of other seeds with the scene's kind of ground and the Sun {:.0}° to {:.0}° high. {kept} \
-         Below: {} tiles held out; the weights with the lowest RMSE in normalised units are the best.</p>\n{}\
+         Below: {} tiles held out, judged by the truth with the coarse DTM's long wavelengths, as trained for; \
+         the weights with the lowest RMSE in normalised units are the best.</p>\n{}\
          <div class=\"chart\">{}</div>\n",
         tuned.parameters,
         escaped(&tuned.started_from),

@@ -56,10 +56,7 @@ impl<'a> Named<'a> {
 /// # Errors
 /// [`Error::Usage`] if the pixel size of either in metres is unknown.
 pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
-    let side_m = |named: Named| {
-        let size = named.raster.pixel_m().map(|(row_m, col_m)| (row_m * col_m).sqrt());
-        size.ok_or_else(|| Error::usage(format!("{}: a pixel size in metres expected, none found", named.name)))
-    };
+    let side_m = |named: Named| info(named.raster).side_m(named.name);
     Ok((side_m(source)? / side_m(target)?) as f32)
 }
 

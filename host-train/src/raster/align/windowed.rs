@@ -223,13 +223,7 @@ pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, tar
 
 /// Place and size, which must be complete.
 fn grid<'a>(name: &str, info: &'a Info) -> Result<Grid<'a>> {
-    let missing = |what: &str| Error::usage(format!("{name}: a raster with {what} expected, none found"));
-    let georef = info.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-    if georef.crs.is_empty() {
-        Err(missing("a coordinate reference system"))
-    } else {
-        Ok((georef, (info.rows, info.cols)))
-    }
+    Ok((info.place(name)?, (info.rows, info.cols)))
 }
 
 fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): (&str, &GeoRef)) -> Result<()> {

@@ -164,7 +164,8 @@ print(len(names), 'files,', 'validated' if cog_validate else 'SKIPPED: rio-cogeo
 
 const CHILD_FOLDER: &str = "ELUNAR_TEST_FULL_DISK";
 
-/// Writes under a limit its parent set; what is left behind is the parent's business.
+/// Not started by the test runner: it needs a process of its own, in which the test below starts it under a limit on file sizes;
+/// what is left behind is that test's business.
 #[test]
 #[ignore = "run by a_full_disk_leaves_nothing_behind"]
 fn child_writing_to_a_full_disk() {

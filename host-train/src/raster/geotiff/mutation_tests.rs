@@ -83,6 +83,7 @@ make('gdal_deflate', 'uint32', compress='deflate', predictor=2, SPARSE_OK=True)
 
 const CHILD_FOLDER: &str = "ELUNAR_TEST_MUTANTS";
 
+/// Not started by the test runner: it needs a process of its own, in which the test below starts it under a memory limit.
 #[test]
 #[ignore = "run by damaged_files_never_panic_or_swallow_memory"]
 fn child_reading_mutants() {
