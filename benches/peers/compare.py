@@ -23,7 +23,7 @@ import runtimes
 
 LEAST_ROUNDS = 5  # of a network that does not get through all rounds in its time
 FLOAT_TOLERANCE = 1e-5  # ONNX Runtime in float against PyTorch, share of the output's largest value
-INT8_TOLERANCE = 0.25  # rms error of an int8 output, share of the float one's deviation; unrelated outputs reach 1.4
+INT8_TOLERANCE = 0.5  # rms error of an int8 output, share of the float one's deviation; a flat output would reach 1
 
 
 def arguments():

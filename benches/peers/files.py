@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from safetensors import SafetensorError
+
 import network
 import onnx_files
 import tiles
@@ -70,7 +72,10 @@ class Network:
             make(self.weights, [host_train], lambda path: run(*init, path))
         elif not self.weights.is_file():
             raise SystemExit(f"ERROR: {name}: expected one of {', '.join(PRESETS)} or a weight file, found neither")
-        self.module, self.config = network.load(self.weights, tiles.ROWS, tiles.COLS)
+        try:
+            self.module, self.config = network.load(self.weights, tiles.ROWS, tiles.COLS)
+        except (ValueError, RuntimeError, SafetensorError) as misfit:
+            raise SystemExit(f"ERROR: {self.weights}: {misfit}") from None
         self.tile = tiles.tile(0, self.config)
         stem = MADE / f"{self.name}-{digest(self.weights)}"
         self.model = Path(f"{stem}-{precision}.eld")

@@ -230,7 +230,7 @@ def load(path, rows, cols):
     with safe_open(path, "pt") as file:
         config = json.loads((file.metadata() or {}).get("config", "null"))
         if config is None:
-            raise ValueError(f"{path}: expected the network configuration in metadata `config`, found none")
+            raise ValueError("expected the network configuration in metadata `config`, found none")
         tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PAYLOAD)}
     network = Network(config, rows, cols)
     network.load_state_dict(fold(tensors, config))

@@ -19,6 +19,7 @@ class Ours:
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         line = self.process.stdout.readline()
         if not line:
+            self.close()
             raise SystemExit(f"ERROR: {server}: expected one line about {model}, found none")
         self.facts = json.loads(line)
         self.label = f"ours, {self.facts['kernel']}"
