@@ -1,103 +1,170 @@
 //! Reading and writing tensors in the caller's bytes.
 
-use super::kernels::Le16;
-use super::program::{Dtype, Tensor};
+use super::program::{Dtype, Edge, Tensor};
 
-/// The two parts of the lent memory.
+/// The lent memory: tensors at their planned offsets, then scratch memory of the operator at work, then a few bytes that
+/// kernels may read (and multiply by 0) behind the last sample.
 #[derive(Debug)]
 pub(crate) struct Arena<'m> {
-    /// Tensors at their planned offsets.
-    pub(crate) tensors: &'m mut [u8],
-    /// Scratch memory of the operator at work.
-    pub(crate) scratch: &'m mut [Le16],
+    /// All of it.
+    pub(crate) bytes: &'m mut [u8],
+    /// Where the scratch memory begins.
+    pub(crate) scratch: usize,
 }
 
-impl<'m> Arena<'m> {
-    /// Divides `bytes`, which are long enough.
-    pub(crate) fn new(bytes: &'m mut [u8], scratch_offset: usize, scratch_bytes: usize) -> Self {
-        let (tensors, rest) = bytes.split_at_mut(scratch_offset);
-        Self { tensors, scratch: rest[..scratch_bytes].as_chunks_mut().0 }
+/// Bytes that kernels may read behind the last sample.
+pub(crate) const OVERREAD: usize = 4;
+
+impl Arena<'_> {
+    /// Stores the code of sample (`row`, `col`, `channel`), which is within the tensor's limits.
+    #[inline(always)]
+    pub(crate) fn store(&mut self, t: &Tensor, row: usize, index: usize, code: i32) {
+        let at = t.row_offset(row) + t.margin * t.channels + index;
+        if t.dtype == Dtype::U8 {
+            self.bytes[at] = code as u8;
+        } else {
+            self.bytes[at] = code as u8;
+            self.bytes[at + t.plane_bytes()] = high(code);
+        }
+    }
+
+    /// The f32 at sample `index` of a row.
+    #[inline(always)]
+    pub(crate) fn float(&self, t: &Tensor, row: usize, index: usize) -> f32 {
+        let at = t.row_offset(row) + 4 * index;
+        self.bytes[at..].first_chunk().map_or(0.0, |&b| f32::from_le_bytes(b))
+    }
+
+    /// Fills the margins of row `row` from its first and last pixel, or with the code of 0.
+    #[inline(always)]
+    pub(crate) fn fill_margins(&mut self, t: &Tensor, row: usize) {
+        if t.margin == 0 {
+            return;
+        }
+        let (planes, plane, side) = (t.dtype.bytes(), t.plane_bytes(), t.margin * t.channels);
+        for p in 0..planes {
+            let start = t.row_offset(row) + p * plane;
+            let row = &mut self.bytes[start..start + plane];
+            match t.edge {
+                Edge::Zero => {
+                    let code = zero_code(t, p);
+                    row[..side].fill(code);
+                    row[plane - side..].fill(code);
+                }
+                Edge::Nearest => {
+                    for m in 0..t.margin {
+                        row.copy_within(side..side + t.channels, m * t.channels);
+                        let last = plane - side - t.channels;
+                        row.copy_within(last..last + t.channels, plane - side + m * t.channels);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// High plane of a 16-bit code.
+#[inline(always)]
+pub(crate) const fn high(code: i32) -> u8 {
+    ((code >> 8) + 128) as u8
+}
+
+/// A 16-bit code from its planes.
+#[inline(always)]
+pub(crate) const fn join(low: u8, high: u8) -> i32 {
+    (high as i32 - 128) * 256 + low as i32
+}
+
+/// What stands for 0 in plane `plane` of a tensor.
+#[inline(always)]
+pub(crate) const fn zero_code(t: &Tensor, plane: usize) -> u8 {
+    match (t.dtype, plane) {
+        (Dtype::I16, 0) => 0,
+        (Dtype::I16, _) => 128,
+        _ => t.zero as u8,
+    }
+}
+
+/// Where the samples of one row of a U8 or I16 tensor lie.
+#[derive(Clone, Copy)]
+pub(crate) struct Row {
+    at: usize,
+    /// Distance to the high plane; 0 if there is none.
+    high: usize,
+    zero: i32,
+}
+
+impl Row {
+    #[inline(always)]
+    pub(crate) fn of(t: &Tensor, row: usize) -> Self {
+        let high = if t.dtype == Dtype::U8 { 0 } else { t.plane_bytes() };
+        Self { at: t.row_offset(row) + t.margin * t.channels, high, zero: t.zero }
     }
 
     /// The value (zero point removed) of sample `index`.
     #[inline(always)]
-    pub(crate) fn value(&self, tensor: &Tensor, index: usize) -> i32 {
-        value(self.tensors, tensor, index)
+    pub(crate) fn value(&self, bytes: &[u8], index: usize) -> i32 {
+        let at = self.at + index;
+        if self.high == 0 { bytes[at] as i32 - self.zero } else { join(bytes[at], bytes[at + self.high]) }
     }
 
-    /// Stores a code at sample `index`; it is within the tensor's limits.
+    /// Values of the samples from `index` on, as many as `out` holds.
     #[inline(always)]
-    pub(crate) fn store(&mut self, tensor: &Tensor, index: usize, code: i32) {
-        match tensor.dtype {
-            Dtype::U8 => self.tensors[tensor.offset + index] = code as u8,
-            _ => {
-                let at = tensor.offset + 2 * index;
-                [self.tensors[at], self.tensors[at + 1]] = (code as i16).to_le_bytes();
+    pub(crate) fn values(&self, bytes: &[u8], index: usize, out: &mut [i32]) {
+        let at = self.at + index;
+        let (low, high) = (&bytes[at..at + out.len()], &bytes[at + self.high..][..out.len()]);
+        let wide = self.high != 0;
+        let one = |low: u8, high: u8| if wide { join(low, high) } else { low as i32 - self.zero };
+        // Whole groups first: rows are short, and a loop of unknown length is worth little to a vectoriser.
+        let (groups, rest) = out.as_chunks_mut::<GROUP>();
+        let ((lows, low), (highs, high)) = (low.as_chunks::<GROUP>(), high.as_chunks::<GROUP>());
+        for ((out, low), high) in groups.iter_mut().zip(lows).zip(highs) {
+            for k in 0..GROUP {
+                out[k] = one(low[k], high[k]);
             }
         }
-    }
-
-    /// The f32 at sample `index`.
-    #[inline(always)]
-    pub(crate) fn float(&self, tensor: &Tensor, index: usize) -> f32 {
-        let at = tensor.offset + 4 * index;
-        self.tensors[at..].first_chunk().map_or(0.0, |&b| f32::from_le_bytes(b))
-    }
-
-    /// Stores an f32 at sample `index`.
-    #[inline(always)]
-    pub(crate) fn store_float(&mut self, tensor: &Tensor, index: usize, value: f32) {
-        let at = tensor.offset + 4 * index;
-        self.tensors[at..at + 4].copy_from_slice(&value.to_le_bytes());
-    }
-
-    /// Bytes of one row of a tensor.
-    #[inline(always)]
-    pub(crate) fn row(&self, tensor: &Tensor, row: usize) -> &[u8] {
-        let start = tensor.offset + row * tensor.row_bytes();
-        &self.tensors[start..start + tensor.row_bytes()]
-    }
-}
-
-/// The value (zero point removed) of sample `index`.
-#[inline(always)]
-pub(crate) fn value(tensors: &[u8], tensor: &Tensor, index: usize) -> i32 {
-    let code = match tensor.dtype {
-        Dtype::U8 => tensors[tensor.offset + index] as i32,
-        _ => {
-            let at = tensor.offset + 2 * index;
-            i16::from_le_bytes([tensors[at], tensors[at + 1]]) as i32
+        for ((out, &low), &high) in rest.iter_mut().zip(low).zip(high) {
+            *out = one(low, high);
         }
-    };
-    code - tensor.zero
-}
-
-/// A sample type that rows are read from, with its zero point removed.
-pub(crate) trait Sample: Copy {
-    /// `bytes` as samples.
-    fn cast(bytes: &[u8]) -> &[Self];
-    /// The code.
-    fn code(self) -> i32;
-}
-
-impl Sample for u8 {
-    #[inline(always)]
-    fn cast(bytes: &[u8]) -> &[Self] {
-        bytes
     }
+
+    /// Stores codes from sample `index` on.
     #[inline(always)]
-    fn code(self) -> i32 {
-        self as i32
+    pub(crate) fn store(&self, bytes: &mut [u8], index: usize, codes: &[i32]) {
+        let at = self.at + index;
+        narrow(&mut bytes[at..at + codes.len()], codes, 0);
+        if self.high != 0 {
+            narrow(&mut bytes[at + self.high..][..codes.len()], codes, 1);
+        }
     }
 }
 
-impl Sample for Le16 {
-    #[inline(always)]
-    fn cast(bytes: &[u8]) -> &[Self] {
-        bytes.as_chunks().0
+/// Samples in the innermost loops.
+const GROUP: usize = 8;
+
+/// Plane `plane` of some codes.
+#[inline(always)]
+fn narrow(bytes: &mut [u8], codes: &[i32], plane: usize) {
+    let one = |code: i32| if plane == 0 { code as u8 } else { high(code) };
+    let ((groups, rest), (from, last)) = (bytes.as_chunks_mut::<GROUP>(), codes.as_chunks::<GROUP>());
+    for (bytes, codes) in groups.iter_mut().zip(from) {
+        for k in 0..GROUP {
+            bytes[k] = one(codes[k]);
+        }
     }
-    #[inline(always)]
-    fn code(self) -> i32 {
-        i16::from_le_bytes(self) as i32
+    for (byte, &code) in rest.iter_mut().zip(last) {
+        *byte = one(code);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_hold_every_code() {
+        for code in -32767..=32767 {
+            assert_eq!(join(code as u8, high(code)), code);
+        }
     }
 }

@@ -40,12 +40,19 @@ pub enum ModelError {
         /// What is wrong with it.
         reason: OperatorFault,
     },
+    /// The schedule reads rows that do not exist yet or no longer, or leaves work undone.
+    Schedule {
+        /// Which entry.
+        entry: u32,
+    },
 }
 
 /// What is wrong with an operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OperatorFault {
-    /// Unknown kind, or a parameter outside its range.
+    /// Unknown kind.
+    Kind,
+    /// A parameter outside its range.
     Parameter,
     /// A tensor number beyond the list.
     TensorIndex,
@@ -57,23 +64,18 @@ pub enum OperatorFault {
     Constants,
     /// An accumulator could leave its integer type.
     Overflow,
-    /// Reads a tensor that nothing wrote, or that was overwritten in between.
-    Liveness,
-    /// Writes where it still reads, or a tensor that already has a writer.
-    Overlap,
 }
 
 impl fmt::Display for OperatorFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Kind => "unknown kind",
             Self::Parameter => "parameter outside its range",
             Self::TensorIndex => "tensor number beyond the list",
             Self::Shape => "shapes do not fit",
             Self::Type => "tensor of the wrong type",
             Self::Constants => "constants out of bounds or illegal",
             Self::Overflow => "accumulator could overflow",
-            Self::Liveness => "reads bytes that are not this tensor's any more",
-            Self::Overlap => "output overlaps a tensor in use",
         })
     }
 }
@@ -88,8 +90,11 @@ impl fmt::Display for ModelError {
             Self::ChunkChecksum { chunk: u32::MAX } => f.write_str("checksum of the checksum list does not match"),
             Self::ChunkChecksum { chunk } => write!(f, "checksum of chunk {chunk} does not match"),
             Self::Header => f.write_str("header field out of range"),
-            Self::Tensor { tensor } => write!(f, "tensor {tensor} is not legal"),
+            Self::Tensor { tensor } => write!(f, "tensor {tensor} is not legal, or lies where another is in use"),
             Self::Operator { operator, reason } => write!(f, "operator {operator}: {reason}"),
+            Self::Schedule { entry } => {
+                write!(f, "schedule entry {entry}: rows that do not exist at that point, or work left undone")
+            }
         }
     }
 }

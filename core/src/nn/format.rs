@@ -3,7 +3,7 @@
 //! ```text
 //! byte 0    header, 32 little-endian u32 words (below); its last word is the CRC32C of the first 31
 //!      128  one CRC32C per chunk of the body; word 30 of the header is the CRC32C of this list
-//!      ...  body, cut into chunks of CHUNK_BYTES (the last may be shorter): text, tensors, operators, constants
+//!      ...  body, cut into chunks of CHUNK_BYTES (the last may be shorter): text, tensors, operators, schedule, constants
 //! ```
 //! Every byte of the file is under exactly one checksum, so that any single flipped byte is refused.
 
@@ -13,7 +13,7 @@ use super::error::ModelError;
 /// First eight bytes; as in PNG, transfers that change line ends or strip bit 7 destroy it.
 pub const MAGIC: [u8; 8] = *b"\x89ELD\r\n\x1a\n";
 /// Version of the format.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 128;
 /// Bytes under one checksum.
@@ -51,8 +51,6 @@ pub mod word {
     pub const IMAGE: usize = 19;
     /// Tensor that takes the coarse DTM as codes, or NONE.
     pub const COARSE: usize = 20;
-    /// Tensor that takes the coarse DTM as f32 (residual head), or NONE.
-    pub const COARSE_F32: usize = 21;
     /// Tensor that holds the result.
     pub const OUTPUT: usize = 22;
     /// Seed of the self-test tile.
@@ -61,6 +59,8 @@ pub mod word {
     pub const SELF_TEST_CRC: usize = 24;
     /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid.
     pub const ILLUMINATION: usize = 25;
+    /// Schedule entries: offset, then their number.
+    pub const SCHEDULE: usize = 26;
     /// CRC32C of the checksum list.
     pub const LIST_CRC: usize = 30;
     /// CRC32C of the header's first 31 words.

@@ -23,21 +23,22 @@ mod model;
 mod ops;
 mod program;
 mod runner;
+mod schedule;
 mod self_test;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
 pub use metres::{TileError, validity};
 pub use model::{
-    ConvShape, Illumination, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
-    TruthRange,
+    Illumination, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model, TruthRange,
 };
 pub use program::{
-    Attention, Conv, Dtype, LayerNorm, MAX_ADD_SHIFT, OPERATOR_BYTES, Operator, Source, TENSOR_BYTES, Tensor,
+    Attention, Conv, Dtype, ENTRY_BYTES, Edge, Enlarge, Entry, LayerNorm, MAX_ADD_SHIFT, MAX_MARGIN, OPERATOR_BYTES,
+    Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,
 };
 pub use runner::{Progress, Runner, Telemetry, required};
 
 /// Fraction bits of a normalised value before a layer norm's gain.
-pub const NORM_FRACTION_BITS: u32 = ops::layer_norm::FRACTION_BITS;
+pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;
 /// Fraction bits of the attention-weighted mean of v.
 pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;

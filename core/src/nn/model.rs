@@ -1,14 +1,17 @@
 //! A model file that can only hold what is legal: everything is judged here, once, before the first step.
 
 use super::error::{ModelError, OperatorFault};
-use super::format::{NONE, RawModel, i32_at, i64_at, u32_at, word};
-use super::kernels::{CHANNEL_GROUP, Le16, padded};
+use super::format::{NONE, RawModel, i32_at, word};
+use super::arena::OVERREAD;
+use super::kernels::{panel_count, panelled, panels};
+use super::ops::window_attention;
 use super::program::*;
+use super::schedule;
 use crate::quant::lut::CODE_TABLE_LEN;
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 
-/// Largest number of tensors or operators; bounds the time of validation.
-pub const MAX_RECORDS: usize = 1024;
+/// Largest number of tensors or operators; bounds the time and the stack of validation.
+pub const MAX_RECORDS: usize = 512;
 /// Largest extent of a tensor along one axis.
 pub const MAX_EXTENT: usize = 1 << 14;
 /// Largest tensor, samples.
@@ -18,9 +21,7 @@ pub const MAX_NORM_CHANNELS: usize = 1 << 13;
 /// Largest kernel side.
 pub const MAX_KERNEL: usize = 15;
 /// Largest window side; its tokens' logits live on the stack.
-pub const MAX_WINDOW: usize = 16;
-/// Largest scratch memory of one operator; keeps the arena addressable on 32-bit machines.
-const MAX_SCRATCH_BYTES: u64 = 1 << 30;
+pub const MAX_WINDOW: usize = 8;
 /// Largest bias of a layer norm, before its shift.
 const MAX_NORM_BIAS: i64 = 1 << 60;
 
@@ -50,31 +51,11 @@ pub struct Model<'a> {
     text: &'a str,
     tensors: &'a [[u8; TENSOR_BYTES]],
     operators: &'a [[u8; OPERATOR_BYTES]],
+    schedule: &'a [[u8; ENTRY_BYTES]],
     constants: &'a [u8],
     scratch_offset: usize,
     scratch_bytes: usize,
     macs: u64,
-}
-
-/// Sizes of a convolution's work, derived from its tensors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ConvShape {
-    /// Rows of the (enlarged) input.
-    pub in_rows: usize,
-    /// Columns of the (enlarged) input.
-    pub in_cols: usize,
-    /// Channels of all sources.
-    pub in_channels: usize,
-    /// Weights per output channel and kernel row, padding included.
-    pub segment: usize,
-    /// Scratch samples per kernel row.
-    pub row_samples: usize,
-}
-
-impl ConvShape {
-    fn scratch_bytes(&self, conv: &Conv) -> u64 {
-        (conv.kernel_rows * size_of::<Le16>()) as u64 * self.row_samples as u64
-    }
 }
 
 impl<'a> Model<'a> {
@@ -96,6 +77,7 @@ impl<'a> Model<'a> {
             text,
             tensors: section(word::TENSORS, TENSOR_BYTES)?.as_chunks().0,
             operators: section(word::OPERATORS, OPERATOR_BYTES)?.as_chunks().0,
+            schedule: section(word::SCHEDULE, ENTRY_BYTES)?.as_chunks().0,
             constants: section(word::CONSTANTS, 1)?,
             scratch_offset: 0,
             scratch_bytes: 0,
@@ -107,11 +89,11 @@ impl<'a> Model<'a> {
             let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
             let operator = Operator::decode(&model.operators[index]).map_err(refuse)?;
             let scratch = model.check_operator(&operator).map_err(refuse)?;
-            model.check_liveness(index, &operator).map_err(refuse)?;
             model.scratch_bytes = model.scratch_bytes.max(scratch);
             model.macs = model.macs.saturating_add(model.operator_macs(&operator));
         }
         model.check_output()?;
+        schedule::check(&model)?;
         Ok(model)
     }
 
@@ -121,7 +103,11 @@ impl<'a> Model<'a> {
             let t = Tensor::decode(record).ok_or(refuse)?;
             let extents = [t.rows, t.cols, t.channels];
             let samples = extents.iter().fold(1u64, |n, &e| n * e.min(MAX_EXTENT) as u64);
-            if extents.iter().any(|e| !(1..=MAX_EXTENT).contains(e)) || samples > MAX_SAMPLES || t.offset > 1 << 30 {
+            let margins = 1 + (2 * t.margin / t.cols.max(1)) as u64;
+            if extents.iter().any(|e| !(1..=MAX_EXTENT).contains(e))
+                || samples * margins > MAX_SAMPLES
+                || t.offset > 1 << 30
+            {
                 return Err(refuse);
             }
             self.scratch_offset = self.scratch_offset.max(t.offset + t.size_bytes());
@@ -139,20 +125,16 @@ impl<'a> Model<'a> {
         {
             return Err(ModelError::Header);
         }
-        let fits = |index: u32, float: bool| match self.tensors.get(index as usize) {
+        let fits = |index: u32| match self.tensors.get(index as usize) {
             None => index == NONE,
             Some(_) => {
                 let t = self.tensor(index);
-                (t.rows, t.cols, t.channels) == (rows, cols, 1) && (t.dtype == Dtype::F32) == float
+                (t.rows, t.cols, t.channels, t.ring) == (rows, cols, 1, rows) && t.dtype != Dtype::F32
             }
         };
-        let inputs = [self.image_tensor(), self.coarse_tensor(), self.coarse_f32_tensor()];
-        let roles_fit = inputs[0] != NONE && fits(inputs[0], false) && fits(inputs[1], false) && fits(inputs[2], true);
-        let present = || inputs.iter().filter(|&&i| i != NONE);
-        let apart = present().enumerate().all(|(n, &a)| {
-            present().skip(n + 1).all(|&b| a != b && roles_fit && !self.tensor(a).overlaps(&self.tensor(b)))
-        });
-        if roles_fit && apart { Ok(()) } else { Err(ModelError::Header) }
+        let (image, coarse) = (self.image_tensor(), self.coarse_tensor());
+        let apart = coarse == NONE || (fits(coarse) && image != coarse);
+        if image != NONE && fits(image) && apart { Ok(()) } else { Err(ModelError::Header) }
     }
 
     fn check_output(&self) -> Result<(), ModelError> {
@@ -163,43 +145,8 @@ impl<'a> Model<'a> {
             return Err(ModelError::Header);
         }
         let t = self.tensor(output);
-        let fits = (t.rows, t.cols, t.channels, t.dtype) == (rows, cols, 1, Dtype::F32);
+        let fits = (t.rows, t.cols, t.channels, t.ring) == (rows, cols, 1, rows) && t.dtype == Dtype::F32;
         if fits { Ok(()) } else { Err(ModelError::Header) }
-    }
-
-    /// A tensor read by operator `index` must have one earlier writer, with nothing else written over it since; the output must
-    /// not overlap what is read, but for an added tensor that coincides with it (each sample is read before it is written).
-    fn check_liveness(&self, index: usize, operator: &Operator) -> Result<(), OperatorFault> {
-        let out_index = operator.output();
-        let out = self.tensor(out_index);
-        let earlier = |i: usize| Operator::decode(&self.operators[i]).map(|op| op.output());
-        let is_input = |t: u32| [self.image_tensor(), self.coarse_tensor(), self.coarse_f32_tensor()].contains(&t);
-        for (slot, input) in operator.inputs().into_iter().enumerate() {
-            let Some(input) = input else { continue };
-            let tensor = self.tensor(input);
-            let mut live = is_input(input);
-            for i in 0..index {
-                let written = earlier(i)?;
-                if written == input {
-                    live = true;
-                } else if self.tensor(written).overlaps(&tensor) {
-                    live = false;
-                }
-            }
-            if !live {
-                return Err(OperatorFault::Liveness);
-            }
-            let in_place = slot == 2 && out.coincides(&tensor);
-            if out.overlaps(&tensor) && !in_place {
-                return Err(OperatorFault::Overlap);
-            }
-        }
-        for i in 0..index {
-            if earlier(i)? == out_index {
-                return Err(OperatorFault::Overlap);
-            }
-        }
-        if is_input(out_index) { Err(OperatorFault::Overlap) } else { Ok(()) }
     }
 
     /// Judges one operator by itself; returns the scratch bytes it needs.
@@ -212,6 +159,7 @@ impl<'a> Model<'a> {
             Operator::Conv(conv) => self.check_conv(conv),
             Operator::LayerNorm(norm) => self.check_layer_norm(norm),
             Operator::Attention(attention) => self.check_attention(attention),
+            Operator::Enlarge(enlarge) => self.check_enlarge(enlarge),
         }
     }
 
@@ -221,27 +169,45 @@ impl<'a> Model<'a> {
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
             && (1..=MAX_KERNEL).contains(&conv.stride)
             && conv.add_shift <= MAX_ADD_SHIFT
-            && conv.sources().all(|s| s.shift <= if s.up { 4 } else { 0 });
+            && (!conv.fold || (sides == [5, 5] && conv.stride == 1 && conv.pad == 2));
         if !legal {
             return Err(OperatorFault::Parameter);
         }
-        if conv.sources().any(|s| self.tensor(s.tensor).dtype == Dtype::F32) {
+        if conv.sources().any(|s| self.tensor(s).dtype == Dtype::F32) {
             return Err(OperatorFault::Type);
         }
-        let shape = self.conv_shape(conv);
-        let size = |s: &Source| self.source_extent(s);
-        let extent = |len: usize, kernel: usize| (len + 2 * conv.pad).checked_sub(kernel).map(|n| n / conv.stride + 1);
-        let fits = conv.sources().all(|s| size(&s) == (shape.in_rows, shape.in_cols))
-            && extent(shape.in_rows, conv.kernel_rows) == Some(out.rows)
-            && extent(shape.in_cols, conv.kernel_cols) == Some(out.cols)
-            && shape.in_rows.max(shape.in_cols).max(shape.in_channels) <= MAX_EXTENT
-            && shape.scratch_bytes(conv) <= MAX_SCRATCH_BYTES;
+        let first = self.tensor(conv.first);
+        let channels: usize = conv.sources().map(|s| self.tensor(s).channels).sum();
+        let extent = |len: usize, kernel: usize| match conv.fold {
+            true => (len >= 4).then_some(2 * len),
+            false => (len + 2 * conv.pad).checked_sub(kernel).map(|n| n / conv.stride + 1),
+        };
+        let fits = conv.sources().all(|s| {
+            let t = self.tensor(s);
+            let margin = if conv.fold { (1, Edge::Nearest) } else { (conv.pad, Edge::Zero) };
+            (t.rows, t.cols) == (first.rows, first.cols)
+                && (margin.0 == 0 || (t.margin >= margin.0 && t.edge == margin.1))
+        }) && extent(first.rows, conv.kernel_rows) == Some(out.rows)
+            && extent(first.cols, conv.kernel_cols) == Some(out.cols)
+            && channels <= MAX_EXTENT;
         if !fits {
             return Err(OperatorFault::Shape);
         }
         self.check_conv_finish(conv, &out)?;
-        self.check_conv_weights(conv, &out, &shape)?;
-        Ok(shape.scratch_bytes(conv) as usize)
+        self.check_conv_weights(conv, &out)?;
+        // A row of zero codes, as long as what the kernel reads of a row.
+        let line = |t: Tensor| t.plane_bytes() + conv.kernel_cols * t.channels + OVERREAD;
+        Ok(conv.sources().map(|s| line(self.tensor(s))).max().unwrap_or(0))
+    }
+
+    fn check_enlarge(&self, op: &Enlarge) -> Result<usize, OperatorFault> {
+        let (input, out) = (self.tensor(op.input), self.tensor(op.out));
+        if input.dtype == Dtype::F32 || input.dtype != out.dtype {
+            return Err(OperatorFault::Type);
+        }
+        let fits = (out.rows, out.cols, out.channels) == (2 * input.rows, 2 * input.cols, input.channels)
+            && (out.zero, out.lo, out.hi) == (input.zero, input.lo, input.hi);
+        if fits { Ok(0) } else { Err(OperatorFault::Shape) }
     }
 
     /// Requantisation, addition and table of a convolution.
@@ -252,7 +218,7 @@ impl<'a> Model<'a> {
             if (add.rows, add.cols, add.channels) != (out.rows, out.cols, out.channels) {
                 return Err(OperatorFault::Shape);
             }
-            if (add.dtype == Dtype::F32) != float {
+            if add.dtype == Dtype::F32 {
                 return Err(OperatorFault::Type);
             }
         }
@@ -281,30 +247,43 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// The K limit, exactly: with the weights as they are, no accumulator can leave i32.
-    fn check_conv_weights(&self, conv: &Conv, out: &Tensor, shape: &ConvShape) -> Result<(), OperatorFault> {
-        let mut largest = 0;
-        for source in conv.sources() {
-            let magnitude = self.tensor(source.tensor).magnitude();
-            let read = if source.up { (magnitude * 16 + 15) >> source.shift } else { magnitude };
-            largest = largest.max(read);
-        }
-        if largest > i16::MAX as i32 {
-            return Err(OperatorFault::Overflow);
-        }
-        let weights = self.constant_slice(conv.weights, out.channels, conv.kernel_rows * shape.segment)?;
-        let bias = self.constant_slice(conv.bias, out.channels, 4)?;
-        for (o, rows) in weights.chunks_exact(conv.kernel_rows * shape.segment).enumerate() {
-            let mut sum = 0u64;
-            for segment in rows.chunks_exact(shape.segment) {
-                let (used, rest) = segment.split_at(conv.kernel_cols * shape.in_channels);
-                if rest.iter().any(|&w| w != 0) {
-                    return Err(OperatorFault::Constants);
+    /// The K limit, exactly: with the weights as they are, no finished sum can leave i32. Filling must be 0.
+    fn check_conv_weights(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
+        let bias = self.constant_slice(conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+        let mut at = conv.weights;
+        for variant in 0..conv.variants() {
+            let (rows, cols) = conv.extent(variant);
+            for (first, width) in panels(out.channels) {
+                // Largest sum of products, and what zero codes contribute.
+                let (mut sums, mut zeros) = ([0u64; 32], [0i64; 32]);
+                for source in conv.sources() {
+                    let t = self.tensor(source);
+                    let used = cols * t.channels;
+                    let zero = if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero };
+                    let row_bytes = 4 * width * groups(used);
+                    let weights = self.constant_slice(at, rows, row_bytes)?;
+                    at += weights.len();
+                    for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
+                        let (channel, group) = (i % width, i / width % groups(used));
+                        for (b, &w) in four.iter().enumerate() {
+                            let w = w as i8;
+                            let filling = 4 * group + b >= used || first + channel >= out.channels;
+                            if w == i8::MIN || (filling && w != 0) {
+                                return Err(OperatorFault::Constants);
+                            }
+                            sums[channel] += w.unsigned_abs() as u64 * t.magnitude() as u64;
+                            zeros[channel] += w as i64 * zero as i64;
+                        }
+                    }
                 }
-                sum += used.iter().map(|&w| (w as i8).unsigned_abs() as u64).sum::<u64>();
-            }
-            if sum * largest as u64 + i32_at(bias, 4 * o).unsigned_abs() as u64 > i32::MAX as u64 {
-                return Err(OperatorFault::Overflow);
+                for channel in 0..width.min(out.channels - first) {
+                    let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
+                    // Sums wrap, so the stored bias may have wrapped too.
+                    let bias = ((bias as i64 + zeros[channel]) as i32).unsigned_abs() as u64;
+                    if sums[channel] + bias > i32::MAX as u64 {
+                        return Err(OperatorFault::Overflow);
+                    }
+                }
             }
         }
         Ok(())
@@ -328,7 +307,7 @@ impl<'a> Model<'a> {
         if biases.iter().any(|&b| i64::from_le_bytes(b).unsigned_abs() > MAX_NORM_BIAS as u64) {
             return Err(OperatorFault::Overflow);
         }
-        Ok(padded(out.channels) * size_of::<Le16>())
+        Ok(0)
     }
 
     fn check_attention(&self, a: &Attention) -> Result<usize, OperatorFault> {
@@ -337,12 +316,15 @@ impl<'a> Model<'a> {
         if !(1..=MAX_WINDOW).contains(&a.window) || a.heads == 0 || shifts.iter().any(|s| *s >= a.window) {
             return Err(OperatorFault::Parameter);
         }
-        if input.dtype == Dtype::F32 || out.dtype == Dtype::F32 {
+        // Codes from 1 on: -128 is no weight.
+        if input.dtype != Dtype::U8 || input.zero != 128 || input.lo < 1 || out.dtype == Dtype::F32 {
             return Err(OperatorFault::Type);
         }
         let fits = (input.rows, input.cols, input.channels) == (out.rows, out.cols, 3 * out.channels)
             && a.heads <= out.channels
-            && out.channels % a.heads == 0;
+            && out.channels % a.heads == 0
+            && shifts[0] < out.rows
+            && shifts[1] < out.cols;
         if !fits {
             return Err(OperatorFault::Shape);
         }
@@ -357,16 +339,13 @@ impl<'a> Model<'a> {
         {
             return Err(OperatorFault::Constants);
         }
-        let pad = self.constant_slice(a.pad_codes, input.channels, 2)?.as_chunks::<2>().0;
-        let pad_magnitude = pad.iter().map(|&p| i16::from_le_bytes(p).unsigned_abs() as u64).max().unwrap_or(0);
-        let magnitude = pad_magnitude.max(input.magnitude() as u64);
-        let overflow = head as u64 * magnitude * magnitude > i32::MAX as u64
-            || tokens as u64 * magnitude * i16::MAX as u64 > i32::MAX as u64
-            || magnitude > i16::MAX as u64;
-        if overflow {
+        if self.constant_slice(a.pad_codes, input.channels, 1)?.contains(&0) {
+            return Err(OperatorFault::Constants);
+        }
+        if head > MAX_EXTENT / 2 || tokens as u64 * 127 * i16::MAX as u64 > i32::MAX as u64 {
             return Err(OperatorFault::Overflow);
         }
-        Ok(size_of::<Le16>() * (2 * tokens * padded(head) + head * padded(tokens) + padded(tokens)))
+        Ok(window_attention::Layout::new(tokens, head).bytes())
     }
 
     fn check_multipliers(&self, offset: usize, count: usize, shift: u32) -> Result<(), OperatorFault> {
@@ -454,13 +433,25 @@ impl<'a> Model<'a> {
     }
 
     /// Tensor `index`; for a number that the model does not have, a single byte at the start of the arena.
+    #[inline]
     pub fn tensor(&self, index: u32) -> Tensor {
-        self.tensors.get(index as usize).and_then(|record| Tensor::decode(record)).unwrap_or(Tensor::SINGLE)
+        self.tensors.get(index as usize).map_or(Tensor::SINGLE, |record| Tensor::read(record))
     }
 
     /// Operator `index`, or `None` beyond the last.
     pub fn operator(&self, index: usize) -> Option<Operator> {
         self.operators.get(index).and_then(|record| Operator::decode(record).ok())
+    }
+
+    /// Number of entries of the schedule.
+    pub fn entry_count(&self) -> usize {
+        self.schedule.len()
+    }
+
+    /// Entry `index` of the schedule, or `None` beyond the last.
+    #[inline]
+    pub fn entry(&self, index: usize) -> Option<Entry> {
+        self.schedule.get(index).map(Entry::decode)
     }
 
     /// Number of the tensor that takes the image.
@@ -471,11 +462,6 @@ impl<'a> Model<'a> {
     /// Number of the tensor that takes the coarse DTM as codes, or [`NONE`].
     pub fn coarse_tensor(&self) -> u32 {
         self.raw.word(word::COARSE)
-    }
-
-    /// Number of the tensor that takes the coarse DTM as f32, or [`NONE`].
-    pub fn coarse_f32_tensor(&self) -> u32 {
-        self.raw.word(word::COARSE_F32)
     }
 
     /// Number of the tensor that holds the result.
@@ -500,67 +486,74 @@ impl<'a> Model<'a> {
         i32_at(self.constants, offset + 4 * index)
     }
 
-    /// The i64 constant number `index` of the list at `offset`.
+    /// Units of work in step `step` of an operator: a panel of output channels, a row of pixels, or a window.
     #[inline]
-    pub(crate) fn constant_i64(&self, offset: usize, index: usize) -> i64 {
-        i64_at(self.constants, offset + 8 * index)
-    }
-
-    /// The f32 constant number `index` of the list at `offset`.
-    #[inline]
-    pub(crate) fn constant_f32(&self, offset: usize, index: usize) -> f32 {
-        f32::from_bits(u32_at(self.constants, offset + 4 * index))
-    }
-
-    fn source_extent(&self, source: &Source) -> (usize, usize) {
-        let (t, factor) = (self.tensor(source.tensor), if source.up { 2 } else { 1 });
-        (t.rows * factor, t.cols * factor)
-    }
-
-    /// Sizes of a convolution's work.
-    pub fn conv_shape(&self, conv: &Conv) -> ConvShape {
-        let (in_rows, in_cols) = self.source_extent(&conv.first);
-        let in_channels = conv.sources().map(|s| self.tensor(s.tensor).channels).sum();
-        let segment = conv.segment(in_channels);
-        // The last segment of a row may read up to one lane block beyond it, against zero weights.
-        let row_samples = padded((in_cols + 2 * conv.pad) * in_channels) + padded(1);
-        ConvShape { in_rows, in_cols, in_channels, segment, row_samples }
-    }
-
-    /// Units of work of an operator: one row of some output channels, one row of pixels, or one head in one window.
     pub fn units(&self, operator: &Operator) -> usize {
-        let out = self.tensor(operator.output());
         match operator {
-            Operator::Conv(_) => out.rows * out.channels.div_ceil(CHANNEL_GROUP),
-            Operator::LayerNorm(_) => out.rows,
-            Operator::Attention(a) => out.rows.div_ceil(a.window) * out.cols.div_ceil(a.window) * a.heads,
+            Operator::Conv(c) => panel_count(self.tensor(c.out).channels),
+            Operator::LayerNorm(_) | Operator::Enlarge(_) => 1,
+            Operator::Attention(a) => a.pieces(self.tensor(a.out).cols, a.shift_cols),
         }
     }
 
-    /// Multiply-accumulates of unit `unit` of an operator. A layer norm counts four per sample.
-    pub fn unit_macs(&self, operator: &Operator, unit: usize) -> u64 {
+    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an enlargement too.
+    pub fn unit_macs(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
         let out = self.tensor(operator.output());
         match operator {
             Operator::Conv(conv) => {
-                let first = unit % out.channels.div_ceil(CHANNEL_GROUP) * CHANNEL_GROUP;
-                let channels = (out.channels - first).min(CHANNEL_GROUP);
-                self.taps(conv) * (out.cols * channels) as u64
+                let (first, width) = super::kernels::panel(out.channels, unit);
+                self.taps(conv, &out, step) * (out.channels - first).min(width) as u64
             }
             Operator::LayerNorm(_) => 4 * (out.cols * out.channels) as u64,
-            Operator::Attention(a) => 2 * (out.channels / a.heads) as u64 * (a.window as u64).pow(4),
+            Operator::Enlarge(_) => 8 * (out.cols * out.channels) as u64,
+            Operator::Attention(a) => {
+                let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
+                let tokens = ((rows.1 - rows.0) * (cols.1 - cols.0)) as u64;
+                2 * tokens * tokens * out.channels as u64
+            }
         }
     }
 
     /// Multiply-accumulates of a whole operator.
     pub fn operator_macs(&self, operator: &Operator) -> u64 {
+        let out = self.tensor(operator.output());
+        let steps = operator.steps(&out);
         match operator {
-            Operator::Conv(conv) => self.taps(conv).saturating_mul(self.tensor(conv.out).len() as u64),
-            _ => (self.units(operator) as u64).saturating_mul(self.unit_macs(operator, 0)),
+            Operator::Conv(conv) if !conv.fold => {
+                self.taps(conv, &out, 0).saturating_mul((out.channels * out.rows) as u64)
+            }
+            Operator::Conv(conv) => {
+                // Inner steps are alike.
+                let of = |step: usize| self.taps(conv, &out, step) * out.channels as u64;
+                of(0) + of(steps - 1) + of(1).saturating_mul(steps as u64 - 2)
+            }
+            Operator::Attention(_) => (0..steps)
+                .map(|step| (0..self.units(operator)).map(|unit| self.unit_macs(operator, step, unit)).sum::<u64>())
+                .sum(),
+            _ => self.unit_macs(operator, 0, 0).saturating_mul(steps as u64),
         }
     }
 
-    /// Weights per output channel.
-    fn taps(&self, conv: &Conv) -> u64 {
-        (conv.kernel_rows * conv.kernel_cols * self.conv_shape(conv).in_channels) as u64
+    /// Products per output channel in one step.
+    fn taps(&self, conv: &Conv, out: &Tensor, step: usize) -> u64 {
+        let channels: usize = conv.sources().map(|s| self.tensor(s).channels).sum();
+        let taps = if conv.fold {
+            let (rows, cols) = (out.rows / 2, out.cols / 2);
+            let down = Phase::of(2 * step, rows).taps + Phase::of(2 * step + 1, rows).taps;
+            down * (2 * (2 + 3) + 2 * 4 * (cols - 2))
+        } else {
+            conv.kernel_rows * conv.kernel_cols * out.cols
+        };
+        (taps * channels) as u64
+    }
+
+    /// Bytes that the packed weights of a convolution take.
+    pub fn weight_bytes(&self, conv: &Conv) -> usize {
+        let out = self.tensor(conv.out);
+        let of = |variant: usize| {
+            let (rows, cols) = conv.extent(variant);
+            rows * conv.sources().map(|s| groups(cols * self.tensor(s).channels)).sum::<usize>()
+        };
+        4 * panelled(out.channels) * (0..conv.variants()).map(of).sum::<usize>()
     }
 }

@@ -1,22 +1,28 @@
 //! The program: records of tensors and operators, as the file holds them and as the runner uses them.
 //!
-//! A program is a list of operators over tensors at fixed arena offsets. Three operators carry the whole network and its
-//! ablations: a convolution that reads several tensors side by side (so concatenation costs nothing), enlarges them on the fly
-//! (so no enlarged tensor exists), adds another tensor, clamps and maps through a table; a layer norm that can gather 2x2
-//! neighbours (patch merging); and window attention.
+//! A program is a list of operators over tensors at fixed arena offsets, and a schedule that says in which order their rows are
+//! made: an operator may run a few rows ahead of its reader, so that only those rows need memory. Four operators carry the whole
+//! network and its ablations: a convolution that reads two tensors side by side (so concatenation costs nothing), adds another
+//! tensor, clamps and maps through a table, and can contain the bilinear enlargement before it; the enlargement by itself; a
+//! layer norm that can gather 2x2 neighbours (patch merging); and window attention.
 
 use super::error::OperatorFault;
 use super::format::{NONE, i64_at, u32_at};
-use super::kernels::padded;
+use core::ops::Range;
 
 /// Bytes of a tensor record.
-pub const TENSOR_BYTES: usize = 40;
+pub const TENSOR_BYTES: usize = 48;
 /// Bytes of an operator record.
 pub const OPERATOR_BYTES: usize = 96;
+/// Bytes of an entry of the schedule.
+pub const ENTRY_BYTES: usize = 8;
 const KIND_CONV: u32 = 1;
 const KIND_LAYER_NORM: u32 = 2;
 const KIND_ATTENTION: u32 = 3;
+const KIND_ENLARGE: u32 = 4;
 
+/// Widest margin of a tensor, columns.
+pub const MAX_MARGIN: usize = 15;
 /// Largest left shift of an added tensor: i16 times `2^30` times `2^15` stays below `2^60`.
 pub const MAX_ADD_SHIFT: u32 = 15;
 
@@ -25,9 +31,10 @@ pub const MAX_ADD_SHIFT: u32 = 15;
 pub enum Dtype {
     /// One byte; value = code - zero.
     U8,
-    /// Two bytes, little-endian; value = code - zero.
+    /// Two planes in every row: first all low bytes, then all high bytes plus 128. So both planes are rows of u8, and a kernel
+    /// for u8 serves 16-bit maps too. value = code = 256 * (high - 128) + low.
     I16,
-    /// IEEE 754 single, little-endian: the coarse DTM of a residual head, and the result.
+    /// IEEE 754 single, little-endian: the result.
     F32,
 }
 
@@ -60,7 +67,17 @@ impl Dtype {
     }
 }
 
-/// A tensor `[rows, cols, channels]`, dense, in the arena.
+/// What a tensor's margin columns hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Edge {
+    /// The code of 0: zero padding.
+    Zero,
+    /// The nearest pixel of the row: what bilinear interpolation wants.
+    Nearest,
+}
+
+/// A tensor `[rows, cols, channels]` in the arena. Row r lies in slot `r mod ring`; every row has `margin` columns more on both
+/// sides, so that kernels read over the border without asking.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tensor {
     /// Sample type.
@@ -73,7 +90,7 @@ pub struct Tensor {
     pub channels: usize,
     /// First byte in the arena.
     pub offset: usize,
-    /// The code that stands for 0.
+    /// The code that stands for 0 (0 with I16).
     pub zero: i32,
     /// Smallest code its writer may store.
     pub lo: i32,
@@ -81,27 +98,35 @@ pub struct Tensor {
     pub hi: i32,
     /// Real value of one code step; the runner uses it for its inputs only (other tensors may have a scale per channel).
     pub scale: f32,
+    /// Rows kept at a time; `rows` keeps all.
+    pub ring: usize,
+    /// Columns before the first and behind the last.
+    pub margin: usize,
+    /// What the margin holds.
+    pub edge: Edge,
 }
 
 impl Tensor {
     /// One u8.
-    pub(crate) const SINGLE: Self =
-        Self { dtype: Dtype::U8, rows: 1, cols: 1, channels: 1, offset: 0, zero: 0, lo: 0, hi: 0, scale: 1.0 };
+    pub(crate) const SINGLE: Self = Self {
+        dtype: Dtype::U8,
+        rows: 1,
+        cols: 1,
+        channels: 1,
+        offset: 0,
+        zero: 0,
+        lo: 0,
+        hi: 0,
+        scale: 1.0,
+        ring: 1,
+        margin: 0,
+        edge: Edge::Zero,
+    };
 
     /// Reads a record; `None` if a field is outside its type's range.
     pub fn decode(record: &[u8]) -> Option<Self> {
         let word = |i: usize| u32_at(record, 4 * i);
-        let tensor = Self {
-            dtype: Dtype::from_number(word(0))?,
-            rows: word(1) as usize,
-            cols: word(2) as usize,
-            channels: word(3) as usize,
-            offset: word(4) as usize,
-            zero: word(5) as i32,
-            lo: word(6) as i32,
-            hi: word(7) as i32,
-            scale: f32::from_bits(word(8)),
-        };
+        let tensor = Self { dtype: Dtype::from_number(word(0))?, ..Self::read(record) };
         let (low, high) = match tensor.dtype {
             Dtype::U8 => (0, 255),
             Dtype::I16 => (-32767, 32767),
@@ -110,8 +135,31 @@ impl Tensor {
         let codes = [tensor.lo, tensor.zero, tensor.hi];
         let legal = codes.iter().all(|c| (low..=high).contains(c))
             && tensor.lo <= tensor.hi
-            && tensor.magnitude() <= i16::MAX as i32;
-        (legal && word(9) == 0 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
+            && (tensor.dtype == Dtype::U8 || tensor.zero == 0)
+            && (1..=tensor.rows).contains(&tensor.ring)
+            && tensor.margin <= MAX_MARGIN
+            && (tensor.dtype != Dtype::F32 || tensor.margin == 0);
+        (legal && word(11) <= 1 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
+    }
+
+    /// Reads a record that [`Self::decode`] has accepted.
+    #[inline]
+    pub(crate) fn read(record: &[u8]) -> Self {
+        let word = |i: usize| u32_at(record, 4 * i);
+        Self {
+            dtype: Dtype::from_number(word(0)).unwrap_or(Dtype::U8),
+            rows: word(1) as usize,
+            cols: word(2) as usize,
+            channels: word(3) as usize,
+            offset: word(4) as usize,
+            zero: word(5) as i32,
+            lo: word(6) as i32,
+            hi: word(7) as i32,
+            scale: f32::from_bits(word(8)),
+            ring: word(9) as usize,
+            margin: word(10) as usize,
+            edge: if word(11) == 0 { Edge::Zero } else { Edge::Nearest },
+        }
     }
 
     /// The record's bytes.
@@ -126,7 +174,9 @@ impl Tensor {
             self.lo as u32,
             self.hi as u32,
             self.scale.to_bits(),
-            0,
+            self.ring as u32,
+            self.margin as u32,
+            (self.edge == Edge::Nearest) as u32,
         ];
         let mut record = [0; TENSOR_BYTES];
         record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
@@ -143,14 +193,27 @@ impl Tensor {
         self.len() == 0
     }
 
-    /// Bytes.
+    /// Bytes it takes in the arena.
     pub const fn size_bytes(&self) -> usize {
-        self.len() * self.dtype.bytes()
+        self.ring * self.row_bytes()
     }
 
-    /// Bytes of one row.
+    /// Bytes of one row, margins and planes included.
     pub const fn row_bytes(&self) -> usize {
-        self.cols * self.channels * self.dtype.bytes()
+        (self.cols + 2 * self.margin) * self.channels * self.dtype.bytes()
+    }
+
+    /// Bytes of one plane of a row: all of it but for I16.
+    pub const fn plane_bytes(&self) -> usize {
+        (self.cols + 2 * self.margin) * self.channels
+    }
+
+    /// Place in the arena of row `row`, margin included.
+    #[inline(always)]
+    pub const fn row_offset(&self, row: usize) -> usize {
+        // Most tensors keep all rows; a division is slow on small machines.
+        let slot = if row < self.ring { row } else { row % self.ring };
+        self.offset + slot * self.row_bytes()
     }
 
     /// Largest absolute value, in code steps from zero.
@@ -165,46 +228,72 @@ impl Tensor {
 
     /// Whether two tensors are the very same bytes read in the same way.
     pub fn coincides(&self, other: &Self) -> bool {
-        (self.offset, self.dtype, self.rows, self.cols, self.channels)
-            == (other.offset, other.dtype, other.rows, other.cols, other.channels)
+        let place = |t: &Self| (t.offset, t.dtype, t.rows, t.cols, t.channels, t.ring, t.margin);
+        place(self) == place(other)
     }
 }
 
-/// One tensor that a convolution reads.
+/// `count` steps of one operator, from step `first` on. An operator's steps run once each, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Source {
-    /// Which tensor.
-    pub tensor: u32,
-    /// Enlarge it twofold by bilinear interpolation (half-pixel centres, replicated border) while reading. In units of a
-    /// sixteenth of a code step that is exact in integers.
-    pub up: bool,
-    /// With `up`: how many of the four fraction bits are rounded away (0 keeps all).
-    pub shift: u32,
+pub struct Entry {
+    /// Which operator.
+    pub operator: usize,
+    /// Its first step.
+    pub first: usize,
+    /// Number of steps.
+    pub count: usize,
 }
 
-/// Convolution over the sources' channels side by side, zero-padded, then requantised.
+impl Entry {
+    /// Reads an entry.
+    #[inline]
+    pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
+        let half = |i: usize| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]) as usize;
+        Self { operator: half(0), first: half(1), count: half(2) }
+    }
+
+    /// The entry's bytes. Each number is below 65536.
+    pub fn encode(&self) -> [u8; ENTRY_BYTES] {
+        let mut bytes = [0; ENTRY_BYTES];
+        let halves = [self.operator, self.first, self.count];
+        bytes.as_chunks_mut::<2>().0.iter_mut().zip(halves).for_each(|(b, v)| *b = (v as u16).to_le_bytes());
+        bytes
+    }
+}
+
+/// Convolution over the sources' channels side by side, then requantised.
 ///
-/// `code = clamp(zero + (acc*M[o] + (r*A[o] << add_shift) + half) >> shift)` with `acc = bias[o] + Σ x*w`, `r` the added tensor; or through a
-/// table; or, if the output is F32, `acc * m[o] + r` in floats.
+/// `code = clamp(zero + (acc*M[o] + (r*A[o] << add_shift) + half) >> shift)` with `acc = bias[o] + Σ code*w`, `r` the added tensor's
+/// value; or through a table; or, if the output is F32, `acc * m[o] + r * scale` in floats. The bias contains `-Σ zero*w`, and for a
+/// 16-bit source `-32768 Σ w`, so that kernels multiply codes as they are.
+///
+/// Weights are i8, not -128, `[variant][panel][source][kernel row][group][channel of the panel][4]`: a group is four
+/// consecutive samples of a kernel row (`kernel columns * channels`, filled up with zeros), a panel some output channels
+/// (see [`super::panels`]), filled up with zeros.
+///
+/// With `fold` the operator is "enlarge twofold by bilinear interpolation, then convolve 5x5 with zero padding", computed on the
+/// small map: a row of the small map gives two rows of the output, and every output phase has a filter of its own ([`Phase`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conv {
     /// Output tensor.
     pub out: u32,
     /// First source.
-    pub first: Source,
+    pub first: u32,
     /// Second source; its channels follow the first's.
-    pub second: Option<Source>,
-    /// Kernel rows.
+    pub second: Option<u32>,
+    /// Kernel rows (5 with `fold`).
     pub kernel_rows: usize,
-    /// Kernel columns.
+    /// Kernel columns (5 with `fold`).
     pub kernel_cols: usize,
-    /// Stride, both axes.
+    /// Stride, both axes (1 with `fold`).
     pub stride: usize,
-    /// Zero padding on all four sides.
+    /// Zero padding on all four sides (2 with `fold`).
     pub pad: usize,
-    /// Constants: i8 `[out][kernel row][padded(kernel_cols * channels)]`, the padding 0.
+    /// Twofold enlargement contained in the weights.
+    pub fold: bool,
+    /// Constants: i8 weights.
     pub weights: usize,
-    /// Constants: i32 `[out]`.
+    /// Constants: i32 `[variant][out]`.
     pub bias: usize,
     /// Constants: i32 multipliers `[out]`, or f32 scales `[out]` if the output is F32.
     pub multipliers: usize,
@@ -222,6 +311,52 @@ pub struct Conv {
     pub table_zero: i32,
     /// With an F32 output: negative results become 0 (the paper's last ReLU).
     pub relu: bool,
+}
+
+/// Filter of one output row (or column) of a folded convolution: which rows of the small map it reads.
+///
+/// The enlarged map's sample 2i is 3/4 of sample i and 1/4 of its predecessor, sample 2i+1 is 3/4 of i and 1/4 of its successor.
+/// Five of them are four samples of the small map. The two outermost outputs on each side lose taps to the zero padding; all others
+/// follow the rule, the small map's border repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Phase {
+    /// Number of the filter, 0..[`PHASES`].
+    pub filter: usize,
+    /// First sample of the small map; -1 stands for a repeated border.
+    pub first: isize,
+    /// Samples.
+    pub taps: usize,
+}
+
+/// Filters along one axis of a folded convolution.
+pub const PHASES: usize = 6;
+/// Samples of the small map that each filter reads.
+pub const PHASE_TAPS: [usize; PHASES] = [2, 3, 4, 4, 3, 2];
+
+impl Phase {
+    /// Of output `index` on a small map of `len` samples, at least 4.
+    #[inline]
+    pub const fn of(index: usize, len: usize) -> Self {
+        let (filter, back) = match index {
+            0 => (0, 0),
+            1 => (1, 0),
+            _ if index + 1 == 2 * len => (5, 1),
+            _ if index + 2 == 2 * len => (4, 2),
+            _ if index % 2 == 0 => (2, 2),
+            _ => (3, 1),
+        };
+        Self { filter, first: (index / 2) as isize - back, taps: PHASE_TAPS[filter] }
+    }
+}
+
+/// Twofold bilinear enlargement with half-pixel centres and repeated border:
+/// `code = (9a + 3b + 3c + d + 8) >> 4`. Input and output have the same codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Enlarge {
+    /// Output tensor, twice the rows and columns.
+    pub out: u32,
+    /// Input tensor.
+    pub input: u32,
 }
 
 /// Layer norm over channels, per pixel.
@@ -246,10 +381,12 @@ pub struct LayerNorm {
     pub epsilon: i64,
 }
 
-/// Attention inside shifted windows (Swin): softmax(q·k/√d + relative position bias, masked) · v.
+/// Attention inside shifted windows (Swin): softmax(q·k/√d + relative position bias) · v.
 ///
-/// The input holds q, k, v side by side, each `heads * head channels`. Windows at the right and bottom reach beyond the tensor;
-/// there q, k and v are `pad_codes` (the projection's bias, as the padding is zero behind the norm), and count like others.
+/// The cyclic shift of the paper brings pixels together that are no neighbours and then masks them; the same is to cut the map
+/// at `shift`, `shift + window`, ... into windows of which the outer ones are smaller. The input holds q, k, v side by side, each
+/// `heads * head channels`, u8 with zero 128. The map is thought to be filled up to whole windows at the right and bottom; there q, k
+/// and v are `pad_codes` (the projection's bias, as the padding is zero behind the norm), and count like others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Attention {
     /// Output tensor, `[rows, cols, heads * head channels]`.
@@ -258,139 +395,174 @@ pub struct Attention {
     pub input: u32,
     /// Heads.
     pub heads: usize,
-    /// Window side, pixels.
+    /// Window side.
     pub window: usize,
-    /// Cyclic shift in rows.
+    /// Where the first cut lies, rows; below `window`.
     pub shift_rows: usize,
-    /// Cyclic shift in columns.
+    /// The same in columns.
     pub shift_cols: usize,
-    /// Constants: i16 `[input channels]`, values (zero point removed) outside the tensor.
+    /// Constants: u8 `[input channels]`, code of the padding.
     pub pad_codes: usize,
-    /// Constants: i32 `[heads]`, q·k to logits.
+    /// Constants: i32 `[heads]`, q·k to logit.
     pub logit_multipliers: usize,
-    /// Right shift to logits.
+    /// Right shift of the logits.
     pub logit_shift: u32,
-    /// Constants: i16 `[heads][(2w-1)²]` logits.
+    /// Constants: i16 `[heads][(2 window - 1)²]`, in logits.
     pub position_bias: usize,
-    /// Constants: i16 `[exp_len]`, `exp` by distance from the maximum.
+    /// Constants: i16 table of the exponential, by distance from the largest logit.
     pub exp_table: usize,
-    /// Entries of the table.
+    /// Its entries.
     pub exp_len: usize,
-    /// Constants: i32 `[heads]`, weighted mean of v (16 fraction bits) to codes.
+    /// Constants: i32 `[heads]`, mean of v to output code.
     pub multipliers: usize,
-    /// Right shift to codes.
+    /// Right shift of the output.
     pub shift: u32,
 }
 
-/// One operator.
+impl Attention {
+    /// The pieces into which an axis of `len` pixels is cut: of the axis filled up to whole windows, piece `index`.
+    #[inline]
+    pub const fn piece(&self, len: usize, shift: usize, index: usize) -> (usize, usize) {
+        let whole = len.div_ceil(self.window) * self.window;
+        let start = if shift == 0 || index == 0 { index * self.window } else { shift + (index - 1) * self.window };
+        let end = if shift == 0 { start + self.window } else { shift + index * self.window };
+        (start, if end < whole { end } else { whole })
+    }
+
+    /// Number of pieces that contain pixels of the map.
+    pub const fn pieces(&self, len: usize, shift: usize) -> usize {
+        if shift == 0 { len.div_ceil(self.window) } else { 1 + (len - min(shift, len)).div_ceil(self.window) }
+    }
+}
+
+const fn min(a: usize, b: usize) -> usize {
+    if a < b { a } else { b }
+}
+
+/// One operator of the program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Operator {
-    /// Convolution, linear layer, head.
+    /// Convolution, or a linear layer as 1x1.
     Conv(Conv),
-    /// Layer norm, patch merging.
+    /// Layer norm or patch merging.
     LayerNorm(LayerNorm),
     /// Window attention.
     Attention(Attention),
-}
-
-fn option(word: u32) -> Option<u32> {
-    (word != NONE).then_some(word)
+    /// Bilinear enlargement.
+    Enlarge(Enlarge),
 }
 
 impl Operator {
-    /// Reads a record; judges nothing but the kind, flags and unused words.
-    pub(crate) fn decode(record: &[u8]) -> Result<Self, OperatorFault> {
+    /// Reads a record.
+    ///
+    /// # Errors
+    /// [`OperatorFault::Kind`] for an unknown kind.
+    pub fn decode(record: &[u8]) -> Result<Self, OperatorFault> {
         let word = |i: usize| u32_at(record, 4 * i);
         let size = |i: usize| word(i) as usize;
-        let flag = |i: usize| if word(i) <= 1 { Ok(word(i) == 1) } else { Err(OperatorFault::Parameter) };
-        let used;
-        let operator = match word(0) {
-            KIND_CONV => {
-                used = 22;
-                let source = |i| Ok(Source { tensor: word(i), up: flag(i + 1)?, shift: word(i + 2) });
-                Self::Conv(Conv {
-                    out: word(1),
-                    first: source(2)?,
-                    second: if word(5) == NONE { None } else { Some(source(5)?) },
-                    kernel_rows: size(8),
-                    kernel_cols: size(9),
-                    stride: size(10),
-                    pad: size(11),
-                    weights: size(12),
-                    bias: size(13),
-                    multipliers: size(14),
-                    shift: word(15),
-                    add: option(word(16)),
-                    add_multipliers: size(17),
-                    table: option(word(18)).map(|offset| offset as usize),
-                    table_zero: word(19) as i32,
-                    relu: flag(20)?,
-                    add_shift: word(21),
-                })
-            }
-            KIND_LAYER_NORM => {
-                used = 9;
-                Self::LayerNorm(LayerNorm {
-                    out: word(1),
-                    input: word(2),
-                    merge: size(3),
-                    gains: size(4),
-                    biases: size(5),
-                    shift: word(6),
-                    epsilon: i64_at(record, 28),
-                })
-            }
-            KIND_ATTENTION => {
-                used = 15;
-                Self::Attention(Attention {
-                    out: word(1),
-                    input: word(2),
-                    heads: size(3),
-                    window: size(4),
-                    shift_rows: size(5),
-                    shift_cols: size(6),
-                    pad_codes: size(7),
-                    logit_multipliers: size(8),
-                    logit_shift: word(9),
-                    position_bias: size(10),
-                    exp_table: size(11),
-                    exp_len: size(12),
-                    multipliers: size(13),
-                    shift: word(14),
-                })
-            }
-            _ => return Err(OperatorFault::Parameter),
-        };
-        let unused = (used..OPERATOR_BYTES / 4).all(|i| word(i) == 0);
-        if unused { Ok(operator) } else { Err(OperatorFault::Parameter) }
+        let option = |i: usize| Some(word(i)).filter(|&v| v != NONE);
+        Ok(match word(0) {
+            KIND_CONV => Self::Conv(Conv {
+                out: word(1),
+                first: word(2),
+                second: option(3),
+                kernel_rows: size(4),
+                kernel_cols: size(5),
+                stride: size(6),
+                pad: size(7),
+                fold: word(8) != 0,
+                weights: size(9),
+                bias: size(10),
+                multipliers: size(11),
+                shift: word(12),
+                add: option(13),
+                add_multipliers: size(14),
+                add_shift: word(15),
+                table: option(16).map(|v| v as usize),
+                table_zero: word(17) as i32,
+                relu: word(18) != 0,
+            }),
+            KIND_LAYER_NORM => Self::LayerNorm(LayerNorm {
+                out: word(1),
+                input: word(2),
+                merge: size(3),
+                gains: size(4),
+                biases: size(5),
+                shift: word(6),
+                epsilon: i64_at(record, 32),
+            }),
+            KIND_ATTENTION => Self::Attention(Attention {
+                out: word(1),
+                input: word(2),
+                heads: size(3),
+                window: size(4),
+                shift_rows: size(5),
+                shift_cols: size(6),
+                pad_codes: size(7),
+                logit_multipliers: size(8),
+                logit_shift: word(9),
+                position_bias: size(10),
+                exp_table: size(11),
+                exp_len: size(12),
+                multipliers: size(13),
+                shift: word(14),
+            }),
+            KIND_ENLARGE => Self::Enlarge(Enlarge { out: word(1), input: word(2) }),
+            _ => return Err(OperatorFault::Kind),
+        })
     }
 
     /// The record's bytes.
     pub fn encode(&self) -> [u8; OPERATOR_BYTES] {
         let mut words = [0u32; OPERATOR_BYTES / 4];
-        let mut put = |start: usize, values: &[u32]| words[start..start + values.len()].copy_from_slice(values);
-        match self {
-            Self::Conv(c) => {
-                let source = |s: &Source| [s.tensor, s.up as u32, s.shift];
-                put(0, &[KIND_CONV, c.out]);
-                put(2, &source(&c.first));
-                put(5, &c.second.as_ref().map_or([NONE, 0, 0], source));
-                put(8, &[c.kernel_rows, c.kernel_cols, c.stride, c.pad].map(|v| v as u32));
-                put(12, &[c.weights, c.bias, c.multipliers].map(|v| v as u32));
-                put(15, &[c.shift, c.add.unwrap_or(NONE), c.add_multipliers as u32]);
-                put(18, &[c.table.map_or(NONE, |t| t as u32), c.table_zero as u32, c.relu as u32, c.add_shift]);
-            }
+        let none = |v: Option<u32>| v.unwrap_or(NONE);
+        let fields: [u32; 19] = match self {
+            Self::Conv(c) => [
+                KIND_CONV,
+                c.out,
+                c.first,
+                none(c.second),
+                c.kernel_rows as u32,
+                c.kernel_cols as u32,
+                c.stride as u32,
+                c.pad as u32,
+                c.fold as u32,
+                c.weights as u32,
+                c.bias as u32,
+                c.multipliers as u32,
+                c.shift,
+                none(c.add),
+                c.add_multipliers as u32,
+                c.add_shift,
+                none(c.table.map(|v| v as u32)),
+                c.table_zero as u32,
+                c.relu as u32,
+            ],
             Self::LayerNorm(n) => {
-                put(0, &[KIND_LAYER_NORM, n.out, n.input, n.merge as u32, n.gains as u32, n.biases as u32, n.shift]);
-                put(7, &[n.epsilon as u64 as u32, (n.epsilon as u64 >> 32) as u32]);
+                let (low, high) = (n.epsilon as u32, (n.epsilon >> 32) as u32);
+                let head = [KIND_LAYER_NORM, n.out, n.input, n.merge as u32, n.gains as u32, n.biases as u32, n.shift];
+                filled(&[&head[..], &[0, low, high]])
             }
-            Self::Attention(a) => {
-                put(0, &[KIND_ATTENTION, a.out, a.input]);
-                put(3, &[a.heads, a.window, a.shift_rows, a.shift_cols, a.pad_codes].map(|v| v as u32));
-                put(8, &[a.logit_multipliers as u32, a.logit_shift, a.position_bias as u32, a.exp_table as u32]);
-                put(12, &[a.exp_len as u32, a.multipliers as u32, a.shift]);
-            }
-        }
+            Self::Attention(a) => filled(&[&[
+                KIND_ATTENTION,
+                a.out,
+                a.input,
+                a.heads as u32,
+                a.window as u32,
+                a.shift_rows as u32,
+                a.shift_cols as u32,
+                a.pad_codes as u32,
+                a.logit_multipliers as u32,
+                a.logit_shift,
+                a.position_bias as u32,
+                a.exp_table as u32,
+                a.exp_len as u32,
+                a.multipliers as u32,
+                a.shift,
+            ]]),
+            Self::Enlarge(e) => filled(&[&[KIND_ENLARGE, e.out, e.input]]),
+        };
+        words[..fields.len()].copy_from_slice(&fields);
         let mut record = [0; OPERATOR_BYTES];
         record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
         record
@@ -402,37 +574,106 @@ impl Operator {
             Self::Conv(c) => c.out,
             Self::LayerNorm(n) => n.out,
             Self::Attention(a) => a.out,
+            Self::Enlarge(e) => e.out,
         }
     }
 
     /// The tensors it reads, the added one last.
     pub fn inputs(&self) -> [Option<u32>; 3] {
         match self {
-            Self::Conv(c) => [Some(c.first.tensor), c.second.map(|s| s.tensor), c.add],
+            Self::Conv(c) => [Some(c.first), c.second, c.add],
             Self::LayerNorm(n) => [Some(n.input), None, None],
             Self::Attention(a) => [Some(a.input), None, None],
+            Self::Enlarge(e) => [Some(e.input), None, None],
         }
     }
 
     /// One word for reports.
     pub const fn name(&self) -> &'static str {
         match self {
+            Self::Conv(c) if c.fold => "up-conv",
             Self::Conv(_) => "conv",
             Self::LayerNorm(n) if n.merge == 2 => "merge-norm",
             Self::LayerNorm(_) => "layer-norm",
             Self::Attention(_) => "attention",
+            Self::Enlarge(_) => "enlarge",
+        }
+    }
+
+    /// Steps of this operator that make all of `out`: a step is one output row; two for an enlargement, contained or not; a row
+    /// of windows for an attention.
+    #[inline]
+    pub const fn steps(&self, out: &Tensor) -> usize {
+        match self {
+            Self::Conv(c) if c.fold => out.rows / 2,
+            Self::Enlarge(_) => out.rows / 2,
+            Self::Conv(_) | Self::LayerNorm(_) => out.rows,
+            Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
+        }
+    }
+
+    /// Rows of `out` that exist after the first `steps` steps.
+    #[inline]
+    pub const fn rows_after(&self, out: &Tensor, steps: usize) -> usize {
+        match self {
+            Self::Conv(c) if c.fold => 2 * steps,
+            Self::Enlarge(_) => 2 * steps,
+            Self::Conv(_) | Self::LayerNorm(_) => steps,
+            Self::Attention(_) if steps == 0 => 0,
+            Self::Attention(a) => min(a.piece(out.rows, a.shift_rows, steps - 1).1, out.rows),
+        }
+    }
+
+    /// Rows of input `slot` (see [`Self::inputs`], of `rows` rows) that step `step` reads; empty if it reads padding only.
+    pub fn rows_read(&self, out: &Tensor, slot: usize, rows: usize, step: usize) -> Range<usize> {
+        match self {
+            Self::Conv(c) if slot == 2 => {
+                let per_step = if c.fold { 2 } else { 1 };
+                per_step * step..per_step * (step + 1)
+            }
+            Self::Conv(c) if c.fold => step.saturating_sub(2)..min(step + 3, rows),
+            Self::Conv(c) => {
+                let first = (step * c.stride).saturating_sub(c.pad);
+                first..min(step * c.stride + c.kernel_rows - min(c.pad, step * c.stride + c.kernel_rows), rows).max(first)
+            }
+            Self::LayerNorm(n) => n.merge * step..n.merge * (step + 1),
+            Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),
+            Self::Enlarge(_) => step.saturating_sub(1)..min(step + 2, rows),
         }
     }
 }
 
+/// `parts` one after the other, then zeros.
+fn filled<const N: usize>(parts: &[&[u32]]) -> [u32; N] {
+    let mut words = [0; N];
+    let values = parts.iter().flat_map(|part| part.iter());
+    words.iter_mut().zip(values).for_each(|(word, value)| *word = *value);
+    words
+}
+
 impl Conv {
     /// The sources in order.
-    pub fn sources(&self) -> impl Iterator<Item = Source> {
+    pub fn sources(&self) -> impl Iterator<Item = u32> {
         core::iter::once(self.first).chain(self.second)
     }
 
-    /// i8 weights per output channel and kernel row, padding included.
-    pub const fn segment(&self, channels_in: usize) -> usize {
-        padded(self.kernel_cols * channels_in)
+    /// Sets of filters: one, or one per pair of phases.
+    pub const fn variants(&self) -> usize {
+        if self.fold { PHASES * PHASES } else { 1 }
     }
+
+    /// Kernel rows and columns of a set of filters.
+    #[inline]
+    pub const fn extent(&self, variant: usize) -> (usize, usize) {
+        if self.fold {
+            (PHASE_TAPS[variant / PHASES], PHASE_TAPS[variant % PHASES])
+        } else {
+            (self.kernel_rows, self.kernel_cols)
+        }
+    }
+}
+
+/// Four-byte groups of `samples` consecutive samples.
+pub const fn groups(samples: usize) -> usize {
+    samples.div_ceil(4)
 }

@@ -1,19 +1,18 @@
 //! Runs a model in memory that the caller lends, a bounded amount of work at a time.
 
-use super::arena::Arena;
+use super::arena::{Arena, OVERREAD};
 use super::crc::Crc32c;
 use super::error::RunError;
 use super::format::{NONE, Scrub};
 use super::kernels::Kernel;
 use super::model::Model;
-use super::ops::{conv, layer_norm, window_attention};
-use super::program::{Operator, Tensor};
+use super::program::Tensor;
 use super::self_test;
 use crate::quant::params::quantise;
 
 /// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
 pub fn required(model: &Model<'_>) -> usize {
-    model.scratch_offset() + model.scratch_bytes()
+    model.scratch_offset() + model.scratch_bytes() + OVERREAD
 }
 
 /// Whether a tile is finished.
@@ -51,7 +50,7 @@ pub struct Telemetry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Idle,
-    At { operator: usize, unit: usize },
+    At { entry: usize, step: usize, unit: usize },
     Done,
 }
 
@@ -85,11 +84,11 @@ impl<'a, 'm> Runner<'a, 'm> {
         if found < required {
             return Err(RunError::ArenaTooSmall { required, found });
         }
-        let arena = Arena::new(arena, model.scratch_offset(), model.scratch_bytes());
+        let arena = Arena { bytes: &mut arena[..required], scratch: model.scratch_offset() };
         Ok(Self { kernel, model, arena, state: State::Idle, scrub: Scrub::default(), telemetry: Telemetry::default() })
     }
 
-    /// Name of the kernel that does the dot products.
+    /// Name of the kernel that computes.
     pub fn kernel(&self) -> &'static str {
         self.kernel.name()
     }
@@ -136,20 +135,20 @@ impl<'a, 'm> Runner<'a, 'm> {
         if model.coarse_tensor() != NONE {
             self.load_codes(model.coarse_tensor(), &coarse);
         }
-        if model.coarse_f32_tensor() != NONE {
-            let tensor = model.tensor(model.coarse_f32_tensor());
-            (0..tensor.len()).for_each(|i| self.arena.store_float(&tensor, i, coarse(i)));
-        }
-        self.state = State::At { operator: 0, unit: 0 };
+        self.state = State::At { entry: 0, step: 0, unit: 0 };
     }
 
     fn load_codes(&mut self, tensor: u32, sample: impl Fn(usize) -> f32) {
         let tensor = self.model.tensor(tensor);
         let inverse = 1.0 / tensor.scale;
-        for index in 0..tensor.len() {
-            let (code, clamped) = quantise(sample(index), inverse, tensor.zero, tensor.lo, tensor.hi);
-            self.arena.store(&tensor, index, code);
-            self.telemetry.inputs_clamped += clamped as u64;
+        for row in 0..tensor.rows {
+            for col in 0..tensor.cols {
+                let value = sample(row * tensor.cols + col);
+                let (code, clamped) = quantise(value, inverse, tensor.zero, tensor.lo, tensor.hi);
+                self.arena.store(&tensor, row, col, code);
+                self.telemetry.inputs_clamped += clamped as u64;
+            }
+            self.arena.fill_margins(&tensor, row);
         }
     }
 
@@ -159,36 +158,34 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// # Errors
     /// [`RunError::State`] if no tile was begun.
     pub fn step(&mut self, budget_macs: u64) -> Result<Progress, RunError> {
-        let State::At { mut operator, mut unit } = self.state else {
+        let State::At { mut entry, mut step, mut unit } = self.state else {
             return if self.state == State::Done { Ok(Progress::Done) } else { Err(RunError::State) };
         };
         self.telemetry.steps += 1;
         let mut spent = 0;
-        while let Some(op) = self.model.operator(operator) {
-            let units = self.model.units(&op);
-            while unit < units {
-                if spent >= budget_macs.max(1) {
-                    self.state = State::At { operator, unit };
-                    return Ok(Progress::Running);
+        while let Some(now) = self.model.entry(entry) {
+            // The schedule names operators that exist.
+            let Some(operator) = self.model.operator(now.operator) else { break };
+            let units = self.model.units(&operator);
+            while step < now.count {
+                while unit < units {
+                    if spent >= budget_macs.max(1) {
+                        self.state = State::At { entry, step, unit };
+                        return Ok(Progress::Running);
+                    }
+                    let cost = self.model.unit_macs(&operator, now.first + step, unit);
+                    let cut = (self.kernel.unit)(&self.model, &operator, &mut self.arena, now.first + step, unit);
+                    self.telemetry.saturated += cut;
+                    self.telemetry.macs += cost;
+                    (spent, unit) = (spent + cost, unit + 1);
                 }
-                let cost = self.model.unit_macs(&op, unit);
-                self.telemetry.saturated += self.run_unit(&op, unit);
-                self.telemetry.macs += cost;
-                (spent, unit) = (spent + cost, unit + 1);
+                (step, unit) = (step + 1, 0);
             }
-            (operator, unit) = (operator + 1, 0);
+            (entry, step) = (entry + 1, 0);
         }
         self.state = State::Done;
         self.telemetry.tiles += 1;
         Ok(Progress::Done)
-    }
-
-    fn run_unit(&mut self, operator: &Operator, unit: usize) -> u64 {
-        match operator {
-            Operator::Conv(op) => conv::run(&self.kernel, &self.model, op, &mut self.arena, unit),
-            Operator::LayerNorm(op) => layer_norm::run(&self.model, op, &mut self.arena, unit),
-            Operator::Attention(op) => window_attention::run(&self.kernel, &self.model, op, &mut self.arena, unit),
-        }
     }
 
     /// Copies the finished tile: normalised elevation, row-major, in the units of `coarse`.
@@ -200,7 +197,9 @@ impl<'a, 'm> Runner<'a, 'm> {
         if out.len() != tensor.len() {
             return Err(RunError::TileSize { expected: tensor.len(), found: out.len() });
         }
-        out.iter_mut().enumerate().for_each(|(i, v)| *v = self.arena.float(&tensor, i));
+        for (row, out) in out.chunks_exact_mut(tensor.cols).enumerate() {
+            out.iter_mut().enumerate().for_each(|(col, v)| *v = self.arena.float(&tensor, row, col));
+        }
         Ok(())
     }
 
@@ -215,7 +214,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     pub fn output_crc(&self) -> Result<u32, RunError> {
         let tensor = self.finished()?;
         let mut crc = Crc32c::default();
-        (0..tensor.rows).for_each(|row| crc.update(self.arena.row(&tensor, row)));
+        crc.update(&self.arena.bytes[tensor.offset..tensor.offset + tensor.size_bytes()]);
         Ok(crc.value())
     }
 
@@ -250,18 +249,18 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The first operator not finished yet; the number of operators when done, `None` when idle.
+    /// The entry of the schedule at work; the number of entries when done, `None` when idle.
     pub fn position(&self) -> Option<usize> {
         match self.state {
             State::Idle => None,
-            State::At { operator, .. } => Some(operator),
-            State::Done => Some(self.model.operator_count()),
+            State::At { entry, .. } => Some(entry),
+            State::Done => Some(self.model.entry_count()),
         }
     }
 
-    /// The arena's bytes of tensor `index` as they are now: for tests and diagnosis.
+    /// The arena's bytes of tensor `index` as they are now, margins and planes included: for tests and diagnosis.
     pub fn tensor_bytes(&self, index: u32) -> &[u8] {
         let tensor = self.model.tensor(index);
-        &self.arena.tensors[tensor.offset..tensor.offset + tensor.size_bytes()]
+        &self.arena.bytes[tensor.offset..tensor.offset + tensor.size_bytes()]
     }
 }

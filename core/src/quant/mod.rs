@@ -2,6 +2,7 @@
 
 pub mod lut;
 pub mod params;
+pub mod rsqrt;
 pub mod requant;
 
 pub use params::{MULTIPLIER_LIMIT, SHIFT_LIMIT};

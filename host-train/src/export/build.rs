@@ -223,10 +223,10 @@ impl<'a> Builder<'a> {
         let up = |node| Source { node, up: true };
         let all: Vec<Source> = e.into_iter().chain([d]).map(up).collect();
         let short = if self.config.decoder_kind == DecoderKind::Upb { all.clone() } else { vec![up(d)] };
-        // Steps of 8-bit maps in the last blocks would be terraces in the DTM.
-        let precise = u >= 2;
+        // Steps of an 8-bit map before the head would be terraces in the DTM. Maps further up are smoothed on their way there.
+        let precise = u == 4;
         let spec = |side, activation, precise| Spec { output, side, stride: 1, activation, precise };
-        let main = self.conv_bn(&format!("{name}.main.0"), &all, spec(5, Activation::Relu, precise), None);
+        let main = self.conv_bn(&format!("{name}.main.0"), &all, spec(5, Activation::Relu, false), None);
         let short = self.conv_bn(&format!("{name}.shortcut"), &short, spec(5, Activation::None, true), None);
         let sum = spec(3, Activation::Relu, precise);
         let d = self.conv_bn(&format!("{name}.main.1"), &[plain(main)], sum, Some(short));

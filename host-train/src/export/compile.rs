@@ -4,6 +4,7 @@ use super::build::build;
 use super::calibrate::{CalibrationTile, calibrate};
 use super::graph::{Graph, Operation};
 use super::plan::plan;
+use super::schedule::schedule;
 use super::quantise::{Program, quantise};
 use super::write::{Content, file_bytes};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
@@ -67,12 +68,14 @@ pub fn export(
     let ranges = calibrate(&graph, tiles, progress)?;
     let mut program = quantise(&graph, &ranges, config.nr, options.precision)?;
     let roles = roles(&graph, &program);
-    plan(&mut program.tensors, &program.operators, &roles[..3]);
-    let text = text(config, &graph, &program, options);
+    let schedule = schedule(&program.tensors, &program.operators);
+    plan(&mut program.tensors, &program.operators, &schedule, &roles[..2], roles[2]);
+    let text = text(config, &program, options);
     let mut content = Content {
         text: &text,
         tensors: &program.tensors,
         operators: &program.operators,
+        schedule: &schedule,
         constants: &program.constants,
         tile: options.tile,
         nr: config.nr,
@@ -87,23 +90,21 @@ pub fn export(
     Ok(Export { bytes, graph, program })
 }
 
-/// Numbers of the image, coarse, coarse f32 and output tensors; the coarse codes only where an operator reads them.
-fn roles(graph: &Graph, program: &Program) -> [u32; 4] {
+/// Numbers of the image, coarse and output tensors; the coarse codes only where an operator reads them.
+fn roles(graph: &Graph, program: &Program) -> [u32; 3] {
     let read = |t: &u32| program.operators.iter().any(|op| op.inputs().contains(&Some(*t)));
     let coarse = graph.nodes.iter().position(|node| node.operation == Operation::Coarse);
     let coarse = coarse.map(|id| program.tensor_of[id]).filter(read).unwrap_or(NONE);
     let output = program.operators.last().map_or(NONE, Operator::output);
-    [program.tensor_of[0], coarse, program.coarse_f32, output]
+    [program.tensor_of[0], coarse, output]
 }
 
-fn text(config: &NetConfig, graph: &Graph, program: &Program, options: &Options) -> String {
-    let names: Vec<&str> =
-        graph.nodes[graph.nodes.len() - program.operators.len()..].iter().map(|n| n.name.as_str()).collect();
+fn text(config: &NetConfig, program: &Program, options: &Options) -> String {
     serde_json::json!({
         "name": options.name,
         "config": config,
         "precision": format!("{:?}", options.precision).to_lowercase(),
-        "operators": names,
+        "operators": program.names,
     })
     .to_string()
 }

@@ -1,60 +1,107 @@
-//! Places tensors in the arena: two tensors may share bytes if they are never alive together.
+//! Memory: how many rows of every tensor are kept, and where in the arena they lie. Two tensors may share bytes if they are never
+//! alive together, and a sum may take the place of what was added.
 
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::{Operator, Tensor};
+use super::schedule::Play;
+use elunar_core::nn::{Entry, Operator, Tensor};
 
 /// Alignment of tensors, bytes: not needed by the runner, kind to caches.
 const ALIGNMENT: usize = 64;
 
-/// Sets every tensor's offset; returns the bytes they take together. `inputs` are written before the first operator.
-///
-/// Tensors are placed largest first, each at the lowest offset where no placed tensor with an overlapping life is in the way.
-/// An added tensor that ends with the operator lends its bytes to the output, if they are of one size and type.
-pub fn plan(tensors: &mut [Tensor], operators: &[Operator], inputs: &[u32]) -> usize {
-    let mut lives: Vec<Option<Life>> = vec![None; tensors.len()];
-    for &input in inputs.iter().filter(|&&i| i != NONE) {
-        lives[input as usize] = Some(Life { first: 0, last: 0, home: input as usize });
+/// Sets every tensor's ring and offset; returns the bytes they take together. `inputs` are written before the first step and
+/// `output` is read after the last: both keep all rows.
+pub fn plan(
+    tensors: &mut [Tensor],
+    operators: &[Operator],
+    schedule: &[Entry],
+    inputs: &[u32],
+    output: u32,
+) -> usize {
+    let homes = find_homes(tensors, operators, schedule);
+    let mut rings = vec![1; tensors.len()];
+    play(tensors, operators, schedule, |play, tensor, rows| {
+        // The first of a line of heirs is the furthest ahead.
+        rings[homes[tensor]] = rings[homes[tensor]].max(play.made(homes[tensor]).max(play.made(tensor)) - rows.start);
+    });
+    for t in 0..tensors.len() {
+        let all = inputs.contains(&(t as u32)) || t == output as usize;
+        tensors[t].ring = if all { tensors[t].rows } else { rings[homes[t]].min(tensors[t].rows) };
     }
-    for (index, operator) in operators.iter().enumerate() {
-        let time = index + 1;
-        for read in operator.inputs().into_iter().flatten() {
-            if let Some(life) = &mut lives[read as usize] {
-                life.last = time;
-            }
-        }
-        lives[operator.output() as usize] = Some(Life { first: time, last: time, home: operator.output() as usize });
-    }
-    share_homes(tensors, operators, &mut lives);
-    place(tensors, &lives)
+    let lives = find_lives(tensors, operators, schedule, inputs, output, &homes);
+    place(tensors, &lives, &homes)
 }
 
-/// First and last operator (from 1; 0 is before the first) that touches a tensor, and the tensor whose place it takes.
-#[derive(Clone, Copy)]
+/// Tells `read` of every tensor and rows that are read, before each step.
+fn play(
+    tensors: &[Tensor],
+    operators: &[Operator],
+    schedule: &[Entry],
+    mut read: impl FnMut(&Play<'_>, usize, std::ops::Range<usize>),
+) {
+    let mut play = Play::new(tensors, operators);
+    for entry in schedule {
+        for step in entry.first..entry.first + entry.count {
+            play.reads(entry.operator, step).filter(|(_, rows)| !rows.is_empty()).for_each(|(t, r)| read(&play, t, r));
+            play.advance(entry.operator);
+        }
+    }
+}
+
+/// The tensor whose place each takes: its own, or that of the first in a line of sums. A sum may take the place of what is added
+/// if nobody reads a row of the latter once the sum's row is there.
+fn find_homes(tensors: &[Tensor], operators: &[Operator], schedule: &[Entry]) -> Vec<usize> {
+    let mut homes: Vec<usize> = (0..tensors.len()).collect();
+    for operator in operators {
+        let Operator::Conv(conv) = operator else { continue };
+        let (Some(add), out) = (conv.add.map(|add| add as usize), conv.out as usize) else { continue };
+        let form = |t: &Tensor| (t.dtype, t.rows, t.cols, t.channels, t.margin);
+        let written = operators.iter().any(|op| op.output() as usize == add);
+        let also_source = conv.sources().any(|s| s as usize == add);
+        if !written || also_source || form(&tensors[add]) != form(&tensors[out]) {
+            continue;
+        }
+        let mut free = true;
+        play(tensors, operators, schedule, |play, tensor, rows| {
+            free &= tensor != add || play.made(out) <= rows.start;
+        });
+        if free {
+            homes[out] = homes[add];
+        }
+    }
+    homes
+}
+
+/// First and last entry (from 1; 0 is before the first) that touches a home.
+#[derive(Debug, Clone, Copy)]
 struct Life {
     first: usize,
     last: usize,
-    home: usize,
 }
 
-fn share_homes(tensors: &[Tensor], operators: &[Operator], lives: &mut [Option<Life>]) {
-    for (index, operator) in operators.iter().enumerate() {
-        let Operator::Conv(conv) = operator else { continue };
-        let Some(add) = conv.add.map(|add| add as usize) else { continue };
-        let out = conv.out as usize;
-        let also_read = conv.first.tensor as usize == add || conv.second.is_some_and(|s| s.tensor as usize == add);
-        let same = tensors[add].dtype == tensors[out].dtype && tensors[add].len() == tensors[out].len();
-        let (Some(added), Some(born)) = (lives[add], lives[out]) else { continue };
-        if same && !also_read && added.last == index + 1 {
-            lives[out] = Some(Life { home: added.home, ..born });
-            if let Some(home) = &mut lives[added.home] {
-                home.last = home.last.max(born.last);
-            }
-        }
+fn find_lives(
+    tensors: &[Tensor],
+    operators: &[Operator],
+    schedule: &[Entry],
+    inputs: &[u32],
+    output: u32,
+    homes: &[usize],
+) -> Vec<Option<Life>> {
+    let mut lives: Vec<Option<Life>> = vec![None; tensors.len()];
+    let mut touch = |tensor: u32, time: usize| {
+        let life = lives[homes[tensor as usize]].get_or_insert(Life { first: time, last: time });
+        life.last = time;
+    };
+    inputs.iter().filter(|i| (**i as usize) < tensors.len()).for_each(|&input| touch(input, 0));
+    for (index, entry) in schedule.iter().enumerate() {
+        let op = &operators[entry.operator];
+        op.inputs().into_iter().flatten().chain([op.output()]).for_each(|tensor| touch(tensor, index + 1));
     }
+    touch(output, usize::MAX);
+    lives
 }
 
-fn place(tensors: &mut [Tensor], lives: &[Option<Life>]) -> usize {
-    let mut order: Vec<usize> = (0..tensors.len()).filter(|&t| lives[t].is_some_and(|l| l.home == t)).collect();
+/// Largest first, each at the lowest offset where no placed tensor with an overlapping life is in the way.
+fn place(tensors: &mut [Tensor], lives: &[Option<Life>], homes: &[usize]) -> usize {
+    let mut order: Vec<usize> = (0..tensors.len()).filter(|&t| homes[t] == t && lives[t].is_some()).collect();
     order.sort_by_key(|&t| (std::cmp::Reverse(tensors[t].size_bytes()), t));
     let mut placed: Vec<usize> = Vec::new();
     let mut end = 0;
@@ -77,9 +124,7 @@ fn place(tensors: &mut [Tensor], lives: &[Option<Life>]) -> usize {
         placed.push(t);
     }
     for t in 0..tensors.len() {
-        if let Some(life) = lives[t] {
-            tensors[t].offset = tensors[life.home].offset;
-        }
+        tensors[t].offset = tensors[homes[t]].offset;
     }
     end
 }

@@ -9,9 +9,10 @@ use super::compile::Precision;
 use super::float::gelu;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use crate::{Error, Result};
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::kernels::padded;
-use elunar_core::nn::{self, Dtype, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor};
+use std::collections::HashMap;
+use super::fold::fold;
+use super::pack::{Filter, pack};
+use elunar_core::nn::{self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor};
 use elunar_core::quant::lut::{CODE_TABLE_LEN, LOGIT_BITS};
 use elunar_core::quant::params::{multiplier, shift_for};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
@@ -22,6 +23,8 @@ const HEADROOM_16: f64 = 1.25;
 const RANGE_FLOOR: f64 = 1.0 / 32.0;
 /// Accumulators are planned up to here, leaving room for the bias and for rounded weights.
 const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
+/// Smallest map whose enlargement is folded into the convolution behind it.
+const FOLD_ROWS: usize = 32;
 /// GELU of anything below is 0 within a code step.
 const GELU_FLOOR: f64 = -4.0;
 /// The smallest value GELU takes.
@@ -49,6 +52,8 @@ pub struct Program {
     pub tensors: Vec<Tensor>,
     /// Operators in order.
     pub operators: Vec<Operator>,
+    /// Name of each operator: that of the node it makes, or computes a part of.
+    pub names: Vec<String>,
     /// Weights, biases, multipliers, tables.
     pub constants: Vec<u8>,
     /// Tensor that holds each node's map as codes (for the output: as f32).
@@ -57,8 +62,6 @@ pub struct Program {
     pub codes: Vec<Codes>,
     /// Mean of each node's map over the calibration tiles, per channel.
     pub means: Vec<Vec<f64>>,
-    /// The coarse DTM as f32, or NONE.
-    pub coarse_f32: u32,
 }
 
 impl Program {
@@ -77,19 +80,21 @@ pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, precision: Precision) 
     let mut q = Quantiser {
         graph,
         exp_table: None,
+        enlarged: HashMap::new(),
         program: Program {
             tensors: Vec::new(),
             operators: Vec::new(),
+            names: Vec::new(),
             constants: Vec::new(),
             tensor_of: Vec::new(),
             codes,
             means: ranges.iter().map(|range| range.mean.clone()).collect(),
-            coarse_f32: NONE,
         },
     };
     for id in 0..graph.nodes.len() {
         q.node(id)?;
     }
+    set_margins(&mut q.program.tensors, &q.program.operators);
     Ok(q.program)
 }
 
@@ -126,11 +131,6 @@ fn largest_code(graph: &Graph, id: NodeId) -> i32 {
         Operation::Conv { sources, kernel, .. } if sources.iter().any(|s| s.node == id) => {
             ACCUMULATOR_LIMIT / (127 * kernel.side * kernel.side * kernel.input) as f64
         }
-        Operation::Attention { heads, window, .. } => {
-            let size = graph.nodes[id].channels / (3 * heads);
-            let logits = (ACCUMULATOR_LIMIT / size as f64).sqrt();
-            logits.min(ACCUMULATOR_LIMIT / (i16::MAX as usize * window * window) as f64)
-        }
         _ => i16::MAX as f64,
     });
     limits.fold(i16::MAX as f64, f64::min) as i32
@@ -158,7 +158,9 @@ fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, precision: Precis
         _ => Activation::None,
     };
     let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
+    let feeds_attention = graph.users(id).any(|user| matches!(user.operation, Operation::Attention { .. }));
     let wide = match precision {
+        _ if feeds_attention => false,
         Precision::Int8 => feeds_norm,
         Precision::Mixed => feeds_norm || node.precise,
         Precision::Int16 => true,
@@ -176,8 +178,9 @@ fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, precision: Precis
         let scales = magnitude.iter().map(|m| m * HEADROOM_16 / limit as f64).collect();
         return Codes { dtype: Dtype::I16, zero: 0, lo: if relu { 0 } else { -limit }, hi: limit, scales };
     }
-    let (zero, steps) = if relu { (0, 255.0) } else { (128, 127.0) };
-    Codes { dtype: Dtype::U8, zero, lo: 0, hi: 255, scales: magnitude.iter().map(|m| m / steps).collect() }
+    // The same steps on both sides of 0: -128 is no weight, and attention reads keys as weights.
+    let (zero, lo, steps) = if relu { (0, 0, 255.0) } else { (128, 1, 127.0) };
+    Codes { dtype: Dtype::U8, zero, lo, hi: 255, scales: magnitude.iter().map(|m| m / steps).collect() }
 }
 
 /// Largest absolute value that each channel's scale must reach.
@@ -201,6 +204,8 @@ struct Quantiser<'a> {
     graph: &'a Graph,
     program: Program,
     exp_table: Option<(usize, usize)>,
+    /// Enlarged tensors by node.
+    enlarged: HashMap<NodeId, u32>,
 }
 
 impl Quantiser<'_> {
@@ -210,18 +215,7 @@ impl Quantiser<'_> {
         self.program.tensor_of.push(tensor);
         let fail = |what: &str| Error::usage(format!("export: {}: {what}", node.name));
         let operator = match &node.operation {
-            Operation::Image => return Ok(()),
-            Operation::Coarse => {
-                let read_as_float =
-                    self.graph.nodes.last().is_some_and(
-                        |head| matches!(head.operation, Operation::Conv { add: Some(add), .. } if add == id),
-                    );
-                if read_as_float {
-                    let codes = Codes { dtype: Dtype::F32, zero: 0, lo: 0, hi: 0, scales: vec![1.0] };
-                    self.program.coarse_f32 = self.tensor(node, &codes);
-                }
-                return Ok(());
-            }
+            Operation::Image | Operation::Coarse => return Ok(()),
             Operation::Conv { sources, kernel, stride, pad, add, activation } => {
                 let form = Form { stride: *stride, pad: *pad, add: *add, activation: *activation };
                 self.conv(id, sources, kernel, form)
@@ -229,7 +223,8 @@ impl Quantiser<'_> {
             Operation::LayerNorm { input, merge, gain, bias } => self.layer_norm(id, *input, *merge, gain, bias),
             Operation::Attention { .. } => self.attention(id),
         };
-        self.program.operators.push(operator.ok_or_else(|| fail("scales are out of the range of 30-bit multipliers"))?);
+        let operator = operator.ok_or_else(|| fail("scales are out of the range of 30-bit multipliers"))?;
+        self.push(operator, &node.name);
         Ok(())
     }
 
@@ -244,8 +239,44 @@ impl Quantiser<'_> {
             lo: codes.lo,
             hi: codes.hi,
             scale: codes.scales[0] as f32,
+            ring: node.rows,
+            margin: 0,
+            edge: Edge::Zero,
         });
         self.program.tensors.len() as u32 - 1
+    }
+
+    fn push(&mut self, operator: Operator, name: &str) {
+        self.program.operators.push(operator);
+        self.program.names.push(name.into());
+    }
+
+    /// The tensor of a node enlarged twofold, made once.
+    fn enlarged(&mut self, node: NodeId) -> u32 {
+        if let Some(&tensor) = self.enlarged.get(&node) {
+            return tensor;
+        }
+        let input = self.program.tensor_of[node];
+        let small = self.program.tensors[input as usize];
+        self.program.tensors.push(Tensor { rows: 2 * small.rows, cols: 2 * small.cols, ring: 2 * small.rows, ..small });
+        let out = self.program.tensors.len() as u32 - 1;
+        let name = format!("{}.enlarged", self.graph.nodes[node].name);
+        self.push(Operator::Enlarge(nn::Enlarge { out, input }), &name);
+        self.enlarged.insert(node, out);
+        out
+    }
+
+    /// Whether the enlargement before a convolution is folded into its weights: they grow 13-fold, so only where maps are
+    /// large and filters few (our choice: small maps of 32 rows or more); and no source may need another margin.
+    fn folds(&self, sources: &[Source], kernel: &Kernel, form: Form) -> bool {
+        let padded_elsewhere = |id: NodeId| {
+            self.graph.users(id).any(|user| match &user.operation {
+                Operation::Conv { sources, pad, .. } => *pad > 0 && sources.iter().any(|s| s.node == id && !s.up),
+                _ => false,
+            })
+        };
+        (kernel.side, form.stride, form.pad) == (5, 1, 2)
+            && sources.iter().all(|s| s.up && self.graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
     }
 
     fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
@@ -264,40 +295,27 @@ impl Quantiser<'_> {
         self.constant(values.into_iter().flat_map(|v| v.to_le_bytes()))
     }
 
-    /// Real value of one step of each input channel as the convolution reads it, and each source's rounding shift.
-    fn read_scales(&self, sources: &[Source], kernel: &Kernel) -> (Vec<f64>, Vec<nn::Source>) {
-        let limit = (ACCUMULATOR_LIMIT / (127 * kernel.side * kernel.side * kernel.input) as f64).min(i16::MAX as f64);
-        let (mut scales, mut read) = (Vec::new(), Vec::new());
-        for source in sources {
-            let codes = &self.program.codes[source.node];
-            let magnitude = (codes.hi - codes.zero).max(codes.zero - codes.lo);
-            // Enlargement is exact in sixteenths; drop only what the accumulator cannot take.
-            let shift = (0..4).find(|s| ((magnitude * 16 + 15) >> s) as f64 <= limit).unwrap_or(4);
-            let step = if source.up { (1 << shift) as f64 / 16.0 } else { 1.0 };
-            scales.extend(codes.scales.iter().map(|s| s * step));
-            let tensor = self.program.tensor_of[source.node];
-            read.push(nn::Source { tensor, up: source.up, shift: if source.up { shift } else { 0 } });
-        }
-        (scales, read)
-    }
-
     fn conv(&mut self, id: NodeId, sources: &[Source], kernel: &Kernel, form: Form) -> Option<Operator> {
-        let (read_scales, read) = self.read_scales(sources, kernel);
-        let integers = quantise_weights(kernel, &read_scales, &self.program.input_means(sources));
-        let segment = padded(kernel.side * kernel.input);
-        let mut packed = Vec::with_capacity(kernel.output * kernel.side * segment);
-        for row in integers.weights.chunks_exact(kernel.side * kernel.input) {
-            packed.extend(row.iter().map(|&w| w as u8));
-            packed.resize(packed.len().next_multiple_of(segment), 0);
-        }
-        let weights = self.constant(packed);
-        let bias = self.words(integers.bias.iter().copied());
+        let read_scales: Vec<f64> =
+            sources.iter().flat_map(|s| self.program.codes[s.node].scales.iter().copied()).collect();
+        let folds = self.folds(sources, kernel, form);
+        let filters = if folds { fold(kernel) } else { vec![Filter::whole(kernel)] };
+        let integers = quantise_weights(kernel, &filters, &read_scales, &self.program.input_means(sources));
+        let read: Vec<u32> = sources
+            .iter()
+            .map(|s| if s.up && !folds { self.enlarged(s.node) } else { self.program.tensor_of[s.node] })
+            .collect();
+        let tensors: Vec<Tensor> = read.iter().map(|&t| self.program.tensors[t as usize]).collect();
+        let packed = pack(&integers, kernel.output, &tensors);
+        let weights = self.constant(packed.weights);
+        let bias = self.words(packed.bias);
         let codes = self.program.codes[id].clone();
         let float = codes.dtype == Dtype::F32;
         let mut conv = nn::Conv {
             out: self.program.tensor_of[id],
             first: read[0],
             second: read.get(1).copied(),
+            fold: folds,
             kernel_rows: kernel.side,
             kernel_cols: kernel.side,
             stride: form.stride,
@@ -306,7 +324,7 @@ impl Quantiser<'_> {
             bias,
             multipliers: 0,
             shift: 0,
-            add: form.add.map(|add| if float { self.program.coarse_f32 } else { self.program.tensor_of[add] }),
+            add: form.add.map(|add| self.program.tensor_of[add]),
             add_multipliers: 0,
             add_shift: 0,
             table: None,
@@ -378,8 +396,7 @@ impl Quantiser<'_> {
         let mean_unit = (1u64 << MEAN_FRACTION_BITS) as f64;
         let means: Vec<f64> = (0..*heads).map(|h| scale(2, h) / (out.scales[h * size] * mean_unit)).collect();
         let (logit_shift, mean_shift) = (shift_for(largest(&logits))?, shift_for(largest(&means))?);
-        let limit = largest_code(self.graph, *input) as f64;
-        let pad_code = |c: usize| (pad[c] as f64 / codes.scales[c]).round().clamp(-limit, limit) as i16;
+        let pad_code = |c: usize| (pad[c] as f64 / codes.scales[c]).round().clamp(-127.0, 127.0) as i32 + codes.zero;
         let table = position_bias.len() / heads;
         let bias = (0..*heads).flat_map(|h| (0..table).map(move |i| position_bias[i * heads + h]));
         let bias: Vec<i16> = bias.map(|b| (b as f64 * unit).round().clamp(-32767.0, 32767.0) as i16).collect();
@@ -391,7 +408,7 @@ impl Quantiser<'_> {
             window: *window,
             shift_rows: shift.0,
             shift_cols: shift.1,
-            pad_codes: self.halves((0..3 * channels).map(pad_code)),
+            pad_codes: self.constant((0..3 * channels).map(|c| pad_code(c) as u8)),
             logit_multipliers: self.words(logits.iter().map(|r| multiplier(*r, logit_shift))),
             logit_shift,
             position_bias: self.halves(bias),
@@ -428,34 +445,65 @@ struct Form {
 
 /// Symmetric i8 weights with one scale per output channel, and the bias in steps of the accumulator.
 pub(crate) struct Integers {
-    /// `[output][side][side][input]`.
-    pub(crate) weights: Vec<i8>,
-    /// `[output]`.
-    pub(crate) bias: Vec<i32>,
+    /// One per set of filters.
+    pub(crate) filters: Vec<IntegerFilter>,
     /// Real value of one step of the accumulator, `[output]`.
     pub(crate) scales: Vec<f64>,
 }
 
+/// One set of filters.
+pub(crate) struct IntegerFilter {
+    /// Kernel rows and columns.
+    pub(crate) extent: (usize, usize),
+    /// `[output][rows][cols][input]`, -127..=127.
+    pub(crate) weights: Vec<i8>,
+    /// `[output]`.
+    pub(crate) bias: Vec<i32>,
+}
+
 /// `read_scales`: real value of one step of each input channel; `means`: the channels' means. What rounding the weights does to
 /// the mean of the output, the bias takes back.
-pub(crate) fn quantise_weights(kernel: &Kernel, read_scales: &[f64], means: &[f64]) -> Integers {
-    let taps = kernel.side * kernel.side * kernel.input;
-    let mut out = Integers { weights: Vec::with_capacity(taps * kernel.output), bias: Vec::new(), scales: Vec::new() };
-    for (filter, bias) in kernel.weights.chunks_exact(taps).zip(&kernel.bias) {
-        let real: Vec<f64> =
-            filter.iter().enumerate().map(|(i, w)| *w as f64 * read_scales[i % kernel.input]).collect();
+pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales: &[f64], means: &[f64]) -> Integers {
+    let real = |filter: &Filter, o: usize| -> Vec<f64> {
+        let taps = filter.weights.len() / kernel.output;
+        let weights = &filter.weights[o * taps..(o + 1) * taps];
+        weights.iter().enumerate().map(|(i, w)| w * read_scales[i % kernel.input]).collect()
+    };
+    let scale = |o: usize| {
+        let widest = filters.iter().map(|f| largest(&real(f, o))).fold(0.0, f64::max);
         // The bias must fit as well, with room for the sum beside it.
-        let scale = (largest(&real) / 127.0).max(bias.abs() as f64 / (1u64 << 26) as f64).max(1e-18);
-        let mut shift_of_mean = 0.0;
-        for (i, w) in real.iter().enumerate() {
-            let rounded = (w / scale).round();
-            shift_of_mean += (rounded * scale - w) / read_scales[i % kernel.input] * means[i % kernel.input];
-            out.weights.push(rounded as i8);
+        (widest / 127.0).max(kernel.bias[o].abs() as f64 / (1u64 << 26) as f64).max(1e-18)
+    };
+    let scales: Vec<f64> = (0..kernel.output).map(scale).collect();
+    let round = |filter: &Filter| {
+        let mut out = IntegerFilter { extent: filter.extent, weights: Vec::new(), bias: Vec::new() };
+        for (o, scale) in scales.iter().enumerate() {
+            let mut shift_of_mean = 0.0;
+            for (i, w) in real(filter, o).iter().enumerate() {
+                let rounded = (w / scale).round().clamp(-127.0, 127.0);
+                shift_of_mean += (rounded * scale - w) / read_scales[i % kernel.input] * means[i % kernel.input];
+                out.weights.push(rounded as i8);
+            }
+            out.bias.push(((kernel.bias[o] as f64 - shift_of_mean) / scale).round() as i32);
         }
-        out.bias.push(((*bias as f64 - shift_of_mean) / scale).round() as i32);
-        out.scales.push(scale);
+        out
+    };
+    Integers { filters: filters.iter().map(round).collect(), scales }
+}
+
+/// Margins as wide as the widest padding of a tensor's readers, or one repeated column where an enlargement is folded.
+fn set_margins(tensors: &mut [Tensor], operators: &[Operator]) {
+    for operator in operators {
+        let Operator::Conv(conv) = operator else { continue };
+        for source in conv.sources() {
+            let t = &mut tensors[source as usize];
+            if conv.fold {
+                (t.margin, t.edge) = (1, Edge::Nearest);
+            } else {
+                t.margin = t.margin.max(conv.pad);
+            }
+        }
     }
-    out
 }
 
 /// Table from intermediate code to GELU's code, with the intermediate step and zero.

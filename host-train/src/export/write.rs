@@ -2,7 +2,7 @@
 
 use elunar_core::nn::crc32c;
 use elunar_core::nn::format::{CHUNK_BYTES, HEADER_BYTES, MAGIC, VERSION, word};
-use elunar_core::nn::{Operator, Tensor};
+use elunar_core::nn::{Entry, Operator, Tensor};
 
 /// What a file holds, beside checksums and offsets.
 #[derive(Debug, Clone)]
@@ -13,6 +13,8 @@ pub struct Content<'a> {
     pub tensors: &'a [Tensor],
     /// Operators.
     pub operators: &'a [Operator],
+    /// Order of the steps.
+    pub schedule: &'a [Entry],
     /// Constants.
     pub constants: &'a [u8],
     /// Tile rows and columns.
@@ -25,18 +27,19 @@ pub struct Content<'a> {
     pub target_range: u32,
     /// 0: any light, 1: the Sun in the north-west.
     pub illumination: u32,
-    /// Numbers of the image, coarse, coarse f32 and output tensors.
-    pub roles: [u32; 4],
+    /// Numbers of the image, coarse and output tensors.
+    pub roles: [u32; 3],
     /// Seed and output checksum of the self test.
     pub self_test: (u32, u32),
 }
 
 /// Lays out a file and computes its checksums.
 pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
-    let sections: [(usize, Vec<u8>, usize); 4] = [
+    let sections: [(usize, Vec<u8>, usize); 5] = [
         (word::TEXT, content.text.as_bytes().to_vec(), content.text.len()),
         (word::TENSORS, content.tensors.iter().flat_map(Tensor::encode).collect(), content.tensors.len()),
         (word::OPERATORS, content.operators.iter().flat_map(Operator::encode).collect(), content.operators.len()),
+        (word::SCHEDULE, content.schedule.iter().flat_map(Entry::encode).collect(), content.schedule.len()),
         (word::CONSTANTS, content.constants.to_vec(), content.constants.len()),
     ];
     let body_bytes: usize = sections.iter().map(|(_, bytes, _)| bytes.len().next_multiple_of(8)).sum();
@@ -65,8 +68,7 @@ pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
         (word::ILLUMINATION, content.illumination),
         (word::IMAGE, content.roles[0]),
         (word::COARSE, content.roles[1]),
-        (word::COARSE_F32, content.roles[2]),
-        (word::OUTPUT, content.roles[3]),
+        (word::OUTPUT, content.roles[2]),
         (word::SELF_TEST_SEED, content.self_test.0),
         (word::SELF_TEST_CRC, content.self_test.1),
     ];

@@ -1,17 +1,24 @@
-//! Dot products: the only place where the arithmetic is dense, and the only one where it looks at the processor.
+//! Matrix products of codes: the only place where the arithmetic is dense, and the only one that looks at the processor.
 //!
-//! Activations arrive as little-endian i16 (zero point already removed), weights as i8; sums are i32. The model's validation
-//! proves that no sum can leave i32, so kernels may add in any order: the result is the same bits. A kernel that saturates
-//! on the way (as `vpmaddubsw` does) would be a bug, not an option.
+//! Activations are u8 codes as they lie in the arena, weights are i8 and never -128, sums are i32 that wrap. The model's
+//! validation proves that no finished sum can leave i32, so kernels may add in any order and let intermediate sums wrap: the result
+//! is the same bits. A kernel that saturates on the way (as `vpmaddubsw` does) would be a bug, not an option.
 //!
-//! What every kernel computes, in the words of [`scalar`], the specification:
+//! One function does all of it, in the words of [`scalar`], the specification:
 //!
 //! ```text
-//! group:   sums[c][p] += Σ_k x[p][k] * w[c][k]     8 channels, 4 pixels
-//! single:  sums[p]    += Σ_k x[p][k] * w[k]        1 channel,  4 pixels
-//! dot:     Σ_k a[k] * b[k]                         both i16
+//! acc[p][c] += Σ over rows r, groups g, b in 0..4:  x[starts[r] + p*stride + 4g + b]  *  w[r][g][c][b]
 //! ```
+//!
+//! `p` counts pixels, `c` the channels of a panel: 32, 16 or 8 output channels whose weights lie side by side, four bytes each,
+//! because dot-product instructions take four products at a time. There is no unfolded copy of the input ("im2col"): a row of
+//! a convolution's patch is contiguous in the arena, so the kernel walks `starts`.
+//!
+//! Everything else a unit of work does (rounding, layer norm, softmax) is plain Rust, compiled once per instruction set by
+//! `instantiate!`, which the compiler turns into vector instructions.
 
+#[cfg(target_arch = "x86_64")]
+mod instantiate;
 mod scalar;
 mod select;
 #[cfg(target_arch = "x86_64")]
@@ -19,46 +26,117 @@ mod x86_avx2;
 #[cfg(target_arch = "x86_64")]
 mod x86_avx512;
 
-/// One activation in a scratch row: i16, little-endian, no alignment needed.
-pub type Le16 = [u8; 2];
+use super::arena::Arena;
+use super::model::Model;
+use super::ops::finish::{Finish, Target};
+use super::program::Operator;
 
-/// Vectors are padded with zeros to a multiple of this.
-pub const LANES: usize = 8;
+/// Accumulators of one call: pixels times panel width.
+pub(crate) const ACCUMULATORS: usize = 320;
+/// Accumulators `[pixel][channel of the panel]`.
+pub(crate) type Accumulators = [i32; ACCUMULATORS];
 
-/// Output channels that one unit of a convolution computes.
-pub const CHANNEL_GROUP: usize = 8;
+/// Widest panel.
+pub const PANEL: usize = 32;
 
-/// Pixels computed together.
-pub const PIXELS: usize = 4;
-
-/// `len` rounded up to a multiple of [`LANES`].
-pub const fn padded(len: usize) -> usize {
-    len.div_ceil(LANES) * LANES
+/// How `channels` output channels are divided into panels: (first channel, width), the last panel filled up with zeros.
+pub fn panels(channels: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..panel_count(channels)).map(move |index| panel(channels, index))
 }
 
-/// Sums of a channel group: `sums[channel][pixel]`.
-pub type Sums = [[i32; PIXELS]; CHANNEL_GROUP];
+/// Number of panels.
+pub const fn panel_count(channels: usize) -> usize {
+    channels / PANEL
+        + match channels % PANEL {
+            0 => 0,
+            17..=24 => 2,
+            _ => 1,
+        }
+}
 
-/// As many samples of each of the pixels computed together.
-pub type Stretches<'x> = [&'x [Le16]; PIXELS];
+/// First channel and width of panel `index`.
+#[inline]
+pub const fn panel(channels: usize, index: usize) -> (usize, usize) {
+    let (whole, rest) = (channels / PANEL, channels % PANEL);
+    if index < whole {
+        return (index * PANEL, PANEL);
+    }
+    let first = whole * PANEL;
+    match rest {
+        0..=8 => (first, 8),
+        9..=16 => (first, 16),
+        17..=24 if index == whole => (first, 16),
+        17..=24 => (first + 16, 8),
+        _ => (first, 32),
+    }
+}
 
-/// As many weights of each channel of a group.
-pub type Weights<'w> = [&'w [u8]; CHANNEL_GROUP];
+/// `channels` filled up to whole panels.
+pub const fn panelled(channels: usize) -> usize {
+    let (first, width) = panel(channels, panel_count(channels).saturating_sub(1));
+    first + width
+}
 
-/// One way of computing dot products: same numbers, other instructions. Slices of one call have one length; should one be
-/// longer, its rest is ignored.
+/// Pixels computed together against a panel of this width.
+pub const fn pixels_at_once(width: usize) -> usize {
+    if width == PANEL { 10 } else { 20 }
+}
+
+/// The codes that one call reads.
+#[derive(Clone, Copy)]
+pub(crate) struct Patch<'a> {
+    /// Where the codes are.
+    pub(crate) bytes: &'a [u8],
+    /// First byte of each row of the first pixel's patch.
+    pub(crate) starts: &'a [usize],
+    /// Bytes from one pixel to the next.
+    pub(crate) stride: usize,
+    /// Four-byte groups in a row.
+    pub(crate) groups: usize,
+}
+
+impl Patch<'_> {
+    /// Whether all reads for `pixels` pixels stay inside `bytes`, and all of `weights` is there. Holds by the model's validation;
+    /// unsafe kernels ask again.
+    #[inline(always)]
+    pub(crate) fn fits(&self, pixels: usize, weights: &[u8], width: usize) -> bool {
+        let last = pixels.saturating_sub(1) * self.stride + 4 * self.groups;
+        let mut inside = pixels * width <= ACCUMULATORS && last <= self.bytes.len();
+        for &start in self.starts {
+            inside &= start <= self.bytes.len() && last <= self.bytes.len() - start;
+        }
+        inside && weights.len() >= 4 * self.starts.len() * self.groups * width
+    }
+}
+
+/// An instruction set: what differs between kernels.
+pub(crate) trait Isa {
+    /// Adds the products of `pixels` patches with one panel of `width` channels (8, 16 or 32). Without [`Patch::fits`] the result
+    /// is unspecified, but memory stays whole.
+    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize);
+
+    /// Turns accumulators into codes and stores them in the arena; returns how many were cut. As [`Finish::portable`].
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        finish.portable(bytes, acc, target)
+    }
+}
+
+/// One way of computing: same numbers, other instructions.
 #[derive(Clone, Copy)]
 pub struct Kernel {
     name: &'static str,
-    pub(crate) group: fn(&mut Sums, Stretches<'_>, Weights<'_>),
-    pub(crate) single: fn(&mut [i32; PIXELS], Stretches<'_>, &[u8]),
-    pub(crate) dot: fn(&[Le16], &[Le16]) -> i32,
+    pub(crate) unit: fn(&Model<'_>, &Operator, &mut Arena<'_>, usize, usize) -> u64,
+    pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),
 }
 
 impl Kernel {
     /// The specification; runs everywhere.
-    pub const SCALAR: Self =
-        Self { name: scalar::NAME, group: scalar::group, single: scalar::single, dot: scalar::dot };
+    pub const SCALAR: Self = Self {
+        name: scalar::NAME,
+        unit: super::ops::run::<scalar::Scalar>,
+        gemm: <scalar::Scalar as Isa>::gemm,
+    };
 
     /// The kernels this processor runs, fastest first; the last is always [`Kernel::SCALAR`].
     pub fn available() -> impl Iterator<Item = Self> {
@@ -74,6 +152,40 @@ impl Kernel {
     pub fn name(&self) -> &'static str {
         self.name
     }
+
+    /// The bare matrix product, for benchmarks and tests: `acc[p][c] += Σ x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]` for
+    /// `pixels` pixels, as described in [the module](self). `weights` is as long as `starts.len() * groups * width * 4`.
+    ///
+    /// # Errors
+    /// A word on what does not fit; then `acc` is untouched.
+    pub fn matrix_product(
+        &self,
+        acc: &mut [i32],
+        (pixels, width): (usize, usize),
+        (bytes, starts): (&[u8], &[usize]),
+        (stride, groups): (usize, usize),
+        weights: &[u8],
+    ) -> Result<(), &'static str> {
+        let patch = Patch { bytes, starts, stride, groups };
+        if ![8, 16, 32].contains(&width) || acc.len() < pixels * width {
+            return Err("panel width (8, 16, 32) or accumulators");
+        }
+        let mut done = 0;
+        while done < pixels {
+            let now = (pixels - done).min(pixels_at_once(width));
+            let mut block = [0; ACCUMULATORS];
+            let shifted = Patch { bytes: bytes.get(done * stride..).ok_or("activations")?, ..patch };
+            if !shifted.fits(now, weights, width) {
+                return Err("activations or weights");
+            }
+            let part = &mut acc[done * width..(done + now) * width];
+            block[..part.len()].copy_from_slice(part);
+            (self.gemm)(&mut block, now, &shifted, weights, width);
+            part.copy_from_slice(&block[..part.len()]);
+            done += now;
+        }
+        Ok(())
+    }
 }
 
 impl core::fmt::Debug for Kernel {
@@ -83,83 +195,4 @@ impl core::fmt::Debug for Kernel {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn codes(values: &[i16]) -> Vec<Le16> {
-        values.iter().map(|v| v.to_le_bytes()).collect()
-    }
-
-    /// Numbers with more than their share of extremes, from a seed.
-    fn numbers(seed: u64, count: usize, low: i64, high: i64) -> Vec<i64> {
-        let mut state = seed | 1;
-        let mut next = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as i64
-        };
-        let draw = |n: i64| {
-            if n % 5 == 0 {
-                low
-            } else if n % 5 == 1 {
-                high
-            } else {
-                low + n / 5 % (high - low + 1)
-            }
-        };
-        (0..count).map(|_| draw(next())).collect()
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
-        #[test]
-        fn every_kernel_is_the_specification(len in 0_usize..150, offset in 0_usize..3, seed in any::<u64>()) {
-            let n = len + offset;
-            // Any i16, as no kernel may rely on the quantiser's smaller codes.
-            let x: Vec<Vec<Le16>> = (0..PIXELS as u64)
-                .map(|p| codes(&numbers(seed ^ p, n, -32768, 32767).iter().map(|&v| v as i16).collect::<Vec<_>>()))
-                .collect();
-            let w: Vec<Vec<u8>> = (0..CHANNEL_GROUP as u64)
-                .map(|c| numbers(seed ^ (c << 8), n, -128, 127).iter().map(|&v| v as i8 as u8).collect())
-                .collect();
-            let start: Vec<i64> = numbers(!seed, PIXELS * CHANNEL_GROUP, i32::MIN.into(), i32::MAX.into());
-            let (x, w): (Stretches, Weights) =
-                (core::array::from_fn(|p| &x[p][offset..]), core::array::from_fn(|c| &w[c][offset..]));
-            let run = |kernel: Kernel| {
-                let mut sums: Sums = core::array::from_fn(|c| core::array::from_fn(|p| start[c * PIXELS + p] as i32));
-                let mut single = sums[0];
-                (kernel.group)(&mut sums, x, w);
-                (kernel.single)(&mut single, x, w[3]);
-                (sums, single, (kernel.dot)(x[0], x[1]))
-            };
-            let expected = run(Kernel::SCALAR);
-            for kernel in Kernel::available() {
-                prop_assert_eq!(run(kernel), expected, "{:?}", kernel);
-            }
-        }
-    }
-
-    #[test]
-    fn lengths_may_differ() {
-        let (x, w) = (codes(&[3; 70]), [2u8; 70]);
-        for kernel in Kernel::available() {
-            let mut sums = [[0; PIXELS]; CHANNEL_GROUP];
-            let mut weights: Weights = [&w; CHANNEL_GROUP];
-            weights[5] = &w[..41];
-            (kernel.group)(&mut sums, [&x, &x, &x[..33], &x], weights);
-            assert_eq!(sums, [[198; PIXELS]; CHANNEL_GROUP], "{kernel:?}");
-            let mut single = [0; PIXELS];
-            (kernel.single)(&mut single, [&x; PIXELS], &w[..7]);
-            assert_eq!(single, [42; PIXELS], "{kernel:?}");
-            assert_eq!((kernel.dot)(&x[..50], &x[..20]), 180, "{kernel:?}");
-        }
-    }
-
-    #[test]
-    fn scalar_comes_last_and_names_follow_the_rule() {
-        let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
-        assert_eq!(names.last(), Some(&scalar::NAME));
-        assert!(names.iter().all(|name| name.splitn(3, '-').count() == 3), "{names:?}");
-        assert_eq!(Kernel::best().name(), names[0]);
-    }
-}
+mod tests {}

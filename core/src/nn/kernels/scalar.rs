@@ -1,59 +1,71 @@
-//! The specification of every kernel, written so that compilers turn the inner loops into multiply-add instructions.
+//! The specification of the matrix product, in registers' worth of portable Rust.
 
-use super::{Le16, PIXELS, Stretches, Sums, Weights};
+use super::{Accumulators, Isa, Patch};
 
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
-pub(super) const NAME: &str = "scalar-i16i8-rows";
+pub(super) const NAME: &str = "scalar-u8i8-4x2";
 
-/// Every channel of a group in turn.
-pub(super) fn group(sums: &mut Sums, x: Stretches<'_>, w: Weights<'_>) {
-    let n = w.iter().fold(usize::MAX, |n, row| n.min(row.len()));
-    for (sums, w) in sums.iter_mut().zip(w) {
-        single(sums, x, &w[..n]);
-    }
-}
+/// Plain Rust.
+pub(super) struct Scalar;
 
-/// Adds `Σ x[p][k] * w[k]` to the sum of every pixel `p`: one row of weights against stretches of activations.
-///
-/// One weight row and several pixels is the shape that compilers vectorise best: 12 instead of 5 GMAC/s (SSE2) for the
-/// opposite arrangement.
-pub(super) fn single(sums: &mut [i32; PIXELS], x: Stretches<'_>, w: &[u8]) {
-    let n = x.iter().fold(w.len(), |n, row| n.min(row.len()));
-    let (x, w) = (x.map(|row| &row[..n]), &w[..n]);
-    let mut partial = [0i32; PIXELS];
-    for k in 0..n {
-        for p in 0..PIXELS {
-            partial[p] = partial[p].wrapping_add(i16::from_le_bytes(x[p][k]) as i32 * (w[k] as i8) as i32);
+/// Pixels and channels whose sums are kept in registers.
+const PIXELS: usize = 4;
+const CHANNELS: usize = 2;
+
+impl Isa for Scalar {
+    #[inline(always)]
+    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        if !patch.fits(pixels, weights, width) {
+            return;
+        }
+        let mut first = 0;
+        while first < pixels {
+            let count = (pixels - first).min(PIXELS);
+            let mut channel = 0;
+            while channel < width {
+                if count == PIXELS {
+                    block::<PIXELS>(acc, first, channel, patch, weights, width);
+                } else {
+                    (first..first + count).for_each(|p| block::<1>(acc, p, channel, patch, weights, width));
+                }
+                channel += CHANNELS;
+            }
+            first += count;
         }
     }
-    for (sum, part) in sums.iter_mut().zip(partial) {
-        *sum = sum.wrapping_add(part);
+}
+
+/// `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
+#[inline(always)]
+fn block<const P: usize>(
+    acc: &mut Accumulators,
+    first: usize,
+    channel: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+    width: usize,
+) {
+    let mut sums = [[0i32; CHANNELS]; P];
+    let (bytes, len) = (patch.bytes, 4 * patch.groups);
+    for (&start, weights) in patch.starts.iter().zip(weights.chunks_exact(len * width)) {
+        let start = start + first * patch.stride;
+        let rows: [&[u8]; P] = core::array::from_fn(|p| &bytes[start + p * patch.stride..][..len]);
+        for (g, weights) in weights.chunks_exact(4 * width).enumerate() {
+            let w = &weights[4 * channel..][..4 * CHANNELS];
+            for b in 0..4 {
+                for p in 0..P {
+                    let x = rows[p][4 * g + b] as i32;
+                    for c in 0..CHANNELS {
+                        sums[p][c] = sums[p][c].wrapping_add(x * (w[4 * c + b] as i8) as i32);
+                    }
+                }
+            }
+        }
     }
-}
-
-/// `Σ a[k] * b[k]` over two rows of i16.
-pub(super) fn dot(a: &[Le16], b: &[Le16]) -> i32 {
-    a.iter()
-        .zip(b)
-        .fold(0i32, |sum, (&a, &b)| sum.wrapping_add(i16::from_le_bytes(a) as i32 * i16::from_le_bytes(b) as i32))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn sums_are_exact(x in proptest::collection::vec(-2047i16..2047, 0..70), w in proptest::collection::vec(any::<i8>(), 70)) {
-            let codes: Vec<Le16> = x.iter().map(|v| v.to_le_bytes()).collect();
-            let bytes: Vec<u8> = w[..x.len()].iter().map(|&v| v as u8).collect();
-            let wide: Vec<Le16> = w.iter().map(|&v| (v as i16).to_le_bytes()).collect();
-            let naive: i64 = x.iter().zip(&w).map(|(&x, &w)| x as i64 * w as i64).sum();
-            let mut sums = [5, -7, 0, 1];
-            single(&mut sums, [&codes; PIXELS], &bytes);
-            prop_assert_eq!(sums.map(i64::from), [naive + 5, naive - 7, naive, naive + 1]);
-            prop_assert_eq!(i64::from(dot(&codes, &wide)), naive);
+    for (p, sums) in sums.iter().enumerate() {
+        for (c, sum) in sums.iter().enumerate() {
+            let at = &mut acc[(first + p) * width + channel + c];
+            *at = at.wrapping_add(*sum);
         }
     }
 }

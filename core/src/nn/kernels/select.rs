@@ -23,7 +23,7 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 1] {
 #[cfg(target_arch = "x86_64")]
 struct Features {
     avx2: bool,
-    /// AVX-512 F, BW, VL and VNNI.
+    /// AVX-512 F, DQ, BW, VL and VNNI.
     avx512_vnni: bool,
 }
 
@@ -34,7 +34,7 @@ impl Features {
         use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
         const OSXSAVE_AND_AVX: u32 = 1 << 27 | 1 << 28;
         const AVX2: u32 = 1 << 5;
-        const AVX512_F_BW_VL: u32 = 1 << 16 | 1 << 30 | 1 << 31;
+        const AVX512_F_DQ_BW_VL: u32 = 1 << 16 | 1 << 17 | 1 << 30 | 1 << 31;
         const AVX512_VNNI: u32 = 1 << 11;
         // State components: SSE and AVX; the same with the three of AVX-512.
         const AVX_STATE: u64 = 0b110;
@@ -49,7 +49,7 @@ impl Features {
         let saves = |bits: u64| state & bits == bits;
         Self {
             avx2: saves(AVX_STATE) && all(found.ebx, AVX2),
-            avx512_vnni: saves(AVX512_STATE) && all(found.ebx, AVX512_F_BW_VL) && all(found.ecx, AVX512_VNNI),
+            avx512_vnni: saves(AVX512_STATE) && all(found.ebx, AVX512_F_DQ_BW_VL) && all(found.ecx, AVX512_VNNI),
         }
     }
 }

@@ -1,139 +1,93 @@
-//! AVX2: `vpmaddwd` multiplies 16 pairs of i16 and adds neighbours into 8 sums of i32. Unlike `vpmaddubsw` it cannot saturate: the
-//! only pair sum that leaves i32, two times (-2¹⁵)², wraps like the specification.
+//! AVX2: `vpmaddwd` multiplies 16 pairs of i16 and adds neighbours into 8 sums of i32. Unlike `vpmaddubsw` it cannot saturate.
 //!
 //! ```text
-//! for two channels c at a time:                    8 vectors of sums stay in registers
-//!     for k in steps of 16:                        the last step on a copy filled up with zeros
-//!         w    = widen(weights of channel c)       i8 -> i16
-//!         sum[c][p] += vpmaddwd(activations of pixel p, w)
-//!     add the lanes of every sum
+//! sums of P pixels x 8 channels stay in registers, two vectors per pixel: 4 channels x 2 halves of a group each
+//! for every row r of the patch and every group g:
+//!     w0, w1 = weights of 8 channels, widened        i8 -> i16, 4 channels x 4 each
+//!     for every pixel p:
+//!         x = four codes of the pixel, widened and repeated
+//!         sum[p][0] += vpmaddwd(x, w0);  sum[p][1] += vpmaddwd(x, w1)
+//! add the two halves of every channel
 //! ```
 #![allow(unsafe_code)]
 
-use super::{Kernel, Le16, PIXELS, Stretches, Sums, Weights};
+use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 
-/// For [`super::select`] alone: to run it on a processor without AVX2 is undefined behaviour.
-pub(super) const KERNEL: Kernel = Kernel { name: "avx2-i16i8-2x4", group, single, dot };
+const NAME: &str = "avx2-u8i8-5x8";
 
-/// Products per vector.
-const STEP: usize = 16;
-
-fn group(sums: &mut Sums, x: Stretches<'_>, w: Weights<'_>) {
-    let n = w.iter().fold(usize::MAX, |n, row| n.min(row.len()));
-    let n = x.iter().fold(n, |n, row| n.min(row.len()));
-    let (x, w) = (x.map(|row| &row[..n]), w.map(|row| &row[..n]));
-    for (sums, w) in sums.as_chunks_mut::<2>().0.iter_mut().zip(w.as_chunks::<2>().0) {
-        // SAFETY: the processor has the instructions (see `KERNEL`).
-        unsafe { block(sums, x, *w) }
-    }
-}
-
-fn single(sums: &mut [i32; PIXELS], x: Stretches<'_>, w: &[u8]) {
-    let n = x.iter().fold(w.len(), |n, row| n.min(row.len()));
-    // SAFETY: as in `group`.
-    unsafe { block(core::array::from_mut(sums), x.map(|row| &row[..n]), [&w[..n]]) }
-}
-
-fn dot(a: &[Le16], b: &[Le16]) -> i32 {
-    let n = a.len().min(b.len());
-    // SAFETY: as in `group`.
-    unsafe { dot_product(&a[..n], &b[..n]) }
-}
-
-/// # Safety
 /// AVX2.
-#[target_feature(enable = "avx2")]
-unsafe fn block<const C: usize>(sums: &mut [[i32; PIXELS]; C], x: Stretches<'_>, w: [&[u8]; C]) {
-    let mut lanes = [[_mm256_setzero_si256(); PIXELS]; C];
-    let n = x[0].len();
-    let whole = n / STEP * STEP;
-    let (at_x, at_w) = (x.map(<[Le16]>::as_ptr), w.map(<[u8]>::as_ptr));
-    let mut k = 0;
-    // Plain loops: whatever is called instead of inlined keeps the sums in memory.
-    while k < whole {
-        let mut load = [_mm256_setzero_si256(); PIXELS];
-        for p in 0..PIXELS {
-            // SAFETY: all rows have as many samples as the first, and there are `STEP` more from `k` on.
-            load[p] = unsafe { _mm256_loadu_si256(at_x[p].add(k).cast()) };
+struct Avx2;
+
+super::instantiate::instantiate!(Avx2, "avx2");
+
+impl Isa for Avx2 {
+    #[inline(always)]
+    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        if !patch.fits(pixels, weights, width) {
+            return;
         }
-        for c in 0..C {
-            // SAFETY: as above.
-            let wide = _mm256_cvtepi8_epi16(unsafe { _mm_loadu_si128(at_w[c].add(k).cast()) });
-            for p in 0..PIXELS {
-                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_madd_epi16(load[p], wide));
+        let (mut first, at) = (0, acc.as_mut_ptr());
+        while first < pixels {
+            let left = pixels - first;
+            let mut done = 1;
+            for channel in (0..width).step_by(8) {
+                // SAFETY: the processor has the instructions (see `KERNEL`), and `fits` has bounded every read and write.
+                unsafe {
+                    let at = at.add(first * width + channel);
+                    done = match left {
+                        5.. => block::<5>(at, first, channel, patch, weights, width),
+                        4 => block::<4>(at, first, channel, patch, weights, width),
+                        2..4 => block::<2>(at, first, channel, patch, weights, width),
+                        _ => block::<1>(at, first, channel, patch, weights, width),
+                    };
+                }
             }
-        }
-        k += STEP;
-    }
-    // Rows of a convolution are multiples of eight, so most end here.
-    if n - whole == STEP / 2 {
-        for c in 0..C {
-            // SAFETY: as above, half as many.
-            let wide = _mm_cvtepi8_epi16(unsafe { _mm_loadl_epi64(w[c].as_ptr().add(whole).cast()) });
-            for p in 0..PIXELS {
-                // SAFETY: as above.
-                let x = unsafe { _mm_loadu_si128(x[p].as_ptr().add(whole).cast()) };
-                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_zextsi128_si256(_mm_madd_epi16(x, wide)));
-            }
-        }
-    } else if whole < n {
-        for c in 0..C {
-            let w = filled(&w[c][whole..]);
-            // SAFETY: 16 bytes are read from 16.
-            let wide = _mm256_cvtepi8_epi16(unsafe { _mm_loadu_si128(w.as_ptr().cast()) });
-            for p in 0..PIXELS {
-                lanes[c][p] = _mm256_add_epi32(lanes[c][p], _mm256_madd_epi16(load(&filled(&x[p][whole..])), wide));
-            }
-        }
-    }
-    for c in 0..C {
-        let parts = add_up(lanes[c]);
-        for p in 0..PIXELS {
-            sums[c][p] = sums[c][p].wrapping_add(parts[p]);
+            first += done;
         }
     }
 }
 
+/// `P` pixels against 8 channels.
+///
 /// # Safety
-/// AVX2.
+/// AVX2; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx2")]
-unsafe fn dot_product(a: &[Le16], b: &[Le16]) -> i32 {
-    let mut lanes = _mm256_setzero_si256();
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<STEP>(), b.as_chunks::<STEP>());
-    for (a, b) in a.iter().zip(b) {
-        lanes = _mm256_add_epi32(lanes, _mm256_madd_epi16(load(a), load(b)));
+unsafe fn block<const P: usize>(
+    acc: *mut i32,
+    first: usize,
+    channel: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+    width: usize,
+) -> usize {
+    let stride = patch.stride;
+    // SAFETY: `fits` bounds every address below.
+    unsafe {
+        let mut w = weights.as_ptr().add(4 * channel);
+        let mut sums = [[_mm256_setzero_si256(); 2]; P];
+        for &start in patch.starts {
+            let mut x = patch.bytes.as_ptr().add(start + first * stride);
+            for _ in 0..patch.groups {
+                let w0 = _mm256_cvtepi8_epi16(_mm_loadu_si128(w.cast()));
+                let w1 = _mm256_cvtepi8_epi16(_mm_loadu_si128(w.add(16).cast()));
+                for p in 0..P {
+                    let codes = _mm_cvtsi32_si128(x.add(p * stride).cast::<i32>().read_unaligned());
+                    let wide = _mm256_broadcastq_epi64(_mm_cvtepu8_epi16(codes));
+                    sums[p][0] = _mm256_add_epi32(sums[p][0], _mm256_madd_epi16(wide, w0));
+                    sums[p][1] = _mm256_add_epi32(sums[p][1], _mm256_madd_epi16(wide, w1));
+                }
+                x = x.add(4);
+                w = w.add(4 * width);
+            }
+        }
+        for p in 0..P {
+            // Lanes 0 and 1 belong to channel 0, 2 and 3 to channel 1, and so on; hadd leaves the order 0 1 4 5 2 3 6 7.
+            let both = _mm256_hadd_epi32(sums[p][0], sums[p][1]);
+            let ordered = _mm256_permute4x64_epi64::<0b11_01_10_00>(both);
+            let at = acc.add(p * width).cast::<__m256i>();
+            _mm256_storeu_si256(at, _mm256_add_epi32(_mm256_loadu_si256(at), ordered));
+        }
     }
-    if !a_rest.is_empty() {
-        let (a, b) = (filled(a_rest), filled(b_rest));
-        lanes = _mm256_add_epi32(lanes, _mm256_madd_epi16(load(&a), load(&b)));
-    }
-    add_up([lanes; PIXELS])[0]
-}
-
-#[target_feature(enable = "avx2")]
-#[inline]
-fn load(samples: &[Le16; STEP]) -> __m256i {
-    // SAFETY: 32 bytes are read from 32.
-    unsafe { _mm256_loadu_si256(samples.as_ptr().cast()) }
-}
-
-/// `rest`, which is shorter than a step, with zeros behind it.
-#[inline(always)]
-fn filled<T: Copy + Default>(rest: &[T]) -> [T; STEP] {
-    let mut out = [T::default(); STEP];
-    out.iter_mut().zip(rest).for_each(|(out, v)| *out = *v);
-    out
-}
-
-/// The sum of the lanes of each of four vectors.
-#[target_feature(enable = "avx2")]
-#[inline]
-fn add_up([a, b, c, d]: [__m256i; PIXELS]) -> [i32; PIXELS] {
-    let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, d));
-    let sums = _mm_add_epi32(_mm256_castsi256_si128(sums), _mm256_extracti128_si256::<1>(sums));
-    let mut out = [0; PIXELS];
-    // SAFETY: 16 bytes are written to 16.
-    unsafe { _mm_storeu_si128(out.as_mut_ptr().cast(), sums) };
-    out
+    P
 }

@@ -1,211 +1,203 @@
-//! Convolution: one output row of up to [`CHANNEL_GROUP`] channels.
+//! Convolution: one panel of output channels of one step.
 //!
-//! Scratch holds the kernel's input rows as i16 with the zero point removed, in a ring (row r in slot r mod kernel rows), each
-//! padded with zeros left and right. A kernel row against a stretch of such a row is then one dot product of contiguous
-//! samples. Sources are read side by side into the ring, enlarged on the way if they ask for it.
+//! ```text
+//! for every stretch of output pixels with the same filter            one stretch; 2 x 6 with a folded enlargement
+//!     for as many pixels as the kernel takes at once
+//!         acc = 0
+//!         for every 16-bit source:  acc += high plane * weights
+//!         acc *= 256
+//!         for every source:         acc += low plane (or u8 codes) * weights
+//!         round acc, add, clamp, look up, store                        finish.rs
+//! ```
+//! Nothing is copied: kernels read the rows where they lie. Rows above and below the map are a row of zero codes in scratch (or,
+//! folded, the border row); columns left and right are the tensor's margin.
 
-use super::saturate;
-use crate::nn::arena::{Arena, Sample};
-use crate::nn::kernels::{CHANNEL_GROUP, Kernel, Le16, PIXELS, Sums};
-use crate::nn::model::{ConvShape, Model};
-use crate::nn::program::{Conv, Dtype, Source, Tensor};
-use crate::quant::lut::CODE_TABLE_LEN;
-use crate::quant::round_shift;
+use super::finish::{Finish, Target};
+use crate::nn::arena::{Arena, zero_code};
+use crate::nn::kernels::{ACCUMULATORS, Isa, Patch, panel, panelled, pixels_at_once};
+use crate::nn::model::{MAX_KERNEL, Model};
+use crate::nn::program::{Conv, Dtype, PHASE_TAPS, PHASES, Phase, Tensor, groups};
 
-/// Runs unit `unit` (row-major over output rows and channel groups).
-pub(crate) fn run(kernel: &Kernel, model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, unit: usize) -> u64 {
-    let out = model.tensor(conv.out);
-    let shape = model.conv_shape(conv);
-    let groups = out.channels.div_ceil(CHANNEL_GROUP);
-    let (row, group) = (unit / groups, unit % groups);
-    if group == 0 {
-        let fresh = if row == 0 { conv.kernel_rows } else { conv.kernel_rows.min(conv.stride) };
-        let end = row * conv.stride + conv.kernel_rows;
-        for padded_row in end - fresh..end {
-            fill_row(model, conv, &shape, arena, padded_row);
-        }
-    }
-    let first = group * CHANNEL_GROUP;
-    let job = Row { model, conv, shape: &shape, out: &out, row };
-    if out.channels - first >= CHANNEL_GROUP {
-        return job.run(arena, first, |sums: &mut Sums, x, w| (kernel.group)(sums, x, w));
-    }
-    let single = |channel| job.run(arena, channel, |[sums]: &mut [_; 1], x, [w]| (kernel.single)(sums, x, w));
-    (first..out.channels).map(single).sum()
-}
-
-/// One output row of a convolution.
-struct Row<'a, 'm> {
+/// A convolution with its tensors.
+struct Job<'a, 'm> {
     model: &'a Model<'m>,
     conv: &'a Conv,
-    shape: &'a ConvShape,
-    out: &'a Tensor,
+    out: Tensor,
+    sources: [Option<Tensor>; 2],
+    /// First channel and width of the panel.
+    first: usize,
+    width: usize,
+}
+
+/// Output pixels of one row that use the same filters.
+#[derive(Clone, Copy)]
+struct Stretch {
+    /// Output row, first column, step between columns, pixels.
     row: usize,
+    col: usize,
+    col_step: usize,
+    count: usize,
+    /// First row and column of the first patch, in the input; outside is padding.
+    input_row: isize,
+    input_col: isize,
+    /// Input columns from one patch to the next.
+    input_step: usize,
+    /// Set of filters and its kernel.
+    variant: usize,
+    kernel_rows: usize,
+    kernel_cols: usize,
 }
 
-impl Row<'_, '_> {
-    /// `C` channels from `first` on, their sums made by `add`.
-    #[inline(always)]
-    fn run<const C: usize>(
-        &self,
-        arena: &mut Arena<'_>,
-        first: usize,
-        add: impl Fn(&mut [[i32; PIXELS]; C], [&[Le16]; PIXELS], [&[u8]; C]),
-    ) -> u64 {
-        let Self { model, conv, shape, out, row } = *self;
-        let size = conv.kernel_rows * shape.segment;
-        let weights = model.constants(conv.weights + first * size, C * size);
-        let finish: [Finish<'_>; C] = core::array::from_fn(|c| Finish::new(model, conv, out, first + c));
-        let mut saturated = 0;
-        let mut col = 0;
-        while col < out.cols {
-            // At the end of a row the last block steps back; its first pixels are computed twice and stored once.
-            let start = col.min(out.cols.saturating_sub(PIXELS));
-            let mut sums = finish.each_ref().map(|finish| [finish.bias; PIXELS]);
-            for k in 0..conv.kernel_rows {
-                let slot = (row * conv.stride + k) % conv.kernel_rows * shape.row_samples;
-                let stretch = |p: usize| {
-                    let x = slot + (start + p).min(out.cols - 1) * conv.stride * shape.in_channels;
-                    &arena.scratch[x..x + shape.segment]
-                };
-                let weights = |c: usize| &weights[c * size + k * shape.segment..][..shape.segment];
-                add(&mut sums, core::array::from_fn(stretch), core::array::from_fn(weights));
-            }
-            let end = out.cols.min(start + PIXELS);
-            for pixel in col..end {
-                let index = (row * out.cols + pixel) * out.channels + first;
-                for (c, finish) in finish.iter().enumerate() {
-                    saturated += finish.store(arena, out, index + c, sums[c][pixel - start]) as u64;
-                }
-            }
-            col = end;
+/// Runs unit `unit` (the number of the panel) of step `step`.
+#[inline(always)]
+pub(crate) fn run<I: Isa>(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, step: usize, unit: usize) -> u64 {
+    let out = model.tensor(conv.out);
+    let (first, width) = panel(out.channels, unit);
+    let sources = [Some(model.tensor(conv.first)), conv.second.map(|t| model.tensor(t))];
+    let job = Job { model, conv, sources, first, width, out };
+    let mut cut = 0;
+    if conv.fold {
+        for row in 2 * step..2 * step + 2 {
+            cut += job.folded_row::<I>(arena, row);
         }
-        saturated
+    } else {
+        cut += job.run::<I>(arena, &job.plain_row(step));
     }
+    if first + width >= out.channels && out.margin > 0 {
+        let rows = if conv.fold { 2 * step..2 * step + 2 } else { step..step + 1 };
+        for row in rows {
+            arena.fill_margins(&out, row);
+        }
+    }
+    cut
 }
 
-/// What turns one output channel's accumulator into its stored sample.
-struct Finish<'a> {
-    bias: i32,
-    multiplier: i32,
-    scale: f32,
-    shift: u32,
-    add: Option<(Tensor, i64)>,
-    table: Option<(&'a [u8], i64)>,
-    relu: bool,
-}
-
-impl<'a> Finish<'a> {
-    fn new(model: &Model<'a>, conv: &Conv, out: &Tensor, channel: usize) -> Self {
-        let float = out.dtype == Dtype::F32;
-        let add_multiplier = if float { 0 } else { model.constant_i32(conv.add_multipliers, channel) };
-        Self {
-            bias: model.constant_i32(conv.bias, channel),
-            multiplier: model.constant_i32(conv.multipliers, channel),
-            scale: model.constant_f32(conv.multipliers, channel),
-            shift: conv.shift,
-            add: conv.add.map(|add| (model.tensor(add), (add_multiplier as i64) << conv.add_shift)),
-            table: conv.table.map(|table| (model.constants(table, CODE_TABLE_LEN), conv.table_zero as i64)),
-            relu: conv.relu,
+impl Job<'_, '_> {
+    #[inline(always)]
+    fn plain_row(&self, row: usize) -> Stretch {
+        let conv = self.conv;
+        Stretch {
+            row,
+            col: 0,
+            col_step: 1,
+            count: self.out.cols,
+            input_row: (row * conv.stride) as isize - conv.pad as isize,
+            input_col: -(conv.pad as isize),
+            input_step: conv.stride,
+            variant: 0,
+            kernel_rows: conv.kernel_rows,
+            kernel_cols: conv.kernel_cols,
         }
     }
 
+    /// Six stretches: two columns at each border, and the even and the odd ones between.
     #[inline(always)]
-    fn store(&self, arena: &mut Arena<'_>, out: &Tensor, index: usize, acc: i32) -> bool {
-        if out.dtype == Dtype::F32 {
-            let added = self.add.map_or(0.0, |(tensor, _)| arena.float(&tensor, index));
-            // One conversion, one product, one sum, each rounded as IEEE 754 says: the same bits everywhere.
-            let value = acc as f32 * self.scale + added;
-            arena.store_float(out, index, if self.relu && value < 0.0 { 0.0 } else { value });
-            return false;
+    fn folded_row<I: Isa>(&self, arena: &mut Arena<'_>, row: usize) -> u64 {
+        let (rows, cols) = (self.out.rows / 2, self.out.cols / 2);
+        let down = Phase::of(row, rows);
+        let mut cut = 0;
+        for (col, count) in [(0, 1), (1, 1), (2, cols - 2), (3, cols - 2), (2 * cols - 2, 1), (2 * cols - 1, 1)] {
+            let across = Phase::of(col, cols);
+            let stretch = Stretch {
+                row,
+                col,
+                col_step: 2,
+                count,
+                input_row: down.first,
+                input_col: across.first,
+                input_step: 1,
+                variant: down.filter * PHASES + across.filter,
+                kernel_rows: down.taps,
+                kernel_cols: across.taps,
+            };
+            cut += self.run::<I>(arena, &stretch);
         }
-        let added = self.add.map_or(0, |(tensor, m)| arena.value(&tensor, index) as i64 * m);
-        let v = round_shift(acc as i64 * self.multiplier as i64 + added, self.shift);
-        let (code, cut) = match self.table {
-            Some((table, zero)) => (table[(v + zero).clamp(0, 255) as usize] as i32, false),
-            None => saturate(v, out),
-        };
-        arena.store(out, index, code);
         cut
     }
-}
 
-/// Fills the ring slot of row `padded_row` (counted with the top padding) from all sources.
-fn fill_row(model: &Model<'_>, conv: &Conv, shape: &ConvShape, arena: &mut Arena<'_>, padded_row: usize) {
-    let slot = padded_row % conv.kernel_rows * shape.row_samples;
-    let Arena { tensors, scratch } = arena;
-    let dst = &mut scratch[slot..slot + shape.row_samples];
-    dst.fill([0; 2]);
-    let Some(row) = padded_row.checked_sub(conv.pad).filter(|&row| row < shape.in_rows) else { return };
-    let pad = conv.pad * shape.in_channels;
-    let dst = &mut dst[pad..pad + shape.in_cols * shape.in_channels];
-    let mut first = 0;
-    for source in conv.sources() {
-        let tensor = model.tensor(source.tensor);
-        let place = Place { first, channels: tensor.channels, step: shape.in_channels };
-        match tensor.dtype {
-            Dtype::U8 => fill_source::<u8>(tensors, &tensor, &source, row, dst, place),
-            _ => fill_source::<Le16>(tensors, &tensor, &source, row, dst, place),
+    /// Weights of one source for this panel: offset among the constants, and bytes.
+    #[inline(always)]
+    fn weights(&self, stretch: &Stretch, source: usize) -> &[u8] {
+        // Groups of one source in a kernel row of so many columns.
+        let of = |s: usize, cols: usize| self.sources[s].map_or(0, |t| groups(cols * t.channels));
+        let both = |cols: usize| of(0, cols) + of(1, cols);
+        let mut start = self.conv.weights;
+        if self.conv.fold {
+            // Groups of the filters before this one: whole rows of filters, then those of this row.
+            let (down, across) = (stretch.variant / PHASES, stretch.variant % PHASES);
+            let rows: usize = PHASE_TAPS[..down].iter().sum();
+            let row: usize = PHASE_TAPS.iter().map(|&cols| both(cols)).sum();
+            let before: usize = PHASE_TAPS[..across].iter().map(|&cols| both(cols)).sum();
+            start += 4 * panelled(self.out.channels) * (rows * row + stretch.kernel_rows * before);
         }
-        first += tensor.channels;
+        // Panels before this one hold `first` channels; the first source comes first.
+        start += 4 * self.first * stretch.kernel_rows * both(stretch.kernel_cols);
+        start += source * 4 * self.width * stretch.kernel_rows * of(0, stretch.kernel_cols);
+        let mine = 4 * self.width * stretch.kernel_rows * of(source, stretch.kernel_cols);
+        self.model.constants(start, mine)
     }
-}
 
-/// Which channels of the row a source fills.
-#[derive(Clone, Copy)]
-struct Place {
-    first: usize,
-    channels: usize,
-    step: usize,
-}
-
-fn fill_source<S: Sample>(tensors: &[u8], t: &Tensor, source: &Source, row: usize, dst: &mut [Le16], place: Place) {
-    let row_at = |r: usize| S::cast(&tensors[t.offset + r * t.row_bytes()..][..t.row_bytes()]);
-    if !source.up {
-        let pixels = row_at(row).chunks_exact(t.channels);
-        for (dst, src) in dst.chunks_exact_mut(place.step).zip(pixels) {
-            for (d, s) in dst[place.first..place.first + place.channels].iter_mut().zip(src) {
-                *d = ((s.code() - t.zero) as i16).to_le_bytes();
+    #[inline(always)]
+    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch) -> u64 {
+        let finish = Finish::new(self.model, self.conv, &self.out, (self.first, self.width), stretch.variant);
+        let weights = [self.weights(stretch, 0), self.weights(stretch, 1)];
+        let wide = self.sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
+        let mut acc = [0; ACCUMULATORS];
+        let mut cut = 0;
+        let mut done = 0;
+        while done < stretch.count {
+            let now = (stretch.count - done).min(pixels_at_once(self.width));
+            acc[..now * self.width].fill(0);
+            if wide {
+                for (source, t) in self.sources.iter().enumerate() {
+                    if let Some(t) = t.as_ref().filter(|t| t.dtype == Dtype::I16) {
+                        self.add::<I>(arena, &mut acc, stretch, (done, now), (t, 1), weights[source]);
+                    }
+                }
+                acc[..now * self.width].iter_mut().for_each(|a| *a = a.wrapping_shl(8));
             }
-        }
-        return;
-    }
-    let (near, far) = taps(row, t.rows);
-    let (near_row, far_row) = (row_at(near), row_at(far));
-    let half = if source.shift == 0 { 0 } else { 1 << (source.shift - 1) };
-    for (col, dst) in dst.chunks_exact_mut(place.step).enumerate() {
-        let (near, far) = taps(col, t.cols);
-        let (near, far) = (near * t.channels, far * t.channels);
-        let (a, b) = (&near_row[near..near + t.channels], &near_row[far..far + t.channels]);
-        let (c, d) = (&far_row[near..near + t.channels], &far_row[far..far + t.channels]);
-        let dst = &mut dst[place.first..place.first + place.channels];
-        for i in 0..t.channels.min(dst.len()) {
-            let sum = 9 * a[i].code() + 3 * (b[i].code() + c[i].code()) + d[i].code() - 16 * t.zero;
-            dst[i] = (((sum + half) >> source.shift) as i16).to_le_bytes();
-        }
-    }
-}
-
-/// Twofold bilinear enlargement with half-pixel centres: output `index` takes 3/4 of the first and 1/4 of the second input
-/// sample returned; beyond the border the border sample repeats.
-fn taps(index: usize, len: usize) -> (usize, usize) {
-    let near = index / 2;
-    let far = if index.is_multiple_of(2) { near.saturating_sub(1) } else { (near + 1).min(len - 1) };
-    (near, far)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::taps;
-
-    #[test]
-    fn bilinear_taps_are_those_of_half_pixel_centres() {
-        for len in 1..6 {
-            for index in 0..2 * len {
-                let centre = ((index as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, (len - 1) as f64);
-                let (near, far) = taps(index, len);
-                assert_eq!(0.75 * near as f64 + 0.25 * far as f64, centre, "output {index} of {len}");
+            for (source, t) in self.sources.iter().enumerate() {
+                if let Some(t) = t {
+                    self.add::<I>(arena, &mut acc, stretch, (done, now), (t, 0), weights[source]);
+                }
             }
+            let col = stretch.col + done * stretch.col_step;
+            let target = Target { row: stretch.row, col, col_step: stretch.col_step, pixels: now };
+            cut += finish.run::<I>(arena, &acc, &target);
+            done += now;
         }
+        cut
+    }
+
+    /// Adds the products of one plane of one source.
+    #[inline(always)]
+    fn add<I: Isa>(
+        &self,
+        arena: &mut Arena<'_>,
+        acc: &mut [i32; ACCUMULATORS],
+        stretch: &Stretch,
+        (done, now): (usize, usize),
+        (t, plane): (&Tensor, usize),
+        weights: &[u8],
+    ) {
+        let groups = groups(stretch.kernel_cols * t.channels);
+        let stride = stretch.input_step * t.channels;
+        let col = stretch.input_col + ((done * stretch.input_step + t.margin) as isize);
+        // Margins are at least as wide as the padding.
+        let col = col.max(0) as usize * t.channels + plane * t.plane_bytes();
+        let mut starts = [0; MAX_KERNEL];
+        for (k, start) in starts[..stretch.kernel_rows].iter_mut().enumerate() {
+            let row = stretch.input_row + k as isize;
+            let inside = row.clamp(0, t.rows as isize - 1);
+            *start = if row == inside || self.conv.fold {
+                t.row_offset(inside as usize) + col
+            } else {
+                let len = (now - 1) * stride + 4 * groups;
+                arena.bytes[arena.scratch..arena.scratch + len].fill(zero_code(t, plane));
+                arena.scratch
+            };
+        }
+        let patch = Patch { bytes: arena.bytes, starts: &starts[..stretch.kernel_rows], stride, groups };
+        I::gemm(acc, now, &patch, weights, self.width);
     }
 }

@@ -3,104 +3,151 @@
 //! With S = Σx, Q = Σx² over the C channels of a pixel (x in code steps): C·Q − S² is C² times the variance, exact in i64, and
 //! d = C·x − S is C times the distance from the mean. So y = d / √(C·Q − S² + C²ε), without any division by C.
 
-use super::saturate;
-use crate::nn::arena::Arena;
+use crate::nn::arena::{Arena, Row};
 use crate::nn::model::Model;
-use crate::nn::program::LayerNorm;
-use crate::quant::round_shift;
+use crate::nn::program::{LayerNorm, Tensor};
+use crate::quant::rsqrt::ReciprocalRoot;
 
-/// Fraction bits of the normalised value y, whose absolute value is at most √C.
-pub(crate) const FRACTION_BITS: u32 = 16;
+/// Channels held on the stack at a time, and pixels that share their gains.
+const BLOCK: usize = 64;
+const PIXELS: usize = 16;
+/// Channels in the innermost loop: a constant, for the compiler to make it vectors of any length.
+const LANES: usize = 8;
 
-/// Runs unit `row`.
+/// Runs step `row`.
+#[inline(always)]
 pub(crate) fn run(model: &Model<'_>, norm: &LayerNorm, arena: &mut Arena<'_>, row: usize) -> u64 {
     let (input, out) = (model.tensor(norm.input), model.tensor(norm.out));
-    let channels = out.channels;
-    let mut saturated = 0;
-    for col in 0..out.cols {
-        let (mut sum, mut squares) = (0i64, 0i64);
-        for place in 0..norm.merge * norm.merge {
-            // Order 00, 10, 01, 11: rows fastest, as in the reference.
-            let (r, c) = (row * norm.merge + place % norm.merge, col * norm.merge + place / norm.merge);
-            let source = (r * input.cols + c) * input.channels;
-            for channel in 0..input.channels {
-                let x = arena.value(&input, source + channel);
-                arena.scratch[place * input.channels + channel] = (x as i16).to_le_bytes();
-                sum += x as i64;
-                squares += x as i64 * x as i64;
+    let m = norm.merge;
+    let rows = [Row::of(&input, m * row), Row::of(&input, m * row + m - 1)];
+    let job = Job { model, norm, input: &input, out: &out, rows, to: Row::of(&out, row) };
+    let mut cut = 0;
+    let mut col = 0;
+    while col < out.cols {
+        let pixels = (out.cols - col).min(PIXELS);
+        cut += job.pixels(arena.bytes, col, pixels);
+        col += pixels;
+    }
+    arena.fill_margins(&out, row);
+    cut
+}
+
+struct Job<'a, 'm> {
+    model: &'a Model<'m>,
+    norm: &'a LayerNorm,
+    input: &'a Tensor,
+    out: &'a Tensor,
+    rows: [Row; 2],
+    to: Row,
+}
+
+impl Job<'_, '_> {
+    /// Channels from `first` on that lie in one input pixel and fit into a block; the rest of `x` is 0. Order 00, 10, 01, 11:
+    /// rows fastest, as in the reference.
+    #[inline(always)]
+    fn load(&self, bytes: &[u8], col: usize, first: usize, x: &mut [i32; BLOCK]) -> usize {
+        let (m, channels) = (self.norm.merge, self.input.channels);
+        let (place, channel) = (first / channels, first % channels);
+        let count = (channels - channel).min(BLOCK);
+        let from = (col * m + place / m) * channels + channel;
+        self.rows[place % m].values(bytes, from, &mut x[..count]);
+        count
+    }
+
+    /// S and 1/√(V + C²ε) of a pixel.
+    #[inline(always)]
+    fn statistics(&self, bytes: &[u8], col: usize) -> (i64, ReciprocalRoot) {
+        let (mut sums, mut squares) = ([0i32; LANES], [0i64; LANES]);
+        let mut done = 0;
+        while done < self.out.channels {
+            let mut x = [0i32; BLOCK];
+            let count = self.load(bytes, col, done, &mut x);
+            for group in 0..BLOCK / LANES {
+                if group * LANES >= count {
+                    break;
+                }
+                for k in 0..LANES {
+                    let x = x[group * LANES + k];
+                    sums[k] += x;
+                    squares[k] += x as i64 * x as i64;
+                }
+            }
+            done += count;
+        }
+        let (mut sum, mut square) = (0i64, 0i64);
+        for k in 0..LANES {
+            sum += sums[k] as i64;
+            square += squares[k];
+        }
+        let variance = self.out.channels as i64 * square - sum * sum;
+        (sum, ReciprocalRoot::of(variance + self.norm.epsilon))
+    }
+
+    #[inline(always)]
+    fn pixels(&self, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+        let (norm, channels) = (self.norm, self.out.channels);
+        let mut statistics = [(0, ReciprocalRoot::of(1)); PIXELS];
+        for (p, statistics) in statistics[..pixels].iter_mut().enumerate() {
+            *statistics = self.statistics(bytes, col + p);
+        }
+        let mut cut = 0;
+        let mut done = 0;
+        while done < channels {
+            let count = (self.input.channels - done % self.input.channels).min(BLOCK);
+            let (mut gains, mut biases) = ([0i32; BLOCK], [0i64; BLOCK]);
+            let list = self.model.constants(norm.gains + 4 * done, 4 * count).as_chunks::<4>().0;
+            for (gain, &b) in gains.iter_mut().zip(list) {
+                *gain = i32::from_le_bytes(b);
+            }
+            let list = self.model.constants(norm.biases + 8 * done, 8 * count).as_chunks::<8>().0;
+            for (bias, &b) in biases.iter_mut().zip(list) {
+                *bias = i64::from_le_bytes(b);
+            }
+            for (p, (sum, root)) in statistics[..pixels].iter().enumerate() {
+                let (mut x, mut codes) = ([0i32; BLOCK], [0i32; BLOCK]);
+                self.load(bytes, col + p, done, &mut x);
+                cut += self.scale(&x, (*sum, *root), (&gains, &biases), &mut codes, count);
+                self.to.store(bytes, (col + p) * channels + done, &codes[..count]);
+            }
+            done += count;
+        }
+        cut
+    }
+
+    #[inline(always)]
+    fn scale(
+        &self,
+        x: &[i32; BLOCK],
+        (sum, root): (i64, ReciprocalRoot),
+        (gains, biases): (&[i32; BLOCK], &[i64; BLOCK]),
+        codes: &mut [i32; BLOCK],
+        count: usize,
+    ) -> u64 {
+        let (out, shift) = (self.out, self.norm.shift & 63);
+        let half = 1i64 << (self.norm.shift.max(1) - 1);
+        let (zero, lo, hi) = (out.zero as i64, out.lo as i64, out.hi as i64);
+        let floor = if out.lo == out.zero { i64::MIN } else { lo };
+        let channels = out.channels as i32;
+        let mut cuts = [0i64; LANES];
+        // Loops over constants, without a bound to check, become vectors.
+        for group in 0..BLOCK / LANES {
+            if group * LANES >= count {
+                break;
+            }
+            for k in 0..LANES {
+                let at = group * LANES + k;
+                // All factors fit into 32 bits: |d| < 2^29, |y| < 2^16 √C.
+                let y = root.times((channels * x[at]) as i64 - sum) as i32;
+                let v = ((y as i64 * gains[at] as i64 + biases[at] + half) >> shift) + zero;
+                cuts[k] += (v > hi) as i64 + (v < floor) as i64;
+                codes[at] = v.clamp(lo, hi) as i32;
             }
         }
-        let root = Reciprocal::of_root(channels as i64 * squares - sum * sum + norm.epsilon);
-        for channel in 0..channels {
-            let x = i16::from_le_bytes(arena.scratch[channel]) as i64;
-            let y = root.times(channels as i64 * x - sum);
-            let gain = model.constant_i32(norm.gains, channel) as i64;
-            let v = round_shift(y * gain + model.constant_i64(norm.biases, channel), norm.shift);
-            let (code, cut) = saturate(v, &out);
-            arena.store(&out, (row * out.cols + col) * channels + channel, code);
-            saturated += cut as u64;
+        // Lanes beyond the last channel have gain and bias 0: they are never cut.
+        let mut cut = 0;
+        for one in cuts {
+            cut += one as u64;
         }
-    }
-    saturated
-}
-
-/// `1 / √v` as a 33-bit integer and a shift.
-#[derive(Clone, Copy)]
-struct Reciprocal {
-    value: i64,
-    shift: u32,
-}
-
-impl Reciprocal {
-    /// For `v` in `1..2^62`.
-    fn of_root(v: i64) -> Self {
-        let zeros = (v as u64).leading_zeros() & !1;
-        // In 2^31..2^32, as v << zeros has its top bit in one of the two highest places.
-        let root = integer_sqrt((v as u64) << zeros).max(1);
-        Self { value: ((1u64 << 63) / root) as i64, shift: 63 - FRACTION_BITS - zeros / 2 }
-    }
-
-    /// `d / √v` with [`FRACTION_BITS`]; `|d|` below `2^30`.
-    #[inline(always)]
-    fn times(self, d: i64) -> i64 {
-        round_shift(d * self.value, self.shift)
-    }
-}
-
-/// The largest r with r² <= v, by 32 fixed steps.
-fn integer_sqrt(v: u64) -> u64 {
-    let (mut rest, mut root, mut bit) = (v, 0u64, 1u64 << 62);
-    while bit != 0 {
-        if rest >= root + bit {
-            rest -= root + bit;
-            root = (root >> 1) + bit;
-        } else {
-            root >>= 1;
-        }
-        bit >>= 2;
-    }
-    root
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn sqrt_is_the_floor(v: u64) {
-            let r = integer_sqrt(v) as u128;
-            prop_assert!(r * r <= v as u128 && (r + 1) * (r + 1) > v as u128);
-        }
-
-        #[test]
-        fn division_by_the_root_is_close(d in -(1i64 << 29)..(1i64 << 29), bits in 0u32..62, low: u64) {
-            let v = ((1u64 << bits) | (low & ((1u64 << bits) - 1))) as i64;
-            // Only quotients that occur: |d| <= √C·√v.
-            prop_assume!((d as f64).abs() <= 90.6 * (v as f64).sqrt());
-            let exact = d as f64 / (v as f64).sqrt() * 65536.0;
-            prop_assert!((Reciprocal::of_root(v).times(d) as f64 - exact).abs() <= 0.51 + exact.abs() * 2f64.powi(-30));
-        }
+        cut
     }
 }

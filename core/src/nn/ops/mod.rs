@@ -1,16 +1,40 @@
-//! The operators, one file each. Every function does one unit of work (see [`super::Model::units`]) and returns how many
-//! results had to be cut to their tensor's largest code (or, below a zero that is not the smallest code, to the smallest).
+//! The operators, one file each. Every function does one unit of one step of work (see [`super::Model::units`]) and returns how
+//! many results had to be cut to their tensor's largest code (or, below a zero that is not the smallest code, to the smallest).
+//!
+//! All of them are inlined into one function per kernel, so that each is compiled for the kernel's instruction set.
 
 pub(crate) mod conv;
+pub(crate) mod enlarge;
+pub(crate) mod finish;
 pub(crate) mod layer_norm;
 pub(crate) mod window_attention;
 
-use super::program::Tensor;
+use super::arena::Arena;
+use super::kernels::Isa;
+use super::model::Model;
+use super::program::{Operator, Tensor};
+
+/// Runs unit `unit` of step `step`.
+#[inline(always)]
+pub(crate) fn run<I: Isa>(
+    model: &Model<'_>,
+    operator: &Operator,
+    arena: &mut Arena<'_>,
+    step: usize,
+    unit: usize,
+) -> u64 {
+    match operator {
+        Operator::Conv(op) => conv::run::<I>(model, op, arena, step, unit),
+        Operator::LayerNorm(op) => layer_norm::run(model, op, arena, step),
+        Operator::Attention(op) => window_attention::run::<I>(model, op, arena, step, unit),
+        Operator::Enlarge(op) => enlarge::run(model, op, arena, step),
+    }
+}
 
 /// `v` as a code of `tensor`, and whether it had to be cut. Cutting at the zero point is a ReLU, not a fault.
 #[inline(always)]
 pub(crate) fn saturate(v: i64, tensor: &Tensor) -> (i32, bool) {
-    let code = v.saturating_add(tensor.zero as i64);
+    let code = v + tensor.zero as i64;
     let kept = code.clamp(tensor.lo as i64, tensor.hi as i64);
     (kept as i32, kept < code || (kept > code && tensor.lo != tensor.zero))
 }

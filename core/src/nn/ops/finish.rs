@@ -1,0 +1,222 @@
+//! From a convolution's accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
+
+use crate::nn::arena::{Arena, Row, high};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
+use crate::nn::model::Model;
+use crate::nn::program::{Conv, Dtype, Tensor};
+use crate::quant::lut::CODE_TABLE_LEN;
+
+/// What the accumulators of one panel need.
+pub(crate) struct Finish<'a> {
+    pub(crate) out: &'a Tensor,
+    /// First channel, channels that exist, width of the panel.
+    pub(crate) first: usize,
+    pub(crate) channels: usize,
+    pub(crate) width: usize,
+    pub(crate) bias: [i32; PANEL],
+    pub(crate) multiplier: [i32; PANEL],
+    pub(crate) add: Option<Tensor>,
+    pub(crate) add_multiplier: [i32; PANEL],
+    pub(crate) add_shift: u32,
+    pub(crate) half: i64,
+    pub(crate) shift: u32,
+    pub(crate) table: Option<&'a [u8]>,
+    /// Code of 0 and the codes between which results are kept, before the table.
+    pub(crate) zero: i64,
+    pub(crate) lo: i64,
+    pub(crate) hi: i64,
+    /// Results outside count as cut.
+    pub(crate) floor: i64,
+    pub(crate) ceiling: i64,
+    relu: bool,
+}
+
+/// Output pixels: a row, the first column, the distance between columns.
+pub(crate) struct Target {
+    pub(crate) row: usize,
+    pub(crate) col: usize,
+    pub(crate) col_step: usize,
+    pub(crate) pixels: usize,
+}
+
+impl Target {
+    /// Place in the arena of the first sample from channel `first` on of a U8 or I16 tensor, and bytes from pixel to pixel.
+    #[inline(always)]
+    pub(crate) fn place(&self, t: &Tensor, first: usize) -> (usize, usize) {
+        (t.row_offset(self.row) + (t.margin + self.col) * t.channels + first, self.col_step * t.channels)
+    }
+}
+
+impl<'a> Finish<'a> {
+    #[inline(always)]
+    pub(super) fn new(
+        model: &Model<'a>,
+        conv: &Conv,
+        out: &'a Tensor,
+        (first, width): (usize, usize),
+        variant: usize,
+    ) -> Self {
+        let channels = (out.channels - first).min(width);
+        let list = |offset: usize, skip: usize| {
+            let mut values = [0; PANEL];
+            let bytes = model.constants(offset + 4 * (skip + first), 4 * channels).as_chunks::<4>().0;
+            for (value, &b) in values.iter_mut().zip(bytes) {
+                *value = i32::from_le_bytes(b);
+            }
+            values
+        };
+        let added = conv.add.is_some() && out.dtype != Dtype::F32;
+        let table = conv.table.map(|table| model.constants(table, CODE_TABLE_LEN));
+        let (zero, lo, hi) = match table {
+            Some(_) => (conv.table_zero as i64, 0, 255),
+            None => (out.zero as i64, out.lo as i64, out.hi as i64),
+        };
+        Self {
+            out,
+            first,
+            channels,
+            width,
+            bias: list(conv.bias, variant * out.channels),
+            multiplier: list(conv.multipliers, 0),
+            add: conv.add.map(|t| model.tensor(t)),
+            add_multiplier: if added { list(conv.add_multipliers, 0) } else { [0; PANEL] },
+            add_shift: conv.add_shift,
+            half: 1 << (conv.shift.max(1) - 1),
+            shift: conv.shift & 63,
+            table,
+            zero,
+            lo,
+            hi,
+            // Cutting at the zero point is a ReLU, and beyond a table's ends it goes on as it ends: no faults.
+            floor: if table.is_some() || out.lo == out.zero { i64::MIN } else { lo },
+            ceiling: if table.is_some() { i64::MAX } else { hi },
+            relu: conv.relu,
+        }
+    }
+
+    /// Stores the samples of `acc[pixel][channel of the panel]`; returns how many were cut.
+    #[inline(always)]
+    pub(super) fn run<I: Isa>(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) -> u64 {
+        if self.out.dtype == Dtype::F32 {
+            self.floats(arena, acc, target);
+            return 0;
+        }
+        I::finish(self, arena.bytes, acc, target)
+    }
+
+    /// The output tensor: one channel.
+    #[inline(always)]
+    fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
+        let mut added = [0i32; ACCUMULATORS];
+        let mut added_scale = 0.0;
+        if let Some(add) = &self.add {
+            added_scale = add.scale;
+            let row = Row::of(add, target.row);
+            for (p, added) in added[..target.pixels].iter_mut().enumerate() {
+                *added = row.value(arena.bytes, target.col + p * target.col_step);
+            }
+        }
+        let scale = f32::from_bits(self.multiplier[0] as u32);
+        let to = &mut arena.bytes[self.out.row_offset(target.row)..];
+        for (p, added) in added[..target.pixels].iter().enumerate() {
+            // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
+            let value = acc[p * self.width].wrapping_add(self.bias[0]) as f32 * scale + *added as f32 * added_scale;
+            let value = if self.relu && value < 0.0 { 0.0 } else { value };
+            if let Some(to) = to[4 * (target.col + p * target.col_step)..].first_chunk_mut() {
+                *to = value.to_le_bytes();
+            }
+        }
+    }
+
+    /// [`Isa::finish`] in portable Rust.
+    #[inline(always)]
+    pub(crate) fn portable(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        match self.width {
+            32 => self.codes::<32>(bytes, acc, target),
+            16 => self.codes::<16>(bytes, acc, target),
+            _ => self.codes::<8>(bytes, acc, target),
+        }
+    }
+
+    /// `W` is the panel's width, known to the compiler.
+    #[inline(always)]
+    fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // All arrays are [pixel][channel of the panel].
+        let mut codes = [0i32; ACCUMULATORS];
+        let cut = match &self.add {
+            Some(add) => {
+                let mut added = [0i32; ACCUMULATORS];
+                let row = Row::of(add, target.row);
+                for (p, added) in added.as_chunks_mut::<W>().0[..target.pixels].iter_mut().enumerate() {
+                    let index = (target.col + p * target.col_step) * self.out.channels + self.first;
+                    row.values(bytes, index, &mut added[..self.channels]);
+                }
+                self.round::<W, true>(acc, &added, &mut codes, target.pixels)
+            }
+            None => self.round::<W, false>(acc, acc, &mut codes, target.pixels),
+        };
+        if let Some(table) = self.table {
+            for code in &mut codes[..target.pixels * W] {
+                *code = table[*code as usize & 255] as i32;
+            }
+        }
+        self.store::<W>(bytes, &codes, target);
+        cut
+    }
+
+    #[inline(always)]
+    fn round<const W: usize, const ADD: bool>(
+        &self,
+        acc: &[i32; ACCUMULATORS],
+        added: &[i32; ACCUMULATORS],
+        codes: &mut [i32; ACCUMULATORS],
+        pixels: usize,
+    ) -> u64 {
+        let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
+        let mut cuts = [0i64; W];
+        for ((codes, acc), added) in codes.as_chunks_mut::<W>().0[..pixels].iter_mut().zip(acc).zip(added) {
+            for c in 0..W {
+                let mut v = acc[c].wrapping_add(self.bias[c]) as i64 * self.multiplier[c] as i64 + self.half;
+                if ADD {
+                    v += (added[c] as i64 * self.add_multiplier[c] as i64) << self.add_shift;
+                }
+                let v = (v >> self.shift) + self.zero;
+                cuts[c] += (v > self.ceiling) as i64 + (v < self.floor) as i64;
+                codes[c] = v.clamp(self.lo, self.hi) as i32;
+            }
+        }
+        let mut cut = 0;
+        for &one in &cuts[..self.channels] {
+            cut += one as u64;
+        }
+        cut
+    }
+
+    #[inline(always)]
+    fn store<const W: usize>(&self, arena: &mut [u8], codes: &[i32; ACCUMULATORS], target: &Target) {
+        let t = self.out;
+        let (start, pitch) = target.place(t, self.first);
+        let mut bytes = [0u8; ACCUMULATORS];
+        for plane in 0..t.dtype.bytes() {
+            if plane == 0 {
+                for (byte, code) in bytes.iter_mut().zip(codes) {
+                    *byte = *code as u8;
+                }
+            } else {
+                for (byte, code) in bytes.iter_mut().zip(codes) {
+                    *byte = high(*code);
+                }
+            }
+            let start = start + plane * t.plane_bytes();
+            for (p, bytes) in bytes.as_chunks::<W>().0[..target.pixels].iter().enumerate() {
+                let to = &mut arena[start + p * pitch..];
+                // Copies of a length that is known to the compiler are one or two instructions.
+                match (self.channels, to.first_chunk_mut::<W>()) {
+                    (channels, Some(to)) if channels == W => *to = *bytes,
+                    (12, _) => to[..12].copy_from_slice(&bytes[..12]),
+                    (channels, _) => to[..channels].copy_from_slice(&bytes[..channels]),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Judges the schedule by playing it through: every row is made before it is read, and read before it is overwritten.
+
+use super::error::ModelError;
+use super::format::NONE;
+use super::model::{MAX_RECORDS, Model};
+use super::program::{Operator, Tensor};
+
+/// "None" in the lists below.
+const NOBODY: u16 = u16::MAX;
+
+/// What is known of every tensor and operator while playing.
+struct Play<'a, 'm> {
+    model: &'a Model<'m>,
+    /// The operator that writes a tensor.
+    writer: [u16; MAX_RECORDS],
+    /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that touches it.
+    born: [u16; MAX_RECORDS],
+    dies: [u16; MAX_RECORDS],
+    /// The tensor that takes this one's place row by row.
+    heir: [u16; MAX_RECORDS],
+    /// The tensor whose place this one takes.
+    elder: [u16; MAX_RECORDS],
+    /// Steps of each operator that are done.
+    done: [u16; MAX_RECORDS],
+}
+
+/// Plays the schedule of a model whose operators are legal by themselves.
+pub(super) fn check(model: &Model<'_>) -> Result<(), ModelError> {
+    let all = [NOBODY; MAX_RECORDS];
+    let mut play =
+        Play { model, writer: all, born: all, dies: [0; MAX_RECORDS], heir: all, elder: all, done: [0; MAX_RECORDS] };
+    play.find_lives()?;
+    play.find_heirs()?;
+    play.find_lines()?;
+    play.run()
+}
+
+impl Play<'_, '_> {
+    fn operator(&self, index: usize) -> Result<Operator, ModelError> {
+        self.model.operator(index).ok_or(ModelError::Header)
+    }
+
+    fn find_lives(&mut self) -> Result<(), ModelError> {
+        if self.model.entry_count() >= NOBODY as usize {
+            return Err(ModelError::Header);
+        }
+        let last = self.model.entry_count() as u16;
+        for input in [self.model.image_tensor(), self.model.coarse_tensor()] {
+            if input != NONE {
+                self.born[input as usize] = 0;
+            }
+        }
+        for index in 0..self.model.operator_count() {
+            let out = self.operator(index)?.output() as usize;
+            if self.writer[out] != NOBODY || self.born[out] == 0 {
+                return Err(ModelError::Schedule { entry: 0 });
+            }
+            self.writer[out] = index as u16;
+        }
+        for number in 0..last {
+            let refuse = ModelError::Schedule { entry: number as u32 };
+            let entry = self.model.entry(number as usize).ok_or(refuse)?;
+            let operator = self.model.operator(entry.operator).ok_or(refuse)?;
+            let out = operator.output() as usize;
+            // Entries count from 1: inputs are born at 0.
+            self.born[out] = self.born[out].min(number + 1);
+            for tensor in operator.inputs().into_iter().flatten().chain([operator.output()]) {
+                self.dies[tensor as usize] = number + 1;
+            }
+        }
+        self.dies[self.model.output_tensor() as usize] = NOBODY;
+        Ok(())
+    }
+
+    /// Tensors that share bytes must live one after the other, but for an added tensor whose place the sum takes.
+    fn find_heirs(&mut self) -> Result<(), ModelError> {
+        for a in 0..self.model.tensor_count() {
+            for b in 0..a {
+                let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
+                let used = self.born[a] != NOBODY && self.born[b] != NOBODY;
+                if !used || !first.overlaps(&second) || self.dies[a] < self.born[b] || self.dies[b] < self.born[a] {
+                    continue;
+                }
+                let (old, new) = if self.born[a] <= self.born[b] { (a, b) } else { (b, a) };
+                let adds = |index: u16| {
+                    matches!(self.model.operator(index as usize), Some(Operator::Conv(c)) if c.add == Some(old as u32)
+                        && c.first != old as u32 && c.second != Some(old as u32))
+                };
+                let alike = first.coincides(&second);
+                if alike && adds(self.writer[new]) && self.heir[old] == NOBODY && self.elder[new] == NOBODY {
+                    self.heir[old] = new as u16;
+                    self.elder[new] = old as u16;
+                } else if !alike {
+                    return Err(ModelError::Tensor { tensor: new as u32 });
+                }
+                // Others that are alike must be linked through a line of heirs; `find_lines` sees to that.
+            }
+        }
+        Ok(())
+    }
+
+    /// Tensors alive together in one place are one line of heirs.
+    fn find_lines(&self) -> Result<(), ModelError> {
+        for a in 0..self.model.tensor_count() {
+            for b in 0..a {
+                let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
+                let used = self.born[a] != NOBODY && self.born[b] != NOBODY;
+                if !used || !first.overlaps(&second) || self.dies[a] < self.born[b] || self.dies[b] < self.born[a] {
+                    continue;
+                }
+                if !self.descends(a, b) && !self.descends(b, a) {
+                    return Err(ModelError::Tensor { tensor: a as u32 });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn descends(&self, from: usize, to: usize) -> bool {
+        let mut at = from;
+        for _ in 0..self.model.tensor_count() {
+            match self.heir[at] {
+                NOBODY => return false,
+                heir if heir as usize == to => return true,
+                heir => at = heir as usize,
+            }
+        }
+        false
+    }
+
+    /// Rows of a tensor that have been made.
+    fn made(&self, tensor: usize, t: &Tensor) -> usize {
+        match self.writer[tensor] {
+            NOBODY => t.rows * (self.born[tensor] == 0) as usize,
+            writer => self
+                .model
+                .operator(writer as usize)
+                .map_or(0, |op| op.rows_after(t, self.done[writer as usize] as usize).min(t.rows)),
+        }
+    }
+
+    fn run(&mut self) -> Result<(), ModelError> {
+        for number in 0..self.model.entry_count() {
+            let refuse = ModelError::Schedule { entry: number as u32 };
+            let entry = self.model.entry(number).ok_or(refuse)?;
+            let operator = self.model.operator(entry.operator).ok_or(refuse)?;
+            let out = self.model.tensor(operator.output());
+            let steps = operator.steps(&out);
+            if entry.count == 0
+                || entry.first != self.done[entry.operator] as usize
+                || entry.first + entry.count > steps
+            {
+                return Err(refuse);
+            }
+            for step in entry.first..entry.first + entry.count {
+                for (slot, tensor) in operator.inputs().into_iter().enumerate() {
+                    let Some(tensor) = tensor else { continue };
+                    let t = self.model.tensor(tensor);
+                    if !self.readable(tensor as usize, &t, operator.rows_read(&out, slot, t.rows, step)) {
+                        return Err(refuse);
+                    }
+                }
+                self.done[entry.operator] += 1;
+            }
+        }
+        let finished = (0..self.model.operator_count()).all(|index| {
+            self.model.operator(index).is_some_and(|op| {
+                self.done[index] as usize == op.steps(&self.model.tensor(op.output()))
+            })
+        });
+        if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
+    }
+
+    /// Whether rows are made, and neither overwritten by later ones of the ring nor by the heir.
+    fn readable(&self, tensor: usize, t: &Tensor, rows: core::ops::Range<usize>) -> bool {
+        let made = self.made(tensor, t);
+        let inherited = match self.heir[tensor] {
+            NOBODY => 0,
+            heir => self.made(heir as usize, &self.model.tensor(heir as u32)),
+        };
+        // The first of the line is the furthest ahead in the ring.
+        let mut ahead = made;
+        let mut at = tensor;
+        for _ in 0..self.model.tensor_count() {
+            match self.elder[at] {
+                NOBODY => break,
+                elder => at = elder as usize,
+            }
+            ahead = ahead.max(self.made(at, t));
+        }
+        rows.is_empty() || (rows.end <= made && ahead <= rows.start + t.ring && inherited <= rows.start)
+    }
+}

@@ -1,0 +1,77 @@
+//! Division by a square root in integers: what a layer norm needs, in a fixed number of multiplications.
+
+use super::round_shift;
+
+/// Fraction bits of [`ReciprocalRoot::times`].
+pub const FRACTION_BITS: u32 = 16;
+
+/// First guesses of 1/√x for x in [0.25, 1), by its seven leading bits, with 8 fraction bits.
+const GUESSES: [u16; 96] = guesses();
+
+const fn guesses() -> [u16; 96] {
+    let mut table = [0; 96];
+    let mut i = 0;
+    while i < 96 {
+        // x = (32.5 + i) / 128; 256/√x rounded down: the largest g with g² (2i + 65) <= 2^16 * 256.
+        let mut g = 256u64;
+        while (g + 1) * (g + 1) * (2 * i as u64 + 65) <= 1 << 24 {
+            g += 1;
+        }
+        table[i] = g as u16;
+        i += 1;
+    }
+    table
+}
+
+/// `1 / √v` as an integer and a shift.
+#[derive(Debug, Clone, Copy)]
+pub struct ReciprocalRoot {
+    value: i32,
+    shift: u32,
+}
+
+impl ReciprocalRoot {
+    /// For `v` in `1..2^62`; smaller values count as 1.
+    #[inline(always)]
+    pub const fn of(v: i64) -> Self {
+        let v = if v < 1 { 1u64 } else { v as u64 };
+        let zeros = v.leading_zeros() & !1;
+        // x = m / 2^32 in [0.25, 1).
+        let m = (v << zeros) >> 32;
+        // Newton's iteration y' = y (3 - x y²) / 2 doubles the correct bits: 7, 13, 26, all that 30 fraction bits can say.
+        let mut y = (GUESSES[((m >> 25) as usize).saturating_sub(32) % 96] as u64) << 22;
+        let mut i = 0;
+        while i < 3 {
+            let xyy = (m * ((y * y) >> 32)) >> 30;
+            y = (y * ((3 << 30) - xyy)) >> 31;
+            i += 1;
+        }
+        // One bit less makes it a positive i32.
+        Self { value: (y >> 1) as i32, shift: 61 - FRACTION_BITS - zeros / 2 }
+    }
+
+    /// `d / √v` with [`FRACTION_BITS`]; `|d|` below `2^30`, so that the product of two 32-bit numbers does it.
+    #[inline(always)]
+    pub const fn times(self, d: i64) -> i64 {
+        round_shift(d as i32 as i64 * self.value as i64, self.shift)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5000))]
+        #[test]
+        fn division_by_the_root_is_close(d in -(1i64 << 29)..(1i64 << 29), bits in 0u32..62, low: u64) {
+            let v = ((1u64 << bits) | (low & ((1u64 << bits) - 1))) as i64;
+            // Only quotients that occur: |d| <= √C·√v.
+            prop_assume!((d as f64).abs() <= 90.6 * (v as f64).sqrt());
+            let exact = d as f64 / (v as f64).sqrt() * 65536.0;
+            let found = ReciprocalRoot::of(v).times(d) as f64;
+            prop_assert!((found - exact).abs() <= 0.51 + exact.abs() * 2f64.powi(-26), "{found} {exact}");
+        }
+    }
+}

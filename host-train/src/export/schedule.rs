@@ -1,0 +1,113 @@
+//! The order in which rows are made: each as late as its reader allows, so that few are alive at a time.
+//!
+//! The output is made row by row; every step first asks the operators before it for the rows it reads. Only a layer norm whose
+//! input is read by other layer norms runs as soon as it can: its 8-bit output takes less memory than the 16-bit input that
+//! would have to wait for it.
+
+use elunar_core::nn::{Entry, Operator, Tensor};
+
+/// A program being played.
+pub struct Play<'a> {
+    tensors: &'a [Tensor],
+    operators: &'a [Operator],
+    writer: Vec<Option<usize>>,
+    /// Steps done of each operator.
+    done: Vec<usize>,
+}
+
+impl<'a> Play<'a> {
+    /// Before the first step.
+    pub fn new(tensors: &'a [Tensor], operators: &'a [Operator]) -> Self {
+        let mut writer = vec![None; tensors.len()];
+        operators.iter().enumerate().for_each(|(index, op)| writer[op.output() as usize] = Some(index));
+        Self { tensors, operators, writer, done: vec![0; operators.len()] }
+    }
+
+    /// Rows of a tensor that have been made.
+    pub fn made(&self, tensor: usize) -> usize {
+        let t = &self.tensors[tensor];
+        self.writer[tensor].map_or(t.rows, |w| self.operators[w].rows_after(t, self.done[w]).min(t.rows))
+    }
+
+    /// The tensors that an operator's step reads, with the rows.
+    pub fn reads(&self, operator: usize, step: usize) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
+        let op = &self.operators[operator];
+        let out = &self.tensors[op.output() as usize];
+        op.inputs().into_iter().enumerate().filter_map(move |(slot, tensor)| {
+            let tensor = tensor? as usize;
+            Some((tensor, op.rows_read(out, slot, self.tensors[tensor].rows, step)))
+        })
+    }
+
+    /// Counts a step as done.
+    pub fn advance(&mut self, operator: usize) {
+        self.done[operator] += 1;
+    }
+
+    fn steps(&self, operator: usize) -> usize {
+        let op = &self.operators[operator];
+        op.steps(&self.tensors[op.output() as usize])
+    }
+}
+
+/// The schedule of a program whose last operator makes the output.
+pub fn schedule(tensors: &[Tensor], operators: &[Operator]) -> Vec<Entry> {
+    let mut scheduler = Scheduler { play: Play::new(tensors, operators), entries: Vec::new(), eager: eager(operators) };
+    // The last operator first; what nobody asked for at the end.
+    for operator in (0..operators.len()).rev() {
+        while scheduler.play.done[operator] < scheduler.play.steps(operator) {
+            scheduler.run(operator);
+        }
+    }
+    scheduler.entries
+}
+
+/// Operators that run as soon as they can.
+fn eager(operators: &[Operator]) -> Vec<bool> {
+    let norm = |op: &Operator| matches!(op, Operator::LayerNorm(_));
+    let eager = |op: &Operator| {
+        let Operator::LayerNorm(n) = op else { return false };
+        n.merge == 1 && operators.iter().filter(|o| o.inputs().contains(&Some(n.input))).all(norm)
+    };
+    operators.iter().map(eager).collect()
+}
+
+struct Scheduler<'a> {
+    play: Play<'a>,
+    entries: Vec<Entry>,
+    eager: Vec<bool>,
+}
+
+impl Scheduler<'_> {
+    /// Runs the next step of an operator, and before it whatever it needs.
+    fn run(&mut self, operator: usize) {
+        let step = self.play.done[operator];
+        let reads: Vec<_> = self.play.reads(operator, step).collect();
+        for (tensor, rows) in reads {
+            while self.play.made(tensor) < rows.end {
+                let Some(writer) = self.play.writer[tensor] else { break };
+                self.run(writer);
+            }
+        }
+        if self.play.done[operator] > step {
+            return; // An eager operator that ran as soon as its input was there.
+        }
+        match self.entries.last_mut() {
+            Some(last) if last.operator == operator => last.count += 1,
+            _ => self.entries.push(Entry { operator, first: step, count: 1 }),
+        }
+        self.play.advance(operator);
+        let made = self.play.operators[operator].output();
+        for next in 0..self.play.operators.len() {
+            while self.eager[next] && self.play.operators[next].inputs()[0] == Some(made) && self.ready(next) {
+                self.run(next);
+            }
+        }
+    }
+
+    fn ready(&self, operator: usize) -> bool {
+        let step = self.play.done[operator];
+        step < self.play.steps(operator)
+            && self.play.reads(operator, step).all(|(tensor, rows)| rows.end <= self.play.made(tensor))
+    }
+}
