@@ -4,7 +4,7 @@
 #   ./run.sh                     every board (a board is a folder with a board.sh)
 #   ./run.sh an547 leon3         these
 #   ./run.sh --record [BOARD..]  and write their instruction counts into instructions.csv
-#   ./run.sh --operators BOARD   and print what each operator costs
+#   ./run.sh --operators BOARD   print what each operator costs (as CSV; steps by single units, which costs some instructions)
 #   ./run.sh --model M.eld ...   another model file; its counts are not compared
 #
 # A board passes if the model opens, every kernel's output is byte for byte the exporter's, and no count in instructions.csv
@@ -20,11 +20,11 @@ export QEMU_AUDIO_DRV=none
 
 fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
 
-model="$root/host-train/models/nano.eld" compared=yes record=no operators=no boards=()
+model="$root/host-train/models/nano.eld" compared=yes record=no operators=no features=() boards=()
 while [ $# -gt 0 ]; do
     case "$1" in
     --record) record=yes ;;
-    --operators) operators=yes ;;
+    --operators) operators=yes compared=no features=(--features per_operator) ;;
     --model) [ $# -gt 1 ] || fail "--model: expected a file"; shift; model="$1" compared=no ;;
     -*) fail "expected --record, --operators, --model FILE or boards, found '$1'" ;;
     *) boards+=("$1") ;;
@@ -34,7 +34,7 @@ done
 [ ${#boards[@]} -gt 0 ] || for one in "$here"/*/board.sh; do boards+=("$(basename "$(dirname "$one")")"); done
 for one in "${boards[@]}"; do [ -f "$here/$one/board.sh" ] || fail "expected a board with a folder in $here, found '$one'"; done
 [ -f "$model" ] || fail "$model: expected a model file, found none"
-[ "$record$compared" != yesno ] || fail "--record: expected the default model, found $model"
+[ "$record$compared" != yesno ] || fail "--record: expected the default model and whole tiles, found --model or --operators"
 "$here/setup.sh" --check >&2 || fail "expected the cross toolchain and QEMU: run $here/setup.sh"
 
 llvm="$(/usr/bin/rustc -vV | sed -n 's/^LLVM version: \([0-9]*\).*/\1/p')"
@@ -56,7 +56,7 @@ compile() {
     [ ${#linker[@]} -gt 0 ] || linker=(-C "linker=ld.lld-$llvm" -C linker-flavor=ld.lld)
     ELUNAR_BOARD="$board" RUSTFLAGS="${linker[*]} ${flags[*]}" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 \
         /usr/bin/cargo build --quiet --locked -Zbuild-std=core --manifest-path "$here/../Cargo.toml" --package elunar-demo \
-        --profile board --target "$target" --target-dir "$build/$board"
+        --profile board "${features[@]}" --target "$target" --target-dir "$build/$board"
     elf="$build/$board/$target/board/elunar-demo"
 }
 
@@ -70,19 +70,30 @@ run() {
         -device "loader,file=$model,addr=$(address __model_start),force-raw=on" </dev/null >"$work/$board.log" 2>&1
 }
 
-# Joins what the demo says it did with what the counter counted: rows of the table, or one line per operator.
+# Joins what the demo says it did with what the counter counted, in rows of the table: a count per kernel.
 evaluate() {
-    awk -v board="$board" -v operators="$1" '
+    awk -v board="$board" '
         FNR == NR { count[NR] = $1; counts = NR; next }
         { sub(/\r$/, "") }
-        $1 == "model" { tile = $7; sub(",", "", tile); all = $8 }
-        $1 == "run" { kernel = $2; total = 0 }
-        $1 == "at" {
-            total += count[++n]
-            if (operators) printf("%s,%s,%d,%.0f,%.0f,%.3f\n", board, kernel, $2, $3, count[n], ($3 > 0 ? count[n] / $3 : 0))
-        }
-        $1 == "ran" && !operators { printf "%s,%s,%s,%.0f,%.0f,%.3f\n", board, kernel, tile, all, total, total / all }
+        $1 == "model" { tile = $7; sub(",", "", tile); macs = $8 }
+        $1 == "ran" { sub(":", "", $2); n++; printf("%s,%s,%s,%.0f,%.0f,%.3f\n", board, $2, tile, macs, count[n], count[n] / macs) }
         END { if (n != counts || !n) exit 1 }' "$work/$board.counts" "$work/$board.log"
+}
+
+# The same of a run by entries of the schedule: a count per kernel and operator.
+evaluate_operators() {
+    echo "board,kernel,operator,macs,instructions,instructions_per_mac"
+    awk -v board="$board" '
+        function flush_kernel(    i) {
+            for (i = 0; i <= last; i++)
+                printf("%s,%s,%d,%.0f,%.0f,%.3f\n", board, kernel, i, macs[i], sum[i], (macs[i] > 0 ? sum[i] / macs[i] : 0))
+            split("", macs); split("", sum); last = -1
+        }
+        BEGIN { last = -1 }
+        FNR == NR { count[NR] = $1; next }
+        $1 == "run" { flush_kernel(); kernel = $2 }
+        $1 == "at" { macs[$2] += $3; sum[$2] += count[++n]; if ($2 > last) last = $2 }
+        END { flush_kernel() }' "$work/$board.counts" "$work/$board.log"
 }
 
 # Compares $work/BOARD.rows with the committed table; prints what is wrong.
@@ -106,7 +117,8 @@ try() {
     if [ "$status" = 124 ]; then reason="not done after ${LIMIT_S:-300} s"
     elif [ "$(tr -d '\r' <"$work/$board.log" | grep -xE 'PASS|FAIL' | tail -1)" != PASS ]; then reason="no PASS at the end of its output"
     elif [ "$exit_status" = yes ] && [ "$status" != 0 ]; then reason="exit status $status"
-    elif ! evaluate "" >"$work/$board.rows"; then reason="the counter saw other marks than the demo passed"
+    elif [ "$operators" = yes ]; then evaluate_operators >"$work/$board.rows"
+    elif ! evaluate >"$work/$board.rows"; then reason="the counter saw other marks than the demo passed"
     elif [ "$compared" = yes ] && [ "$record" = no ]; then
         reason="$(compare)"
         [ -z "$reason" ] || reason+=" (if that is meant: ./run.sh --record $board)"
@@ -122,13 +134,14 @@ conclude() {
         printf 'FAIL %s: %s\n' "$board" "$1"
         return
     fi
-    figures="$(awk -F, '{ printf("%s%s %s instructions (%s per MAC)", (NR > 1 ? ", " : ""), $2, $5, $6) }' "$work/$board.rows")"
     touch "$work/$board.passed"
-    printf 'PASS %s: tile %s, %s\n' "$board" "$(cut -d, -f3 "$work/$board.rows" | head -1)" "$figures"
     if [ "$operators" = yes ]; then
-        echo "board,kernel,operator,macs,instructions,instructions_per_mac"
-        evaluate 1
+        echo "PASS $board"
+        cat "$work/$board.rows"
+        return
     fi
+    figures="$(awk -F, '{ printf("%s%s %s instructions (%s per MAC)", (NR > 1 ? ", " : ""), $2, $5, $6) }' "$work/$board.rows")"
+    printf 'PASS %s: tile %s, %s\n' "$board" "$(cut -d, -f3 "$work/$board.rows" | head -1)" "$figures"
 }
 
 counter
@@ -149,5 +162,5 @@ if [ "$record" = yes ]; then
     } >"$work/table"
     cp "$work/table" "$table"
 fi
-[ "$compared" = yes ] || echo "SKIPPED: comparing instruction counts: another model than $root/host-train/models/nano.eld"
+[ "$compared" = yes ] || echo "SKIPPED: comparing instruction counts: not the shipped model, or not a whole tile"
 for one in "${boards[@]}"; do [ -e "$work/$one.passed" ] || exit 1; done

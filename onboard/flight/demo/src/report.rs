@@ -5,12 +5,11 @@ use core::fmt::Write;
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, ModelError, Progress, RunError, Runner, required};
 
-/// Multiply-accumulates per step: small beside an operator, so that each one's instructions can be told apart, and large
-/// beside the cost of a call.
-const STEP_MACS: u64 = 1 << 16;
+/// Multiply-accumulates per step: large beside the cost of a call; or one, so that a step never reaches into the next operator.
+const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };
 
 /// Opens the model at the start of `memory` (which may be longer than the file), runs its self test with the fastest kernel
-/// and, if that is another one, with the specification; prints a line per operator, per run, and PASS or FAIL.
+/// and, if that is another one, with the specification; prints a line per run, and PASS or FAIL.
 pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> bool {
     let passed = match open(memory) {
         Ok(model) => both(model, arena, console),
@@ -60,26 +59,40 @@ fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Wr
     }
 }
 
-/// Runs and judges the self test; returns the output's CRC. Prints where the program stands whenever it moves on, outside of
-/// what is counted.
+/// Runs and judges the self test; returns the output's CRC.
 fn tile(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> Result<u32, RunError> {
     let mut runner = Runner::with_kernel(kernel, model, arena)?;
     runner.begin_self_test();
-    let (mut at, mut macs) = (runner.position(), 0);
-    elunar_count_start();
-    loop {
-        let progress = runner.step(STEP_MACS)?;
-        if runner.position() != at {
-            elunar_count_stop();
-            let done = runner.telemetry().macs;
-            let _ = writeln!(console, "at {} {}", at.unwrap_or_default(), done - macs);
-            (at, macs) = (runner.position(), done);
-            if progress == Progress::Done {
-                break;
-            }
-            elunar_count_start();
-        }
+    if cfg!(feature = "per_operator") {
+        work_by_entries(&mut runner, console)?;
+    } else {
+        elunar_count_start();
+        while runner.step(STEP_MACS)? == Progress::Running {}
+        elunar_count_stop();
     }
     runner.check_self_test()?;
     runner.output_crc()
+}
+
+/// Prints the operator and the multiply-accumulates of every entry of the schedule, outside of what is counted.
+fn work_by_entries(runner: &mut Runner<'_, '_>, console: &mut impl Write) -> Result<(), RunError> {
+    let mut macs = 0;
+    loop {
+        let at = runner.position();
+        elunar_count_start();
+        let progress = loop {
+            let progress = runner.step(STEP_MACS)?;
+            if runner.position() != at || progress == Progress::Done {
+                break progress;
+            }
+        };
+        elunar_count_stop();
+        let operator = at.and_then(|index| runner.model().entry(index)).map_or(0, |entry| entry.operator);
+        let done = runner.telemetry().macs;
+        let _ = writeln!(console, "at {operator} {}", done - macs);
+        if progress == Progress::Done {
+            return Ok(());
+        }
+        macs = done;
+    }
 }
