@@ -83,7 +83,8 @@ impl Scheduler<'_> {
     fn run(&mut self, operator: usize) {
         let step = self.play.done[operator];
         let reads: Vec<_> = self.play.reads(operator, step).collect();
-        for (tensor, rows) in reads {
+        // Skip connections come first in the list; what they wait for last.
+        for (tensor, rows) in reads.into_iter().rev() {
             while self.play.made(tensor) < rows.end {
                 let Some(writer) = self.play.writer[tensor] else { break };
                 self.run(writer);
