@@ -19,6 +19,8 @@
 
 #[cfg(target_arch = "x86_64")]
 mod instantiate;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
 mod scalar;
 mod select;
 #[cfg(target_arch = "x86_64")]

@@ -13,8 +13,17 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 3] {
     ]
 }
 
+/// The kernels at hand, fastest first: what the binary is compiled for.
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
+    [Some(super::neon::KERNEL), Some(Kernel::SCALAR)]
+}
+
 /// The kernels at hand, fastest first.
-#[cfg(not(target_arch = "x86_64"))]
+#[cfg(not(any(
+    target_arch = "x86_64",
+    all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")
+)))]
 pub(super) fn fastest_first() -> [Option<Kernel>; 1] {
     [Some(Kernel::SCALAR)]
 }
