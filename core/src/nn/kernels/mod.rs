@@ -17,6 +17,8 @@
 //! Everything else a unit of work does (rounding, layer norm, softmax) is plain Rust, compiled once per instruction set by
 //! `instantiate!`, which the compiler turns into vector instructions.
 
+#[cfg(arm_dsp)]
+mod dsp;
 #[cfg(target_arch = "x86_64")]
 mod instantiate;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]

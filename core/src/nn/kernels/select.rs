@@ -14,18 +14,15 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 3] {
 }
 
 /// The kernels at hand, fastest first: what the binary is compiled for.
-#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+#[cfg(not(target_arch = "x86_64"))]
 pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
-    [Some(super::neon::KERNEL), Some(Kernel::SCALAR)]
-}
-
-/// The kernels at hand, fastest first.
-#[cfg(not(any(
-    target_arch = "x86_64",
-    all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")
-)))]
-pub(super) fn fastest_first() -> [Option<Kernel>; 1] {
-    [Some(Kernel::SCALAR)]
+    #[allow(unused_variables)]
+    let fastest: Option<Kernel> = None;
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+    let fastest = Some(super::neon::KERNEL);
+    #[cfg(arm_dsp)]
+    let fastest = Some(super::dsp::KERNEL);
+    [fastest, Some(Kernel::SCALAR)]
 }
 
 /// What the processor offers and the operating system saves on a task switch.
