@@ -19,6 +19,8 @@
 
 #[cfg(arm_dsp)]
 mod dsp;
+#[cfg(arm_mve)]
+mod helium;
 #[cfg(target_arch = "x86_64")]
 mod instantiate;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]

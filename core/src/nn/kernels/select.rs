@@ -22,6 +22,8 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
     let fastest = Some(super::neon::KERNEL);
     #[cfg(arm_dsp)]
     let fastest = Some(super::dsp::KERNEL);
+    #[cfg(arm_mve)]
+    let fastest = Some(super::helium::KERNEL);
     [fastest, Some(Kernel::SCALAR)]
 }
 
