@@ -172,17 +172,45 @@ impl<'a> Finish<'a> {
         codes: &mut [i32; ACCUMULATORS],
         pixels: usize,
     ) -> u64 {
+        if self.shift >= 32 {
+            self.round_by::<W, ADD, true>(acc, added, codes, pixels)
+        } else {
+            self.round_by::<W, ADD, false>(acc, added, codes, pixels)
+        }
+    }
+
+    /// With `HIGH` the shift is 32 or more, as in almost every model: then the upper half of the product is enough, and everything
+    /// after it has 32 bits.
+    #[inline(always)]
+    fn round_by<const W: usize, const ADD: bool, const HIGH: bool>(
+        &self,
+        acc: &[i32; ACCUMULATORS],
+        added: &[i32; ACCUMULATORS],
+        codes: &mut [i32; ACCUMULATORS],
+        pixels: usize,
+    ) -> u64 {
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
-        let mut cuts = [0i64; W];
+        let low_shift = self.shift & 31;
+        // Limits beyond i32 become its ends, which nothing exceeds.
+        let narrow = |limit: i64| limit.clamp(i32::MIN as i64, i32::MAX as i64) as i32;
+        let (zero, lo, hi) = (narrow(self.zero), narrow(self.lo), narrow(self.hi));
+        let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
+        let mut cuts = [0i32; W];
         for ((codes, acc), added) in codes.as_chunks_mut::<W>().0[..pixels].iter_mut().zip(acc).zip(added) {
             for c in 0..W {
                 let mut v = acc[c].wrapping_add(self.bias[c]) as i64 * self.multiplier[c] as i64 + self.half;
                 if ADD {
-                    v += (added[c] as i64 * self.add_multiplier[c] as i64) << self.add_shift;
+                    // An i16 by up to 15 bits: no more than an i32.
+                    v += (added[c] << (self.add_shift & 31)) as i64 * self.add_multiplier[c] as i64;
                 }
-                let v = (v >> self.shift) + self.zero;
-                cuts[c] += (v > self.ceiling) as i64 + (v < self.floor) as i64;
-                codes[c] = v.clamp(self.lo, self.hi) as i32;
+                let v = if HIGH {
+                    // Sums stay below 2^62, their upper halves below 2^30.
+                    ((v >> 32) as i32 >> low_shift) + zero
+                } else {
+                    narrow((v >> low_shift) + self.zero)
+                };
+                cuts[c] += (v > ceiling) as i32 + (v < floor) as i32;
+                codes[c] = v.clamp(lo, hi);
             }
         }
         let mut cut = 0;
