@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 use super::{Accumulators, Isa, Kernel, Patch};
+use crate::nn::ops::finish::{Finish, Target};
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
@@ -23,6 +24,11 @@ impl Isa for Dsp {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        finish.by_channels(bytes, acc, target)
     }
 }
 

@@ -14,6 +14,7 @@
 #![allow(unsafe_code)]
 
 use super::{Accumulators, Isa, Kernel, Patch, scalar::Scalar};
+use crate::nn::ops::finish::{Finish, Target};
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
@@ -27,6 +28,11 @@ impl Isa for Helium {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        finish.by_channels(bytes, acc, target)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The specification of the matrix product, in registers' worth of portable Rust.
 
 use super::{Accumulators, Isa, Patch};
+use crate::nn::ops::finish::{Finish, Target};
 
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
 pub(super) const NAME: &str = match (PIXELS, CHANNELS) {
@@ -20,6 +21,16 @@ impl Isa for Scalar {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // The compiler knows the vectors of these two.
+        if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
+            finish.portable(bytes, acc, target)
+        } else {
+            finish.by_channels(bytes, acc, target)
+        }
     }
 }
 

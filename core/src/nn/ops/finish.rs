@@ -1,6 +1,6 @@
 //! From a convolution's accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
 
-use crate::nn::arena::{Arena, Row, high};
+use crate::nn::arena::{Arena, Row, high, join};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
 use crate::nn::model::Model;
 use crate::nn::program::{Conv, Dtype, Tensor};
@@ -136,6 +136,68 @@ impl<'a> Finish<'a> {
             16 => self.codes::<16>(bytes, acc, target),
             _ => self.codes::<8>(bytes, acc, target),
         }
+    }
+
+    /// The same for processors without vectors: channel by channel, whose numbers stay in registers, straight to the arena.
+    #[inline(always)]
+    pub(crate) fn by_channels(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        if self.shift < 32 {
+            return self.portable(bytes, acc, target);
+        }
+        let added = self.add.as_ref().map(|t| t.dtype);
+        match (added, self.out.dtype == Dtype::I16) {
+            (None, false) => self.channels::<0, false>(bytes, acc, target),
+            (None, true) => self.channels::<0, true>(bytes, acc, target),
+            (Some(Dtype::U8), false) => self.channels::<1, false>(bytes, acc, target),
+            (Some(Dtype::U8), true) => self.channels::<1, true>(bytes, acc, target),
+            (_, false) => self.channels::<2, false>(bytes, acc, target),
+            (_, true) => self.channels::<2, true>(bytes, acc, target),
+        }
+    }
+
+    /// `ADD`: bytes of the added map's samples. `WIDE`: the output has two planes. The shift is 32 or more, see
+    /// [`Self::round_by`].
+    #[inline(always)]
+    fn channels<const ADD: usize, const WIDE: bool>(
+        &self,
+        bytes: &mut [u8],
+        acc: &Accumulators,
+        target: &Target,
+    ) -> u64 {
+        let table: Option<&[u8; CODE_TABLE_LEN]> = self.table.and_then(|table| table.first_chunk());
+        let (start, pitch) = target.place(self.out, self.first);
+        let plane = self.out.plane_bytes();
+        let (from, add_pitch) = self.add.as_ref().map_or((0, 0), |t| target.place(t, self.first));
+        let (add_plane, add_zero) = self.add.as_ref().map_or((0, 0), |t| (t.plane_bytes(), t.zero));
+        let (zero, lo, hi) = (self.zero as i32, self.lo as i32, self.hi as i32);
+        let mut cut = 0;
+        for c in 0..self.channels.min(PANEL) {
+            let (bias, multiplier, add_multiplier) = (self.bias[c], self.multiplier[c], self.add_multiplier[c]);
+            let (mut to, mut from) = (start + c, from + c);
+            for acc in acc.chunks_exact(self.width).take(target.pixels) {
+                let mut v = acc[c].wrapping_add(bias) as i64 * multiplier as i64 + self.half;
+                if ADD > 0 {
+                    let low = bytes[from];
+                    let added = if ADD == 1 { low as i32 - add_zero } else { join(low, bytes[from + add_plane]) };
+                    v += (added << (self.add_shift & 31)) as i64 * add_multiplier as i64;
+                    from += add_pitch;
+                }
+                let v = ((v >> 32) as i32 >> (self.shift & 31)) + zero;
+                let mut code = v.clamp(lo, hi);
+                if code != v {
+                    cut += (v as i64 > self.ceiling || (v as i64) < self.floor) as u64;
+                }
+                if let Some(table) = table {
+                    code = table[code as usize & 255] as i32;
+                }
+                bytes[to] = code as u8;
+                if WIDE {
+                    bytes[to + plane] = high(code);
+                }
+                to += pitch;
+            }
+        }
+        cut
     }
 
     /// `W` is the panel's width, known to the compiler.
