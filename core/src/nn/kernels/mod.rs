@@ -25,6 +25,8 @@ mod helium;
 mod instantiate;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 mod neon;
+#[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+mod neon_dot;
 mod scalar;
 mod select;
 #[cfg(target_arch = "x86_64")]

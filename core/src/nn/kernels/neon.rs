@@ -74,7 +74,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
 /// # Safety
 /// `weights` holds the patch's groups of `width` channels.
 #[inline(always)]
-unsafe fn excess(patch: &Patch<'_>, weights: &[u8], width: usize) -> [i32; PANEL] {
+pub(super) unsafe fn excess(patch: &Patch<'_>, weights: &[u8], width: usize) -> [i32; PANEL] {
     /// Sums of two weights that surely fit into an i16: 2 * 127 * 128 < 2^15.
     const AT_ONCE: usize = 128;
     let mut sums = [0; PANEL];

@@ -20,6 +20,8 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
     let fastest: Option<Kernel> = None;
     #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
     let fastest = Some(super::neon::KERNEL);
+    #[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+    let fastest = Some(super::neon_dot::KERNEL);
     #[cfg(arm_dsp)]
     let fastest = Some(super::dsp::KERNEL);
     #[cfg(arm_mve)]
