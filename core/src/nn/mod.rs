@@ -42,3 +42,6 @@ pub use runner::{Progress, Runner, Telemetry, required};
 pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;
 /// Fraction bits of the attention-weighted mean of v.
 pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;
+
+#[cfg(test)]
+mod tests;

@@ -201,4 +201,4 @@ impl core::fmt::Debug for Kernel {
 }
 
 #[cfg(test)]
-mod tests {}
+mod tests;

@@ -23,7 +23,7 @@ struct Agreement {
 fn rows_now(runner: &Runner<'_, '_>, tensor: u32, rows: Range<usize>, codes: &mut Vec<f64>) {
     let (t, bytes) = (runner.model().tensor(tensor), runner.tensor_bytes(tensor));
     for row in rows {
-        let start = row % t.ring * t.row_bytes();
+        let start = row % t.ring * t.pitch;
         let row = &bytes[start..start + t.row_bytes()];
         let (first, samples) = (t.margin * t.channels, t.cols * t.channels);
         match t.dtype {
