@@ -8,13 +8,13 @@ pub mod build;
 pub mod calibrate;
 pub mod compile;
 pub mod float;
-pub mod graph;
 mod fold;
+pub mod graph;
 mod pack;
 pub mod plan;
-pub mod schedule;
 pub mod quantise;
 pub mod report;
+pub mod schedule;
 pub mod write;
 
 pub use calibrate::CalibrationTile;
