@@ -7,6 +7,10 @@ use super::unit::{Expected, Map, check, random_map};
 use crate::nn::{Attention, Dtype, Operator, Tensor};
 use proptest::prelude::*;
 
+/// Entries of the tables of the exponential.
+const COARSE: usize = 64;
+const FINE: usize = 32;
+
 /// A random attention, its constants as everyone understands them.
 struct Case {
     draft: Draft,
@@ -18,6 +22,7 @@ struct Case {
     logit_multipliers: Vec<i64>,
     /// `[heads][(2w-1)²]`.
     position_bias: Vec<i64>,
+    /// The coarse table, then the fine one.
     exp: Vec<i64>,
     multipliers: Vec<i64>,
 }
@@ -43,9 +48,13 @@ impl Case {
         let out_t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..map(dtype, size, heads * head) };
         let out = draft.place(out_t);
         let side = 2 * window - 1;
-        let exp_len = r.size(1, 600);
-        let mut exp = r.list(exp_len, 0, 32767);
-        exp[0] = r.within(1 << 14, 32767);
+        // Tables of anything that is legal: falling like an exponential, or not at all.
+        let mut exp = r.list(COARSE + FINE, 0, 32767);
+        if r.one_in(2) {
+            let fall = |i: usize, step: f64| (32767.0 * libm::exp(-(i as f64) * step / 256.0)) as i64;
+            exp = (0..COARSE).map(|i| fall(i, 32.0)).chain((0..FINE).map(|i| fall(i, 1.0))).collect();
+        }
+        (exp[0], exp[COARSE]) = (r.within(1 << 14, 32767), r.within(1 << 14, 32767));
         let pad = r.list(3 * heads * head, -127, 127);
         let (logit_multipliers, multipliers) = (r.list(heads, -(1 << 30), 1 << 30), r.list(heads, -(1 << 30), 1 << 30));
         let position_bias = r.list(heads * side * side, -300, 300);
@@ -61,7 +70,6 @@ impl Case {
             logit_shift: r.size(24, 44) as u32,
             position_bias: draft.constant(position_bias.iter().flat_map(|b| (*b as i16).to_le_bytes())),
             exp_table: draft.constant(exp.iter().flat_map(|e| (*e as i16).to_le_bytes())),
-            exp_len,
             multipliers: draft.words(multipliers.iter().map(|m| *m as i32)),
             shift: r.size(36, 50) as u32,
         };
@@ -107,6 +115,13 @@ impl Case {
         Expected { map, cut: Some(cut) }
     }
 
+    fn exponential(&self, distance: usize) -> i64 {
+        if distance >= COARSE * FINE {
+            return 0;
+        }
+        rounded(self.exp[distance / FINE] * self.exp[COARSE + distance % FINE], 15)
+    }
+
     fn attend(&self, at: (usize, usize), pixel: usize, region: (usize, usize), head: usize, cut: &mut u64) -> Map {
         let (w, channels) = (self.a.window, self.out.channels);
         let size = channels / self.a.heads;
@@ -122,17 +137,16 @@ impl Case {
                 .map(|k| self.value(Some(pixel), k) * self.value(key, channels + k))
                 .sum();
             let logit = rounded(product * self.logit_multipliers[head], self.a.logit_shift).clamp(-(1 << 24), 1 << 24);
-            let relative = (at.0 + w - 1 - r) * side + at.1 + w - 1 - c;
+            let relative = (r + w - 1 - at.0) * side + c + w - 1 - at.1;
             keys.push((logit + self.position_bias[head * side * side + relative], key));
         }
         let largest = keys.iter().map(|k| k.0).max().unwrap();
-        let exps: Vec<i64> =
-            keys.iter().map(|(logit, _)| self.exp.get((largest - logit) as usize).copied().unwrap_or(0)).collect();
-        let reciprocal = (1i64 << 46) / exps.iter().sum::<i64>();
+        let exps: Vec<i64> = keys.iter().map(|(logit, _)| self.exponential((largest - logit) as usize)).collect();
+        let reciprocal = (1i64 << 43) / exps.iter().sum::<i64>();
         let mean = |k: usize| {
             let channel = 2 * channels + head * size + k;
             let weighted: i64 = exps.iter().zip(&keys).map(|(e, (_, key))| e * self.value(*key, channel)).sum();
-            rounded(weighted * reciprocal, 30)
+            rounded(weighted * reciprocal, 27)
         };
         let mut codes = Vec::new();
         for k in 0..size {

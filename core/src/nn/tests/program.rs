@@ -83,7 +83,6 @@ fn any_operator(r: &mut Random) -> Operator {
             logit_shift: y,
             position_bias: sizes[6],
             exp_table: sizes[7],
-            exp_len: sizes[8],
             multipliers: word(r) as usize,
             shift: z,
         }),

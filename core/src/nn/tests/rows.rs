@@ -38,7 +38,6 @@ fn attention(window: usize, shift_rows: usize) -> Attention {
         logit_shift: 0,
         position_bias: 0,
         exp_table: 0,
-        exp_len: 0,
         multipliers: 0,
         shift: 0,
     }
