@@ -29,6 +29,7 @@ mod x86_avx512;
 use super::arena::Arena;
 use super::model::Model;
 use super::ops::finish::{Finish, Target};
+use super::ops::layer_norm;
 use super::ops::window_attention::Softmax;
 use super::program::Operator;
 
@@ -126,6 +127,13 @@ pub(crate) trait Isa {
     #[inline(always)]
     fn softmax(softmax: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
         softmax.portable(low, high)
+    }
+
+    /// Normalises up to [`layer_norm::PIXELS`] pixels from column `col` on; returns how many codes were cut. As
+    /// [`layer_norm::Job::portable`].
+    #[inline(always)]
+    fn layer_norm(job: &layer_norm::Job<'_, '_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+        job.portable(bytes, col, pixels)
     }
 }
 

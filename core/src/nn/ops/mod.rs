@@ -25,7 +25,7 @@ pub(crate) fn run<I: Isa>(
 ) -> u64 {
     match operator {
         Operator::Conv(op) => conv::run::<I>(model, op, arena, step, unit),
-        Operator::LayerNorm(op) => layer_norm::run(model, op, arena, step),
+        Operator::LayerNorm(op) => layer_norm::run::<I>(model, op, arena, step),
         Operator::Attention(op) => window_attention::run::<I>(model, op, arena, step, unit),
         Operator::Enlarge(op) => enlarge::run(model, op, arena, step),
     }

@@ -1,0 +1,211 @@
+//! AVX-512 VNNI: `vpdpbusd` multiplies four u8 by four i8 and adds them to an i32, in 16 lanes, without saturation.
+//!
+//! ```text
+//! sums of P pixels x 1 or 2 vectors stay in registers (10 x 2 or 20 x 1)
+//! for every row r of the patch and every group g:
+//!     w = the panel's weights of this group          one or two vectors of 16 channels x 4 bytes
+//!     for every pixel p:
+//!         x = four codes of the pixel, in all lanes  a broadcast load
+//!         sum[p] = vpdpbusd(sum[p], x, w)
+//! ```
+//! A panel of 8 channels uses half vectors (AVX-512VL), of which this hardware does two at a time.
+#![allow(unsafe_code)]
+
+mod finish;
+mod layer_norm;
+mod softmax;
+
+use super::{Accumulators, Isa, Patch};
+use crate::nn::ops::finish::{Finish, Target};
+use crate::nn::ops::layer_norm::Job;
+use crate::nn::ops::window_attention::Softmax;
+use core::arch::x86_64::*;
+
+const NAME: &str = "avx512vnni-u8i8-10x32";
+
+/// AVX-512 F, BW, DQ, VL, VNNI.
+struct Avx512;
+
+super::instantiate::instantiate!(Avx512, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
+
+impl Isa for Avx512 {
+    #[inline(always)]
+    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        if !patch.fits(pixels, weights, width) {
+            return;
+        }
+        let (mut first, at) = (0, acc.as_mut_ptr());
+        // SAFETY: the processor has the instructions (see `KERNEL`), and `fits` has bounded every read and write.
+        unsafe {
+            while first < pixels {
+                let left = pixels - first;
+                first += match width {
+                    32 => wide(at.add(32 * first), first, left, patch, weights),
+                    16 => single::<false>(at.add(16 * first), first, left, patch, weights),
+                    _ => single::<true>(at.add(8 * first), first, left, patch, weights),
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // SAFETY: the processor has the instructions (see `KERNEL`).
+        unsafe { finish::round(finish, bytes, acc, target) }
+    }
+
+    #[inline(always)]
+    fn layer_norm(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+        // SAFETY: as above.
+        unsafe { layer_norm::pixels(job, bytes, col, pixels) }
+    }
+
+    #[inline(always)]
+    fn softmax(softmax: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
+        // SAFETY: as above.
+        unsafe { softmax::exponentials(softmax, low, high) }
+    }
+}
+
+/// # Safety
+/// AVX-512; [`Patch::fits`].
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn wide(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
+    // SAFETY: handed on.
+    unsafe {
+        match left {
+            10.. => two_vectors::<10>(acc, first, patch, weights),
+            8..10 => two_vectors::<8>(acc, first, patch, weights),
+            7 => two_vectors::<7>(acc, first, patch, weights),
+            4..7 => two_vectors::<4>(acc, first, patch, weights),
+            2..4 => two_vectors::<2>(acc, first, patch, weights),
+            _ => two_vectors::<1>(acc, first, patch, weights),
+        }
+    }
+}
+
+/// # Safety
+/// AVX-512; [`Patch::fits`].
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn single<const HALF: bool>(
+    acc: *mut i32,
+    first: usize,
+    left: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
+    // SAFETY: handed on.
+    unsafe {
+        match left {
+            20.. => one_vector::<20, HALF>(acc, first, patch, weights),
+            16..20 => one_vector::<16, HALF>(acc, first, patch, weights),
+            10..16 => one_vector::<10, HALF>(acc, first, patch, weights),
+            7..10 => one_vector::<7, HALF>(acc, first, patch, weights),
+            4..7 => one_vector::<4, HALF>(acc, first, patch, weights),
+            2..4 => one_vector::<2, HALF>(acc, first, patch, weights),
+            _ => one_vector::<1, HALF>(acc, first, patch, weights),
+        }
+    }
+}
+
+/// Four codes as one number.
+///
+/// # Safety
+/// Four readable bytes.
+#[inline(always)]
+unsafe fn codes(at: *const u8) -> i32 {
+    // SAFETY: as the caller says.
+    unsafe { at.cast::<i32>().read_unaligned() }
+}
+
+/// # Safety
+/// AVX-512; [`Patch::fits`] for `first + P` pixels.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn two_vectors<const P: usize>(acc: *mut i32, first: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
+    let stride = patch.stride;
+    let mut w = weights.as_ptr();
+    let mut sums = [[_mm512_setzero_si512(); 2]; P];
+    // SAFETY: `fits` bounds every address below.
+    unsafe {
+        for p in 0..P {
+            sums[p][0] = _mm512_loadu_si512(acc.add(32 * p).cast());
+            sums[p][1] = _mm512_loadu_si512(acc.add(32 * p + 16).cast());
+        }
+        for &start in patch.starts {
+            let mut x = patch.bytes.as_ptr().add(start + first * stride);
+            for _ in 0..patch.groups {
+                let (w0, w1) = (_mm512_loadu_si512(w.cast()), _mm512_loadu_si512(w.add(64).cast()));
+                for p in 0..P {
+                    let codes = _mm512_set1_epi32(codes(x.add(p * stride)));
+                    sums[p][0] = _mm512_dpbusd_epi32(sums[p][0], codes, w0);
+                    sums[p][1] = _mm512_dpbusd_epi32(sums[p][1], codes, w1);
+                }
+                x = x.add(4);
+                w = w.add(128);
+            }
+        }
+        for p in 0..P {
+            _mm512_storeu_si512(acc.add(32 * p).cast(), sums[p][0]);
+            _mm512_storeu_si512(acc.add(32 * p + 16).cast(), sums[p][1]);
+        }
+    }
+    P
+}
+
+/// One vector of 16 channels, or with `HALF` of 8.
+///
+/// # Safety
+/// AVX-512; [`Patch::fits`] for `first + P` pixels.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn one_vector<const P: usize, const HALF: bool>(
+    acc: *mut i32,
+    first: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
+    let stride = patch.stride;
+    let mut w = weights.as_ptr();
+    // SAFETY: `fits` bounds every address below.
+    unsafe {
+        if HALF {
+            let mut sums = [_mm256_setzero_si256(); P];
+            for p in 0..P {
+                sums[p] = _mm256_loadu_si256(acc.add(8 * p).cast());
+            }
+            for &start in patch.starts {
+                let mut x = patch.bytes.as_ptr().add(start + first * stride);
+                for _ in 0..patch.groups {
+                    let w0 = _mm256_loadu_si256(w.cast());
+                    for p in 0..P {
+                        sums[p] = _mm256_dpbusd_epi32(sums[p], _mm256_set1_epi32(codes(x.add(p * stride))), w0);
+                    }
+                    x = x.add(4);
+                    w = w.add(32);
+                }
+            }
+            for p in 0..P {
+                _mm256_storeu_si256(acc.add(8 * p).cast(), sums[p]);
+            }
+            return P;
+        }
+        let mut sums = [_mm512_setzero_si512(); P];
+        for p in 0..P {
+            sums[p] = _mm512_loadu_si512(acc.add(16 * p).cast());
+        }
+        for &start in patch.starts {
+            let mut x = patch.bytes.as_ptr().add(start + first * stride);
+            for _ in 0..patch.groups {
+                let w0 = _mm512_loadu_si512(w.cast());
+                for p in 0..P {
+                    sums[p] = _mm512_dpbusd_epi32(sums[p], _mm512_set1_epi32(codes(x.add(p * stride))), w0);
+                }
+                x = x.add(4);
+                w = w.add(64);
+            }
+        }
+        for p in 0..P {
+            _mm512_storeu_si512(acc.add(16 * p).cast(), sums[p]);
+        }
+    }
+    P
+}
