@@ -146,7 +146,9 @@ impl Job<'_, '_> {
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
-            let now = (stretch.count - done).min(pixels_at_once(self.width));
+            // Blocks of nearly one size: small ones leave registers idle.
+            let left = stretch.count - done;
+            let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)));
             acc[..now * self.width].fill(0);
             if wide {
                 for (source, t) in self.sources.iter().enumerate() {
