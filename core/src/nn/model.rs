@@ -229,9 +229,6 @@ impl<'a> Model<'a> {
                 return Err(OperatorFault::Type);
             }
         }
-        if float && out.channels != 1 {
-            return Err(OperatorFault::Shape);
-        }
         if float {
             let scales = self.constant_slice(conv.multipliers, out.channels, 4)?.as_chunks::<4>().0;
             let legal = scales.iter().all(|&b| f32::from_le_bytes(b).is_finite());

@@ -107,7 +107,7 @@ impl<'a> Finish<'a> {
     /// The output tensor: a map of one channel, of which a pixel here may be several columns.
     #[inline(always)]
     fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
-        let scale = f32::from_bits(self.multiplier[0] as u32);
+        let scale = self.multiplier.map(|bits| f32::from_bits(bits as u32));
         let (mut added, mut added_scale) = ([0i32; PANEL], 0.0);
         for p in 0..target.pixels {
             let first = (target.col + p * target.col_step) * self.out.channels + self.first;
@@ -119,7 +119,7 @@ impl<'a> Finish<'a> {
             for (c, to) in to.as_chunks_mut::<4>().0.iter_mut().take(self.channels).enumerate() {
                 // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
                 let sum = acc[p * self.width + c].wrapping_add(self.bias[c]);
-                let value = sum as f32 * scale + added[c] as f32 * added_scale;
+                let value = sum as f32 * scale[c] + added[c] as f32 * added_scale;
                 *to = if self.relu && value < 0.0 { 0.0 } else { value }.to_le_bytes();
             }
         }

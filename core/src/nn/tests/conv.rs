@@ -53,7 +53,7 @@ impl Case {
         let kernel = |r: &mut Random, len: usize, pad: usize| r.size(pad + 1, 5.max(pad + 1).min(len + 2 * pad));
         let pad = if fold { 2 } else { r.size(0, 2) };
         let (rows, cols) = if fold { (5, 5) } else { (kernel(r, size.0, pad), kernel(r, size.1, pad)) };
-        let stride = if fold { 1 } else { r.size(1, 3) };
+        let (stride, stride_cols) = if fold { (1, 1) } else { (r.size(1, 3), r.pick(&[1, 2, 3, 8])) };
         let count = r.size(1, 2);
         let dtypes: Vec<Dtype> = (0..count).map(|_| r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16])).collect();
         let mut tensors: Vec<Tensor> = Vec::new();
@@ -66,14 +66,15 @@ impl Case {
             }
             tensors.push(t);
         }
-        let extent = |len: usize, kernel: usize| if fold { 2 * len } else { (len + 2 * pad - kernel) / stride + 1 };
-        let out_size = (extent(size.0, rows), extent(size.1, cols));
-        let conv = Conv { kernel_rows: rows, kernel_cols: cols, stride, pad, fold, ..EMPTY };
+        let extent = |len: usize, kernel: usize, stride: usize| match fold {
+            true => 2 * len,
+            false => (len + 2 * pad - kernel) / stride + 1,
+        };
+        let out_size = (extent(size.0, rows, stride), extent(size.1, cols, stride_cols));
+        let conv = Conv { kernel_rows: rows, kernel_cols: cols, stride, stride_cols, pad, fold, ..EMPTY };
         let weights = random_weights(r, &conv, &mut tensors);
         let out_channels = weights.0;
-        let dtype = r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16]);
-        // Floats have one channel.
-        let dtype = if out_channels == 1 && r.one_in(2) { Dtype::F32 } else { dtype };
+        let dtype = r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16, Dtype::F32]);
         let mut out = random_tensor(r, dtype, out_size, out_channels);
         if dtype == Dtype::F32 {
             out = map(dtype, out_size, out_channels);
@@ -203,9 +204,10 @@ impl Case {
     /// The filter for an output pixel, and the places it reads.
     fn taps(&self, row: usize, col: usize) -> (usize, Vec<(isize, isize)>) {
         if !self.conv.fold {
-            let corner = |at: usize| (at * self.conv.stride) as isize - self.conv.pad as isize;
+            let corner = |at: usize, stride: usize| (at * stride) as isize - self.conv.pad as isize;
+            let (top, left) = (corner(row, self.conv.stride), corner(col, self.conv.stride_cols));
             let (rows, cols) = (self.conv.kernel_rows as isize, self.conv.kernel_cols as isize);
-            let places = (0..rows).flat_map(|r| (0..cols).map(move |c| (corner(row) + r, corner(col) + c)));
+            let places = (0..rows).flat_map(|r| (0..cols).map(move |c| (top + r, left + c)));
             return (0, places.collect());
         }
         let t = &self.sources[0].0;

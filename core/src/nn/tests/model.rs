@@ -32,6 +32,8 @@ fn every_field_of_a_convolution_is_judged() {
     for change in [
         (|c| c.stride = 0) as fn(&mut Conv),
         |c| c.stride = 16,
+        |c| c.stride_cols = 0,
+        |c| c.stride_cols = 16,
         |c| c.kernel_rows = 0,
         |c| c.kernel_cols = 16,
         |c| c.pad = 3,
@@ -44,6 +46,7 @@ fn every_field_of_a_convolution_is_judged() {
         assert_eq!(fault(|c, _| change(c)), OperatorFault::Parameter);
     }
     assert_eq!(fault(|c, _| c.stride = 2), OperatorFault::Shape);
+    assert_eq!(fault(|c, _| c.stride_cols = 2), OperatorFault::Shape);
     assert_eq!(fault(|c, _| c.kernel_rows = 2), OperatorFault::Shape);
     assert_eq!(fault(|_, d| d.tensors[0].margin = 0), OperatorFault::Shape, "padding beyond the margin");
     assert_eq!(fault(|_, d| d.tensors[0].edge = Edge::Nearest), OperatorFault::Shape, "padding of another kind");
@@ -59,8 +62,8 @@ fn every_field_of_a_convolution_is_judged() {
     }
     assert_eq!(
         fault(|_, d| (d.tensors[1].dtype, d.tensors[1].hi, d.tensors[1].pitch) = (Dtype::F32, 0, 64)),
-        OperatorFault::Shape,
-        "floats have one channel"
+        OperatorFault::Constants,
+        "a shift with floats"
     );
 }
 
@@ -105,4 +108,17 @@ fn memory_asked_for_is_that_of_tensors_and_one_row_of_padding() {
         needed >= model.scratch_offset() + model.scratch_bytes() && needed < model.scratch_offset() + 64,
         "{needed}"
     );
+}
+
+#[test]
+fn an_output_may_hold_columns_as_channels() {
+    for (cols, channels, legal) in [(8, 1, true), (4, 2, true), (1, 8, true), (4, 1, false), (8, 2, false)] {
+        let mut draft = Draft::new((8, 8));
+        draft.output = draft.place(map(Dtype::F32, (8, cols), channels));
+        let mut conv = draft.silent(0, draft.output, (1, 1, 0));
+        conv.stride_cols = 8 / cols;
+        draft.operator(Operator::Conv(conv));
+        draft.in_order();
+        assert_eq!(Model::new(&draft.file()).is_ok(), legal, "{cols} columns of {channels}");
+    }
 }
