@@ -6,7 +6,9 @@
 
 pub mod build;
 pub mod calibrate;
+pub mod choose;
 pub mod compile;
+pub mod costs;
 pub mod float;
 pub mod graph;
 mod fold;
@@ -15,6 +17,8 @@ pub mod plan;
 pub mod schedule;
 pub mod quantise;
 pub mod report;
+mod rounding;
+pub mod sensitivity;
 pub mod write;
 
 pub use calibrate::CalibrationTile;
