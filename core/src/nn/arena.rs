@@ -112,16 +112,19 @@ impl Row {
     #[inline(always)]
     pub(crate) fn values(&self, bytes: &[u8], index: usize, out: &mut [i32]) {
         let at = self.at + index;
-        let low = &bytes[at..at + out.len()];
-        if self.high == 0 {
-            for (out, &low) in out.iter_mut().zip(low) {
-                *out = low as i32 - self.zero;
+        let (low, high) = (&bytes[at..at + out.len()], &bytes[at + self.high..][..out.len()]);
+        let wide = self.high != 0;
+        let one = |low: u8, high: u8| if wide { join(low, high) } else { low as i32 - self.zero };
+        // Whole groups first: rows are short, and a loop of unknown length is worth little to a vectoriser.
+        let (groups, rest) = out.as_chunks_mut::<GROUP>();
+        let ((lows, low), (highs, high)) = (low.as_chunks::<GROUP>(), high.as_chunks::<GROUP>());
+        for ((out, low), high) in groups.iter_mut().zip(lows).zip(highs) {
+            for k in 0..GROUP {
+                out[k] = one(low[k], high[k]);
             }
-        } else {
-            let high = &bytes[at + self.high..][..low.len()];
-            for ((out, &low), &high) in out.iter_mut().zip(low).zip(high) {
-                *out = join(low, high);
-            }
+        }
+        for ((out, &low), &high) in rest.iter_mut().zip(low).zip(high) {
+            *out = one(low, high);
         }
     }
 
@@ -129,14 +132,28 @@ impl Row {
     #[inline(always)]
     pub(crate) fn store(&self, bytes: &mut [u8], index: usize, codes: &[i32]) {
         let at = self.at + index;
-        for (byte, &code) in bytes[at..at + codes.len()].iter_mut().zip(codes) {
-            *byte = code as u8;
-        }
+        narrow(&mut bytes[at..at + codes.len()], codes, 0);
         if self.high != 0 {
-            for (byte, &code) in bytes[at + self.high..][..codes.len()].iter_mut().zip(codes) {
-                *byte = high(code);
-            }
+            narrow(&mut bytes[at + self.high..][..codes.len()], codes, 1);
         }
+    }
+}
+
+/// Samples in the innermost loops.
+const GROUP: usize = 8;
+
+/// Plane `plane` of some codes.
+#[inline(always)]
+fn narrow(bytes: &mut [u8], codes: &[i32], plane: usize) {
+    let one = |code: i32| if plane == 0 { code as u8 } else { high(code) };
+    let ((groups, rest), (from, last)) = (bytes.as_chunks_mut::<GROUP>(), codes.as_chunks::<GROUP>());
+    for (bytes, codes) in groups.iter_mut().zip(from) {
+        for k in 0..GROUP {
+            bytes[k] = one(codes[k]);
+        }
+    }
+    for (byte, &code) in rest.iter_mut().zip(last) {
+        *byte = one(code);
     }
 }
 

@@ -104,8 +104,11 @@ impl<'a> Model<'a> {
             let extents = [t.rows, t.cols, t.channels];
             let samples = extents.iter().fold(1u64, |n, &e| n * e.min(MAX_EXTENT) as u64);
             let margins = 1 + (2 * t.margin / t.cols.max(1)) as u64;
+            let bytes = t.ring as u64 * t.pitch as u64;
             if extents.iter().any(|e| !(1..=MAX_EXTENT).contains(e))
                 || samples * margins > MAX_SAMPLES
+                || t.pitch < t.row_bytes()
+                || bytes > 4 * MAX_SAMPLES
                 || t.offset > 1 << 30
             {
                 return Err(refuse);

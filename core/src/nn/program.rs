@@ -11,7 +11,7 @@ use super::format::{NONE, i64_at, u32_at};
 use core::ops::Range;
 
 /// Bytes of a tensor record.
-pub const TENSOR_BYTES: usize = 48;
+pub const TENSOR_BYTES: usize = 52;
 /// Bytes of an operator record.
 pub const OPERATOR_BYTES: usize = 96;
 /// Bytes of an entry of the schedule.
@@ -100,6 +100,8 @@ pub struct Tensor {
     pub scale: f32,
     /// Rows kept at a time; `rows` keeps all.
     pub ring: usize,
+    /// Bytes from one row to the next in the arena; more than a row has if another tensor's rows lie between.
+    pub pitch: usize,
     /// Columns before the first and behind the last.
     pub margin: usize,
     /// What the margin holds.
@@ -119,6 +121,7 @@ impl Tensor {
         hi: 0,
         scale: 1.0,
         ring: 1,
+        pitch: 1,
         margin: 0,
         edge: Edge::Zero,
     };
@@ -138,6 +141,7 @@ impl Tensor {
             && (tensor.dtype == Dtype::U8 || tensor.zero == 0)
             && (1..=tensor.rows).contains(&tensor.ring)
             && tensor.margin <= MAX_MARGIN
+            && (1..=1 << 24).contains(&tensor.pitch)
             && (tensor.dtype != Dtype::F32 || tensor.margin == 0);
         (legal && word(11) <= 1 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
     }
@@ -159,6 +163,7 @@ impl Tensor {
             ring: word(9) as usize,
             margin: word(10) as usize,
             edge: if word(11) == 0 { Edge::Zero } else { Edge::Nearest },
+            pitch: word(12) as usize,
         }
     }
 
@@ -177,6 +182,7 @@ impl Tensor {
             self.ring as u32,
             self.margin as u32,
             (self.edge == Edge::Nearest) as u32,
+            self.pitch as u32,
         ];
         let mut record = [0; TENSOR_BYTES];
         record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
@@ -193,9 +199,9 @@ impl Tensor {
         self.len() == 0
     }
 
-    /// Bytes it takes in the arena.
+    /// Bytes from its first to its last in the arena.
     pub const fn size_bytes(&self) -> usize {
-        self.ring * self.row_bytes()
+        (self.ring - 1) * self.pitch + self.row_bytes()
     }
 
     /// Bytes of one row, margins and planes included.
@@ -213,7 +219,7 @@ impl Tensor {
     pub const fn row_offset(&self, row: usize) -> usize {
         // Most tensors keep all rows; a division is slow on small machines.
         let slot = if row < self.ring { row } else { row % self.ring };
-        self.offset + slot * self.row_bytes()
+        self.offset + slot * self.pitch
     }
 
     /// Largest absolute value, in code steps from zero.
@@ -223,13 +229,30 @@ impl Tensor {
 
     /// Whether two tensors share arena bytes.
     pub const fn overlaps(&self, other: &Self) -> bool {
-        self.offset < other.offset + other.size_bytes() && other.offset < self.offset + self.size_bytes()
+        let apart = self.offset >= other.offset + other.size_bytes() || other.offset >= self.offset + self.size_bytes();
+        !apart && !self.alternates(other)
+    }
+
+    /// Whether the rows of two tensors lie between each other.
+    const fn alternates(&self, other: &Self) -> bool {
+        let (first, second) = if self.offset <= other.offset { (self, other) } else { (other, self) };
+        let skew = second.offset - first.offset;
+        first.pitch == second.pitch && first.row_bytes() <= skew && skew + second.row_bytes() <= first.pitch
     }
 
     /// Whether two tensors are the very same bytes read in the same way.
     pub fn coincides(&self, other: &Self) -> bool {
-        let place = |t: &Self| (t.offset, t.dtype, t.rows, t.cols, t.channels, t.ring, t.margin);
+        let place = |t: &Self| (t.offset, t.pitch, t.dtype, t.rows, t.cols, t.channels, t.ring, t.margin);
         place(self) == place(other)
+    }
+
+    /// Rows of this tensor that `later` overwrites, if both are kept whole and have one pitch: once `later` has n rows, those
+    /// below n + the number returned. `None` if rows do not follow each other in that way.
+    pub fn overwritten_by(&self, later: &Self) -> Option<isize> {
+        let whole = self.ring == self.rows && later.ring == later.rows && self.pitch == later.pitch;
+        let end = (later.offset + later.row_bytes()) as isize - self.offset as isize;
+        let rows = end.div_euclid(self.pitch as isize) + (end.rem_euclid(self.pitch as isize) != 0) as isize;
+        whole.then_some(rows - 1)
     }
 }
 

@@ -214,7 +214,9 @@ impl<'a, 'm> Runner<'a, 'm> {
     pub fn output_crc(&self) -> Result<u32, RunError> {
         let tensor = self.finished()?;
         let mut crc = Crc32c::default();
-        crc.update(&self.arena.bytes[tensor.offset..tensor.offset + tensor.size_bytes()]);
+        for row in 0..tensor.rows {
+            crc.update(&self.arena.bytes[tensor.row_offset(row)..][..tensor.row_bytes()]);
+        }
         Ok(crc.value())
     }
 
@@ -258,7 +260,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The arena's bytes of tensor `index` as they are now, margins and planes included: for tests and diagnosis.
+    /// The arena's bytes of tensor `index` as they are now, from its first to its last: for tests and diagnosis.
     pub fn tensor_bytes(&self, index: u32) -> &[u8] {
         let tensor = self.model.tensor(index);
         &self.arena.bytes[tensor.offset..tensor.offset + tensor.size_bytes()]

@@ -4,6 +4,7 @@ use super::error::ModelError;
 use super::format::NONE;
 use super::model::{MAX_RECORDS, Model};
 use super::program::{Operator, Tensor};
+use core::ops::Range;
 
 /// "None" in the lists below.
 const NOBODY: u16 = u16::MAX;
@@ -16,7 +17,7 @@ struct Play<'a, 'm> {
     /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that touches it.
     born: [u16; MAX_RECORDS],
     dies: [u16; MAX_RECORDS],
-    /// The tensor that takes this one's place row by row.
+    /// The tensor that takes this one's place row by row: bytes of a row are this one's until the heir's row is made.
     heir: [u16; MAX_RECORDS],
     /// The tensor whose place this one takes.
     elder: [u16; MAX_RECORDS],
@@ -72,7 +73,7 @@ impl Play<'_, '_> {
         Ok(())
     }
 
-    /// Tensors that share bytes must live one after the other, but for an added tensor whose place the sum takes.
+    /// Tensors that share bytes must live one after the other, or row by row.
     fn find_heirs(&mut self) -> Result<(), ModelError> {
         for a in 0..self.model.tensor_count() {
             for b in 0..a {
@@ -86,14 +87,16 @@ impl Play<'_, '_> {
                     matches!(self.model.operator(index as usize), Some(Operator::Conv(c)) if c.add == Some(old as u32)
                         && c.first != old as u32 && c.second != Some(old as u32))
                 };
-                let alike = first.coincides(&second);
-                if alike && adds(self.writer[new]) && self.heir[old] == NOBODY && self.elder[new] == NOBODY {
+                // A sum takes the place of what is added sample by sample; a map that is kept whole may give way to any other
+                // row by row. All that share bytes must be linked in this way, at once or through others: `find_lines`.
+                let sum = first.coincides(&second) && adds(self.writer[new]) && self.elder[new] == NOBODY;
+                let (before, after) = if old == a { (first, second) } else { (second, first) };
+                if self.heir[old] == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
                     self.heir[old] = new as u16;
-                    self.elder[new] = old as u16;
-                } else if !alike {
-                    return Err(ModelError::Tensor { tensor: new as u32 });
+                    if sum {
+                        self.elder[new] = old as u16;
+                    }
                 }
-                // Others that are alike must be linked through a line of heirs; `find_lines` sees to that.
             }
         }
         Ok(())
@@ -156,7 +159,11 @@ impl Play<'_, '_> {
                 for (slot, tensor) in operator.inputs().into_iter().enumerate() {
                     let Some(tensor) = tensor else { continue };
                     let t = self.model.tensor(tensor);
-                    if !self.readable(tensor as usize, &t, operator.rows_read(&out, slot, t.rows, step)) {
+                    let rows = operator.rows_read(&out, slot, t.rows, step);
+                    // What this step writes must not touch what it reads, but for sums, made sample by sample.
+                    let sum = slot == 2 && t.coincides(&out);
+                    let making = if sum { None } else { Some((operator.output(), operator.rows_after(&out, step + 1))) };
+                    if !self.readable(tensor as usize, &t, rows, making) {
                         return Err(refuse);
                     }
                 }
@@ -171,16 +178,25 @@ impl Play<'_, '_> {
         if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
     }
 
-    /// Whether rows are made, and neither overwritten by later ones of the ring nor by the heir.
-    fn readable(&self, tensor: usize, t: &Tensor, rows: core::ops::Range<usize>) -> bool {
+    /// Whether rows are made, and overwritten neither by later ones of the ring nor by the heir; `making`: a tensor that is about
+    /// to have so many rows.
+    fn readable(&self, tensor: usize, t: &Tensor, rows: Range<usize>, making: Option<(u32, usize)>) -> bool {
+        if rows.is_empty() {
+            return true;
+        }
+        let mut safe = true;
+        if self.heir[tensor] != NOBODY {
+            let heir = self.model.tensor(self.heir[tensor] as u32);
+            let made = match making {
+                Some((number, made)) if number == self.heir[tensor] as u32 => made,
+                _ => self.made(self.heir[tensor] as usize, &heir),
+            };
+            let overwritten = if t.coincides(&heir) { Some(0) } else { t.overwritten_by(&heir) };
+            safe = overwritten.is_some_and(|more| made as isize + more <= rows.start as isize) || made == 0;
+        }
+        // The first of a line of sums is the furthest ahead in the ring.
         let made = self.made(tensor, t);
-        let inherited = match self.heir[tensor] {
-            NOBODY => 0,
-            heir => self.made(heir as usize, &self.model.tensor(heir as u32)),
-        };
-        // The first of the line is the furthest ahead in the ring.
-        let mut ahead = made;
-        let mut at = tensor;
+        let (mut ahead, mut at) = (made, tensor);
         for _ in 0..self.model.tensor_count() {
             match self.elder[at] {
                 NOBODY => break,
@@ -188,6 +204,6 @@ impl Play<'_, '_> {
             }
             ahead = ahead.max(self.made(at, t));
         }
-        rows.is_empty() || (rows.end <= made && ahead <= rows.start + t.ring && inherited <= rows.start)
+        safe && rows.end <= made && ahead <= rows.start + t.ring
     }
 }

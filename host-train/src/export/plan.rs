@@ -16,7 +16,7 @@ pub fn plan(
     inputs: &[u32],
     output: u32,
 ) -> usize {
-    let homes = find_homes(tensors, operators, schedule);
+    let mut homes = find_homes(tensors, operators, schedule);
     let mut rings = vec![1; tensors.len()];
     play(tensors, operators, schedule, |play, tensor, rows| {
         // The first of a line of heirs is the furthest ahead.
@@ -25,9 +25,49 @@ pub fn plan(
     for t in 0..tensors.len() {
         let all = inputs.contains(&(t as u32)) || t == output as usize;
         tensors[t].ring = if all { tensors[t].rows } else { rings[homes[t]].min(tensors[t].rows) };
+        tensors[t].pitch = tensors[t].row_bytes();
     }
+    let mut skews = vec![0; tensors.len()];
+    lay_output_on_inputs(tensors, operators, schedule, inputs, output, (&mut homes, &mut skews));
     let lives = find_lives(tensors, operators, schedule, inputs, output, &homes);
-    place(tensors, &lives, &homes)
+    place(tensors, &lives, &homes, &skews)
+}
+
+/// Puts the rows of the inputs side by side and the rows of the output on top of them, if each input row is read for the last
+/// time before its output row is made. An input that is added to the output is read with it: its row must not be touched
+/// before the next, so the output's rows end where the added ones begin.
+fn lay_output_on_inputs(
+    tensors: &mut [Tensor],
+    operators: &[Operator],
+    schedule: &[Entry],
+    inputs: &[u32],
+    output: u32,
+    (homes, skews): (&mut [usize], &mut [usize]),
+) {
+    let mut inputs: Vec<usize> = inputs.iter().map(|&i| i as usize).filter(|&i| i < tensors.len()).collect();
+    let output = output as usize;
+    let mut free = inputs.iter().all(|&i| tensors[i].rows == tensors[output].rows);
+    play(tensors, operators, schedule, |play, tensor, rows| {
+        free &= !inputs.contains(&tensor) || play.made(output) <= rows.start;
+    });
+    let added = |i: &usize| {
+        operators.iter().any(|op| op.output() as usize == output && op.inputs().contains(&Some(*i as u32)))
+    };
+    inputs.sort_by_key(added);
+    let Some(&home) = inputs.first().filter(|_| free) else { return };
+    let bytes = |i: &usize| tensors[*i].row_bytes();
+    let (others, all): (usize, usize) =
+        (inputs.iter().filter(|i| !added(i)).map(bytes).sum(), inputs.iter().map(bytes).sum());
+    let pitch = all.max(tensors[output].row_bytes());
+    // The output's first row begins this much before the first input row.
+    let mut skew = tensors[output].row_bytes().saturating_sub(others);
+    for &input in &inputs {
+        (homes[input], skews[input]) = (home, skew);
+        tensors[input].pitch = pitch;
+        skew += tensors[input].row_bytes();
+    }
+    homes[output] = home;
+    tensors[output].pitch = pitch;
 }
 
 /// Tells `read` of every tensor and rows that are read, before each step.
@@ -100,31 +140,36 @@ fn find_lives(
 }
 
 /// Largest first, each at the lowest offset where no placed tensor with an overlapping life is in the way.
-fn place(tensors: &mut [Tensor], lives: &[Option<Life>], homes: &[usize]) -> usize {
+fn place(tensors: &mut [Tensor], lives: &[Option<Life>], homes: &[usize], skews: &[usize]) -> usize {
+    // Of all that live in one place, the first to the last byte.
+    let mut sizes = vec![0; tensors.len()];
+    for t in 0..tensors.len() {
+        sizes[homes[t]] = sizes[homes[t]].max(skews[t] + tensors[t].size_bytes());
+    }
     let mut order: Vec<usize> = (0..tensors.len()).filter(|&t| homes[t] == t && lives[t].is_some()).collect();
-    order.sort_by_key(|&t| (std::cmp::Reverse(tensors[t].size_bytes()), t));
-    let mut placed: Vec<usize> = Vec::new();
+    order.sort_by_key(|&t| (std::cmp::Reverse(sizes[t]), t));
+    let mut placed: Vec<(usize, usize)> = Vec::new();
     let mut end = 0;
     for &t in &order {
         let Some(life) = lives[t] else { continue };
-        let rivals = placed.iter().filter(|&&p| lives[p].is_some_and(|l| l.first <= life.last && life.first <= l.last));
-        let mut taken: Vec<(usize, usize)> =
-            rivals.map(|&p| (tensors[p].offset, tensors[p].offset + tensors[p].size_bytes())).collect();
+        let alive = |p: usize| lives[p].is_some_and(|l| l.first <= life.last && life.first <= l.last);
+        let rivals = placed.iter().filter(|&&(p, _)| alive(p));
+        let mut taken: Vec<(usize, usize)> = rivals.map(|&(p, offset)| (offset, offset + sizes[p])).collect();
         taken.sort_unstable();
-        let size = tensors[t].size_bytes();
         let mut offset = 0;
         for (from, to) in taken {
-            if offset + size <= from {
+            if offset + sizes[t] <= from {
                 break;
             }
             offset = offset.max(to.next_multiple_of(ALIGNMENT));
         }
-        tensors[t].offset = offset;
-        end = end.max(offset + size);
-        placed.push(t);
+        end = end.max(offset + sizes[t]);
+        placed.push((t, offset));
     }
     for t in 0..tensors.len() {
-        tensors[t].offset = tensors[homes[t]].offset;
+        if let Some(&(_, offset)) = placed.iter().find(|(home, _)| *home == homes[t]) {
+            tensors[t].offset = offset + skews[t];
+        }
     }
     end
 }

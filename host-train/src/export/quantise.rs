@@ -265,6 +265,7 @@ impl Quantiser<'_> {
             hi: codes.hi,
             scale: codes.scales[0] as f32,
             ring: node.rows,
+            pitch: 0,
             margin: 0,
             edge: Edge::Zero,
         });

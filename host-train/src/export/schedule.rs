@@ -4,7 +4,7 @@
 //! input is read by other layer norms runs as soon as it can: its 8-bit output takes less memory than the 16-bit input that
 //! would have to wait for it.
 
-use elunar_core::nn::{Entry, Operator, Tensor};
+use elunar_core::nn::{Dtype, Entry, Operator, Tensor};
 
 /// A program being played.
 pub struct Play<'a> {
@@ -83,7 +83,11 @@ impl Scheduler<'_> {
     fn run(&mut self, operator: usize) {
         let step = self.play.done[operator];
         let reads: Vec<_> = self.play.reads(operator, step).collect();
-        for (tensor, rows) in reads {
+        // Skip connections come first in the list; what they wait for last.
+        for (tensor, rows) in reads.iter().rev() {
+            self.prepare(*tensor, rows.end);
+        }
+        for (tensor, rows) in reads.into_iter().rev() {
             while self.play.made(tensor) < rows.end {
                 let Some(writer) = self.play.writer[tensor] else { break };
                 self.run(writer);
@@ -102,6 +106,32 @@ impl Scheduler<'_> {
             while self.eager[next] && self.play.operators[next].inputs()[0] == Some(made) && self.ready(next) {
                 self.run(next);
             }
+        }
+    }
+
+    /// Makes what rows of a tensor up to `end` are computed from, but not what is quickly made of it: a layer norm or a linear
+    /// layer would only lie there until the rest has come.
+    fn prepare(&mut self, tensor: usize, end: usize) {
+        let Some(writer) = self.play.writer[tensor] else { return };
+        if self.play.made(tensor) >= end {
+            return;
+        }
+        let (op, t) = (&self.play.operators[writer], &self.play.tensors[tensor]);
+        let quick = match op {
+            Operator::LayerNorm(n) => n.merge == 1,
+            Operator::Conv(c) => (c.kernel_rows, c.kernel_cols) == (1, 1) && c.add.is_none(),
+            _ => false,
+        };
+        if quick && t.dtype == Dtype::U8 {
+            let last = (self.play.done[writer]..op.steps(t)).find(|s| op.rows_after(t, s + 1) >= end);
+            let reads: Vec<_> = last.map(|step| self.play.reads(writer, step).collect()).unwrap_or_default();
+            for (tensor, rows) in reads {
+                self.prepare(tensor, rows.end);
+            }
+            return;
+        }
+        while self.play.made(tensor) < end {
+            self.run(writer);
         }
     }
 

@@ -28,6 +28,7 @@ mod x86_avx512;
 
 use super::arena::Arena;
 use super::model::Model;
+use super::ops::finish::{Finish, Target};
 use super::program::Operator;
 
 /// Accumulators of one call: pixels times panel width.
@@ -113,6 +114,12 @@ pub(crate) trait Isa {
     /// Adds the products of `pixels` patches with one panel of `width` channels (8, 16 or 32). Without [`Patch::fits`] the result
     /// is unspecified, but memory stays whole.
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize);
+
+    /// Turns accumulators into codes and stores them in the arena; returns how many were cut. As [`Finish::portable`].
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        finish.portable(bytes, acc, target)
+    }
 }
 
 /// One way of computing: same numbers, other instructions.

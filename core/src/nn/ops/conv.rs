@@ -16,7 +16,7 @@ use super::finish::{Finish, Target};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::kernels::{ACCUMULATORS, Isa, Patch, panel, panelled, pixels_at_once};
 use crate::nn::model::{MAX_KERNEL, Model};
-use crate::nn::program::{Conv, Dtype, PHASES, Phase, Tensor, groups};
+use crate::nn::program::{Conv, Dtype, PHASE_TAPS, PHASES, Phase, Tensor, groups};
 
 /// A convolution with its tensors.
 struct Job<'a, 'm> {
@@ -118,23 +118,22 @@ impl Job<'_, '_> {
     /// Weights of one source for this panel: offset among the constants, and bytes.
     #[inline(always)]
     fn weights(&self, stretch: &Stretch, source: usize) -> &[u8] {
-        let channels = |s: usize| self.sources[s].map_or(0, |t| t.channels);
-        // Groups of both sources in a set of filters, per channel.
-        let of = |s: usize, rows: usize, cols: usize| rows * groups(cols * channels(s));
-        let per_channel = |variant: usize| {
-            let (rows, cols) = self.conv.extent(variant);
-            of(0, rows, cols) + of(1, rows, cols)
-        };
+        // Groups of one source in a kernel row of so many columns.
+        let of = |s: usize, cols: usize| self.sources[s].map_or(0, |t| groups(cols * t.channels));
+        let both = |cols: usize| of(0, cols) + of(1, cols);
         let mut start = self.conv.weights;
-        for variant in 0..stretch.variant {
-            start += 4 * panelled(self.out.channels) * per_channel(variant);
+        if self.conv.fold {
+            // Groups of the filters before this one: whole rows of filters, then those of this row.
+            let (down, across) = (stretch.variant / PHASES, stretch.variant % PHASES);
+            let rows: usize = PHASE_TAPS[..down].iter().sum();
+            let row: usize = PHASE_TAPS.iter().map(|&cols| both(cols)).sum();
+            let before: usize = PHASE_TAPS[..across].iter().map(|&cols| both(cols)).sum();
+            start += 4 * panelled(self.out.channels) * (rows * row + stretch.kernel_rows * before);
         }
-        // Panels before this one hold `first` channels.
-        start += 4 * self.first * per_channel(stretch.variant);
-        let mine = 4 * self.width * of(source, stretch.kernel_rows, stretch.kernel_cols);
-        if source == 1 {
-            start += 4 * self.width * of(0, stretch.kernel_rows, stretch.kernel_cols);
-        }
+        // Panels before this one hold `first` channels; the first source comes first.
+        start += 4 * self.first * stretch.kernel_rows * both(stretch.kernel_cols);
+        start += source * 4 * self.width * stretch.kernel_rows * of(0, stretch.kernel_cols);
+        let mine = 4 * self.width * stretch.kernel_rows * of(source, stretch.kernel_cols);
         self.model.constants(start, mine)
     }
 
@@ -164,7 +163,7 @@ impl Job<'_, '_> {
             }
             let col = stretch.col + done * stretch.col_step;
             let target = Target { row: stretch.row, col, col_step: stretch.col_step, pixels: now };
-            cut += finish.run(arena, &acc, &target);
+            cut += finish.run::<I>(arena, &acc, &target);
             done += now;
         }
         cut

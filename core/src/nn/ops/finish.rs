@@ -1,38 +1,50 @@
 //! From a convolution's accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
 
 use crate::nn::arena::{Arena, Row, high};
-use crate::nn::kernels::{ACCUMULATORS, PANEL};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
 use crate::nn::model::Model;
 use crate::nn::program::{Conv, Dtype, Tensor};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// What the accumulators of one panel need.
-pub(super) struct Finish<'a> {
-    out: &'a Tensor,
+pub(crate) struct Finish<'a> {
+    pub(crate) out: &'a Tensor,
     /// First channel, channels that exist, width of the panel.
-    first: usize,
-    channels: usize,
-    width: usize,
-    bias: [i32; PANEL],
-    multiplier: [i32; PANEL],
-    /// With an F32 output: the multipliers.
-    scale: [f32; PANEL],
-    add: Option<Tensor>,
-    add_multiplier: [i32; PANEL],
-    add_shift: u32,
-    half: i64,
-    shift: u32,
-    table: Option<&'a [u8]>,
-    table_zero: i32,
+    pub(crate) first: usize,
+    pub(crate) channels: usize,
+    pub(crate) width: usize,
+    pub(crate) bias: [i32; PANEL],
+    pub(crate) multiplier: [i32; PANEL],
+    pub(crate) add: Option<Tensor>,
+    pub(crate) add_multiplier: [i32; PANEL],
+    pub(crate) add_shift: u32,
+    pub(crate) half: i64,
+    pub(crate) shift: u32,
+    pub(crate) table: Option<&'a [u8]>,
+    /// Code of 0 and the codes between which results are kept, before the table.
+    pub(crate) zero: i64,
+    pub(crate) lo: i64,
+    pub(crate) hi: i64,
+    /// Results outside count as cut.
+    pub(crate) floor: i64,
+    pub(crate) ceiling: i64,
     relu: bool,
 }
 
 /// Output pixels: a row, the first column, the distance between columns.
-pub(super) struct Target {
-    pub(super) row: usize,
-    pub(super) col: usize,
-    pub(super) col_step: usize,
-    pub(super) pixels: usize,
+pub(crate) struct Target {
+    pub(crate) row: usize,
+    pub(crate) col: usize,
+    pub(crate) col_step: usize,
+    pub(crate) pixels: usize,
+}
+
+impl Target {
+    /// Place in the arena of the first sample from channel `first` on of a U8 or I16 tensor, and bytes from pixel to pixel.
+    #[inline(always)]
+    pub(crate) fn place(&self, t: &Tensor, first: usize) -> (usize, usize) {
+        (t.row_offset(self.row) + (t.margin + self.col) * t.channels + first, self.col_step * t.channels)
+    }
 }
 
 impl<'a> Finish<'a> {
@@ -45,7 +57,6 @@ impl<'a> Finish<'a> {
         variant: usize,
     ) -> Self {
         let channels = (out.channels - first).min(width);
-        let float = out.dtype == Dtype::F32;
         let list = |offset: usize, skip: usize| {
             let mut values = [0; PANEL];
             let bytes = model.constants(offset + 4 * (skip + first), 4 * channels).as_chunks::<4>().0;
@@ -54,75 +65,82 @@ impl<'a> Finish<'a> {
             }
             values
         };
-        let multiplier = list(conv.multipliers, 0);
-        let mut scale = [0.0; PANEL];
-        for (scale, bits) in scale.iter_mut().zip(multiplier) {
-            *scale = f32::from_bits(bits as u32);
-        }
-        let added = conv.add.is_some() && !float;
+        let added = conv.add.is_some() && out.dtype != Dtype::F32;
+        let table = conv.table.map(|table| model.constants(table, CODE_TABLE_LEN));
+        let (zero, lo, hi) = match table {
+            Some(_) => (conv.table_zero as i64, 0, 255),
+            None => (out.zero as i64, out.lo as i64, out.hi as i64),
+        };
         Self {
             out,
             first,
             channels,
             width,
             bias: list(conv.bias, variant * out.channels),
-            multiplier,
-            scale,
+            multiplier: list(conv.multipliers, 0),
             add: conv.add.map(|t| model.tensor(t)),
             add_multiplier: if added { list(conv.add_multipliers, 0) } else { [0; PANEL] },
             add_shift: conv.add_shift,
             half: 1 << (conv.shift.max(1) - 1),
             shift: conv.shift & 63,
-            table: conv.table.map(|table| model.constants(table, CODE_TABLE_LEN)),
-            table_zero: conv.table_zero,
+            table,
+            zero,
+            lo,
+            hi,
+            // Cutting at the zero point is a ReLU, and beyond a table's ends it goes on as it ends: no faults.
+            floor: if table.is_some() || out.lo == out.zero { i64::MIN } else { lo },
+            ceiling: if table.is_some() { i64::MAX } else { hi },
             relu: conv.relu,
         }
     }
 
     /// Stores the samples of `acc[pixel][channel of the panel]`; returns how many were cut.
     #[inline(always)]
-    pub(super) fn run(&self, arena: &mut Arena<'_>, acc: &[i32; ACCUMULATORS], target: &Target) -> u64 {
+    pub(super) fn run<I: Isa>(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) -> u64 {
         if self.out.dtype == Dtype::F32 {
             self.floats(arena, acc, target);
             return 0;
         }
-        match self.width {
-            32 => self.codes::<32>(arena, acc, target),
-            16 => self.codes::<16>(arena, acc, target),
-            _ => self.codes::<8>(arena, acc, target),
+        I::finish(self, arena.bytes, acc, target)
+    }
+
+    /// The output tensor: one channel.
+    #[inline(always)]
+    fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
+        let mut added = [0i32; ACCUMULATORS];
+        let mut added_scale = 0.0;
+        if let Some(add) = &self.add {
+            added_scale = add.scale;
+            let row = Row::of(add, target.row);
+            for (p, added) in added[..target.pixels].iter_mut().enumerate() {
+                *added = row.value(arena.bytes, target.col + p * target.col_step);
+            }
+        }
+        let scale = f32::from_bits(self.multiplier[0] as u32);
+        let to = &mut arena.bytes[self.out.row_offset(target.row)..];
+        for (p, added) in added[..target.pixels].iter().enumerate() {
+            // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
+            let value = acc[p * self.width].wrapping_add(self.bias[0]) as f32 * scale + *added as f32 * added_scale;
+            let value = if self.relu && value < 0.0 { 0.0 } else { value };
+            if let Some(to) = to[4 * (target.col + p * target.col_step)..].first_chunk_mut() {
+                *to = value.to_le_bytes();
+            }
         }
     }
 
+    /// [`Isa::finish`] in portable Rust.
     #[inline(always)]
-    fn floats(&self, arena: &mut Arena<'_>, acc: &[i32; ACCUMULATORS], target: &Target) {
-        let t = self.out;
-        for c in 0..self.channels {
-            let mut added = [0i32; ACCUMULATORS];
-            let mut scale = 0.0;
-            if let Some(add) = &self.add {
-                scale = add.scale;
-                let row = Row::of(add, target.row);
-                for (p, added) in added[..target.pixels].iter_mut().enumerate() {
-                    *added = row.value(arena.bytes, (target.col + p * target.col_step) * t.channels + self.first + c);
-                }
-            }
-            let start = t.row_offset(target.row);
-            for (p, added) in added[..target.pixels].iter().enumerate() {
-                // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
-                let sum = acc[p * self.width + c].wrapping_add(self.bias[c]);
-                let value = sum as f32 * self.scale[c] + *added as f32 * scale;
-                let value = if self.relu && value < 0.0 { 0.0 } else { value };
-                let at = start + 4 * ((target.col + p * target.col_step) * t.channels + self.first + c);
-                if let Some(bytes) = arena.bytes[at..].first_chunk_mut() {
-                    *bytes = value.to_le_bytes();
-                }
-            }
+    pub(crate) fn portable(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        match self.width {
+            32 => self.codes::<32>(bytes, acc, target),
+            16 => self.codes::<16>(bytes, acc, target),
+            _ => self.codes::<8>(bytes, acc, target),
         }
     }
 
     /// `W` is the panel's width, known to the compiler.
     #[inline(always)]
-    fn codes<const W: usize>(&self, arena: &mut Arena<'_>, acc: &[i32; ACCUMULATORS], target: &Target) -> u64 {
+    fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // All arrays are [pixel][channel of the panel].
         let mut codes = [0i32; ACCUMULATORS];
         let cut = match &self.add {
@@ -131,7 +149,7 @@ impl<'a> Finish<'a> {
                 let row = Row::of(add, target.row);
                 for (p, added) in added.as_chunks_mut::<W>().0[..target.pixels].iter_mut().enumerate() {
                     let index = (target.col + p * target.col_step) * self.out.channels + self.first;
-                    row.values(arena.bytes, index, &mut added[..self.channels]);
+                    row.values(bytes, index, &mut added[..self.channels]);
                 }
                 self.round::<W, true>(acc, &added, &mut codes, target.pixels)
             }
@@ -142,7 +160,7 @@ impl<'a> Finish<'a> {
                 *code = table[*code as usize & 255] as i32;
             }
         }
-        self.store::<W>(arena, &codes, target);
+        self.store::<W>(bytes, &codes, target);
         cut
     }
 
@@ -154,14 +172,6 @@ impl<'a> Finish<'a> {
         codes: &mut [i32; ACCUMULATORS],
         pixels: usize,
     ) -> u64 {
-        let t = self.out;
-        let (zero, lo, hi) = match self.table {
-            Some(_) => (self.table_zero as i64, 0, 255),
-            None => (t.zero as i64, t.lo as i64, t.hi as i64),
-        };
-        // Cutting at the zero point is a ReLU, and beyond a table's ends it goes on as it ends: no faults.
-        let floor = if self.table.is_some() || t.lo == t.zero { i64::MIN } else { lo };
-        let ceiling = if self.table.is_some() { i64::MAX } else { hi };
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
         let mut cuts = [0i64; W];
         for ((codes, acc), added) in codes.as_chunks_mut::<W>().0[..pixels].iter_mut().zip(acc).zip(added) {
@@ -170,9 +180,9 @@ impl<'a> Finish<'a> {
                 if ADD {
                     v += (added[c] as i64 * self.add_multiplier[c] as i64) << self.add_shift;
                 }
-                let v = (v >> self.shift) + zero;
-                cuts[c] += (v > ceiling) as i64 + (v < floor) as i64;
-                codes[c] = v.clamp(lo, hi) as i32;
+                let v = (v >> self.shift) + self.zero;
+                cuts[c] += (v > self.ceiling) as i64 + (v < self.floor) as i64;
+                codes[c] = v.clamp(self.lo, self.hi) as i32;
             }
         }
         let mut cut = 0;
@@ -183,10 +193,9 @@ impl<'a> Finish<'a> {
     }
 
     #[inline(always)]
-    fn store<const W: usize>(&self, arena: &mut Arena<'_>, codes: &[i32; ACCUMULATORS], target: &Target) {
+    fn store<const W: usize>(&self, arena: &mut [u8], codes: &[i32; ACCUMULATORS], target: &Target) {
         let t = self.out;
-        let start = t.row_offset(target.row) + (t.margin + target.col) * t.channels + self.first;
-        let pitch = target.col_step * t.channels;
+        let (start, pitch) = target.place(t, self.first);
         let mut bytes = [0u8; ACCUMULATORS];
         for plane in 0..t.dtype.bytes() {
             if plane == 0 {
@@ -200,7 +209,7 @@ impl<'a> Finish<'a> {
             }
             let start = start + plane * t.plane_bytes();
             for (p, bytes) in bytes.as_chunks::<W>().0[..target.pixels].iter().enumerate() {
-                let to = &mut arena.bytes[start + p * pitch..];
+                let to = &mut arena[start + p * pitch..];
                 // Copies of a length that is known to the compiler are one or two instructions.
                 match (self.channels, to.first_chunk_mut::<W>()) {
                     (channels, Some(to)) if channels == W => *to = *bytes,

@@ -5,7 +5,7 @@
 
 pub(crate) mod conv;
 pub(crate) mod enlarge;
-mod finish;
+pub(crate) mod finish;
 pub(crate) mod layer_norm;
 pub(crate) mod window_attention;
 

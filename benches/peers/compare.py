@@ -1,0 +1,127 @@
+#!/usr/bin/env python3
+"""One tile through our int8 runner, ONNX Runtime and PyTorch, in turns, one thread each.
+
+    python3 benches/peers/compare.py nano tiny small paper
+    python3 benches/peers/compare.py host-train/models/nano.safetensors --json
+
+What is compared, and what is not: README.md.
+"""
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+import files
+import record
+import runtimes
+
+LEAST_ROUNDS = 5  # of a network that does not get through all rounds in its time
+FLOAT_TOLERANCE = 1e-5  # ONNX Runtime in float against PyTorch, share of the output's largest value
+INT8_TOLERANCE = 0.5  # rms error of an int8 output, share of the float one's deviation; a flat output would reach 1
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("networks", nargs="+", metavar="NETWORK", help="nano, tiny, small, paper or a .safetensors file")
+    parser.add_argument("--rounds", type=int, default=15, help="tiles timed of each runtime (default: %(default)s)")
+    parser.add_argument("--minutes", type=float, default=10, help="stop a slow network earlier (default: %(default)s)")
+    parser.add_argument("--head", choices=["relu", "residual"], default="relu", help="of presets (default: %(default)s)")
+    parser.add_argument("--precision", choices=["int8", "mixed", "int16"], default="mixed", help="ours (default: %(default)s)")
+    parser.add_argument("--kernel", help="ours (default: the fastest)")
+    parser.add_argument("--no-onnx-float", action="store_true", help="leave out ONNX Runtime in float")
+    parser.add_argument("--binaries", type=Path, help="folder of built programs, such as target/release (default: build)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers.md")
+    a = parser.parse_args()
+    if a.rounds < 1:
+        parser.error(f"--rounds: expected at least 1, found {a.rounds}")
+    return a
+
+
+def gmacs(module, tile):
+    """Multiply-accumulates as PyTorch runs it: each 5x5 on the doubled map, attention on padded windows."""
+    with FlopCounterMode(display=False) as counter, torch.inference_mode():
+        module(*(torch.from_numpy(array) for array in tile))
+    return counter.get_total_flops() / 2e9
+
+
+def take_turns(peers, tile, rounds, seconds):
+    """Seconds of every tile by runtime. Each turn runs the tile twice and times the second: the first warms the caches."""
+    times, deadline = {key: [] for key in peers}, time.monotonic() + seconds
+    for turn in range(rounds):
+        if turn >= LEAST_ROUNDS and time.monotonic() > deadline:
+            break
+        for key in np.roll(list(peers), turn):
+            peers[key].run(*tile)
+            times[key].append(peers[key].run(*tile)[0])
+    return times
+
+
+def error(key, found, expected):
+    """Difference from PyTorch's output; ends the program where it cannot be called the same network."""
+    difference = found - expected
+    rms, largest = float(np.sqrt(np.mean(difference.astype(np.float64) ** 2))), float(np.abs(difference).max())
+    if key == "onnxruntime_float":
+        name, value, limit = "largest error", largest, FLOAT_TOLERANCE * float(np.abs(expected).max())
+    else:
+        name, value, limit = "rms error", rms, INT8_TOLERANCE * float(expected.std())
+    if not value <= limit:
+        raise SystemExit(f"ERROR: {key}: expected an output with {name} of at most {limit:.2g}, found {value:.2g}")
+    return {"rms_error": rms, "max_error": largest}
+
+
+def measure(net, peers, a):
+    """The report on one network."""
+    outputs = {key: peer.run(*net.tile)[1] for key, peer in peers.items()}
+    expected = outputs["pytorch_float"]
+    errors = {key: error(key, outputs[key], expected) for key in peers if key != "pytorch_float"}
+    if a.no_onnx_float:
+        peers = {key: peer for key, peer in peers.items() if key != "onnxruntime_float"}
+    files.say(f"{net.name}: {a.rounds} rounds")
+    times = take_turns(peers, net.tile, a.rounds, a.minutes * 60)
+    report = {"network": net.name, "weights": net.weights.name, "precision": a.precision}
+    report |= {"rounds": len(times["ours"]), "rounds_wanted": a.rounds, "gmac": gmacs(net.module, net.tile)}
+    report |= {"output_mean": float(expected.mean()), "output_deviation": float(expected.std())}
+    report |= {"ours": peers["ours"].facts, "runtimes": {}, "ratios": {}, "ratios_of_fastest": {}}
+    for key, peer in peers.items():
+        low, median, high = (1e3 * float(q) for q in np.quantile(times[key], [0.25, 0.5, 0.75]))
+        measured = {"label": peer.label, "median_ms": median, "quartiles_ms": [low, high], "min_ms": 1e3 * min(times[key])}
+        report["runtimes"][key] = measured | errors.get(key, {})
+        ours = report["runtimes"]["ours"]
+        report["ratios"][key] = median / ours["median_ms"]
+        report["ratios_of_fastest"][key] = measured["min_ms"] / ours["min_ms"]
+    return report
+
+
+def compare(name, a, host_train, server):
+    """As `measure`, from files made if need be, with runtimes opened and closed."""
+    net = files.Network(name, a.head, a.precision, host_train)
+    peers = {"ours": runtimes.Ours(server, net.model, a.kernel)}
+    try:
+        peers["onnxruntime_int8"] = runtimes.OnnxRuntime(net.int8_onnx, "ONNX Runtime int8")
+        peers["onnxruntime_float"] = runtimes.OnnxRuntime(net.float_onnx, "ONNX Runtime float")
+        peers["pytorch_float"] = runtimes.PyTorch(net.module, net.tile)
+        return measure(net, peers, a)
+    finally:
+        peers["ours"].close()
+
+
+def main():
+    a = arguments()
+    host_train, server = files.programs(a.binaries)
+    load = os.getloadavg()[0]
+    networks = [compare(name, a, host_train, server) for name in a.networks]
+    report = record.circumstances(a, load) | {"networks": networks}
+    print(json.dumps(report, indent=1) if a.json else record.text(report))
+    if a.record:
+        files.say(f"wrote {record.write(report, a.record)}")
+
+
+if __name__ == "__main__":
+    main()

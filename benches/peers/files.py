@@ -1,0 +1,92 @@
+"""Makes and finds the files that a comparison needs: weights, the runner's model file, ONNX files. Up-to-date ones are kept."""
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from safetensors import SafetensorError
+
+import network
+import onnx_files
+import tiles
+
+HERE = Path(__file__).resolve().parent
+MADE = HERE / "made"
+MANIFEST = HERE.parents[1] / "Cargo.toml"
+PRESETS = ("nano", "tiny", "small", "paper")
+CALIBRATION_TILES = 4
+
+
+def say(text):
+    print(text, file=sys.stderr, flush=True)
+
+
+def run(*command):
+    """Runs a program of ours, its report on standard error."""
+    command = [str(word) for word in command]
+    say(f"$ {' '.join(command)}")
+    if subprocess.run(command, stdout=sys.stderr).returncode:
+        raise SystemExit(f"ERROR: expected success of `{' '.join(command)}`, found failure")
+
+
+def programs(folder):
+    """`host-train` and `tile_server`: those in `folder`, or freshly built ones of this source tree."""
+    if folder is None:
+        packages = ["-p", "host-train", "-p", "elunar-benches", "--bin", "host-train", "--example", "tile_server"]
+        run("cargo", "build", "--release", "--locked", *packages, "--manifest-path", MANIFEST)
+        metadata = ["cargo", "metadata", "--no-deps", "--format-version", "1", "--manifest-path", MANIFEST]
+        folder = Path(json.loads(subprocess.check_output(metadata))["target_directory"]) / "release"
+    found = folder / "host-train", folder / "examples" / "tile_server"
+    for program in found:
+        if not program.exists():
+            raise SystemExit(f"ERROR: --binaries {folder}: expected {program}, found none")
+    return found
+
+
+def digest(path):
+    """Eight hexadecimal digits of the file's SHA-256."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()[:8]
+
+
+def make(target, sources, write):
+    """Has `write(path)` make `target` where it is absent or older than a source; an interrupted one leaves no half of it."""
+    if target.exists() and all(source.stat().st_mtime <= target.stat().st_mtime for source in sources):
+        return
+    say(f"writing {target.relative_to(HERE)}")
+    partial = MADE / "partial" / target.name
+    partial.parent.mkdir(parents=True, exist_ok=True)
+    write(partial)
+    partial.replace(target)
+
+
+class Network:
+    """One network and its files. `name` is a preset, for random weights, or a weight file."""
+
+    def __init__(self, name, head, precision, host_train):
+        self.weights, self.name = Path(name), Path(name).stem
+        if name in PRESETS:
+            self.weights = MADE / f"{name}-{head}.safetensors"
+            init = [host_train, "init", "--preset", name, "--head", head, "--seed", 1, "-o"]
+            make(self.weights, [host_train], lambda path: run(*init, path))
+        elif not self.weights.is_file():
+            raise SystemExit(f"ERROR: {name}: expected one of {', '.join(PRESETS)} or a weight file, found neither")
+        try:
+            self.module, self.config = network.load(self.weights, tiles.ROWS, tiles.COLS)
+        except (ValueError, RuntimeError, SafetensorError) as misfit:
+            raise SystemExit(f"ERROR: {self.weights}: {misfit}") from None
+        self.tile = tiles.tile(0, self.config)
+        stem = MADE / f"{self.name}-{digest(self.weights)}"
+        self.model = Path(f"{stem}-{precision}.eld")
+        self.float_onnx, self.int8_onnx = Path(f"{stem}-float.onnx"), Path(f"{stem}-int8.onnx")
+        export = [host_train, "export", "--weights", self.weights, "--precision", precision]
+        export += ["--tiles", CALIBRATION_TILES, "--compare", 0, "-o"]
+        make(self.model, [host_train], lambda path: run(*export, path))
+        code = [HERE / f"{module}.py" for module in ("network", "onnx_files", "tiles")]
+        make(self.float_onnx, code, lambda path: onnx_files.write_float(self.module, self.tile, path))
+        make(self.int8_onnx, [self.float_onnx], lambda path: onnx_files.write_int8(self.float_onnx, self.calibration(), path))
+
+    def calibration(self):
+        """Tiles other than the one that is timed."""
+        return [tiles.tile(1 + i, self.config) for i in range(CALIBRATION_TILES)]

@@ -1,0 +1,39 @@
+"""Synthetic tiles as the network takes them: fractal terrain, seen under a Sun in the north-west."""
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+ROWS, COLS = 256, 320
+COARSE_PX = 32  # pixels per side of a coarse one
+PIXEL_M = 2.0
+SLOPE = np.tan(np.radians(8))  # mean of the terrain
+SUN_ELEVATION = np.radians(35)
+
+
+def terrain(random):
+    """Heights in metres, [ROWS, COLS], cut from a field twice as large, which is periodic."""
+    f = np.hypot(np.fft.fftfreq(2 * ROWS)[:, None], np.fft.rfftfreq(2 * COLS))
+    f[0, 0] = 1
+    spectrum = (random.standard_normal(f.shape) + 1j * random.standard_normal(f.shape)) * f**-1.9
+    spectrum[0, 0] = 0
+    z = np.fft.irfft2(spectrum, s=(2 * ROWS, 2 * COLS))[:ROWS, :COLS]
+    return z * SLOPE / np.hypot(*np.gradient(z, PIXEL_M)).mean()
+
+
+def shade(z):
+    """Lambert's law; rows run south, columns east."""
+    south, east = np.gradient(z, PIXEL_M)
+    sun = np.cos(SUN_ELEVATION) * (south + east) / np.sqrt(2)
+    return np.clip((np.sin(SUN_ELEVATION) + sun) / np.sqrt(1 + south**2 + east**2), 0, None)
+
+
+def tile(seed, config):
+    """Image in [0, 1] and coarse DTM in [0, NR], each f32 [1, 1, ROWS, COLS], normalised as `config` wants it."""
+    z = terrain(np.random.default_rng(seed))
+    image = shade(z)
+    image = (image - image.min()) / np.ptp(image)
+    coarse = F.avg_pool2d(torch.from_numpy(z)[None, None], COARSE_PX)
+    coarse = F.interpolate(coarse, size=(ROWS, COLS), mode="bicubic", align_corners=False).numpy()
+    margin = config.get("range_margin", 0.0)
+    coarse = config.get("nr", 50.0) * ((coarse - coarse.min()) / np.ptp(coarse) + margin) / (1 + 2 * margin)
+    return image[None, None].astype(np.float32), coarse.astype(np.float32)
