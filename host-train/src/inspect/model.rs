@@ -70,7 +70,7 @@ pub struct OperatorLine {
     pub macs: u64,
     /// Bytes of packed weights (convolutions only; biases, multipliers and tables not counted).
     pub weight_bytes: usize,
-    /// Bytes its output takes in the arena.
+    /// Bytes of the kept rows of its output. Where rows of several tensors lie between each other, they span more.
     pub activation_bytes: usize,
     /// Where they begin.
     pub offset: usize,
@@ -89,7 +89,7 @@ pub struct TensorLife {
     pub name: String,
     /// First byte in the arena.
     pub offset: usize,
-    /// Bytes in the arena.
+    /// Bytes from there to its last one, with what may lie between its rows.
     pub bytes: usize,
     /// Number of the schedule's first entry that touches it, from 1; 0 for inputs.
     pub first_entry: usize,
@@ -168,7 +168,7 @@ fn line(model: &Model<'_>, index: usize, name: String) -> Option<OperatorLine> {
         margin: out.margin,
         macs: model.operator_macs(&operator),
         weight_bytes,
-        activation_bytes: out.size_bytes(),
+        activation_bytes: out.ring * out.row_bytes(),
         offset: out.offset,
         ms: None,
         share: None,

@@ -106,23 +106,36 @@ fn live(plan: &Plan) -> Vec<(f64, f64)> {
     points
 }
 
-/// Names and bytes where they fit.
+/// Names and bytes where they fit. Tensors that share bytes while they are alive, a sum with what is added to it, the output with
+/// the inputs, share a label.
 fn labels(plan: &Plan, (end, top): (f64, f64)) -> Vec<Text<'static, (f64, f64), String>> {
+    let mut groups: Vec<Vec<&TensorLife>> = Vec::new();
+    for t in &plan.tensors {
+        match groups.iter_mut().find(|group| group.iter().any(|other| share(t, other))) {
+            Some(group) => group.push(t),
+            None => groups.push(vec![t]),
+        }
+    }
     let (width, height) = ((SIZE_PX.0 - AXES_PX.0) as f64, (SIZE_PX.1 - AXES_PX.1) as f64);
     let style = (FONT, LETTER_PX.0).into_font().color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
     let mut texts = Vec::new();
-    let mut labelled: Vec<&TensorLife> = Vec::new();
-    for t in &plan.tensors {
-        let [(left, low), (right, high)] = corners(t);
-        let label = format!("{} {}", t.name, t.bytes);
-        let wide = (right - left) / end * width > LETTER_PX.1 * label.len() as f64;
-        // Sums that take each other's place get one label.
-        let free =
-            labelled.iter().all(|l| l.offset != t.offset || l.last_mac <= t.first_mac || t.last_mac <= l.first_mac);
-        if wide && free && (high - low) / top * height > LETTER_PX.0 as f64 {
-            labelled.push(t);
+    for group in &groups {
+        let [(left, low), (right, high)] = corners(group[0]);
+        let names: Vec<&str> = group.iter().map(|t| t.name.as_str()).collect();
+        let bytes = group.iter().map(|t| t.bytes).max().unwrap_or(0);
+        let fits = |label: &String| {
+            let wide = (right - left) / end * width > LETTER_PX.1 * label.len() as f64;
+            wide && (high - low) / top * height > LETTER_PX.0 as f64
+        };
+        let labels = [format!("{} {bytes}", names.join(" + ")), format!("{} + {} {bytes}", names[0], names.len() - 1)];
+        if let Some(label) = labels.into_iter().find(fits) {
             texts.push(Text::new(label, ((left + right) / 2.0, (low + high) / 2.0), style.clone()));
         }
     }
     texts
+}
+
+fn share(a: &TensorLife, b: &TensorLife) -> bool {
+    let places = a.offset < b.offset + b.bytes && b.offset < a.offset + a.bytes;
+    places && a.first_mac < b.last_mac && b.first_mac < a.last_mac
 }
