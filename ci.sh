@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test backends no_std architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint test backends no_std boards architecture fuzz
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
 set -euo pipefail
@@ -23,7 +23,7 @@ format() {
 
 lint() {
     cargo clippy --locked --workspace --all-targets -- -D warnings
-    cargo clippy --locked --manifest-path "$flight" --target-dir "$target/flight" -- -D warnings
+    cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
 }
 
 # The network once more on the reference backend, which shares no kernel with the default one.
@@ -64,6 +64,16 @@ no_std() {
     fi
 }
 
+# Bare boards under QEMU: same bytes out as on the host, and no more instructions than recorded.
+boards() {
+    local missing
+    if ! missing="$(onboard/flight/boards/setup.sh --check)"; then
+        echo "SKIPPED: boards: $missing (onboard/flight/boards/setup.sh installs it)"
+        return
+    fi
+    onboard/flight/boards/run.sh
+}
+
 architecture() {
     cargo test --locked --quiet -p elunar-tests --test architecture
 }
@@ -80,16 +90,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test backends no_std architecture fuzz
+[ $# -gt 0 ] || set -- format lint test backends no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | backends | no_std | architecture | fuzz)
+    format | lint | test | backends | no_std | boards | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test backends no_std architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test backends no_std boards architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

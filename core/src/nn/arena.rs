@@ -88,9 +88,10 @@ pub(crate) const fn zero_code(t: &Tensor, plane: usize) -> u8 {
 /// Where the samples of one row of a U8 or I16 tensor lie.
 #[derive(Clone, Copy)]
 pub(crate) struct Row {
-    at: usize,
+    /// First sample behind the margin.
+    pub(crate) at: usize,
     /// Distance to the high plane; 0 if there is none.
-    high: usize,
+    pub(crate) high: usize,
     zero: i32,
 }
 

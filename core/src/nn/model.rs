@@ -1,13 +1,13 @@
 //! A model file that can only hold what is legal: everything is judged here, once, before the first step.
 
+use super::arena::OVERREAD;
 use super::error::{ModelError, OperatorFault};
 use super::format::{NONE, RawModel, i32_at, word};
-use super::arena::OVERREAD;
 use super::kernels::{panel_count, panelled, panels};
 use super::ops::window_attention;
 use super::program::*;
 use super::schedule;
-use crate::quant::lut::CODE_TABLE_LEN;
+use crate::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE};
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 
 /// Largest number of tensors or operators; bounds the time and the stack of validation.
@@ -335,11 +335,10 @@ impl<'a> Model<'a> {
         self.check_multipliers(a.logit_multipliers, a.heads, a.logit_shift)?;
         self.check_multipliers(a.multipliers, a.heads, a.shift)?;
         self.constant_slice(a.position_bias, a.heads, 2 * (2 * a.window - 1) * (2 * a.window - 1))?;
-        let exp = self.constant_slice(a.exp_table, a.exp_len, 2)?.as_chunks::<2>().0;
-        // The first entry is met by every row's maximum: it keeps the sum away from 0.
-        if exp.first().is_none_or(|&e| i16::from_le_bytes(e) < 1 << 14)
-            || exp.iter().any(|&e| i16::from_le_bytes(e) < 0)
-        {
+        let exp = self.constant_slice(a.exp_table, EXP_COARSE + EXP_FINE, 2)?.as_chunks::<2>().0;
+        // The first entries are met by every row's maximum: they keep the sum above 2^13.
+        let first = |i: usize| exp.get(i).is_some_and(|&e| i16::from_le_bytes(e) >= 1 << 14);
+        if !first(0) || !first(EXP_COARSE) || exp.iter().any(|&e| i16::from_le_bytes(e) < 0) {
             return Err(OperatorFault::Constants);
         }
         if self.constant_slice(a.pad_codes, input.channels, 1)?.contains(&0) {

@@ -430,12 +430,10 @@ pub struct Attention {
     pub logit_multipliers: usize,
     /// Right shift of the logits.
     pub logit_shift: u32,
-    /// Constants: i16 `[heads][(2 window - 1)²]`, in logits.
+    /// Constants: i16 `[heads][(2 window - 1)²]`, in logits, by key row minus query row and key column minus query column.
     pub position_bias: usize,
-    /// Constants: i16 table of the exponential, by distance from the largest logit.
+    /// Constants: the exponential's two tables, i16, one behind the other (see [`crate::quant::lut::exp_lookup`]).
     pub exp_table: usize,
-    /// Its entries.
-    pub exp_len: usize,
     /// Constants: i32 `[heads]`, mean of v to output code.
     pub multipliers: usize,
     /// Right shift of the output.
@@ -526,9 +524,8 @@ impl Operator {
                 logit_shift: word(9),
                 position_bias: size(10),
                 exp_table: size(11),
-                exp_len: size(12),
-                multipliers: size(13),
-                shift: word(14),
+                multipliers: size(12),
+                shift: word(13),
             }),
             KIND_ENLARGE => Self::Enlarge(Enlarge { out: word(1), input: word(2) }),
             _ => return Err(OperatorFault::Kind),
@@ -579,7 +576,6 @@ impl Operator {
                 a.logit_shift,
                 a.position_bias as u32,
                 a.exp_table as u32,
-                a.exp_len as u32,
                 a.multipliers as u32,
                 a.shift,
             ]]),
@@ -657,7 +653,9 @@ impl Operator {
             Self::Conv(c) if c.fold => step.saturating_sub(2)..min(step + 3, rows),
             Self::Conv(c) => {
                 let first = (step * c.stride).saturating_sub(c.pad);
-                first..min(step * c.stride + c.kernel_rows - min(c.pad, step * c.stride + c.kernel_rows), rows).max(first)
+                first
+                    ..min(step * c.stride + c.kernel_rows - min(c.pad, step * c.stride + c.kernel_rows), rows)
+                        .max(first)
             }
             Self::LayerNorm(n) => n.merge * step..n.merge * (step + 1),
             Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),

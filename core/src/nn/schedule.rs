@@ -162,7 +162,8 @@ impl Play<'_, '_> {
                     let rows = operator.rows_read(&out, slot, t.rows, step);
                     // What this step writes must not touch what it reads, but for sums, made sample by sample.
                     let sum = slot == 2 && t.coincides(&out);
-                    let making = if sum { None } else { Some((operator.output(), operator.rows_after(&out, step + 1))) };
+                    let making =
+                        if sum { None } else { Some((operator.output(), operator.rows_after(&out, step + 1))) };
                     if !self.readable(tensor as usize, &t, rows, making) {
                         return Err(refuse);
                     }
@@ -171,9 +172,9 @@ impl Play<'_, '_> {
             }
         }
         let finished = (0..self.model.operator_count()).all(|index| {
-            self.model.operator(index).is_some_and(|op| {
-                self.done[index] as usize == op.steps(&self.model.tensor(op.output()))
-            })
+            self.model
+                .operator(index)
+                .is_some_and(|op| self.done[index] as usize == op.steps(&self.model.tensor(op.output())))
         });
         if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
     }

@@ -6,10 +6,23 @@ pub const LOGIT_BITS: u32 = 8;
 /// Entries of a code-to-code table.
 pub const CODE_TABLE_LEN: usize = 256;
 
-/// `exp(-distance / 2^LOGIT_BITS)` from a table of little-endian i16; beyond its end the result is 0.
+/// Entries of the exponential's coarse table, in steps of [`EXP_FINE`], and of its fine one: as many as fit into one or two vector
+/// registers of 32 numbers.
+pub const EXP_COARSE: usize = 64;
+/// See [`EXP_COARSE`].
+pub const EXP_FINE: usize = 32;
+
+/// `exp(-distance / 2^LOGIT_BITS)` as the product of two entries (little-endian i16, 15 fraction bits), rounded; 0 from 8 logits on,
+/// where it is below 1/2980.
 #[inline(always)]
-pub fn exp_lookup(table: &[[u8; 2]], distance: i32) -> i16 {
-    table.get(distance as usize).map_or(0, |&bytes| i16::from_le_bytes(bytes))
+pub fn exp_lookup(coarse: &[[u8; 2]], fine: &[[u8; 2]], distance: i32) -> i16 {
+    let at = distance as usize;
+    match (coarse.get(at / EXP_FINE), fine.get(at % EXP_FINE)) {
+        (Some(&a), Some(&b)) => {
+            ((i16::from_le_bytes(a) as i32 * i16::from_le_bytes(b) as i32 + (1 << 14)) >> 15) as i16
+        }
+        _ => 0,
+    }
 }
 
 #[cfg(test)]
@@ -17,8 +30,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn beyond_the_table_is_zero() {
-        let table = [[0xff, 0x7f], [1, 0]];
-        assert_eq!([0, 1, 2, i32::MAX].map(|d| exp_lookup(&table, d)), [32767, 1, 0, 0]);
+    fn the_product_is_the_exponential_and_ends() {
+        let table = |step: f64, len: usize| -> Vec<[u8; 2]> {
+            (0..len).map(|i| ((32767.0 * libm::exp(-(i as f64) * step / 256.0)).round() as i16).to_le_bytes()).collect()
+        };
+        let (coarse, fine) = (table(EXP_FINE as f64, EXP_COARSE), table(1.0, EXP_FINE));
+        for distance in 0..2048 {
+            let exact = 32767.0 * libm::exp(-(distance as f64) / 256.0);
+            let found = exp_lookup(&coarse, &fine, distance) as f64;
+            assert!((found - exact).abs() <= 2.1, "{distance}: {found} {exact}");
+        }
+        assert_eq!([2048, 5000, i32::MAX].map(|d| exp_lookup(&coarse, &fine, d)), [0; 3]);
     }
 }

@@ -2,8 +2,8 @@
 
 pub mod lut;
 pub mod params;
-pub mod rsqrt;
 pub mod requant;
+pub mod rsqrt;
 
 pub use params::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 pub use requant::{requantise, round_shift};

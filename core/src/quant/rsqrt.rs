@@ -26,8 +26,9 @@ const fn guesses() -> [u16; 96] {
 /// `1 / √v` as an integer and a shift.
 #[derive(Debug, Clone, Copy)]
 pub struct ReciprocalRoot {
-    value: i32,
-    shift: u32,
+    /// `d * value / 2^shift` is d/√v with the fraction bits.
+    pub(crate) value: i32,
+    pub(crate) shift: u32,
 }
 
 impl ReciprocalRoot {

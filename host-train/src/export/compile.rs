@@ -4,8 +4,8 @@ use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
 use super::graph::{Graph, Operation};
 use super::plan::plan;
-use super::schedule::schedule;
 use super::quantise::{Program, quantise_with, wide_by_rule};
+use super::schedule::schedule;
 use super::write::{Content, file_bytes};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::model::weights::Weights;
@@ -75,13 +75,7 @@ pub fn export(
 ///
 /// # Errors
 /// As [`export`].
-pub fn finish(
-    config: &NetConfig,
-    graph: Graph,
-    ranges: &[Range],
-    wide: &[bool],
-    options: &Options,
-) -> Result<Export> {
+pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
     let mut program = quantise_with(&graph, ranges, config.nr, wide)?;
     let roles = roles(&graph, &program);
     let schedule = schedule(&program.tensors, &program.operators);

@@ -10,14 +10,14 @@ pub mod choose;
 pub mod compile;
 pub mod costs;
 pub mod float;
-pub mod graph;
 mod fold;
+pub mod graph;
 mod pack;
 pub mod plan;
-pub mod schedule;
 pub mod quantise;
 pub mod report;
 mod rounding;
+pub mod schedule;
 pub mod sensitivity;
 pub mod write;
 

@@ -9,13 +9,7 @@ const ALIGNMENT: usize = 64;
 
 /// Sets every tensor's ring and offset; returns the bytes they take together. `inputs` are written before the first step and
 /// `output` is read after the last: both keep all rows.
-pub fn plan(
-    tensors: &mut [Tensor],
-    operators: &[Operator],
-    schedule: &[Entry],
-    inputs: &[u32],
-    output: u32,
-) -> usize {
+pub fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
     let mut homes = find_homes(tensors, operators, schedule);
     let mut rings = vec![1; tensors.len()];
     play(tensors, operators, schedule, |play, tensor, rows| {
@@ -50,9 +44,8 @@ fn lay_output_on_inputs(
     play(tensors, operators, schedule, |play, tensor, rows| {
         free &= !inputs.contains(&tensor) || play.made(output) <= rows.start;
     });
-    let added = |i: &usize| {
-        operators.iter().any(|op| op.output() as usize == output && op.inputs().contains(&Some(*i as u32)))
-    };
+    let added =
+        |i: &usize| operators.iter().any(|op| op.output() as usize == output && op.inputs().contains(&Some(*i as u32)));
     inputs.sort_by_key(added);
     let Some(&home) = inputs.first().filter(|_| free) else { return };
     let bytes = |i: &usize| tensors[*i].row_bytes();

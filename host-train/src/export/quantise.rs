@@ -7,15 +7,15 @@ use super::build::NORM_EPSILON;
 use super::calibrate::Range;
 use super::compile::Precision;
 use super::float::gelu;
-use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
-use crate::{Error, Result};
-use std::collections::HashMap;
 use super::fold::fold;
+use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::{Filter, pack};
+use crate::{Error, Result};
 use elunar_core::nn::{self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor};
-use elunar_core::quant::lut::{CODE_TABLE_LEN, LOGIT_BITS};
+use elunar_core::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE, LOGIT_BITS};
 use elunar_core::quant::params::{multiplier, shift_for};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
+use std::collections::HashMap;
 
 /// 16-bit maps keep this much room above what calibration saw; 8-bit maps have none to spare.
 const HEADROOM_16: f64 = 1.25;
@@ -228,7 +228,7 @@ fn channel_magnitudes(range: &Range, freedom: Freedom) -> Vec<f64> {
 struct Quantiser<'a> {
     graph: &'a Graph,
     program: Program,
-    exp_table: Option<(usize, usize)>,
+    exp_table: Option<usize>,
     /// Enlarged tensors by node.
     enlarged: HashMap<NodeId, u32>,
 }
@@ -411,9 +411,10 @@ impl Quantiser<'_> {
         let (logit_shift, mean_shift) = (shift_for(largest(&logits))?, shift_for(largest(&means))?);
         let pad_code = |c: usize| (pad[c] as f64 / codes.scales[c]).round().clamp(-127.0, 127.0) as i32 + codes.zero;
         let table = position_bias.len() / heads;
-        let bias = (0..*heads).flat_map(|h| (0..table).map(move |i| position_bias[i * heads + h]));
+        // The reference counts query minus key; we count key minus query.
+        let bias = (0..*heads).flat_map(|h| (0..table).rev().map(move |i| position_bias[i * heads + h]));
         let bias: Vec<i16> = bias.map(|b| (b as f64 * unit).round().clamp(-32767.0, 32767.0) as i16).collect();
-        let (exp_table, exp_len) = self.exp_table();
+        let exp_table = self.exp_table();
         let attention = nn::Attention {
             out: self.program.tensor_of[id],
             input: self.program.tensor_of[*input],
@@ -426,22 +427,21 @@ impl Quantiser<'_> {
             logit_shift,
             position_bias: self.halves(bias),
             exp_table,
-            exp_len,
             multipliers: self.words(means.iter().map(|r| multiplier(*r, mean_shift))),
             shift: mean_shift,
         };
         Some(Operator::Attention(attention))
     }
 
-    /// One table for the whole network, up to the distance where the exponential rounds to 0.
-    fn exp_table(&mut self) -> (usize, usize) {
+    /// The exponential's tables, once for the whole network.
+    fn exp_table(&mut self) -> usize {
         if let Some(table) = self.exp_table {
             return table;
         }
         let unit = (1u64 << LOGIT_BITS) as f64;
         let entry = |d: usize| (i16::MAX as f64 * (-(d as f64) / unit).exp()).round() as i16;
-        let entries: Vec<i16> = (0..).map(entry).take_while(|e| *e > 0).collect();
-        let table = (self.halves(entries.iter().copied()), entries.len());
+        let coarse = (0..EXP_COARSE).map(|i| entry(i * EXP_FINE));
+        let table = self.halves(coarse.chain((0..EXP_FINE).map(entry)));
         self.exp_table = Some(table);
         table
     }

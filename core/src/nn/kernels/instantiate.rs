@@ -27,13 +27,7 @@ macro_rules! instantiate {
             unsafe { compiled(model, operator, arena, step, unit) }
         }
 
-        fn gemm(
-            acc: &mut super::Accumulators,
-            pixels: usize,
-            patch: &super::Patch<'_>,
-            weights: &[u8],
-            width: usize,
-        ) {
+        fn gemm(acc: &mut super::Accumulators, pixels: usize, patch: &super::Patch<'_>, weights: &[u8], width: usize) {
             <$isa as super::Isa>::gemm(acc, pixels, patch, weights, width)
         }
     };

@@ -29,6 +29,8 @@ mod x86_avx512;
 use super::arena::Arena;
 use super::model::Model;
 use super::ops::finish::{Finish, Target};
+use super::ops::layer_norm;
+use super::ops::window_attention::Softmax;
 use super::program::Operator;
 
 /// Accumulators of one call: pixels times panel width.
@@ -120,6 +122,19 @@ pub(crate) trait Isa {
     fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         finish.portable(bytes, acc, target)
     }
+
+    /// Exponentials of one query as two planes, 0 behind the last key; returns their sum. As [`Softmax::portable`].
+    #[inline(always)]
+    fn softmax(softmax: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
+        softmax.portable(low, high)
+    }
+
+    /// Normalises up to [`layer_norm::PIXELS`] pixels from column `col` on; returns how many codes were cut. As
+    /// [`layer_norm::Job::portable`].
+    #[inline(always)]
+    fn layer_norm(job: &layer_norm::Job<'_, '_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+        job.portable(bytes, col, pixels)
+    }
 }
 
 /// One way of computing: same numbers, other instructions.
@@ -132,11 +147,8 @@ pub struct Kernel {
 
 impl Kernel {
     /// The specification; runs everywhere.
-    pub const SCALAR: Self = Self {
-        name: scalar::NAME,
-        unit: super::ops::run::<scalar::Scalar>,
-        gemm: <scalar::Scalar as Isa>::gemm,
-    };
+    pub const SCALAR: Self =
+        Self { name: scalar::NAME, unit: super::ops::run::<scalar::Scalar>, gemm: <scalar::Scalar as Isa>::gemm };
 
     /// The kernels this processor runs, fastest first; the last is always [`Kernel::SCALAR`].
     pub fn available() -> impl Iterator<Item = Self> {

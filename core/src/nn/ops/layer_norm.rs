@@ -4,19 +4,20 @@
 //! d = C·x − S is C times the distance from the mean. So y = d / √(C·Q − S² + C²ε), without any division by C.
 
 use crate::nn::arena::{Arena, Row};
+use crate::nn::kernels::Isa;
 use crate::nn::model::Model;
 use crate::nn::program::{LayerNorm, Tensor};
 use crate::quant::rsqrt::ReciprocalRoot;
 
 /// Channels held on the stack at a time, and pixels that share their gains.
 const BLOCK: usize = 64;
-const PIXELS: usize = 16;
+pub(crate) const PIXELS: usize = 16;
 /// Channels in the innermost loop: a constant, for the compiler to make it vectors of any length.
 const LANES: usize = 8;
 
 /// Runs step `row`.
 #[inline(always)]
-pub(crate) fn run(model: &Model<'_>, norm: &LayerNorm, arena: &mut Arena<'_>, row: usize) -> u64 {
+pub(crate) fn run<I: Isa>(model: &Model<'_>, norm: &LayerNorm, arena: &mut Arena<'_>, row: usize) -> u64 {
     let (input, out) = (model.tensor(norm.input), model.tensor(norm.out));
     let m = norm.merge;
     let rows = [Row::of(&input, m * row), Row::of(&input, m * row + m - 1)];
@@ -25,20 +26,22 @@ pub(crate) fn run(model: &Model<'_>, norm: &LayerNorm, arena: &mut Arena<'_>, ro
     let mut col = 0;
     while col < out.cols {
         let pixels = (out.cols - col).min(PIXELS);
-        cut += job.pixels(arena.bytes, col, pixels);
+        cut += I::layer_norm(&job, arena.bytes, col, pixels);
         col += pixels;
     }
     arena.fill_margins(&out, row);
     cut
 }
 
-struct Job<'a, 'm> {
-    model: &'a Model<'m>,
-    norm: &'a LayerNorm,
-    input: &'a Tensor,
-    out: &'a Tensor,
-    rows: [Row; 2],
-    to: Row,
+/// One output row.
+pub(crate) struct Job<'a, 'm> {
+    pub(crate) model: &'a Model<'m>,
+    pub(crate) norm: &'a LayerNorm,
+    pub(crate) input: &'a Tensor,
+    pub(crate) out: &'a Tensor,
+    /// The input rows of the pixels' upper and lower half (one and the same without merging).
+    pub(crate) rows: [Row; 2],
+    pub(crate) to: Row,
 }
 
 impl Job<'_, '_> {
@@ -83,8 +86,9 @@ impl Job<'_, '_> {
         (sum, ReciprocalRoot::of(variance + self.norm.epsilon))
     }
 
+    /// [`Isa::layer_norm`] in portable Rust.
     #[inline(always)]
-    fn pixels(&self, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+    pub(crate) fn portable(&self, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
         let (norm, channels) = (self.norm, self.out.channels);
         let mut statistics = [(0, ReciprocalRoot::of(1)); PIXELS];
         for (p, statistics) in statistics[..pixels].iter_mut().enumerate() {

@@ -12,7 +12,7 @@ pub(crate) mod window_attention;
 use super::arena::Arena;
 use super::kernels::Isa;
 use super::model::Model;
-use super::program::{Operator, Tensor};
+use super::program::Operator;
 
 /// Runs unit `unit` of step `step`.
 #[inline(always)]
@@ -25,16 +25,8 @@ pub(crate) fn run<I: Isa>(
 ) -> u64 {
     match operator {
         Operator::Conv(op) => conv::run::<I>(model, op, arena, step, unit),
-        Operator::LayerNorm(op) => layer_norm::run(model, op, arena, step),
+        Operator::LayerNorm(op) => layer_norm::run::<I>(model, op, arena, step),
         Operator::Attention(op) => window_attention::run::<I>(model, op, arena, step, unit),
         Operator::Enlarge(op) => enlarge::run(model, op, arena, step),
     }
-}
-
-/// `v` as a code of `tensor`, and whether it had to be cut. Cutting at the zero point is a ReLU, not a fault.
-#[inline(always)]
-pub(crate) fn saturate(v: i64, tensor: &Tensor) -> (i32, bool) {
-    let code = v + tensor.zero as i64;
-    let kept = code.clamp(tensor.lo as i64, tensor.hi as i64);
-    (kept as i32, kept < code || (kept > code && tensor.lo != tensor.zero))
 }

@@ -6,27 +6,26 @@
 //!     pack v: a panel per 32 channels [group of 4 keys][channel][4]
 //!     for every row of the window that lies in the map
 //!         logits = q · k                       the convolutions' kernel: q is read where it lies
-//!         e = exp(logit - largest)             by table; 15 bits, stored as two planes of u8
+//!         e = exp(logit - largest)             by table; 15 bits, stored as two planes of u8 (kernels with table lookups have their own)
 //!         mean = (e · v) / Σe                  the same kernel, once per plane; one integer reciprocal per query
 //! ```
 //! The softmax is not normalised before it meets v.
 
-use super::saturate;
 use crate::nn::arena::{Arena, OVERREAD, Row};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL, Patch, panelled, panels};
 use crate::nn::model::{MAX_WINDOW, Model};
 use crate::nn::program::{Attention, Tensor, groups};
-use crate::quant::lut::exp_lookup;
+use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
 use crate::quant::round_shift;
 
 /// Logits are cut here; far beyond any table.
-const LOGIT_LIMIT: i64 = 1 << 24;
+pub(crate) const LOGIT_LIMIT: i64 = 1 << 24;
 /// Bits of the reciprocal of the sum of exponentials.
-const RECIPROCAL_BITS: u32 = 46;
+const RECIPROCAL_BITS: u32 = 43;
 /// Fraction bits of the weighted mean of v.
 pub(crate) const FRACTION_BITS: u32 = 16;
 /// Tokens of the largest window.
-const MAX_TOKENS: usize = MAX_WINDOW * MAX_WINDOW;
+pub(crate) const MAX_TOKENS: usize = MAX_WINDOW * MAX_WINDOW;
 
 /// Sizes of the scratch memory's parts.
 #[derive(Clone, Copy)]
@@ -130,28 +129,42 @@ fn pack(
                 None => &pad[from..from + channels],
             };
             let mut sum = 0;
-            for (g, four) in codes.chunks(4).enumerate() {
-                let to = 4 * (g * width + token - first);
-                for (to, &code) in panel[to..to + 4].iter_mut().zip(four) {
-                    *to = code ^ 0x80;
-                    sum += code as i32 - 128;
+            let (fours, rest) = codes.as_chunks::<4>();
+            for (g, four) in fours.iter().enumerate() {
+                let word = u32::from_ne_bytes(*four) ^ 0x8080_8080;
+                if let Some(to) = panel[4 * (g * width + token - first)..].first_chunk_mut() {
+                    *to = word.to_ne_bytes();
                 }
+                sum += four[0] as i32 + four[1] as i32 + four[2] as i32 + four[3] as i32;
             }
+            for (b, &code) in rest.iter().enumerate() {
+                panel[4 * (fours.len() * width + token - first) + b] = code ^ 0x80;
+                sum += code as i32;
+            }
+            sum -= 128 * channels as i32;
             offsets[token] = -128 * sum;
         }
     }
     for (first, width) in panels(channels) {
         let panel = &mut values[4 * first * groups(tokens)..][..4 * width * groups(tokens)];
         let count = (channels - first).min(width);
-        for token in 0..tokens {
-            let from = 2 * out.channels + head * channels + first;
-            let codes = match window.place(token, from) {
-                Some(at) => &tensors[at..at + count],
-                None => &pad[from..from + count],
-            };
-            let to = &mut panel[4 * width * (token / 4)..][..4 * width];
-            for (to, &code) in to[token % 4..].iter_mut().step_by(4).zip(codes) {
-                *to = code ^ 0x80;
+        let from = 2 * out.channels + head * channels + first;
+        for (group, to) in panel.chunks_exact_mut(4 * width).enumerate() {
+            // Behind the last token stand zeros: the code 128.
+            const NOTHING: [u8; PANEL] = [128; PANEL];
+            let mut four: [&[u8]; 4] = [&NOTHING[..count]; 4];
+            for (b, codes) in four.iter_mut().enumerate() {
+                let token = 4 * group + b;
+                if token < tokens {
+                    *codes = match window.place(token, from) {
+                        Some(at) => &tensors[at..at + count],
+                        None => &pad[from..from + count],
+                    };
+                }
+            }
+            let [a, b, c, d] = four;
+            for ((((to, a), b), c), d) in to.as_chunks_mut::<4>().0.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *to = [a ^ 0x80, b ^ 0x80, c ^ 0x80, d ^ 0x80];
             }
         }
     }
@@ -176,11 +189,12 @@ impl Head<'_, '_> {
         let channels = out.channels / a.heads;
         let cols = self.window.cols.0..self.window.cols.1.min(out.cols);
         let logits = self.products::<I>(arena, row, cols.len());
-        let mut reciprocals = [0i64; MAX_WINDOW];
+        let mut reciprocals = [0i32; MAX_WINDOW];
         for (q, reciprocal) in reciprocals[..cols.len()].iter_mut().enumerate() {
-            *reciprocal = (1i64 << RECIPROCAL_BITS) / self.exponentials(arena, &logits[q], row, q);
+            // The sum is at least 2^15 times the share of the table's first entries, so this fits; see the validation.
+            *reciprocal = ((1i64 << RECIPROCAL_BITS) / self.exponentials::<I>(arena, &logits[q], row, q)) as i32;
         }
-        let multiplier = self.model.constant_i32(a.multipliers, self.head) as i64;
+        let multiplier = self.model.constant_i32(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
         let mut cut = 0;
         for (first, width) in panels(channels) {
@@ -198,13 +212,19 @@ impl Head<'_, '_> {
             }
             let to = Row::of(out, row);
             let count = (channels - first).min(width);
+            let (lo, hi, zero) = (out.lo as i64, out.hi as i64, out.zero as i64);
             for (q, col) in cols.clone().enumerate() {
-                let mut codes = [0i32; PANEL];
-                for (code, &weighted) in codes[..count].iter_mut().zip(&acc[q * width..]) {
-                    let mean = round_shift(weighted as i64 * reciprocals[q], RECIPROCAL_BITS - FRACTION_BITS);
-                    let (kept, over) = saturate(round_shift(mean * multiplier, a.shift), out);
-                    *code = kept;
-                    cut += over as u64;
+                let mut weighted = [0i32; PANEL];
+                weighted[..width].copy_from_slice(&acc[q * width..(q + 1) * width]);
+                let (mut codes, mut cuts) = ([0i32; PANEL], [0i64; PANEL]);
+                for c in 0..PANEL {
+                    let mean = round_shift(weighted[c] as i64 * reciprocals[q] as i64, RECIPROCAL_BITS - FRACTION_BITS);
+                    let code = round_shift(mean as i32 as i64 * multiplier as i64, a.shift) + zero;
+                    cuts[c] = (code > hi) as i64 + (code < lo) as i64;
+                    codes[c] = code.clamp(lo, hi) as i32;
+                }
+                for &one in &cuts[..count] {
+                    cut += one as u64;
                 }
                 to.store(arena.bytes, col * out.channels + self.head * channels + first, &codes[..count]);
             }
@@ -240,43 +260,74 @@ impl Head<'_, '_> {
         logits
     }
 
-    /// Stores the exponentials of query `q` of row `row`; returns their sum, which is at least the table's first entry.
+    /// Stores the exponentials of query `q` of row `row`; returns their sum.
     #[inline(always)]
-    fn exponentials(&self, arena: &mut Arena<'_>, products: &[i32; MAX_TOKENS], row: usize, q: usize) -> i64 {
+    fn exponentials<I: Isa>(&self, arena: &mut Arena<'_>, products: &[i32; MAX_TOKENS], row: usize, q: usize) -> i64 {
         let a = self.window.a;
-        let table = self.model.constants(a.exp_table, 2 * a.exp_len).as_chunks().0;
-        let (width, tokens, side) = (self.window.width(), self.window.tokens(), 2 * a.window - 1);
-        let multiplier = self.model.constant_i32(a.logit_multipliers, self.head) as i64;
+        let (width, side) = (self.window.width(), 2 * a.window - 1);
         let bias = self.model.constants(a.position_bias + 2 * self.head * side * side, 2 * side * side);
-        let bias = bias.as_chunks::<2>().0;
-        let half = 1i64 << (a.logit_shift.max(1) - 1);
+        // The table is stored so that keys from left to right meet entries from left to right.
+        let first = (a.window - 1 - (row - self.window.rows.0)) * side + a.window - 1 - q;
+        let softmax = Softmax {
+            products,
+            tokens: self.window.tokens(),
+            width,
+            bias: &bias.as_chunks().0[first..],
+            bias_pitch: side,
+            multiplier: self.model.constant_i32(a.logit_multipliers, self.head),
+            shift: a.logit_shift & 63,
+            coarse: self.model.constants(a.exp_table, 2 * EXP_COARSE).as_chunks().0,
+            fine: self.model.constants(a.exp_table + 2 * EXP_COARSE, 2 * EXP_FINE).as_chunks().0,
+        };
+        let at = arena.scratch + self.layout.keys + self.layout.values + 2 * self.layout.row * q;
+        let (low, high) = arena.bytes[at..at + 2 * self.layout.row].split_at_mut(self.layout.row);
+        I::softmax(&softmax, low, high).max(1)
+    }
+}
+
+/// One query's softmax, not normalised.
+pub(crate) struct Softmax<'a> {
+    /// q · k by key.
+    pub(crate) products: &'a [i32; MAX_TOKENS],
+    /// Keys.
+    pub(crate) tokens: usize,
+    /// Keys in a row of the window.
+    pub(crate) width: usize,
+    /// Position bias of the first key, little-endian i16; the next row of keys begins `bias_pitch` entries on.
+    pub(crate) bias: &'a [[u8; 2]],
+    pub(crate) bias_pitch: usize,
+    pub(crate) multiplier: i32,
+    pub(crate) shift: u32,
+    /// Tables of the exponential.
+    pub(crate) coarse: &'a [[u8; 2]],
+    pub(crate) fine: &'a [[u8; 2]],
+}
+
+impl Softmax<'_> {
+    /// [`Isa::softmax`] in portable Rust.
+    #[inline(always)]
+    pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
+        let half = 1i64 << (self.shift.max(1) - 1);
         let mut logits = [0i32; MAX_TOKENS];
         let mut largest = i32::MIN;
-        let down = row - self.window.rows.0 + a.window - 1;
-        for (key_row, start) in (0..tokens).step_by(width).enumerate() {
-            // Keys from left to right: the bias from right to left, from index -> index - width + 1.
-            let index = (down - key_row) * side + q + a.window - 1;
-            let bias = &bias[index + 1 - width..=index];
-            for k in 0..width {
-                let product = (products[start + k] as i64 * multiplier + half) >> (a.logit_shift & 63);
+        let rows = self.bias.chunks(self.bias_pitch).zip(logits[..self.tokens].chunks_mut(self.width));
+        for ((bias, logits), products) in rows.zip(self.products.chunks(self.width)) {
+            for ((logit, product), bias) in logits.iter_mut().zip(products).zip(bias) {
+                let product = (*product as i64 * self.multiplier as i64 + half) >> self.shift;
                 let product = product.clamp(-LOGIT_LIMIT, LOGIT_LIMIT) as i32;
-                let logit = product + i16::from_le_bytes(bias[width - 1 - k]) as i32;
-                logits[start + k] = logit;
-                largest = largest.max(logit);
+                *logit = product + i16::from_le_bytes(*bias) as i32;
+                largest = largest.max(*logit);
             }
         }
-        let at = arena.scratch + self.layout.keys + self.layout.values + 2 * self.layout.row * q;
-        let planes = &mut arena.bytes[at..at + 2 * self.layout.row];
-        let (low, high) = planes.split_at_mut(self.layout.row);
         let mut sum = 0;
-        for (k, logit) in logits[..tokens].iter().enumerate() {
-            let e = exp_lookup(table, largest - logit);
-            (low[k], high[k]) = (e as u8, (e >> 8) as u8);
+        for ((logit, low), high) in logits[..self.tokens].iter().zip(low.iter_mut()).zip(high.iter_mut()) {
+            let e = exp_lookup(self.coarse, self.fine, largest - logit);
+            (*low, *high) = (e as u8, (e >> 8) as u8);
             sum += e as i64;
         }
-        low[tokens..].fill(0);
-        high[tokens..].fill(0);
-        sum.max(1)
+        low[self.tokens..].fill(0);
+        high[self.tokens..].fill(0);
+        sum
     }
 }
 

@@ -1,0 +1,16 @@
+//! Chooses the board: with `ELUNAR_BOARD` set, the program is linked bare with that board's memory map.
+
+use std::{env, path::PathBuf};
+
+fn main() {
+    println!("cargo:rerun-if-env-changed=ELUNAR_BOARD");
+    let Ok(board) = env::var("ELUNAR_BOARD") else { return };
+    let boards = PathBuf::from(env::var("CARGO_MANIFEST_DIR").expect("cargo sets it")).join("../boards");
+    let memory = boards.join(&board).join("memory.x");
+    assert!(memory.exists(), "ELUNAR_BOARD: expected a board with a memory map, found no {}", memory.display());
+    println!("cargo:rustc-cfg=bare");
+    println!("cargo:rustc-link-arg=-T{}", memory.display());
+    println!("cargo:rustc-link-arg=-T{}", boards.join("sections.x").display());
+    println!("cargo:rustc-link-arg=--gc-sections");
+    println!("cargo:rerun-if-changed={}", boards.display());
+}

@@ -1,0 +1,67 @@
+//! Starting, writing and ending on bare processors: the only unsafe code of the demo.
+//!
+//! A module per processor family gives a `_start` (stack, zeroed memory, floating point and vectors enabled, traps led to an
+//! error message) that calls [`elunar_main`], and `write` and `exit`. Processors that have it use semihosting for both.
+
+#[cfg(target_arch = "aarch64")]
+mod aarch64;
+#[cfg(all(target_arch = "arm", target_feature = "mclass"))]
+mod cortex_m;
+#[cfg(target_arch = "sparc")]
+mod leon3;
+#[cfg(target_arch = "riscv64")]
+mod riscv;
+#[cfg(any(target_arch = "arm", target_arch = "aarch64", target_arch = "riscv64"))]
+mod semihosting;
+
+#[cfg(target_arch = "sparc")]
+use leon3::{exit, write};
+#[cfg(any(target_arch = "arm", target_arch = "aarch64", target_arch = "riscv64"))]
+use semihosting::{exit, write};
+
+use core::fmt::{self, Write};
+
+unsafe extern "C" {
+    // From memory.x: the first byte of the model file and the end of the memory kept for it; the arena likewise.
+    static __model_start: u8;
+    static __model_end: u8;
+    static mut __arena_start: u8;
+    static mut __arena_end: u8;
+}
+
+/// The board's console.
+struct Console;
+
+impl Write for Console {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        write(text.as_bytes());
+        Ok(())
+    }
+}
+
+/// Where `_start` arrives, once, with a stack and zeroed statics.
+#[unsafe(no_mangle)]
+extern "C" fn elunar_main() -> ! {
+    let (model, arena) = (&raw const __model_start, &raw mut __arena_start);
+    let model_bytes = &raw const __model_end as usize - model as usize;
+    let arena_bytes = &raw mut __arena_end as usize - arena as usize;
+    // SAFETY: the memory map keeps both ranges free of everything else, they do not overlap, and this runs once.
+    let (model, arena) = unsafe {
+        (core::slice::from_raw_parts(model, model_bytes), core::slice::from_raw_parts_mut(arena, arena_bytes))
+    };
+    let passed = crate::report::run(model, arena, &mut Console);
+    exit(if passed { 0 } else { 1 })
+}
+
+/// Where processor faults arrive: `cause` and `address` are the processor's own words for them.
+#[unsafe(no_mangle)]
+extern "C" fn elunar_fault(cause: usize, address: usize) -> ! {
+    let _ = writeln!(Console, "ERROR: processor fault, cause {cause:#x} at {address:#x}\nFAIL");
+    exit(102)
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+    let _ = writeln!(Console, "ERROR: {info}\nFAIL");
+    exit(101)
+}
