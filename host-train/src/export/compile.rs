@@ -4,7 +4,7 @@ use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
 use super::graph::{Graph, Operation};
 use super::plan::plan;
-use super::quantise::{Program, quantise_with, wide_by_rule};
+use super::quantise::{Program, quantise, wide_by_rule};
 use super::schedule::schedule;
 use super::write::{Content, file_bytes};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
@@ -70,13 +70,13 @@ pub fn export(
     finish(config, graph, &ranges, &wide, options)
 }
 
-/// The stages behind calibration, `wide` saying which maps keep 16 bits (see [`quantise_with`]). Where that is not the rule of
+/// The stages behind calibration, `wide` saying which maps keep 16 bits (see [`quantise`]). Where that is not the rule of
 /// `options.precision`, the file calls its precision "chosen".
 ///
 /// # Errors
 /// As [`export`].
 pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
-    let mut program = quantise_with(&graph, ranges, config.nr, wide)?;
+    let mut program = quantise(&graph, ranges, config.nr, wide)?;
     let roles = roles(&graph, &program);
     let schedule = schedule(&program.tensors, &program.operators);
     plan(&mut program.tensors, &program.operators, &schedule, &roles[..2], roles[2]);

@@ -71,19 +71,11 @@ impl Program {
     }
 }
 
-/// Quantises a graph.
-///
-/// # Errors
-/// [`Error::Usage`] naming the operator whose sums cannot be kept within 32 bits or whose scales are out of range.
-pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, precision: Precision) -> Result<Program> {
-    quantise_with(graph, ranges, nr, &wide_by_rule(graph, precision))
-}
-
 /// Quantises a graph; `wide` says of every node whether its map keeps 16 bits where it can (see [`can_widen`]).
 ///
 /// # Errors
-/// As [`quantise`].
-pub fn quantise_with(graph: &Graph, ranges: &[Range], nr: f32, wide: &[bool]) -> Result<Program> {
+/// [`Error::Usage`] naming the operator whose sums cannot be kept within 32 bits or whose scales are out of range.
+pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, wide: &[bool]) -> Result<Program> {
     let codes = (0..graph.nodes.len()).map(|id| codes_of(graph, id, &ranges[id], nr, wide[id])).collect();
     let mut q = Quantiser {
         graph,

@@ -40,7 +40,7 @@ pub(super) fn model(plan: &Plan) -> String {
     out += &format!("{} operators in {} entries, {gmac:.3} GMAC per tile\n", plan.operators.len(), plan.entries);
     if let Some(time) = &plan.time {
         let rate = plan.macs as f64 / time.tile_ms / 1e6;
-        out += &format!("kernel {}: {:.1} ms per tile, {rate:.2} GMAC/s, mean of ", time.kernel, time.tile_ms);
+        out += &format!("kernel {}: {:.1} ms per tile, {rate:.2} GMAC/s, medians of ", time.kernel, time.tile_ms);
         out += &format!("{} tiles; the overhead of stepping is contained\n", time.tiles);
     }
     out += &format!(

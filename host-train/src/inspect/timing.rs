@@ -14,7 +14,7 @@ pub struct Times {
     pub kernel: &'static str,
     /// Tiles measured, after one that was not.
     pub tiles: usize,
-    /// Of every operator, mean over the tiles; stepping and reading the clock are contained.
+    /// Of every operator, the median over the tiles; stepping and reading the clock are contained.
     #[serde(skip)]
     pub operators_ms: Vec<f64>,
     /// Of a tile, entry by entry: the sum of the operators.
@@ -30,8 +30,9 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
     let budgets: Vec<u64> = (0..model.entry_count()).map(|index| entry_macs(&model, index)).collect();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;
-    let mut seconds = vec![0.0; model.operator_count()];
+    let mut measured = vec![Vec::with_capacity(tiles); model.operator_count()];
     for tile in 0..=tiles {
+        let mut seconds = vec![0.0; model.operator_count()];
         runner.begin_self_test();
         let mut before = Instant::now();
         while let Some(entry) = runner.position().and_then(|at| model.entry(at).map(|entry| (at, entry))) {
@@ -39,14 +40,20 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
             // Exactly this entry: the runner stops at the first unit behind its budget.
             runner.step(budgets[at]).map_err(fault)?;
             let after = Instant::now();
-            if tile > 0 {
-                seconds[entry.operator] += after.duration_since(before).as_secs_f64();
-            }
+            seconds[entry.operator] += after.duration_since(before).as_secs_f64();
             before = after;
         }
         runner.check_self_test().map_err(fault)?;
+        if tile > 0 {
+            measured.iter_mut().zip(seconds).for_each(|(of, s)| of.push(1e3 * s));
+        }
     }
-    let operators_ms: Vec<f64> = seconds.iter().map(|s| s * 1e3 / tiles.max(1) as f64).collect();
+    let operators_ms: Vec<f64> = measured.into_iter().map(median).collect();
     let tile_ms = operators_ms.iter().sum();
     Ok(Times { kernel: kernel.name(), tiles, operators_ms, tile_ms })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
