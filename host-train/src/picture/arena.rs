@@ -73,7 +73,7 @@ fn draw(pixels: &mut RgbImage, plan: &Plan) -> std::result::Result<(), String> {
         let drawn = chart.draw_series(members.iter().map(block)).map_err(|e| text(&e))?;
         drawn.label(*label).legend(|(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], colour.filled()));
     }
-    chart.draw_series(plan.tensors.iter().map(|t| Rectangle::new(corners(t), &WHITE))).map_err(|e| text(&e))?;
+    chart.draw_series(plan.tensors.iter().map(|t| Rectangle::new(corners(t), WHITE))).map_err(|e| text(&e))?;
     let scratch = [(0.0, (plan.arena_bytes - plan.scratch_bytes) as f64 / 1e3), (end, top)];
     let drawn = chart.draw_series([Rectangle::new(scratch, SCRATCH.filled())]).map_err(|e| text(&e))?;
     drawn.label("scratch").legend(|(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], SCRATCH.filled()));
