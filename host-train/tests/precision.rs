@@ -147,7 +147,7 @@ fn a_plan_tells_what_the_runner_does() {
     let last = plan.tensors.iter().map(|t| t.last_mac).max();
     assert_eq!(last, Some(model.macs()), "entries add up to the tile");
     let output = plan.operators.last().unwrap();
-    assert_eq!((output.name.as_str(), output.shape, output.dtype), ("output", [TILE.0, TILE.1, 1], "f32"));
+    assert_eq!((output.name.as_str(), output.shape, output.dtype), ("output", [TILE.0, TILE.1 / 8, 8], "f32"));
     let conv = plan.operators.iter().find(|line| line.name == "e1").unwrap();
     assert!(conv.weight_bytes > 0 && conv.rows_kept < conv.shape[0] && conv.margin == 1, "{conv:?}");
 

@@ -308,8 +308,11 @@ pub struct Conv {
     pub kernel_rows: usize,
     /// Kernel columns (5 with `fold`).
     pub kernel_cols: usize,
-    /// Stride, both axes (1 with `fold`).
+    /// Input rows from one output row to the next (1 with `fold`).
     pub stride: usize,
+    /// Input columns from one output pixel to the next (1 with `fold`). With several columns of a one-channel map as channels of one
+    /// pixel, it is their number.
+    pub stride_cols: usize,
     /// Zero padding on all four sides (2 with `fold`).
     pub pad: usize,
     /// Twofold enlargement contained in the weights.
@@ -502,6 +505,7 @@ impl Operator {
                 table: option(16).map(|v| v as usize),
                 table_zero: word(17) as i32,
                 relu: word(18) != 0,
+                stride_cols: size(19),
             }),
             KIND_LAYER_NORM => Self::LayerNorm(LayerNorm {
                 out: word(1),
@@ -536,7 +540,7 @@ impl Operator {
     pub fn encode(&self) -> [u8; OPERATOR_BYTES] {
         let mut words = [0u32; OPERATOR_BYTES / 4];
         let none = |v: Option<u32>| v.unwrap_or(NONE);
-        let fields: [u32; 19] = match self {
+        let fields: [u32; 20] = match self {
             Self::Conv(c) => [
                 KIND_CONV,
                 c.out,
@@ -557,6 +561,7 @@ impl Operator {
                 none(c.table.map(|v| v as u32)),
                 c.table_zero as u32,
                 c.relu as u32,
+                c.stride_cols as u32,
             ],
             Self::LayerNorm(n) => {
                 let (low, high) = (n.epsilon as u32, (n.epsilon >> 32) as u32);

@@ -23,6 +23,8 @@ const HEADROOM_16: f64 = 1.25;
 const RANGE_FLOOR: f64 = 1.0 / 32.0;
 /// Accumulators are planned up to here, leaving room for the bias and for rounded weights.
 const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
+/// Columns of the output map that are computed together: as many as the narrowest panel has channels.
+const COLUMNS_AT_ONCE: usize = 8;
 /// Smallest map whose enlargement is folded into the convolution behind it.
 const FOLD_ROWS: usize = 32;
 /// GELU of anything below is 0 within a code step.
@@ -284,6 +286,18 @@ impl Quantiser<'_> {
         out
     }
 
+    /// How many columns of the one-channel output are computed as channels of one pixel: panels have at least
+    /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
+    fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
+        let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
+        let fits = out.cols % COLUMNS_AT_ONCE == 0 && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
+        if out.channels != 1 || form.stride != 1 || !fits {
+            return 1;
+        }
+        (out.cols, out.channels) = (out.cols / COLUMNS_AT_ONCE, COLUMNS_AT_ONCE);
+        COLUMNS_AT_ONCE
+    }
+
     fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
         // Eight-byte alignment: not needed by the runner, welcome to people with hex editors.
         self.program.constants.resize(self.program.constants.len().next_multiple_of(8), 0);
@@ -304,7 +318,17 @@ impl Quantiser<'_> {
         let read_scales: Vec<f64> =
             sources.iter().flat_map(|s| self.program.codes[s.node].scales.iter().copied()).collect();
         let folds = folds(self.graph, &self.graph.nodes[id]);
-        let filters = if folds { fold(kernel) } else { vec![Filter::whole(kernel)] };
+        let beside =
+            if self.program.codes[id].dtype == Dtype::F32 { self.columns_at_once(id, kernel, form) } else { 1 };
+        let widened;
+        let (kernel, filters) = if beside > 1 {
+            widened = side_by_side(kernel, beside);
+            (&widened.0, vec![widened.1.clone()])
+        } else if folds {
+            (kernel, fold(kernel))
+        } else {
+            (kernel, vec![Filter::whole(kernel)])
+        };
         let integers = quantise_weights(kernel, &filters, &read_scales, &self.program.input_means(sources));
         let read: Vec<u32> = sources
             .iter()
@@ -322,8 +346,9 @@ impl Quantiser<'_> {
             second: read.get(1).copied(),
             fold: folds,
             kernel_rows: kernel.side,
-            kernel_cols: kernel.side,
+            kernel_cols: kernel.side + beside - 1,
             stride: form.stride,
+            stride_cols: form.stride * beside,
             pad: form.pad,
             weights,
             bias,
@@ -451,6 +476,21 @@ pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
     };
     (kernel.side, *stride, *pad) == (5, 1, 2)
         && sources.iter().all(|s| s.up && graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
+}
+
+/// A filter with one output as `columns` outputs, each one column to the right of the one before.
+fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
+    let (side, input, wide) = (kernel.side, kernel.input, kernel.side + columns - 1);
+    let mut weights = vec![0.0; columns * side * wide * input];
+    for shift in 0..columns {
+        for row in 0..side {
+            let to = ((shift * side + row) * wide + shift) * input;
+            let from = &kernel.weights[row * side * input..(row + 1) * side * input];
+            weights[to..to + from.len()].iter_mut().zip(from).for_each(|(to, from)| *to = *from as f64);
+        }
+    }
+    let bias = vec![kernel.bias[0]; columns];
+    (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights })
 }
 
 /// The part of a convolution that is not weights.

@@ -19,7 +19,8 @@ const NAME: &str = "avx2-u8i8-5x8";
 /// AVX2.
 struct Avx2;
 
-super::instantiate::instantiate!(Avx2, "avx2");
+/// For [`super::select`].
+pub(super) const KERNEL: super::Kernel = super::instantiate::instantiate!(NAME, Avx2, "avx2");
 
 impl Isa for Avx2 {
     #[inline(always)]
