@@ -322,7 +322,7 @@ pub(super) fn phase(index: usize, len: usize) -> (usize, Vec<isize>) {
         1 => (1, (0..3).collect()),
         _ if index + 1 == 2 * len => (5, (middle - 1..middle + 1).collect()),
         _ if index + 2 == 2 * len => (4, (middle - 2..middle + 1).collect()),
-        _ if index % 2 == 0 => (2, (middle - 2..middle + 2).collect()),
+        _ if index.is_multiple_of(2) => (2, (middle - 2..middle + 2).collect()),
         _ => (3, (middle - 1..middle + 3).collect()),
     }
 }
