@@ -25,6 +25,7 @@ mod program;
 mod runner;
 mod schedule;
 mod self_test;
+mod tensor;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
