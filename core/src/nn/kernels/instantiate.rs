@@ -1,11 +1,9 @@
 //! The operators, compiled for an instruction set.
 
-/// Makes `unit` and `gemm` of a [`super::Kernel`] for a type `$isa` that implements [`super::Isa`], with the given target features.
+/// A [`super::Kernel`] of the given name, for a type that implements [`super::Isa`], with target features. For
+/// [`super::select`] alone: to run it on a processor without these features is undefined behaviour.
 macro_rules! instantiate {
-    ($isa:ty, $features:literal) => {
-        /// For [`super::select`] alone: to run it on a processor without these features is undefined behaviour.
-        pub(super) const KERNEL: super::Kernel = super::Kernel { name: NAME, unit, gemm };
-
+    ($name:expr, $isa:ty, $features:literal) => {{
         fn unit(
             model: &crate::nn::model::Model<'_>,
             operator: &crate::nn::program::Operator,
@@ -23,13 +21,10 @@ macro_rules! instantiate {
             ) -> u64 {
                 crate::nn::ops::run::<$isa>(model, operator, arena, step, unit)
             }
-            // SAFETY: the processor has the features (see `KERNEL`).
+            // SAFETY: the processor has the features, as selection says.
             unsafe { compiled(model, operator, arena, step, unit) }
         }
-
-        fn gemm(acc: &mut super::Accumulators, pixels: usize, patch: &super::Patch<'_>, weights: &[u8], width: usize) {
-            <$isa as super::Isa>::gemm(acc, pixels, patch, weights, width)
-        }
-    };
+        super::Kernel { name: $name, unit, gemm: <$isa as super::Isa>::gemm }
+    }};
 }
 pub(super) use instantiate;

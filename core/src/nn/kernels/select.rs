@@ -4,9 +4,10 @@ use super::Kernel;
 
 /// The kernels at hand, fastest first.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn fastest_first() -> [Option<Kernel>; 3] {
+pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
     let has = Features::of_this_processor();
     [
+        has.avx512_vbmi.then_some(super::x86_avx512::KERNEL_VBMI),
         has.avx512_vnni.then_some(super::x86_avx512::KERNEL),
         has.avx2.then_some(super::x86_avx2::KERNEL),
         Some(Kernel::SCALAR),
@@ -35,6 +36,8 @@ struct Features {
     avx2: bool,
     /// AVX-512 F, DQ, BW, VL and VNNI.
     avx512_vnni: bool,
+    /// And VBMI.
+    avx512_vbmi: bool,
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -46,20 +49,23 @@ impl Features {
         const AVX2: u32 = 1 << 5;
         const AVX512_F_DQ_BW_VL: u32 = 1 << 16 | 1 << 17 | 1 << 30 | 1 << 31;
         const AVX512_VNNI: u32 = 1 << 11;
+        const AVX512_VBMI: u32 = 1 << 1;
         // State components: SSE and AVX; the same with the three of AVX-512.
         const AVX_STATE: u64 = 0b110;
         const AVX512_STATE: u64 = 0b1110_0110;
         let all = |value: u32, bits: u32| value & bits == bits;
         if __cpuid(0).eax < 7 || !all(__cpuid(1).ecx, OSXSAVE_AND_AVX) {
-            return Self { avx2: false, avx512_vnni: false };
+            return Self { avx2: false, avx512_vnni: false, avx512_vbmi: false };
         }
         // SAFETY: OSXSAVE says that the instruction exists and the operating system allows it.
         let state = unsafe { _xgetbv(0) };
         let found = __cpuid_count(7, 0);
         let saves = |bits: u64| state & bits == bits;
+        let avx512_vnni = saves(AVX512_STATE) && all(found.ebx, AVX512_F_DQ_BW_VL) && all(found.ecx, AVX512_VNNI);
         Self {
             avx2: saves(AVX_STATE) && all(found.ebx, AVX2),
-            avx512_vnni: saves(AVX512_STATE) && all(found.ebx, AVX512_F_DQ_BW_VL) && all(found.ecx, AVX512_VNNI),
+            avx512_vnni,
+            avx512_vbmi: avx512_vnni && all(found.ecx, AVX512_VBMI),
         }
     }
 }

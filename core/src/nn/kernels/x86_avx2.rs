@@ -10,6 +10,8 @@
 //! add the two halves of every channel
 //! ```
 #![allow(unsafe_code)]
+// Whatever is called instead of inlined keeps the sums in memory: plain loops.
+#![allow(clippy::needless_range_loop)]
 
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
@@ -19,7 +21,8 @@ const NAME: &str = "avx2-u8i8-5x8";
 /// AVX2.
 struct Avx2;
 
-super::instantiate::instantiate!(Avx2, "avx2");
+/// For [`super::select`].
+pub(super) const KERNEL: super::Kernel = super::instantiate::instantiate!(NAME, Avx2, "avx2");
 
 impl Isa for Avx2 {
     #[inline(always)]

@@ -83,7 +83,7 @@ impl Job<'_, '_> {
             count: self.out.cols,
             input_row: (row * conv.stride) as isize - conv.pad as isize,
             input_col: -(conv.pad as isize),
-            input_step: conv.stride,
+            input_step: conv.stride_cols,
             variant: 0,
             kernel_rows: conv.kernel_rows,
             kernel_cols: conv.kernel_cols,
@@ -146,7 +146,9 @@ impl Job<'_, '_> {
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
-            let now = (stretch.count - done).min(pixels_at_once(self.width));
+            // Blocks of nearly one size: small ones leave registers idle.
+            let left = stretch.count - done;
+            let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)));
             acc[..now * self.width].fill(0);
             if wide {
                 for (source, t) in self.sources.iter().enumerate() {

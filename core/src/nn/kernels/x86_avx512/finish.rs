@@ -1,10 +1,12 @@
-//! Requantisation: eight channels at a time in 64-bit lanes, stored as bytes; channels that are not there are masked.
+//! Requantisation: 16 sums at a time, either 16 channels of a pixel or the 8 channels of two pixels.
 //!
 //! ```text
-//! for every eight channels of the panel:                bias, multipliers in registers
-//!     for every pixel:
-//!         v = ((acc + bias) * multiplier + half [+ added * its multiplier << its shift]) >> shift, + zero
-//!         count v outside the limits; cut v to the codes; store eight bytes [and eight high bytes]
+//! for every vector of 16 channels of the panel:         bias, multipliers in registers
+//!     for every pixel (or two):
+//!         even, odd = (acc + bias) * multiplier + half  64-bit products of every second lane
+//!         [       += added * its multiplier << its shift]
+//!         v = even >> shift, odd >> shift, side by side again, + zero
+//!         count v outside the limits; cut v to the codes; [look up]; store 16 bytes [and 16 high bytes]
 //! ```
 
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, PANEL};
@@ -12,71 +14,44 @@ use crate::nn::ops::finish::{Finish, Target};
 use crate::nn::program::{Dtype, Tensor};
 use core::arch::x86_64::*;
 
+const LANES: usize = 16;
+
+/// # Safety
+/// AVX-512 with VBMI.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi")]
+pub(super) unsafe fn run_vbmi(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+    let (mut tables, mut by_register) = ([_mm512_setzero_si512(); 4], false);
+    if let Some(table) = finish.table.filter(|table| table.len() == 256) {
+        for (i, part) in tables.iter_mut().enumerate() {
+            // SAFETY: four times 64 of 256 bytes.
+            *part = unsafe { _mm512_loadu_si512(table.as_ptr().add(64 * i).cast()) };
+        }
+        by_register = true;
+    }
+    let look_up = |codes: __m128i| {
+        if !by_register {
+            return codes;
+        }
+        let at = _mm512_castsi128_si512(codes);
+        let low = _mm512_permutex2var_epi8(tables[0], at, tables[1]);
+        let high = _mm512_permutex2var_epi8(tables[2], at, tables[3]);
+        _mm512_castsi512_si128(_mm512_mask_blend_epi8(_mm512_movepi8_mask(at), low, high))
+    };
+    // SAFETY: as the caller says.
+    let cut = unsafe { any(finish, bytes, acc, target, look_up) };
+    cut.unwrap_or_else(|| finish.portable(bytes, acc, target))
+}
+
 /// # Safety
 /// AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-pub(super) unsafe fn round(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-    let out = finish.out;
-    let (start, pitch) = target.place(out, finish.first);
-    let (added_at, added_pitch) = finish.add.as_ref().map_or((0, 0), |add| target.place(add, finish.first));
-    let reach = target.pixels.saturating_sub(1);
-    let end = |t: &Tensor, at: usize, pitch: usize| {
-        at + reach * pitch + finish.channels + (t.dtype.bytes() - 1) * t.plane_bytes()
+pub(super) unsafe fn run(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+    // SAFETY: as the caller says.
+    let Some(cut) = (unsafe { any(finish, bytes, acc, target, |codes| codes) }) else {
+        return finish.portable(bytes, acc, target);
     };
-    let inside = target.pixels * finish.width <= ACCUMULATORS
-        && end(out, start, pitch) <= bytes.len()
-        && finish.add.as_ref().is_none_or(|add| end(add, added_at, added_pitch) <= bytes.len());
-    if !inside {
-        return 0;
-    }
-    let at = bytes.as_mut_ptr();
-    let (half, zero) = (_mm512_set1_epi64(finish.half), _mm512_set1_epi64(finish.zero));
-    let (lo, hi) = (_mm512_set1_epi64(finish.lo), _mm512_set1_epi64(finish.hi));
-    let (floor, ceiling) = (_mm512_set1_epi64(finish.floor), _mm512_set1_epi64(finish.ceiling));
-    let shift = _mm_cvtsi64_si128(finish.shift as i64);
-    let add_shift = _mm_cvtsi64_si128(finish.add_shift as i64);
-    let mut cut = 0;
-    let mut first = 0;
-    while first < finish.channels {
-        let mask = (0xffu32 >> (8 - (finish.channels - first).min(8))) as u8;
-        // SAFETY: `first` is at most 24, lists have 32 entries; the rest is bounded above and by the mask.
-        unsafe {
-            let bias = _mm256_loadu_si256(finish.bias.as_ptr().add(first).cast());
-            let list =
-                |values: &[i32; PANEL]| _mm512_cvtepi32_epi64(_mm256_loadu_si256(values.as_ptr().add(first).cast()));
-            let (multiplier, add_multiplier) = (list(&finish.multiplier), list(&finish.add_multiplier));
-            for p in 0..target.pixels {
-                let sum = _mm256_loadu_si256(acc.as_ptr().add(p * finish.width + first).cast());
-                let sum = _mm512_cvtepi32_epi64(_mm256_add_epi32(sum, bias));
-                let mut v = _mm512_add_epi64(_mm512_mul_epi32(sum, multiplier), half);
-                if let Some(add) = &finish.add {
-                    let from = at.add(added_at + p * added_pitch + first);
-                    let low = _mm512_cvtepu8_epi64(_mm_maskz_loadu_epi8(mask as u16, from.cast()));
-                    let value = if add.dtype == Dtype::U8 {
-                        _mm512_sub_epi64(low, _mm512_set1_epi64(add.zero as i64))
-                    } else {
-                        let high = _mm_maskz_loadu_epi8(mask as u16, from.add(add.plane_bytes()).cast());
-                        let high = _mm512_slli_epi64::<8>(_mm512_cvtepu8_epi64(high));
-                        _mm512_sub_epi64(_mm512_add_epi64(low, high), _mm512_set1_epi64(128 * 256))
-                    };
-                    v = _mm512_add_epi64(v, _mm512_sll_epi64(_mm512_mul_epi32(value, add_multiplier), add_shift));
-                }
-                let v = _mm512_add_epi64(_mm512_sra_epi64(v, shift), zero);
-                let over = _mm512_mask_cmpgt_epi64_mask(mask, v, ceiling);
-                let under = _mm512_mask_cmplt_epi64_mask(mask, v, floor);
-                cut += (over | under).count_ones() as u64;
-                let code = _mm512_min_epi64(_mm512_max_epi64(v, lo), hi);
-                let to = at.add(start + p * pitch + first);
-                _mm_mask_storeu_epi8(to.cast(), mask as u16, _mm512_cvtepi64_epi8(code));
-                if out.dtype == Dtype::I16 {
-                    let high = _mm512_add_epi64(_mm512_srai_epi64::<8>(code), _mm512_set1_epi64(128));
-                    _mm_mask_storeu_epi8(to.add(out.plane_bytes()).cast(), mask as u16, _mm512_cvtepi64_epi8(high));
-                }
-            }
-        }
-        first += 8;
-    }
     if let Some(table) = finish.table {
+        let (start, pitch) = target.place(finish.out, finish.first);
         for p in 0..target.pixels {
             for code in &mut bytes[start + p * pitch..][..finish.channels] {
                 *code = table[*code as usize & 255];
@@ -84,4 +59,204 @@ pub(super) unsafe fn round(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumula
         }
     }
     cut
+}
+
+/// The loop without what an operator does not need. `None` if this is not for it.
+///
+/// # Safety
+/// AVX-512.
+#[inline(always)]
+unsafe fn any(
+    finish: &Finish<'_>,
+    bytes: &mut [u8],
+    acc: &Accumulators,
+    target: &Target,
+    look_up: impl Fn(__m128i) -> __m128i,
+) -> Option<u64> {
+    // With a shift of 31 or more results have 31 bits, as sums have 31 and multipliers 30 and what is added is half as large.
+    // SAFETY: as the caller says.
+    unsafe {
+        match (finish.add.is_some(), finish.shift < 31) {
+            (false, false) => round::<false, false>(finish, bytes, acc, target, look_up),
+            (false, true) => round::<false, true>(finish, bytes, acc, target, look_up),
+            (true, false) => round::<true, false>(finish, bytes, acc, target, look_up),
+            (true, true) => round::<true, true>(finish, bytes, acc, target, look_up),
+        }
+    }
+}
+
+/// # Safety
+/// AVX-512.
+#[inline(always)] // Into functions that have the target features.
+unsafe fn round<const ADD: bool, const LONG: bool>(
+    finish: &Finish<'_>,
+    bytes: &mut [u8],
+    acc: &Accumulators,
+    target: &Target,
+    look_up: impl Fn(__m128i) -> __m128i,
+) -> Option<u64> {
+    let out = finish.out;
+    let (start, pitch) = target.place(out, finish.first);
+    let (added_at, added_pitch) = finish.add.as_ref().map_or((0, 0), |add| target.place(add, finish.first));
+    let reach = target.pixels.saturating_sub(1);
+    let end = |t: &Tensor, at: usize, pitch: usize| {
+        at + reach * pitch + finish.channels + (t.dtype.bytes() - 1) * t.plane_bytes()
+    };
+    let fits = target.pixels * finish.width <= ACCUMULATORS
+        && end(out, start, pitch) <= bytes.len()
+        && finish.add.as_ref().is_none_or(|add| end(add, added_at, added_pitch) <= bytes.len());
+    if !fits {
+        return None;
+    }
+    let at = bytes.as_mut_ptr();
+    // SAFETY: the caller has the instructions, here and below.
+    unsafe {
+        let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
+        let half = _mm512_set1_epi64(finish.half);
+        // Limits beyond 32 bits stand for "never".
+        let narrow = |v: i64| _mm512_set1_epi32(v.clamp(i32::MIN as i64, i32::MAX as i64) as i32);
+        let (zero, lo, hi) = (narrow(finish.zero), narrow(finish.lo), narrow(finish.hi));
+        let (floor, ceiling) = (narrow(finish.floor), narrow(finish.ceiling));
+        let shift = _mm_cvtsi64_si128(finish.shift as i64);
+        let add_shift = _mm_cvtsi64_si128(finish.add_shift as i64);
+        // With eight channels a vector holds two pixels.
+        let together = if finish.width == 8 { 2 } else { 1 };
+        let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi32(1));
+        let mut first = 0;
+        while first < finish.channels {
+            let channels = (finish.channels - first).min(LANES / together);
+            let mask = ((1u32 << channels) - 1) as u16;
+            // Lists have 32 entries and `first` is 0 or 16; the rest is bounded above and by masks.
+            {
+                let bias = list(&finish.bias, first, together);
+                let multiplier = list(&finish.multiplier, first, together);
+                let multiplier_odd = _mm512_srli_epi64::<32>(multiplier);
+                let add_multiplier = list(&finish.add_multiplier, first, together);
+                let add_multiplier_odd = _mm512_srli_epi64::<32>(add_multiplier);
+                let mut p = 0;
+                while p < target.pixels {
+                    let now = (target.pixels - p).min(together);
+                    let there = if now == 2 { mask | mask << 8 } else { mask };
+                    // Loaded in the sizes in which the matrix product has stored them: others would wait for the cache.
+                    let from = acc.as_ptr().add(p * finish.width + first);
+                    let mut v = if together == 1 {
+                        _mm512_loadu_si512(from.cast())
+                    } else {
+                        let next = _mm256_loadu_si256(from.add(8 * (now - 1)).cast());
+                        _mm512_inserti64x4::<1>(_mm512_castsi256_si512(_mm256_loadu_si256(from.cast())), next)
+                    };
+                    v = _mm512_add_epi32(v, bias);
+                    let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, multiplier), half);
+                    let odd = _mm512_srli_epi64::<32>(v);
+                    let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, multiplier_odd), half);
+                    if let (true, Some(add)) = (ADD, &finish.add) {
+                        let from = at.add(added_at + p * added_pitch + first);
+                        let value = values(add, from, added_pitch, mask, now);
+                        let product = _mm512_mul_epi32(value, add_multiplier);
+                        even = _mm512_add_epi64(even, _mm512_sll_epi64(product, add_shift));
+                        let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), add_multiplier_odd);
+                        odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
+                    }
+                    (even, odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, shift));
+                    if LONG {
+                        even = _mm512_min_epi64(_mm512_max_epi64(even, bottom), top);
+                        odd = _mm512_min_epi64(_mm512_max_epi64(odd, bottom), top);
+                    }
+                    odd = _mm512_slli_epi64::<32>(odd);
+                    let v = _mm512_add_epi32(_mm512_mask_blend_epi32(0xaaaa, even, odd), zero);
+                    let over = _mm512_mask_cmpgt_epi32_mask(there, v, ceiling);
+                    let under = _mm512_mask_cmplt_epi32_mask(there, v, floor);
+                    cuts = _mm512_mask_add_epi32(cuts, over | under, cuts, one);
+                    let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
+                    let to = at.add(start + p * pitch + first);
+                    store(to, pitch, channels, now, look_up(_mm512_cvtepi32_epi8(code)));
+                    if out.dtype == Dtype::I16 {
+                        let high = _mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128));
+                        store(to.add(out.plane_bytes()), pitch, channels, now, _mm512_cvtepi32_epi8(high));
+                    }
+                    p += together;
+                }
+            }
+            first += LANES;
+        }
+        Some(_mm512_reduce_add_epi32(cuts) as u64)
+    }
+}
+
+/// Constants of 16 lanes.
+///
+/// # Safety
+/// AVX-512; `first` is 0 or 16.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn list(values: &[i32; PANEL], first: usize, together: usize) -> __m512i {
+    // SAFETY: 16 of 32 entries.
+    let all = unsafe { _mm512_loadu_si512(values.as_ptr().add(first.min(LANES)).cast()) };
+    if together == 2 { _mm512_shuffle_i64x2::<0b01_00_01_00>(all, all) } else { all }
+}
+
+/// Values of the added map for one or two pixels.
+///
+/// # Safety
+/// AVX-512; readable bytes where the mask says so.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m512i {
+    // SAFETY: handed on.
+    unsafe {
+        let low = _mm512_cvtepu8_epi32(load(from, pitch, mask, pixels));
+        if add.dtype == Dtype::U8 {
+            return _mm512_sub_epi32(low, _mm512_set1_epi32(add.zero));
+        }
+        let high = _mm512_cvtepu8_epi32(load(from.add(add.plane_bytes()), pitch, mask, pixels));
+        _mm512_sub_epi32(_mm512_add_epi32(low, _mm512_slli_epi32::<8>(high)), _mm512_set1_epi32(128 * 256))
+    }
+}
+
+/// # Safety
+/// AVX-512; readable bytes where the mask says so.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m128i {
+    // SAFETY: handed on.
+    unsafe {
+        let first = _mm_maskz_loadu_epi8(mask, from.cast());
+        if pixels == 1 {
+            return first;
+        }
+        _mm_unpacklo_epi64(first, _mm_maskz_loadu_epi8(mask, from.add(pitch).cast()))
+    }
+}
+
+/// Masked stores of bytes are slow on some processors: whole halves and words instead.
+///
+/// # Safety
+/// AVX-512; `channels` writable bytes per pixel.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn store(to: *mut u8, pitch: usize, channels: usize, pixels: usize, codes: __m128i) {
+    // SAFETY: handed on.
+    unsafe {
+        match channels {
+            16 => _mm_storeu_si128(to.cast(), codes),
+            8 => {
+                _mm_storel_epi64(to.cast(), codes);
+                if pixels == 2 {
+                    _mm_storel_epi64(to.add(pitch).cast(), _mm_unpackhi_epi64(codes, codes));
+                }
+            }
+            12 => {
+                _mm_storel_epi64(to.cast(), codes);
+                to.add(8).cast::<i32>().write_unaligned(_mm_extract_epi32::<2>(codes));
+            }
+            _ => {
+                let mut bytes = [0u8; 16];
+                _mm_storeu_si128(bytes.as_mut_ptr().cast(), codes);
+                core::ptr::copy_nonoverlapping(bytes.as_ptr(), to, channels);
+                if pixels == 2 {
+                    core::ptr::copy_nonoverlapping(bytes.as_ptr().add(8), to.add(pitch), channels);
+                }
+            }
+        }
+    }
 }

@@ -39,7 +39,7 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
     let (lo, hi) = (_mm512_set1_epi64(out.lo as i64), _mm512_set1_epi64(out.hi as i64));
     let floor = if out.lo == out.zero { _mm512_set1_epi64(i64::MIN) } else { lo };
     let count = _mm512_set1_epi64(channels as i64);
-    let mut cut = 0;
+    let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi64(1));
     for p in col..col + pixels {
         let (mut sums, mut squares) = (_mm512_setzero_si512(), _mm512_setzero_si512());
         for place in 0..m * m {
@@ -73,7 +73,7 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
                     let v = _mm512_add_epi64(_mm512_mul_epi32(y, gain), _mm512_add_epi64(bias, half));
                     let v = _mm512_add_epi64(_mm512_sra_epi64(v, shift), zero);
                     let (over, under) = (_mm512_cmpgt_epi64_mask(v, hi), _mm512_cmplt_epi64_mask(v, floor));
-                    cut += (over | under).count_ones() as u64;
+                    cuts = _mm512_mask_add_epi64(cuts, over | under, cuts, one);
                     let code = _mm512_min_epi64(_mm512_max_epi64(v, lo), hi);
                     let to = at.add(job.to.at + p * channels + channel);
                     _mm_storel_epi64(to.cast(), _mm512_cvtepi64_epi8(code));
@@ -85,7 +85,7 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
             }
         }
     }
-    cut
+    _mm512_reduce_add_epi64(cuts) as u64
 }
 
 /// Eight 16-bit samples from their two planes.

@@ -10,6 +10,8 @@
 //! ```
 //! A panel of 8 channels uses half vectors (AVX-512VL), of which this hardware does two at a time.
 #![allow(unsafe_code)]
+// Whatever is called instead of inlined keeps the sums in memory: plain loops.
+#![allow(clippy::needless_range_loop)]
 
 mod finish;
 mod layer_norm;
@@ -21,14 +23,24 @@ use crate::nn::ops::layer_norm::Job;
 use crate::nn::ops::window_attention::Softmax;
 use core::arch::x86_64::*;
 
-const NAME: &str = "avx512vnni-u8i8-10x32";
+/// AVX-512 F, BW, DQ, VL, VNNI; `VBMI` looks up bytes in registers.
+struct Avx512<const VBMI: bool>;
 
-/// AVX-512 F, BW, DQ, VL, VNNI.
-struct Avx512;
+/// For [`super::select`].
+pub(super) const KERNEL: super::Kernel = super::instantiate::instantiate!(
+    "avx512vnni-u8i8-10x32",
+    Avx512<false>,
+    "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni"
+);
 
-super::instantiate::instantiate!(Avx512, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
+/// For [`super::select`].
+pub(super) const KERNEL_VBMI: super::Kernel = super::instantiate::instantiate!(
+    "avx512vbmi-u8i8-10x32",
+    Avx512<true>,
+    "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi"
+);
 
-impl Isa for Avx512 {
+impl<const VBMI: bool> Isa for Avx512<VBMI> {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         if !patch.fits(pixels, weights, width) {
@@ -51,7 +63,9 @@ impl Isa for Avx512 {
     #[inline(always)]
     fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // SAFETY: the processor has the instructions (see `KERNEL`).
-        unsafe { finish::round(finish, bytes, acc, target) }
+        unsafe {
+            if VBMI { finish::run_vbmi(finish, bytes, acc, target) } else { finish::run(finish, bytes, acc, target) }
+        }
     }
 
     #[inline(always)]
@@ -74,12 +88,16 @@ unsafe fn wide(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weig
     // SAFETY: handed on.
     unsafe {
         match left {
-            10.. => two_vectors::<10>(acc, first, patch, weights),
-            8..10 => two_vectors::<8>(acc, first, patch, weights),
+            9 => two_vectors::<9>(acc, first, patch, weights),
+            8 => two_vectors::<8>(acc, first, patch, weights),
             7 => two_vectors::<7>(acc, first, patch, weights),
-            4..7 => two_vectors::<4>(acc, first, patch, weights),
-            2..4 => two_vectors::<2>(acc, first, patch, weights),
-            _ => two_vectors::<1>(acc, first, patch, weights),
+            6 => two_vectors::<6>(acc, first, patch, weights),
+            5 => two_vectors::<5>(acc, first, patch, weights),
+            4 => two_vectors::<4>(acc, first, patch, weights),
+            3 => two_vectors::<3>(acc, first, patch, weights),
+            2 => two_vectors::<2>(acc, first, patch, weights),
+            1 => two_vectors::<1>(acc, first, patch, weights),
+            _ => two_vectors::<10>(acc, first, patch, weights),
         }
     }
 }
@@ -97,13 +115,26 @@ unsafe fn single<const HALF: bool>(
     // SAFETY: handed on.
     unsafe {
         match left {
-            20.. => one_vector::<20, HALF>(acc, first, patch, weights),
-            16..20 => one_vector::<16, HALF>(acc, first, patch, weights),
-            10..16 => one_vector::<10, HALF>(acc, first, patch, weights),
-            7..10 => one_vector::<7, HALF>(acc, first, patch, weights),
-            4..7 => one_vector::<4, HALF>(acc, first, patch, weights),
-            2..4 => one_vector::<2, HALF>(acc, first, patch, weights),
-            _ => one_vector::<1, HALF>(acc, first, patch, weights),
+            19 => one_vector::<19, HALF>(acc, first, patch, weights),
+            18 => one_vector::<18, HALF>(acc, first, patch, weights),
+            17 => one_vector::<17, HALF>(acc, first, patch, weights),
+            16 => one_vector::<16, HALF>(acc, first, patch, weights),
+            15 => one_vector::<15, HALF>(acc, first, patch, weights),
+            14 => one_vector::<14, HALF>(acc, first, patch, weights),
+            13 => one_vector::<13, HALF>(acc, first, patch, weights),
+            12 => one_vector::<12, HALF>(acc, first, patch, weights),
+            11 => one_vector::<11, HALF>(acc, first, patch, weights),
+            10 => one_vector::<10, HALF>(acc, first, patch, weights),
+            9 => one_vector::<9, HALF>(acc, first, patch, weights),
+            8 => one_vector::<8, HALF>(acc, first, patch, weights),
+            7 => one_vector::<7, HALF>(acc, first, patch, weights),
+            6 => one_vector::<6, HALF>(acc, first, patch, weights),
+            5 => one_vector::<5, HALF>(acc, first, patch, weights),
+            4 => one_vector::<4, HALF>(acc, first, patch, weights),
+            3 => one_vector::<3, HALF>(acc, first, patch, weights),
+            2 => one_vector::<2, HALF>(acc, first, patch, weights),
+            1 => one_vector::<1, HALF>(acc, first, patch, weights),
+            _ => one_vector::<20, HALF>(acc, first, patch, weights),
         }
     }
 }
