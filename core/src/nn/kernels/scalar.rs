@@ -1,4 +1,11 @@
 //! The specification of the matrix product, in registers' worth of portable Rust.
+//!
+//! ```text
+//! sums of PIXELS x CHANNELS stay in registers
+//! for every row r of the patch and every group g:
+//!     for b in 0..4, every pixel p and channel c:
+//!         sum[p][c] += x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]
+//! ```
 
 use super::{Accumulators, Isa, Patch};
 use crate::nn::ops::finish::{Finish, Target};
@@ -6,16 +13,21 @@ use crate::nn::ops::finish::{Finish, Target};
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
 pub(super) const NAME: &str = match (PIXELS, CHANNELS) {
     (2, 2) => "scalar-u8i8-2x2",
-    (4, 2) => "scalar-u8i8-4x2",
+    (4, 8) => "scalar-u8i8-4x8",
     _ => "scalar-u8i8-4x4",
 };
 
 /// Plain Rust.
 pub(super) struct Scalar;
 
-/// Pixels and channels whose sums are kept in registers: of 32 as most processors have them, 16, or fewer.
+/// Pixels and channels whose sums are kept in registers: 16 sums in 32 registers, 4 in ARM's 16, 32 in SSE's.
 const PIXELS: usize = if cfg!(target_arch = "arm") { 2 } else { 4 };
-const CHANNELS: usize = if cfg!(any(target_arch = "arm", target_arch = "x86_64")) { 2 } else { 4 };
+const CHANNELS: usize = match PIXELS {
+    _ if VECTORS => 8,
+    pixels => pixels,
+};
+/// Whether the compiler has SSE2's `pmaddwd` for [`by_neighbours`]; elsewhere that order costs more.
+const VECTORS: bool = cfg!(target_arch = "x86_64");
 
 impl Isa for Scalar {
     #[inline(always)]
@@ -70,6 +82,12 @@ fn block<const P: usize>(
             core::array::from_fn(|p| &patch.bytes[start + (first + p) * stride..].as_chunks().0[..groups]);
         for (g, weights) in weights.as_chunks().0.chunks_exact(width).enumerate() {
             let w: &[[u8; 4]] = &weights[channel..][..CHANNELS];
+            if VECTORS {
+                for p in 0..P {
+                    by_neighbours(&mut sums[p], codes[p][g], w);
+                }
+                continue;
+            }
             for b in 0..4 {
                 for p in 0..P {
                     for c in 0..CHANNELS {
@@ -86,4 +104,15 @@ fn block<const P: usize>(
         }
     }
     P
+}
+
+/// Adds a group's products of one pixel: neighbours first, as an instruction for vectors of i16 does.
+#[inline(always)]
+fn by_neighbours(sums: &mut [i32; CHANNELS], x: [u8; 4], w: &[[u8; 4]]) {
+    let x = x.map(|x| x as i16 as i32);
+    for (sum, w) in sums.iter_mut().zip(w) {
+        let w = w.map(|w| w as i8 as i16 as i32);
+        let (first, second) = (x[0] * w[0] + x[1] * w[1], x[2] * w[2] + x[3] * w[3]);
+        *sum = sum.wrapping_add(first).wrapping_add(second);
+    }
 }
