@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test backends no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint test checked backends no_std boards architecture fuzz
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
 set -euo pipefail
@@ -33,6 +33,11 @@ backends() {
 
 test() {
     cargo test --locked --workspace
+}
+
+# The runner's own tests once more with overflow checks, which its development profile leaves out for speed.
+checked() {
+    cargo test --locked --package elunar-core --profile checked
 }
 
 # Symbols that give away an allocator or the standard library, in either of Rust's mangling schemes.
@@ -90,16 +95,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test backends no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint test checked backends no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | backends | no_std | boards | architecture | fuzz)
+    format | lint | test | checked | backends | no_std | boards | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test backends no_std boards architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test checked backends no_std boards architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

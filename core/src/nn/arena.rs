@@ -102,13 +102,6 @@ impl Row {
         Self { at: t.row_offset(row) + t.margin * t.channels, high, zero: t.zero }
     }
 
-    /// The value (zero point removed) of sample `index`.
-    #[inline(always)]
-    pub(crate) fn value(&self, bytes: &[u8], index: usize) -> i32 {
-        let at = self.at + index;
-        if self.high == 0 { bytes[at] as i32 - self.zero } else { join(bytes[at], bytes[at + self.high]) }
-    }
-
     /// Values of the samples from `index` on, as many as `out` holds.
     #[inline(always)]
     pub(crate) fn values(&self, bytes: &[u8], index: usize, out: &mut [i32]) {

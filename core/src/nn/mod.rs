@@ -25,6 +25,7 @@ mod program;
 mod runner;
 mod schedule;
 mod self_test;
+mod tensor;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
@@ -42,3 +43,6 @@ pub use runner::{Progress, Runner, Telemetry, required};
 pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;
 /// Fraction bits of the attention-weighted mean of v.
 pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;
+
+#[cfg(test)]
+mod tests;

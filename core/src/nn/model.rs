@@ -148,7 +148,8 @@ impl<'a> Model<'a> {
             return Err(ModelError::Header);
         }
         let t = self.tensor(output);
-        let fits = (t.rows, t.cols, t.channels, t.ring) == (rows, cols, 1, rows) && t.dtype == Dtype::F32;
+        // Several columns may be channels of one pixel: the same bytes.
+        let fits = (t.rows, t.cols * t.channels, t.ring) == (rows, cols, rows) && t.dtype == Dtype::F32;
         if fits { Ok(()) } else { Err(ModelError::Header) }
     }
 
@@ -170,9 +171,9 @@ impl<'a> Model<'a> {
         let out = self.tensor(conv.out);
         let sides = [conv.kernel_rows, conv.kernel_cols];
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
-            && (1..=MAX_KERNEL).contains(&conv.stride)
+            && [conv.stride, conv.stride_cols].iter().all(|s| (1..=MAX_KERNEL).contains(s))
             && conv.add_shift <= MAX_ADD_SHIFT
-            && (!conv.fold || (sides == [5, 5] && conv.stride == 1 && conv.pad == 2));
+            && (!conv.fold || (sides == [5, 5] && (conv.stride, conv.stride_cols) == (1, 1) && conv.pad == 2));
         if !legal {
             return Err(OperatorFault::Parameter);
         }
@@ -181,17 +182,17 @@ impl<'a> Model<'a> {
         }
         let first = self.tensor(conv.first);
         let channels: usize = conv.sources().map(|s| self.tensor(s).channels).sum();
-        let extent = |len: usize, kernel: usize| match conv.fold {
+        let extent = |len: usize, kernel: usize, stride: usize| match conv.fold {
             true => (len >= 4).then_some(2 * len),
-            false => (len + 2 * conv.pad).checked_sub(kernel).map(|n| n / conv.stride + 1),
+            false => (len + 2 * conv.pad).checked_sub(kernel).map(|n| n / stride + 1),
         };
         let fits = conv.sources().all(|s| {
             let t = self.tensor(s);
             let margin = if conv.fold { (1, Edge::Nearest) } else { (conv.pad, Edge::Zero) };
             (t.rows, t.cols) == (first.rows, first.cols)
                 && (margin.0 == 0 || (t.margin >= margin.0 && t.edge == margin.1))
-        }) && extent(first.rows, conv.kernel_rows) == Some(out.rows)
-            && extent(first.cols, conv.kernel_cols) == Some(out.cols)
+        }) && extent(first.rows, conv.kernel_rows, conv.stride) == Some(out.rows)
+            && extent(first.cols, conv.kernel_cols, conv.stride_cols) == Some(out.cols)
             && channels <= MAX_EXTENT;
         if !fits {
             return Err(OperatorFault::Shape);
@@ -218,7 +219,10 @@ impl<'a> Model<'a> {
         let float = out.dtype == Dtype::F32;
         if let Some(add) = conv.add {
             let add = self.tensor(add);
-            if (add.rows, add.cols, add.channels) != (out.rows, out.cols, out.channels) {
+            // The output may hold several columns as channels.
+            let row = |t: &Tensor| (t.rows, t.cols * t.channels);
+            let alike = row(&add) == row(out) && (float || add.channels == out.channels);
+            if !alike {
                 return Err(OperatorFault::Shape);
             }
             if add.dtype == Dtype::F32 {

@@ -1,4 +1,4 @@
-//! The program: records of tensors and operators, as the file holds them and as the runner uses them.
+//! The program: records of operators and of the schedule, as the file holds them and as the runner uses them.
 //!
 //! A program is a list of operators over tensors at fixed arena offsets, and a schedule that says in which order their rows are
 //! made: an operator may run a few rows ahead of its reader, so that only those rows need memory. Four operators carry the whole
@@ -8,10 +8,9 @@
 
 use super::error::OperatorFault;
 use super::format::{NONE, i64_at, u32_at};
+pub use super::tensor::{Dtype, Edge, MAX_MARGIN, TENSOR_BYTES, Tensor};
 use core::ops::Range;
 
-/// Bytes of a tensor record.
-pub const TENSOR_BYTES: usize = 52;
 /// Bytes of an operator record.
 pub const OPERATOR_BYTES: usize = 96;
 /// Bytes of an entry of the schedule.
@@ -21,240 +20,8 @@ const KIND_LAYER_NORM: u32 = 2;
 const KIND_ATTENTION: u32 = 3;
 const KIND_ENLARGE: u32 = 4;
 
-/// Widest margin of a tensor, columns.
-pub const MAX_MARGIN: usize = 15;
 /// Largest left shift of an added tensor: i16 times `2^30` times `2^15` stays below `2^60`.
 pub const MAX_ADD_SHIFT: u32 = 15;
-
-/// Sample type of a tensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Dtype {
-    /// One byte; value = code - zero.
-    U8,
-    /// Two planes in every row: first all low bytes, then all high bytes plus 128. So both planes are rows of u8, and a kernel
-    /// for u8 serves 16-bit maps too. value = code = 256 * (high - 128) + low.
-    I16,
-    /// IEEE 754 single, little-endian: the result.
-    F32,
-}
-
-impl Dtype {
-    /// Bytes per sample.
-    pub const fn bytes(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::I16 => 2,
-            Self::F32 => 4,
-        }
-    }
-
-    /// The type's number in the file.
-    pub const fn number(self) -> u32 {
-        match self {
-            Self::U8 => 0,
-            Self::I16 => 1,
-            Self::F32 => 2,
-        }
-    }
-
-    const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::U8),
-            1 => Some(Self::I16),
-            2 => Some(Self::F32),
-            _ => None,
-        }
-    }
-}
-
-/// What a tensor's margin columns hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Edge {
-    /// The code of 0: zero padding.
-    Zero,
-    /// The nearest pixel of the row: what bilinear interpolation wants.
-    Nearest,
-}
-
-/// A tensor `[rows, cols, channels]` in the arena. Row r lies in slot `r mod ring`; every row has `margin` columns more on both
-/// sides, so that kernels read over the border without asking.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tensor {
-    /// Sample type.
-    pub dtype: Dtype,
-    /// Rows.
-    pub rows: usize,
-    /// Columns.
-    pub cols: usize,
-    /// Channels.
-    pub channels: usize,
-    /// First byte in the arena.
-    pub offset: usize,
-    /// The code that stands for 0 (0 with I16).
-    pub zero: i32,
-    /// Smallest code its writer may store.
-    pub lo: i32,
-    /// Largest code its writer may store.
-    pub hi: i32,
-    /// Real value of one code step; the runner uses it for its inputs only (other tensors may have a scale per channel).
-    pub scale: f32,
-    /// Rows kept at a time; `rows` keeps all.
-    pub ring: usize,
-    /// Bytes from one row to the next in the arena; more than a row has if another tensor's rows lie between.
-    pub pitch: usize,
-    /// Columns before the first and behind the last.
-    pub margin: usize,
-    /// What the margin holds.
-    pub edge: Edge,
-}
-
-impl Tensor {
-    /// One u8.
-    pub(crate) const SINGLE: Self = Self {
-        dtype: Dtype::U8,
-        rows: 1,
-        cols: 1,
-        channels: 1,
-        offset: 0,
-        zero: 0,
-        lo: 0,
-        hi: 0,
-        scale: 1.0,
-        ring: 1,
-        pitch: 1,
-        margin: 0,
-        edge: Edge::Zero,
-    };
-
-    /// Reads a record; `None` if a field is outside its type's range.
-    pub fn decode(record: &[u8]) -> Option<Self> {
-        let word = |i: usize| u32_at(record, 4 * i);
-        let tensor = Self { dtype: Dtype::from_number(word(0))?, ..Self::read(record) };
-        let (low, high) = match tensor.dtype {
-            Dtype::U8 => (0, 255),
-            Dtype::I16 => (-32767, 32767),
-            Dtype::F32 => (0, 0),
-        };
-        let codes = [tensor.lo, tensor.zero, tensor.hi];
-        let legal = codes.iter().all(|c| (low..=high).contains(c))
-            && tensor.lo <= tensor.hi
-            && (tensor.dtype == Dtype::U8 || tensor.zero == 0)
-            && (1..=tensor.rows).contains(&tensor.ring)
-            && tensor.margin <= MAX_MARGIN
-            && (1..=1 << 24).contains(&tensor.pitch)
-            && (tensor.dtype != Dtype::F32 || tensor.margin == 0);
-        (legal && word(11) <= 1 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
-    }
-
-    /// Reads a record that [`Self::decode`] has accepted.
-    #[inline]
-    pub(crate) fn read(record: &[u8]) -> Self {
-        let word = |i: usize| u32_at(record, 4 * i);
-        Self {
-            dtype: Dtype::from_number(word(0)).unwrap_or(Dtype::U8),
-            rows: word(1) as usize,
-            cols: word(2) as usize,
-            channels: word(3) as usize,
-            offset: word(4) as usize,
-            zero: word(5) as i32,
-            lo: word(6) as i32,
-            hi: word(7) as i32,
-            scale: f32::from_bits(word(8)),
-            ring: word(9) as usize,
-            margin: word(10) as usize,
-            edge: if word(11) == 0 { Edge::Zero } else { Edge::Nearest },
-            pitch: word(12) as usize,
-        }
-    }
-
-    /// The record's bytes.
-    pub fn encode(&self) -> [u8; TENSOR_BYTES] {
-        let words = [
-            self.dtype.number(),
-            self.rows as u32,
-            self.cols as u32,
-            self.channels as u32,
-            self.offset as u32,
-            self.zero as u32,
-            self.lo as u32,
-            self.hi as u32,
-            self.scale.to_bits(),
-            self.ring as u32,
-            self.margin as u32,
-            (self.edge == Edge::Nearest) as u32,
-            self.pitch as u32,
-        ];
-        let mut record = [0; TENSOR_BYTES];
-        record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-        record
-    }
-
-    /// Samples.
-    pub const fn len(&self) -> usize {
-        self.rows * self.cols * self.channels
-    }
-
-    /// Whether it has no samples (never in a validated model).
-    pub const fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Bytes from its first to its last in the arena.
-    pub const fn size_bytes(&self) -> usize {
-        (self.ring - 1) * self.pitch + self.row_bytes()
-    }
-
-    /// Bytes of one row, margins and planes included.
-    pub const fn row_bytes(&self) -> usize {
-        (self.cols + 2 * self.margin) * self.channels * self.dtype.bytes()
-    }
-
-    /// Bytes of one plane of a row: all of it but for I16.
-    pub const fn plane_bytes(&self) -> usize {
-        (self.cols + 2 * self.margin) * self.channels
-    }
-
-    /// Place in the arena of row `row`, margin included.
-    #[inline(always)]
-    pub const fn row_offset(&self, row: usize) -> usize {
-        // Most tensors keep all rows; a division is slow on small machines.
-        let slot = if row < self.ring { row } else { row % self.ring };
-        self.offset + slot * self.pitch
-    }
-
-    /// Largest absolute value, in code steps from zero.
-    pub fn magnitude(&self) -> i32 {
-        (self.hi - self.zero).abs().max((self.lo - self.zero).abs())
-    }
-
-    /// Whether two tensors share arena bytes.
-    pub const fn overlaps(&self, other: &Self) -> bool {
-        let apart = self.offset >= other.offset + other.size_bytes() || other.offset >= self.offset + self.size_bytes();
-        !apart && !self.alternates(other)
-    }
-
-    /// Whether the rows of two tensors lie between each other.
-    const fn alternates(&self, other: &Self) -> bool {
-        let (first, second) = if self.offset <= other.offset { (self, other) } else { (other, self) };
-        let skew = second.offset - first.offset;
-        first.pitch == second.pitch && first.row_bytes() <= skew && skew + second.row_bytes() <= first.pitch
-    }
-
-    /// Whether two tensors are the very same bytes read in the same way.
-    pub fn coincides(&self, other: &Self) -> bool {
-        let place = |t: &Self| (t.offset, t.pitch, t.dtype, t.rows, t.cols, t.channels, t.ring, t.margin);
-        place(self) == place(other)
-    }
-
-    /// Rows of this tensor that `later` overwrites, if both are kept whole and have one pitch: once `later` has n rows, those
-    /// below n + the number returned. `None` if rows do not follow each other in that way.
-    pub fn overwritten_by(&self, later: &Self) -> Option<isize> {
-        let whole = self.ring == self.rows && later.ring == later.rows && self.pitch == later.pitch;
-        let end = (later.offset + later.row_bytes()) as isize - self.offset as isize;
-        let rows = end.div_euclid(self.pitch as isize) + (end.rem_euclid(self.pitch as isize) != 0) as isize;
-        whole.then_some(rows - 1)
-    }
-}
 
 /// `count` steps of one operator, from step `first` on. An operator's steps run once each, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -308,8 +75,11 @@ pub struct Conv {
     pub kernel_rows: usize,
     /// Kernel columns (5 with `fold`).
     pub kernel_cols: usize,
-    /// Stride, both axes (1 with `fold`).
+    /// Input rows from one output row to the next (1 with `fold`).
     pub stride: usize,
+    /// Input columns from one output pixel to the next (1 with `fold`). With several columns of a one-channel map as channels of one
+    /// pixel, it is their number.
+    pub stride_cols: usize,
     /// Zero padding on all four sides (2 with `fold`).
     pub pad: usize,
     /// Twofold enlargement contained in the weights.
@@ -365,7 +135,7 @@ impl Phase {
             1 => (1, 0),
             _ if index + 1 == 2 * len => (5, 1),
             _ if index + 2 == 2 * len => (4, 2),
-            _ if index % 2 == 0 => (2, 2),
+            _ if index.is_multiple_of(2) => (2, 2),
             _ => (3, 1),
         };
         Self { filter, first: (index / 2) as isize - back, taps: PHASE_TAPS[filter] }
@@ -502,6 +272,7 @@ impl Operator {
                 table: option(16).map(|v| v as usize),
                 table_zero: word(17) as i32,
                 relu: word(18) != 0,
+                stride_cols: size(19),
             }),
             KIND_LAYER_NORM => Self::LayerNorm(LayerNorm {
                 out: word(1),
@@ -536,7 +307,7 @@ impl Operator {
     pub fn encode(&self) -> [u8; OPERATOR_BYTES] {
         let mut words = [0u32; OPERATOR_BYTES / 4];
         let none = |v: Option<u32>| v.unwrap_or(NONE);
-        let fields: [u32; 19] = match self {
+        let fields: [u32; 20] = match self {
             Self::Conv(c) => [
                 KIND_CONV,
                 c.out,
@@ -557,6 +328,7 @@ impl Operator {
                 none(c.table.map(|v| v as u32)),
                 c.table_zero as u32,
                 c.relu as u32,
+                c.stride_cols as u32,
             ],
             Self::LayerNorm(n) => {
                 let (low, high) = (n.epsilon as u32, (n.epsilon >> 32) as u32);

@@ -197,7 +197,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         if out.len() != tensor.len() {
             return Err(RunError::TileSize { expected: tensor.len(), found: out.len() });
         }
-        for (row, out) in out.chunks_exact_mut(tensor.cols).enumerate() {
+        for (row, out) in out.chunks_exact_mut(tensor.cols * tensor.channels).enumerate() {
             out.iter_mut().enumerate().for_each(|(col, v)| *v = self.arena.float(&tensor, row, col));
         }
         Ok(())

@@ -88,10 +88,12 @@ impl Play<'_, '_> {
                         && c.first != old as u32 && c.second != Some(old as u32))
                 };
                 // A sum takes the place of what is added sample by sample; a map that is kept whole may give way to any other
-                // row by row. All that share bytes must be linked in this way, at once or through others: `find_lines`.
+                // row by row, but for the output. All that share bytes must be linked in this way, at once or through others:
+                // `find_lines`.
                 let sum = first.coincides(&second) && adds(self.writer[new]) && self.elder[new] == NOBODY;
                 let (before, after) = if old == a { (first, second) } else { (second, first) };
-                if self.heir[old] == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
+                let kept = old == self.model.output_tensor() as usize;
+                if !kept && self.heir[old] == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
                     self.heir[old] = new as u16;
                     if sum {
                         self.elder[new] = old as u16;
@@ -168,6 +170,11 @@ impl Play<'_, '_> {
                         return Err(refuse);
                     }
                 }
+                // Nor may it touch rows that have taken the place of what it writes.
+                let written = operator.rows_after(&out, step);
+                if !self.untouched(operator.output() as usize, &out, written, None) {
+                    return Err(refuse);
+                }
                 self.done[entry.operator] += 1;
             }
         }
@@ -185,16 +192,6 @@ impl Play<'_, '_> {
         if rows.is_empty() {
             return true;
         }
-        let mut safe = true;
-        if self.heir[tensor] != NOBODY {
-            let heir = self.model.tensor(self.heir[tensor] as u32);
-            let made = match making {
-                Some((number, made)) if number == self.heir[tensor] as u32 => made,
-                _ => self.made(self.heir[tensor] as usize, &heir),
-            };
-            let overwritten = if t.coincides(&heir) { Some(0) } else { t.overwritten_by(&heir) };
-            safe = overwritten.is_some_and(|more| made as isize + more <= rows.start as isize) || made == 0;
-        }
         // The first of a line of sums is the furthest ahead in the ring.
         let made = self.made(tensor, t);
         let (mut ahead, mut at) = (made, tensor);
@@ -205,6 +202,28 @@ impl Play<'_, '_> {
             }
             ahead = ahead.max(self.made(at, t));
         }
-        safe && rows.end <= made && ahead <= rows.start + t.ring
+        self.untouched(tensor, t, rows.start, making) && rows.end <= made && ahead <= rows.start + t.ring
+    }
+
+    /// Whether no row from `first` on has been taken by the heir, its heir, and so on.
+    fn untouched(&self, tensor: usize, t: &Tensor, first: usize, making: Option<(u32, usize)>) -> bool {
+        let mut at = tensor;
+        for _ in 0..self.model.tensor_count() {
+            if self.heir[at] == NOBODY {
+                break;
+            }
+            at = self.heir[at] as usize;
+            let heir = self.model.tensor(at as u32);
+            let made = match making {
+                Some((number, made)) if number as usize == at => made,
+                _ => self.made(at, &heir),
+            };
+            let taken = if t.coincides(&heir) { Some(0) } else { t.overwritten_by(&heir) };
+            let safe = made == 0 || taken.is_some_and(|more| made as isize + more <= first as isize);
+            if !safe && t.overlaps(&heir) {
+                return false;
+            }
+        }
+        true
     }
 }

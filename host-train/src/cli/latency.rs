@@ -111,7 +111,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// The kernel of that name, or the fastest.
-fn kernel(name: Option<&str>) -> Result<Kernel> {
+pub(super) fn kernel(name: Option<&str>) -> Result<Kernel> {
     let Some(name) = name else { return Ok(Kernel::best()) };
     Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
         let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();

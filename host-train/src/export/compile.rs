@@ -1,10 +1,10 @@
 //! All stages in order: weights in, bytes of a model file out.
 
 use super::build::build;
-use super::calibrate::{CalibrationTile, calibrate};
+use super::calibrate::{CalibrationTile, Range, calibrate};
 use super::graph::{Graph, Operation};
 use super::plan::plan;
-use super::quantise::{Program, quantise};
+use super::quantise::{Program, quantise, wide_by_rule};
 use super::schedule::schedule;
 use super::write::{Content, file_bytes};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
@@ -66,11 +66,23 @@ pub fn export(
 ) -> Result<Export> {
     let graph = build(config, weights, path, options.tile)?;
     let ranges = calibrate(&graph, tiles, progress)?;
-    let mut program = quantise(&graph, &ranges, config.nr, options.precision)?;
+    let wide = wide_by_rule(&graph, options.precision);
+    finish(config, graph, &ranges, &wide, options)
+}
+
+/// The stages behind calibration, `wide` saying which maps keep 16 bits (see [`quantise`]). Where that is not the rule of
+/// `options.precision`, the file calls its precision "chosen".
+///
+/// # Errors
+/// As [`export`].
+pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
+    let mut program = quantise(&graph, ranges, config.nr, wide)?;
     let roles = roles(&graph, &program);
     let schedule = schedule(&program.tensors, &program.operators);
     plan(&mut program.tensors, &program.operators, &schedule, &roles[..2], roles[2]);
-    let text = text(config, &program, options);
+    let by_rule = wide == wide_by_rule(&graph, options.precision);
+    let precision = if by_rule { format!("{:?}", options.precision).to_lowercase() } else { "chosen".into() };
+    let text = text(config, &program, &options.name, &precision);
     let mut content = Content {
         text: &text,
         tensors: &program.tensors,
@@ -99,11 +111,11 @@ fn roles(graph: &Graph, program: &Program) -> [u32; 3] {
     [program.tensor_of[0], coarse, output]
 }
 
-fn text(config: &NetConfig, program: &Program, options: &Options) -> String {
+fn text(config: &NetConfig, program: &Program, name: &str, precision: &str) -> String {
     serde_json::json!({
-        "name": options.name,
+        "name": name,
         "config": config,
-        "precision": format!("{:?}", options.precision).to_lowercase(),
+        "precision": precision,
         "operators": program.names,
     })
     .to_string()

@@ -1,7 +1,7 @@
 //! The operator graph on real numbers: shows that the graph is the network, and measures its maps for calibration.
 
 use super::build::NORM_EPSILON;
-use super::graph::{Activation, Graph, Kernel, Node, Operation, Source};
+use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use rayon::prelude::*;
 
 /// x Φ(x), exactly (the reference uses the error function, not the tanh approximation).
@@ -19,25 +19,34 @@ pub fn run(graph: &Graph, image: &[f32], coarse: &[f32]) -> Vec<Vec<f32>> {
         let map = match &node.operation {
             Operation::Image => image.to_vec(),
             Operation::Coarse => coarse.to_vec(),
-            Operation::Conv { sources, kernel, stride, pad, add, activation } => {
-                let input = gather(graph, &maps, sources, *pad);
-                let mut map = conv(&input, kernel, *stride, node);
-                finish(&mut map, add.map(|id| maps[id].as_slice()), *activation);
-                map
-            }
-            Operation::LayerNorm { input, merge, gain, bias } => {
-                layer_norm(&maps[*input], &graph.nodes[*input], *merge, gain, bias, node)
-            }
-            Operation::Attention { input, heads, window, shift, position_bias, pad } => {
-                let view =
-                    Attend { qkv: &maps[*input], heads: *heads, window: *window, shift: *shift, position_bias, pad };
-                view.run(node)
-            }
+            _ => compute(graph, node, &|id| &maps[id]),
         };
         assert_eq!(map.len(), node.len(), "{}", node.name);
         maps.push(map);
     }
     maps
+}
+
+/// Where a node finds the maps it reads.
+pub(crate) type Maps<'f, 'm> = &'f (dyn Fn(NodeId) -> &'m [f32] + Sync);
+
+/// The map of a node that is no input.
+pub(crate) fn compute(graph: &Graph, node: &Node, maps: Maps<'_, '_>) -> Vec<f32> {
+    match &node.operation {
+        Operation::Image | Operation::Coarse => Vec::new(),
+        Operation::Conv { sources, kernel, stride, pad, add, activation } => {
+            let mut map = conv(&gather(graph, maps, sources, *pad), kernel, *stride, node);
+            finish(&mut map, add.map(maps), *activation);
+            map
+        }
+        Operation::LayerNorm { input, merge, gain, bias } => {
+            layer_norm(maps(*input), &graph.nodes[*input], *merge, gain, bias, node)
+        }
+        Operation::Attention { input, heads, window, shift, position_bias, pad } => {
+            let view = Attend { qkv: maps(*input), heads: *heads, window: *window, shift: *shift, position_bias, pad };
+            view.run(node)
+        }
+    }
 }
 
 /// Rows, columns, channels and samples of a padded input.
@@ -48,7 +57,7 @@ struct Input {
 }
 
 /// Sources side by side, enlarged where asked, with a border of zeros.
-fn gather(graph: &Graph, maps: &[Vec<f32>], sources: &[Source], pad: usize) -> Input {
+fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> Input {
     let first = &graph.nodes[sources[0].node];
     let factor = if sources[0].up { 2 } else { 1 };
     let (rows, cols) = (first.rows * factor, first.cols * factor);
@@ -60,7 +69,7 @@ fn gather(graph: &Graph, maps: &[Vec<f32>], sources: &[Source], pad: usize) -> I
         for (col, pixel) in line[pad * channels..(pad + cols) * channels].chunks_exact_mut(channels).enumerate() {
             let mut at = 0;
             for source in sources {
-                let (node, map) = (&graph.nodes[source.node], &maps[source.node]);
+                let (node, map) = (&graph.nodes[source.node], maps(source.node));
                 let read = |r: usize, c: usize, k: usize| map[(r * node.cols + c) * node.channels + k];
                 for k in 0..node.channels {
                     pixel[at + k] =
@@ -111,7 +120,7 @@ fn conv(input: &Input, kernel: &Kernel, stride: usize, node: &Node) -> Vec<f32> 
     map
 }
 
-fn finish(map: &mut [f32], add: Option<&[f32]>, activation: Activation) {
+pub(crate) fn finish(map: &mut [f32], add: Option<&[f32]>, activation: Activation) {
     if let Some(add) = add {
         map.iter_mut().zip(add).for_each(|(v, a)| *v += a);
     }

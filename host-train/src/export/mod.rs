@@ -6,7 +6,9 @@
 
 pub mod build;
 pub mod calibrate;
+pub mod choose;
 pub mod compile;
+pub mod costs;
 pub mod float;
 mod fold;
 pub mod graph;
@@ -14,7 +16,9 @@ mod pack;
 pub mod plan;
 pub mod quantise;
 pub mod report;
+mod rounding;
 pub mod schedule;
+pub mod sensitivity;
 pub mod write;
 
 pub use calibrate::CalibrationTile;

@@ -23,6 +23,8 @@ const HEADROOM_16: f64 = 1.25;
 const RANGE_FLOOR: f64 = 1.0 / 32.0;
 /// Accumulators are planned up to here, leaving room for the bias and for rounded weights.
 const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
+/// Columns of the output map that are computed together: as many as the narrowest panel has channels.
+const COLUMNS_AT_ONCE: usize = 8;
 /// Smallest map whose enlargement is folded into the convolution behind it.
 const FOLD_ROWS: usize = 32;
 /// GELU of anything below is 0 within a code step.
@@ -71,12 +73,12 @@ impl Program {
     }
 }
 
-/// Quantises a graph.
+/// Quantises a graph; `wide` says of every node whether its map keeps 16 bits where it can (see [`can_widen`]).
 ///
 /// # Errors
 /// [`Error::Usage`] naming the operator whose sums cannot be kept within 32 bits or whose scales are out of range.
-pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, precision: Precision) -> Result<Program> {
-    let codes = (0..graph.nodes.len()).map(|id| codes_of(graph, id, &ranges[id], nr, precision)).collect();
+pub fn quantise(graph: &Graph, ranges: &[Range], nr: f32, wide: &[bool]) -> Result<Program> {
+    let codes = (0..graph.nodes.len()).map(|id| codes_of(graph, id, &ranges[id], nr, wide[id])).collect();
     let mut q = Quantiser {
         graph,
         exp_table: None,
@@ -136,7 +138,32 @@ fn largest_code(graph: &Graph, id: NodeId) -> i32 {
     limits.fold(i16::MAX as f64, f64::min) as i32
 }
 
-fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, precision: Precision) -> Codes {
+/// Which maps keep 16 bits by a rule that looks at no data: the residual stream always, others by the precision asked for.
+pub fn wide_by_rule(graph: &Graph, precision: Precision) -> Vec<bool> {
+    let of = |id: NodeId| {
+        let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
+        match precision {
+            Precision::Int8 => feeds_norm,
+            Precision::Mixed => feeds_norm || graph.nodes[id].precise,
+            Precision::Int16 => true,
+        }
+    };
+    (0..graph.nodes.len()).map(of).collect()
+}
+
+/// Whether the runner can keep a map in 16 bits and also in 8: not inputs and output, whose types are fixed; not what attention
+/// reads or GELU makes, which have 8; and not where sums of 16-bit codes would leave 32 bits.
+pub fn can_widen(graph: &Graph, id: NodeId) -> bool {
+    let fixed = match &graph.nodes[id].operation {
+        Operation::Image | Operation::Coarse | Operation::Conv { activation: Activation::Gelu, .. } => true,
+        _ => id == graph.output(),
+    };
+    let feeds_attention = graph.users(id).any(|user| matches!(user.operation, Operation::Attention { .. }));
+    !fixed && !feeds_attention && largest_code(graph, id) > 255
+}
+
+/// Codes of a node's map. Those of inputs and output are what they are, whatever `wide` says.
+pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, wide: bool) -> Codes {
     let node = &graph.nodes[id];
     let full = i16::MAX as i32;
     match &node.operation {
@@ -157,14 +184,6 @@ fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, precision: Precis
         Operation::Conv { activation, .. } => *activation,
         _ => Activation::None,
     };
-    let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
-    let feeds_attention = graph.users(id).any(|user| matches!(user.operation, Operation::Attention { .. }));
-    let wide = match precision {
-        _ if feeds_attention => false,
-        Precision::Int8 => feeds_norm,
-        Precision::Mixed => feeds_norm || node.precise,
-        Precision::Int16 => true,
-    };
     let magnitude = channel_magnitudes(range, freedom(graph, id));
     if activation == Activation::Gelu {
         let top = magnitude[0].max(-2.0 * GELU_MINIMUM);
@@ -174,7 +193,7 @@ fn codes_of(graph: &Graph, id: NodeId, range: &Range, nr: f32, precision: Precis
     }
     let limit = largest_code(graph, id);
     let relu = activation == Activation::Relu;
-    if wide && limit > 255 {
+    if wide && can_widen(graph, id) {
         let scales = magnitude.iter().map(|m| m * HEADROOM_16 / limit as f64).collect();
         return Codes { dtype: Dtype::I16, zero: 0, lo: if relu { 0 } else { -limit }, hi: limit, scales };
     }
@@ -267,17 +286,16 @@ impl Quantiser<'_> {
         out
     }
 
-    /// Whether the enlargement before a convolution is folded into its weights: they grow 13-fold, so only where maps are
-    /// large and filters few (our choice: small maps of 32 rows or more); and no source may need another margin.
-    fn folds(&self, sources: &[Source], kernel: &Kernel, form: Form) -> bool {
-        let padded_elsewhere = |id: NodeId| {
-            self.graph.users(id).any(|user| match &user.operation {
-                Operation::Conv { sources, pad, .. } => *pad > 0 && sources.iter().any(|s| s.node == id && !s.up),
-                _ => false,
-            })
-        };
-        (kernel.side, form.stride, form.pad) == (5, 1, 2)
-            && sources.iter().all(|s| s.up && self.graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
+    /// How many columns of the one-channel output are computed as channels of one pixel: panels have at least
+    /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
+    fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
+        let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
+        let fits = out.cols % COLUMNS_AT_ONCE == 0 && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
+        if out.channels != 1 || form.stride != 1 || !fits {
+            return 1;
+        }
+        (out.cols, out.channels) = (out.cols / COLUMNS_AT_ONCE, COLUMNS_AT_ONCE);
+        COLUMNS_AT_ONCE
     }
 
     fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
@@ -299,8 +317,18 @@ impl Quantiser<'_> {
     fn conv(&mut self, id: NodeId, sources: &[Source], kernel: &Kernel, form: Form) -> Option<Operator> {
         let read_scales: Vec<f64> =
             sources.iter().flat_map(|s| self.program.codes[s.node].scales.iter().copied()).collect();
-        let folds = self.folds(sources, kernel, form);
-        let filters = if folds { fold(kernel) } else { vec![Filter::whole(kernel)] };
+        let folds = folds(self.graph, &self.graph.nodes[id]);
+        let beside =
+            if self.program.codes[id].dtype == Dtype::F32 { self.columns_at_once(id, kernel, form) } else { 1 };
+        let widened;
+        let (kernel, filters) = if beside > 1 {
+            widened = side_by_side(kernel, beside);
+            (&widened.0, vec![widened.1.clone()])
+        } else if folds {
+            (kernel, fold(kernel))
+        } else {
+            (kernel, vec![Filter::whole(kernel)])
+        };
         let integers = quantise_weights(kernel, &filters, &read_scales, &self.program.input_means(sources));
         let read: Vec<u32> = sources
             .iter()
@@ -318,8 +346,9 @@ impl Quantiser<'_> {
             second: read.get(1).copied(),
             fold: folds,
             kernel_rows: kernel.side,
-            kernel_cols: kernel.side,
+            kernel_cols: kernel.side + beside - 1,
             stride: form.stride,
+            stride_cols: form.stride * beside,
             pad: form.pad,
             weights,
             bias,
@@ -433,6 +462,35 @@ impl Quantiser<'_> {
         self.exp_table = Some(table);
         table
     }
+}
+
+/// Whether the enlargement before a convolution is folded into its weights: they grow 13-fold, so only where maps are
+/// large and filters few (our choice: small maps of 32 rows or more); and no source may need another margin.
+pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
+    let Operation::Conv { sources, kernel, stride, pad, .. } = &node.operation else { return false };
+    let padded_elsewhere = |id: NodeId| {
+        graph.users(id).any(|user| match &user.operation {
+            Operation::Conv { sources, pad, .. } => *pad > 0 && sources.iter().any(|s| s.node == id && !s.up),
+            _ => false,
+        })
+    };
+    (kernel.side, *stride, *pad) == (5, 1, 2)
+        && sources.iter().all(|s| s.up && graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
+}
+
+/// A filter with one output as `columns` outputs, each one column to the right of the one before.
+fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
+    let (side, input, wide) = (kernel.side, kernel.input, kernel.side + columns - 1);
+    let mut weights = vec![0.0; columns * side * wide * input];
+    for shift in 0..columns {
+        for row in 0..side {
+            let to = ((shift * side + row) * wide + shift) * input;
+            let from = &kernel.weights[row * side * input..(row + 1) * side * input];
+            weights[to..to + from.len()].iter_mut().zip(from).for_each(|(to, from)| *to = *from as f64);
+        }
+    }
+    let bias = vec![kernel.bias[0]; columns];
+    (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights })
 }
 
 /// The part of a convolution that is not weights.

@@ -39,6 +39,10 @@ pub struct GroundComparison {
     pub float_slope_error_deg: f64,
     /// Slope error of the int8 runner against the truth, degrees.
     pub int8_slope_error_deg: f64,
+    /// By how much the error against the truth grows from float to int8, percent.
+    pub error_growth_percent: f64,
+    /// By how much the slope error grows, percent.
+    pub slope_error_growth_percent: f64,
 }
 
 /// Runs both networks on every tile. `progress` is told after each.
@@ -60,11 +64,12 @@ pub fn compare(export: &Export, tiles: &[CalibrationTile], progress: impl Fn(usi
         sum.take(&float, &int8, tile, model.tile());
         progress(index + 1);
     }
-    Ok(sum.comparison(tiles))
+    Ok(sum.comparison(tiles.len()))
 }
 
+/// Differences between two results over some tiles.
 #[derive(Default)]
-struct Sums {
+pub(crate) struct Sums {
     units: Mean,
     max_units: f64,
     metres: Mean,
@@ -95,7 +100,7 @@ impl Mean {
 }
 
 impl Sums {
-    fn take(&mut self, float: &[f32], int8: &[f32], tile: &CalibrationTile, (rows, cols): (usize, usize)) {
+    pub(crate) fn take(&mut self, float: &[f32], int8: &[f32], tile: &CalibrationTile, (rows, cols): (usize, usize)) {
         let largest = float.iter().zip(int8).fold(0.0f64, |m, (a, b)| m.max((*a as f64 - *b as f64).abs()));
         self.units.take(float, int8, 1.0);
         self.max_units = self.max_units.max(largest);
@@ -112,7 +117,8 @@ impl Sums {
         self.errors[3].take(&slopes[1], &slopes[2], 1.0);
     }
 
-    fn comparison(&self, tiles: &[CalibrationTile]) -> Comparison {
+    /// The comparison of `tiles` tiles.
+    pub(crate) fn comparison(&self, tiles: usize) -> Comparison {
         let [float_error_m, int8_error_m, float_slope_error_deg, int8_slope_error_deg] = self.errors.map(Mean::root);
         let ground = GroundComparison {
             rmse_m: self.metres.root(),
@@ -122,14 +128,21 @@ impl Sums {
             int8_error_m,
             float_slope_error_deg,
             int8_slope_error_deg,
+            error_growth_percent: growth_percent(float_error_m, int8_error_m),
+            slope_error_growth_percent: growth_percent(float_slope_error_deg, int8_slope_error_deg),
         };
         Comparison {
-            tiles: tiles.len(),
+            tiles,
             rmse_units: self.units.root(),
             max_units: self.max_units,
             ground: (self.metres.count > 0).then_some(ground),
         }
     }
+}
+
+/// From one error to another; 0 where there was none.
+pub(crate) fn growth_percent(before: f64, after: f64) -> f64 {
+    if before > 0.0 { 100.0 * (after / before - 1.0) } else { 0.0 }
 }
 
 /// Horn slope of normalised heights, degrees; NaN at the border.
@@ -154,6 +167,7 @@ impl fmt::Display for Comparison {
             g.rmse_m, g.max_m, g.slope_rmse_deg
         )?;
         writeln!(f, "  float error   {:.3} m rms; slope {:.3} deg rms", g.float_error_m, g.float_slope_error_deg)?;
-        write!(f, "  int8 error    {:.3} m rms; slope {:.3} deg rms", g.int8_error_m, g.int8_slope_error_deg)
+        writeln!(f, "  int8 error    {:.3} m rms; slope {:.3} deg rms", g.int8_error_m, g.int8_slope_error_deg)?;
+        write!(f, "  growth        {:+.2} %; slope {:+.2} %", g.error_growth_percent, g.slope_error_growth_percent)
     }
 }

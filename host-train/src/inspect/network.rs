@@ -1,9 +1,9 @@
 //! Model files and tensors in words.
 
+use super::model::{OperatorLine, Plan};
 use crate::digest::sha256_hex;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
-use elunar_core::nn::{Dtype, Model, Tensor, required};
 use std::path::Path;
 
 /// Tensors of a safetensors file: weights, a golden case, or neither.
@@ -25,45 +25,55 @@ pub(super) fn tensors(path: &Path) -> Result<String> {
     Ok(out.trim_end().into())
 }
 
-/// A model file of the int8 runner.
-pub(super) fn model(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    let model = Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
-    let (rows, cols) = model.tile();
-    let mut out = format!("int8 model for tiles of {rows} x {cols}, normalised to [0, {}]", model.nr());
-    out += &format!(", range widened by {}, truth range {:?}\n", model.range_margin(), model.truth_range());
-    out += &format!("{}\n", digest(&bytes));
-    let text: serde_json::Value = serde_json::from_str(model.text()).unwrap_or_default();
-    for key in ["name", "precision", "config"] {
-        out += &format!("{key}: {}\n", text[key]);
+/// A plan in words.
+pub(super) fn model(plan: &Plan) -> String {
+    let Plan { tile: (rows, cols), .. } = plan;
+    let mut out = format!("int8 model for tiles of {rows} x {cols}, normalised to [0, {}]", plan.nr);
+    out += &format!(", range widened by {}, truth range {}\n", plan.range_margin, plan.truth_range);
+    out += &format!("sha256:{}\n", plan.sha256);
+    out += &format!("name: {}\nprecision: {}\nconfig: {}\n", plan.name, plan.precision, plan.config);
+    out += &format!(
+        "arena {} bytes, of which scratch {}; tensors alive together take {} at most; constants {} bytes\n",
+        plan.arena_bytes, plan.scratch_bytes, plan.live_peak_bytes, plan.constants_bytes
+    );
+    let gmac = plan.macs as f64 / 1e9;
+    out += &format!("{} operators in {} entries, {gmac:.3} GMAC per tile\n", plan.operators.len(), plan.entries);
+    if let Some(time) = &plan.time {
+        let rate = plan.macs as f64 / time.tile_ms / 1e6;
+        out += &format!("kernel {}: {:.1} ms per tile, {rate:.2} GMAC/s, medians of ", time.kernel, time.tile_ms);
+        out += &format!("{} tiles; the overhead of stepping is contained\n", time.tiles);
     }
-    let (ram, scratch) = (required(&model), model.scratch_bytes());
-    out += &format!("arena {ram} bytes, of which scratch {scratch}; constants {} bytes; ", model.constants_bytes());
-    out += &format!("{} operators, {:.3} GMAC per tile\n", model.operator_count(), model.macs() as f64 / 1e9);
-    out += &format!("{:>4} {:44} {:11} {:22} {:>9} {:>10}\n", "#", "name", "kind", "output", "MMAC", "at byte");
-    for index in 0..model.operator_count() {
-        let Some(operator) = model.operator(index) else { continue };
-        let tensor = model.tensor(operator.output());
-        let name = text["operators"][index].as_str().unwrap_or("");
-        let macs = model.operator_macs(&operator);
-        out += &format!(
-            "{index:>4} {name:44} {:11} {:22} {:>9.2} {:>10}\n",
-            operator.name(),
-            shape(&tensor),
-            macs as f64 / 1e6,
-            tensor.offset
-        );
+    out += &format!(
+        "{:>4} {:44} {:11} {:21} {:>5} {:>6} {:>9} {:>9} {:>9} {:>9}",
+        "#", "name", "kind", "output", "kept", "margin", "MMAC", "weights", "bytes", "at byte"
+    );
+    let header = format!(" {:>8} {:>6} {:>7}", "ms", "share", "GMAC/s");
+    out += if plan.time.is_some() { &header } else { "" };
+    for (index, line) in plan.operators.iter().enumerate() {
+        out += &format!("\n{index:>4} {}", operator(line));
     }
-    Ok(out.trim_end().into())
+    out
 }
 
-fn shape(t: &Tensor) -> String {
-    let dtype = match t.dtype {
-        Dtype::U8 => "u8",
-        Dtype::I16 => "i16",
-        Dtype::F32 => "f32",
-    };
-    format!("[{}, {}, {}] {dtype}", t.rows, t.cols, t.channels)
+fn operator(line: &OperatorLine) -> String {
+    let [rows, cols, channels] = line.shape;
+    let mut out = format!(
+        "{:44} {:11} {:21} {:>5} {:>6} {:>9.2} {:>9} {:>9} {:>9}",
+        line.name,
+        line.kind,
+        format!("[{rows}, {cols}, {channels}] {}", line.dtype),
+        line.rows_kept,
+        line.margin,
+        line.macs as f64 / 1e6,
+        line.weight_bytes,
+        line.activation_bytes,
+        line.offset
+    );
+    if let (Some(ms), Some(share)) = (line.ms, line.share) {
+        let rate = line.gmac_per_s.map_or_else(String::new, |rate| format!("{rate:.2}"));
+        out += &format!(" {ms:>8.3} {:>5.1}% {rate:>7}", 100.0 * share);
+    }
+    out
 }
 
 fn digest(bytes: &[u8]) -> String {

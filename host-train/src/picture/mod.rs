@@ -2,6 +2,8 @@
 //!
 //! Everything is drawn in memory and written whole or not at all by [`write_png`]; [`png_bytes`] serves those who embed pictures.
 
+mod arena;
+mod bars;
 mod curves;
 mod errors;
 mod grey;
@@ -10,6 +12,8 @@ mod relief;
 mod sheet;
 mod text;
 
+pub use arena::arena;
+pub use bars::{Bars, bars};
 pub use curves::{Chart, Series, curves, plot};
 pub use errors::error_map;
 pub use grey::{grey, hillshade, stretch};

@@ -178,21 +178,27 @@ impl Kernel {
         (stride, groups): (usize, usize),
         weights: &[u8],
     ) -> Result<(), &'static str> {
-        let patch = Patch { bytes, starts, stride, groups };
-        if ![8, 16, 32].contains(&width) || acc.len() < pixels * width {
+        if ![8, 16, 32].contains(&width) || pixels.checked_mul(width).is_none_or(|n| acc.len() < n) {
             return Err("panel width (8, 16, 32) or accumulators");
         }
+        // All of it first: sums of addresses must not wrap, and a refusal must come before the first block is done.
+        let reach = || pixels.saturating_sub(1).checked_mul(stride)?.checked_add(groups.checked_mul(4)?);
+        let ends_inside = |end: usize| end <= bytes.len();
+        let inside = |reach: usize| starts.iter().all(|s| s.checked_add(reach).is_some_and(ends_inside));
+        let needed = || groups.checked_mul(4 * width)?.checked_mul(starts.len());
+        if !reach().is_some_and(inside) || needed().is_none_or(|n| weights.len() < n) {
+            return Err("activations or weights");
+        }
+        // Kernels need not be asked for sums of nothing.
+        let pixels = if starts.is_empty() || groups == 0 { 0 } else { pixels };
         let mut done = 0;
         while done < pixels {
             let now = (pixels - done).min(pixels_at_once(width));
             let mut block = [0; ACCUMULATORS];
-            let shifted = Patch { bytes: bytes.get(done * stride..).ok_or("activations")?, ..patch };
-            if !shifted.fits(now, weights, width) {
-                return Err("activations or weights");
-            }
+            let patch = Patch { bytes: bytes.get(done * stride..).ok_or("activations")?, starts, stride, groups };
             let part = &mut acc[done * width..(done + now) * width];
             block[..part.len()].copy_from_slice(part);
-            (self.gemm)(&mut block, now, &shifted, weights, width);
+            (self.gemm)(&mut block, now, &patch, weights, width);
             part.copy_from_slice(&block[..part.len()]);
             done += now;
         }
@@ -207,4 +213,4 @@ impl core::fmt::Debug for Kernel {
 }
 
 #[cfg(test)]
-mod tests {}
+mod tests;

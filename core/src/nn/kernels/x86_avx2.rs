@@ -10,6 +10,8 @@
 //! add the two halves of every channel
 //! ```
 #![allow(unsafe_code)]
+// Whatever is called instead of inlined keeps the sums in memory: plain loops.
+#![allow(clippy::needless_range_loop)]
 
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;

@@ -83,7 +83,7 @@ impl Job<'_, '_> {
             count: self.out.cols,
             input_row: (row * conv.stride) as isize - conv.pad as isize,
             input_col: -(conv.pad as isize),
-            input_step: conv.stride,
+            input_step: conv.stride_cols,
             variant: 0,
             kernel_rows: conv.kernel_rows,
             kernel_cols: conv.kernel_cols,

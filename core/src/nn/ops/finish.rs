@@ -104,26 +104,23 @@ impl<'a> Finish<'a> {
         I::finish(self, arena.bytes, acc, target)
     }
 
-    /// The output tensor: one channel.
+    /// The output tensor: a map of one channel, of which a pixel here may be several columns.
     #[inline(always)]
     fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
-        let mut added = [0i32; ACCUMULATORS];
-        let mut added_scale = 0.0;
-        if let Some(add) = &self.add {
-            added_scale = add.scale;
-            let row = Row::of(add, target.row);
-            for (p, added) in added[..target.pixels].iter_mut().enumerate() {
-                *added = row.value(arena.bytes, target.col + p * target.col_step);
+        let scale = self.multiplier.map(|bits| f32::from_bits(bits as u32));
+        let (mut added, mut added_scale) = ([0i32; PANEL], 0.0);
+        for p in 0..target.pixels {
+            let first = (target.col + p * target.col_step) * self.out.channels + self.first;
+            if let Some(add) = &self.add {
+                added_scale = add.scale;
+                Row::of(add, target.row).values(arena.bytes, first, &mut added[..self.channels]);
             }
-        }
-        let scale = f32::from_bits(self.multiplier[0] as u32);
-        let to = &mut arena.bytes[self.out.row_offset(target.row)..];
-        for (p, added) in added[..target.pixels].iter().enumerate() {
-            // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
-            let value = acc[p * self.width].wrapping_add(self.bias[0]) as f32 * scale + *added as f32 * added_scale;
-            let value = if self.relu && value < 0.0 { 0.0 } else { value };
-            if let Some(to) = to[4 * (target.col + p * target.col_step)..].first_chunk_mut() {
-                *to = value.to_le_bytes();
+            let to = &mut arena.bytes[self.out.row_offset(target.row) + 4 * first..];
+            for (c, to) in to.as_chunks_mut::<4>().0.iter_mut().take(self.channels).enumerate() {
+                // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
+                let sum = acc[p * self.width + c].wrapping_add(self.bias[c]);
+                let value = sum as f32 * scale[c] + added[c] as f32 * added_scale;
+                *to = if self.relu && value < 0.0 { 0.0 } else { value }.to_le_bytes();
             }
         }
     }

@@ -119,6 +119,7 @@ impl Job<'_, '_> {
     }
 
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "iterators over four lists at once hide the constant bounds")]
     fn scale(
         &self,
         x: &[i32; BLOCK],

@@ -1,14 +1,16 @@
 //! The quantised network once more, in f64 and from the definitions: the twin that the runner is held against.
 //!
 //! It shares the quantised weights and the codes of every map with the program, and nothing else: no integer multipliers, no
-//! fixed-point square root, no exponential table. Each node is computed from the codes of its inputs as the runner left them,
-//! so a difference points at one operator.
+//! fixed-point square root, no exponential table, no cut windows, no packed weights. Each node is computed from the codes of its
+//! inputs as the runner made them, so a difference points at one operator.
 
 use super::super::build::NORM_EPSILON;
 use super::super::float::gelu;
-use super::super::graph::{Activation, Graph, NodeId, Operation, Source};
-use super::super::quantise::{Codes, Program, gelu_table, quantise_weights};
-use elunar_core::nn::Dtype;
+use super::super::fold::fold;
+use super::super::graph::{Activation, Graph, Kernel, NodeId, Operation, Source};
+use super::super::pack::Filter;
+use super::super::quantise::{Codes, IntegerFilter, Program, gelu_table, quantise_weights};
+use elunar_core::nn::{Dtype, Operator};
 
 /// A map as codes (for the output: real values).
 pub(crate) type Map = Vec<f64>;
@@ -18,8 +20,35 @@ pub(crate) struct Emulator<'a> {
     pub(crate) program: &'a Program,
     /// Codes of every node so far.
     pub(crate) maps: Vec<Map>,
-    /// The coarse DTM as given, for a residual head.
-    pub(crate) coarse: Vec<f32>,
+}
+
+/// Where a filter lies on an axis of the small map: its number, and the samples that it reads, border repeated.
+struct Place {
+    filter: usize,
+    samples: Vec<usize>,
+}
+
+impl Place {
+    /// Output `index` sees five samples of the enlarged map; those outside are lost, and how many are lost on which side makes
+    /// the filter's number.
+    fn of(index: usize, len: usize) -> Self {
+        let seen = (index as isize - 2)..=(index as isize + 2);
+        let inside = 0..2 * len as isize;
+        let before = seen.clone().filter(|p| *p < inside.start).count();
+        let behind = seen.clone().filter(|p| *p >= inside.end).count();
+        let filter = match (before, behind) {
+            (0, 0) => 2 + index % 2,
+            (lost, 0) => 2 - lost,
+            (_, lost) => 3 + lost,
+        };
+        let whole = before + behind == 0;
+        let clamp = |at: f64| if whole { at } else { at.clamp(0.0, (len - 1) as f64) };
+        let centres = seen.filter(|p| inside.contains(p)).map(|p| clamp((p as f64 + 0.5) / 2.0 - 0.5));
+        let (mut low, mut high) = (f64::MAX, f64::MIN);
+        centres.for_each(|c| (low, high) = (low.min(c.floor()), high.max(c.ceil())));
+        let samples = (low as isize..=high as isize).map(|s| s.clamp(0, len as isize - 1) as usize).collect();
+        Self { filter, samples }
+    }
 }
 
 impl Emulator<'_> {
@@ -31,6 +60,30 @@ impl Emulator<'_> {
             Operation::LayerNorm { .. } => self.layer_norm(id),
             Operation::Attention { .. } => self.attention(id),
         }
+    }
+
+    /// Codes of node `id` enlarged twofold, rounded once.
+    pub(crate) fn enlarged(&self, id: NodeId) -> Map {
+        let node = &self.graph.nodes[id];
+        let mut out = Vec::with_capacity(4 * node.len());
+        for (row, col) in (0..2 * node.rows).flat_map(|r| (0..2 * node.cols).map(move |c| (r, c))) {
+            out.extend((0..node.channels).map(|k| (self.between(id, row, col, k) + 0.5).floor()));
+        }
+        out
+    }
+
+    /// The code at (row, col) of the enlarged map, before rounding: bilinear, half-pixel centres, border repeated.
+    fn between(&self, id: NodeId, row: usize, col: usize, channel: usize) -> f64 {
+        let node = &self.graph.nodes[id];
+        let at = |r: usize, c: usize| self.maps[id][(r * node.cols + c) * node.channels + channel];
+        let axis = |index: usize, len: usize| {
+            let centre = ((index as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, (len - 1) as f64);
+            (centre.floor() as usize, centre.ceil() as usize, centre.fract())
+        };
+        let ((r0, r1, fr), (c0, c1, fc)) = (axis(row, node.rows), axis(col, node.cols));
+        let top = at(r0, c0) * (1.0 - fc) + at(r0, c1) * fc;
+        let bottom = at(r1, c0) * (1.0 - fc) + at(r1, c1) * fc;
+        top * (1.0 - fr) + bottom * fr
     }
 
     fn codes(&self, id: NodeId) -> &Codes {
@@ -48,67 +101,69 @@ impl Emulator<'_> {
         ((real / codes.scales[channel] + 0.5).floor() + codes.zero as f64).clamp(codes.lo as f64, codes.hi as f64)
     }
 
-    /// What a convolution reads at (row, col) of its input, in code steps of sixteenths where enlarged, zero outside.
-    fn read(&self, source: &Source, shift: u32, row: isize, col: isize, channel: usize) -> f64 {
-        let node = &self.graph.nodes[source.node];
-        let factor = if source.up { 2 } else { 1 };
-        if row < 0 || col < 0 || row >= (node.rows * factor) as isize || col >= (node.cols * factor) as isize {
-            return 0.0;
+    /// Whether the program computes node `id` on the small maps.
+    fn folded(&self, id: NodeId) -> bool {
+        let makes = |op: &&Operator| op.output() == self.program.tensor_of[id];
+        matches!(self.program.operators.iter().find(makes), Some(Operator::Conv(conv)) if conv.fold)
+    }
+
+    /// Sums of products of a plain convolution with zero padding, for all outputs of one pixel.
+    fn plain_sums(sources: &[Read], filter: &IntegerFilter, (top, left): (isize, isize), sums: &mut [f64]) {
+        let mut patch = Vec::new();
+        for (row, col) in (0..filter.extent.0).flat_map(|r| (0..filter.extent.1).map(move |c| (r, c))) {
+            let (row, col) = (top + row as isize, left + col as isize);
+            for source in sources {
+                let inside = (0..source.rows as isize).contains(&row) && (0..source.cols as isize).contains(&col);
+                let at = if inside { (row as usize * source.cols + col as usize) * source.channels } else { 0 };
+                patch.extend((0..source.channels).map(|k| if inside { source.map[at + k] - source.zero } else { 0.0 }));
+            }
         }
-        let zero = self.codes(source.node).zero as f64;
-        let at = |r: usize, c: usize| self.maps[source.node][(r * node.cols + c) * node.channels + channel] - zero;
-        if !source.up {
-            return at(row as usize, col as usize);
+        multiply(filter, &patch, sums);
+    }
+
+    /// The same with the enlargement in the filter.
+    fn folded_sums(sources: &[Read], filters: &[IntegerFilter], (row, col): (usize, usize), sums: &mut [f64]) {
+        let (down, across) = (Place::of(row, sources[0].rows), Place::of(col, sources[0].cols));
+        let filter = &filters[6 * down.filter + across.filter];
+        assert_eq!(filter.extent, (down.samples.len(), across.samples.len()), "output {row}, {col}");
+        let mut patch = Vec::new();
+        for (&r, &c) in down.samples.iter().flat_map(|r| across.samples.iter().map(move |c| (r, c))) {
+            for source in sources {
+                let at = (r * source.cols + c) * source.channels;
+                patch.extend(source.map[at..at + source.channels].iter().map(|x| x - source.zero));
+            }
         }
-        let axis = |index: isize, len: usize| {
-            let centre = ((index as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, (len - 1) as f64);
-            (centre.floor() as usize, centre.ceil() as usize, centre.fract())
-        };
-        let ((r0, r1, fr), (c0, c1, fc)) = (axis(row, node.rows), axis(col, node.cols));
-        let top = at(r0, c0) * (1.0 - fc) + at(r0, c1) * fc;
-        let bottom = at(r1, c0) * (1.0 - fc) + at(r1, c1) * fc;
-        let step = (1u32 << shift) as f64;
-        ((top * (1.0 - fr) + bottom * fr) * 16.0 / step + if shift == 0 { 0.0 } else { 0.5 }).floor()
+        multiply(filter, &patch, sums);
+        let bias = sums.iter_mut().zip(&filter.bias);
+        bias.for_each(|(sum, b)| *sum += *b as f64);
     }
 
     fn conv(&self, id: NodeId) -> Map {
         let node = &self.graph.nodes[id];
         let Operation::Conv { sources, kernel, stride, pad, add, activation } = &node.operation else { unreachable!() };
-        let operator = id - (self.graph.nodes.len() - self.program.operators.len());
-        let elunar_core::nn::Operator::Conv(record) = self.program.operators[operator] else { unreachable!() };
-        let shifts: Vec<u32> = record.sources().map(|s| s.shift).collect();
-        let steps: Vec<f64> = sources
-            .iter()
-            .zip(&shifts)
-            .flat_map(|(s, shift)| {
-                let step = if s.up { (1u32 << shift) as f64 / 16.0 } else { 1.0 };
-                self.codes(s.node).scales.iter().map(move |scale| scale * step)
-            })
-            .collect();
-        let integers = quantise_weights(kernel, &steps, &self.program.input_means(sources));
+        let folded = self.folded(id);
+        let scales: Vec<f64> = sources.iter().flat_map(|s| self.codes(s.node).scales.iter().copied()).collect();
+        let filters = filters(kernel, folded);
+        let integers = quantise_weights(kernel, &filters, &scales, &self.program.input_means(sources));
+        let reads: Vec<Read> = sources.iter().map(|s| self.read(s, folded)).collect();
         let mut out = Vec::with_capacity(node.len());
         for index in 0..node.rows * node.cols {
             let (row, col) = (index / node.cols, index % node.cols);
-            let mut patch = Vec::with_capacity(kernel.side * kernel.side * kernel.input);
-            for k in 0..kernel.side * kernel.side {
-                let r = (row * stride + k / kernel.side) as isize - *pad as isize;
-                let c = (col * stride + k % kernel.side) as isize - *pad as isize;
-                for (source, shift) in sources.iter().zip(&shifts) {
-                    patch.extend(
-                        (0..self.graph.nodes[source.node].channels).map(|i| self.read(source, *shift, r, c, i)),
-                    );
-                }
+            let mut sums = vec![0.0; node.channels];
+            if folded {
+                Self::folded_sums(&reads, &integers.filters, (row, col), &mut sums);
+            } else {
+                let corner = |at: usize| (at * stride) as isize - *pad as isize;
+                Self::plain_sums(&reads, &integers.filters[0], (corner(row), corner(col)), &mut sums);
+                sums.iter_mut().zip(&integers.filters[0].bias).for_each(|(sum, b)| *sum += *b as f64);
             }
-            for (o, filter) in integers.weights.chunks_exact(patch.len()).enumerate() {
-                let sum: f64 = filter.iter().zip(&patch).map(|(w, x)| *w as f64 * x).sum();
-                let mut real = (sum + integers.bias[o] as f64) * integers.scales[o];
+            for (o, sum) in sums.iter().enumerate() {
                 let sample = index * node.channels + o;
+                let mut real = sum * integers.scales[o] + add.map_or(0.0, |add| self.real(add, sample));
                 if self.codes(id).dtype == Dtype::F32 {
-                    real += add.map_or(0.0, |_| self.coarse[sample] as f64);
                     out.push(if *activation == Activation::Relu { real.max(0.0) } else { real });
                     continue;
                 }
-                real += add.map_or(0.0, |add| self.real(add, sample));
                 if *activation == Activation::Gelu {
                     // The table is entered with 8 bits of the sum.
                     let (_, step, zero) = gelu_table(self.codes(id));
@@ -119,6 +174,15 @@ impl Emulator<'_> {
             }
         }
         out
+    }
+
+    /// A source as the convolution reads it: the small map where the filters contain the enlargement.
+    fn read(&self, source: &Source, folded: bool) -> Read {
+        let (node, zero) = (&self.graph.nodes[source.node], self.codes(source.node).zero as f64);
+        let enlarged = source.up && !folded;
+        let factor = if enlarged { 2 } else { 1 };
+        let map = if enlarged { self.enlarged(source.node) } else { self.maps[source.node].clone() };
+        Read { rows: factor * node.rows, cols: factor * node.cols, channels: node.channels, zero, map }
     }
 
     fn layer_norm(&self, id: NodeId) -> Map {
@@ -162,7 +226,8 @@ impl Emulator<'_> {
         let value = |pixel: Option<usize>, channel: usize| match pixel {
             Some(pixel) => self.real(*input, pixel * 3 * node.channels + channel),
             None => {
-                (pad[channel] as f64 / self.codes(*input).scales[channel]).round() * self.codes(*input).scales[channel]
+                let scale = self.codes(*input).scales[channel];
+                (pad[channel] as f64 / scale).round().clamp(-127.0, 127.0) * scale
             }
         };
         let mut out = vec![0.0; node.len()];
@@ -198,5 +263,27 @@ impl Emulator<'_> {
             }
         }
         out
+    }
+}
+
+/// A map that a convolution reads.
+struct Read {
+    rows: usize,
+    cols: usize,
+    channels: usize,
+    zero: f64,
+    map: Map,
+}
+
+/// The filters before quantisation.
+fn filters(kernel: &Kernel, folded: bool) -> Vec<Filter> {
+    if folded { fold(kernel) } else { vec![Filter::whole(kernel)] }
+}
+
+/// Adds a filter's products with a patch, for every output.
+fn multiply(filter: &IntegerFilter, patch: &[f64], sums: &mut [f64]) {
+    assert_eq!(filter.weights.len(), sums.len() * patch.len());
+    for (sum, weights) in sums.iter_mut().zip(filter.weights.chunks_exact(patch.len())) {
+        *sum += weights.iter().zip(patch).map(|(w, x)| *w as f64 * x).sum::<f64>();
     }
 }

@@ -5,7 +5,7 @@ use super::super::write::seal;
 use super::{random_export, small_config};
 use crate::model::config::{Head, NetConfig};
 use elunar_core::nn::format::{HEADER_BYTES, word};
-use elunar_core::nn::{Model, ModelError, OPERATOR_BYTES, Progress, Runner, TENSOR_BYTES, required};
+use elunar_core::nn::{ENTRY_BYTES, Model, ModelError, OPERATOR_BYTES, Progress, Runner, TENSOR_BYTES, required};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -66,6 +66,7 @@ fn invented_programs_under_valid_checksums_do_no_harm() {
         (0, HEADER_BYTES),
         (field(word::TENSORS), field(word::TENSORS + 1) * TENSOR_BYTES),
         (field(word::OPERATORS), field(word::OPERATORS + 1) * OPERATOR_BYTES),
+        (field(word::SCHEDULE), field(word::SCHEDULE + 1) * ENTRY_BYTES),
         (field(word::CONSTANTS), field(word::CONSTANTS + 1)),
     ];
     let mut rng = ChaCha8Rng::seed_from_u64(12);
@@ -73,7 +74,7 @@ fn invented_programs_under_valid_checksums_do_no_harm() {
     for round in 0..rounds {
         let mut bytes = good.clone();
         for _ in 0..rng.random_range(1..=3) {
-            let (start, len) = sections[round % 4];
+            let (start, len) = sections[round % sections.len()];
             let at = start + rng.random_range(0..len / 4) * 4;
             // The number of chunks says where the checksums lie: a wrong one is caught by the flips above.
             if at == 4 * word::CHUNKS {

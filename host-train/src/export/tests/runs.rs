@@ -53,8 +53,12 @@ fn every_kernel_gives_the_same_bytes() {
 fn a_step_overruns_its_budget_by_less_than_one_unit() {
     let (made, tile) = random_export(&small_config(), (64, 64), Precision::Mixed, 4);
     let model = Model::new(&made.bytes).unwrap();
-    let operators = (0..model.operator_count()).filter_map(|i| model.operator(i));
-    let largest = operators.map(|op| model.unit_macs(&op, 0)).max().unwrap();
+    let mut largest = 0;
+    for operator in (0..model.operator_count()).filter_map(|i| model.operator(i)) {
+        let steps = operator.steps(&model.tensor(operator.output()));
+        let units = (0..steps).flat_map(|step| (0..model.units(&operator)).map(move |unit| (step, unit)));
+        largest = units.map(|(step, unit)| model.unit_macs(&operator, step, unit)).fold(largest, u64::max);
+    }
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
     runner.begin(&tile.image, &tile.coarse).unwrap();

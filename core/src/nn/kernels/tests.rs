@@ -1,0 +1,225 @@
+//! Every kernel against the scalar one, and the scalar one against the formula.
+
+use super::*;
+use crate::nn::tests::Random;
+use proptest::prelude::*;
+
+/// A matrix product to be done.
+#[derive(Debug, Clone)]
+struct Product {
+    pixels: usize,
+    width: usize,
+    stride: usize,
+    groups: usize,
+    starts: Vec<usize>,
+    bytes: Vec<u8>,
+    weights: Vec<u8>,
+    acc: Vec<i32>,
+}
+
+impl Product {
+    /// `slack`: bytes behind the last that is read.
+    fn random(
+        seed: u64,
+        (pixels, width): (usize, usize),
+        (stride, groups, rows): (usize, usize, usize),
+        slack: usize,
+    ) -> Self {
+        let mut random = Random::new(seed);
+        let r = &mut random;
+        let starts: Vec<usize> = (0..rows).map(|_| r.size(0, 70)).collect();
+        let reach = pixels.saturating_sub(1) * stride + 4 * groups;
+        let end = starts.iter().max().map_or(0, |s| s + reach); // exactly to the last byte
+        let weights = r.list(4 * rows * groups * width, -127, 127);
+        let acc = r.list(pixels * width, i32::MIN as i64, i32::MAX as i64);
+        Self {
+            pixels,
+            width,
+            stride,
+            groups,
+            starts,
+            bytes: r.bytes(end + slack),
+            weights: weights.into_iter().map(|w| w as i8 as u8).collect(),
+            acc: acc.into_iter().map(|a| a as i32).collect(),
+        }
+    }
+
+    /// As the module's text says it, in numbers that cannot overflow; then cut to 32 bits.
+    fn expected(&self) -> Vec<i32> {
+        let mut acc: Vec<i64> = self.acc.iter().map(|a| *a as i64).collect();
+        for (p, c) in (0..self.pixels).flat_map(|p| (0..self.width).map(move |c| (p, c))) {
+            for (r, start) in self.starts.iter().enumerate() {
+                for (g, b) in (0..self.groups).flat_map(|g| (0..4).map(move |b| (g, b))) {
+                    let x = self.bytes[start + p * self.stride + 4 * g + b] as i64;
+                    let w = self.weights[((r * self.groups + g) * self.width + c) * 4 + b] as i8 as i64;
+                    acc[p * self.width + c] += x * w;
+                }
+            }
+        }
+        acc.into_iter().map(|a| a as i32).collect()
+    }
+
+    fn by(&self, kernel: Kernel) -> Result<Vec<i32>, &'static str> {
+        let mut acc = self.acc.clone();
+        let (size, codes) = ((self.pixels, self.width), (&self.bytes[..], &self.starts[..]));
+        let result = kernel.matrix_product(&mut acc, size, codes, (self.stride, self.groups), &self.weights);
+        if result.is_err() {
+            assert_eq!(acc, self.acc, "{kernel:?}: refused, and yet changed");
+        }
+        result.map(|()| acc)
+    }
+}
+
+fn kernels() -> Vec<Kernel> {
+    Kernel::available().collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #[test]
+    fn kernels_equal_the_formula(
+        seed in any::<u64>(), pixels in 0usize..50, width in prop::sample::select(vec![8usize, 16, 32]),
+        stride in prop_oneof![Just(0usize), Just(1), 0usize..70], groups in 0usize..20, rows in 0usize..6,
+        slack in prop_oneof![Just(0usize), Just(0), 0usize..9],
+    ) {
+        let product = Product::random(seed, (pixels, width), (stride, groups, rows), slack);
+        let expected = product.expected();
+        for kernel in kernels() {
+            prop_assert_eq!(&product.by(kernel).unwrap(), &expected, "{:?}", kernel);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused(
+        seed in any::<u64>(), pixels in 1usize..50, width in 0usize..40, stride in 0usize..20, groups in 1usize..9,
+        rows in 1usize..4, spoil in 0usize..6,
+    ) {
+        let mut product = Product::random(seed, (pixels, width), (stride, groups, rows), 0);
+        match spoil {
+            0 => _ = product.bytes.pop(),
+            1 => _ = product.weights.pop(),
+            2 => _ = product.acc.pop(),
+            3 => product.starts[rows - 1] = product.bytes.len() + 1,
+            4 => product.starts[0] = usize::MAX - 3,
+            _ => {}
+        }
+        let legal = [8, 16, 32].contains(&width) && spoil == 5;
+        for kernel in kernels() {
+            prop_assert_eq!(product.by(kernel).is_ok(), legal, "{:?}", kernel);
+        }
+    }
+}
+
+#[test]
+fn blocks_of_every_size_with_extreme_codes() {
+    // The largest products of both signs: what a kernel that saturates in between (as vpmaddubsw does) would get wrong.
+    for (code, weight) in [(255, 127), (255, -127), (0, -127), (255, 1)] {
+        for width in [8, 16, 32] {
+            for pixels in 0..=2 * pixels_at_once(width) + 1 {
+                for stride in [0, 1, 3, 4, 33] {
+                    let mut product = Product::random(1, (pixels, width), (stride, 9, 3), 0);
+                    product.bytes.fill(code);
+                    product.weights.fill(weight as i8 as u8);
+                    let expected = product.expected();
+                    for kernel in kernels() {
+                        assert_eq!(product.by(kernel).as_ref(), Ok(&expected), "{kernel:?}, {pixels} x {width}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn sums_wrap() {
+    let mut product = Product::random(2, (7, 32), (5, 3, 2), 0);
+    product.acc.fill(i32::MAX);
+    product.bytes.fill(255);
+    product.weights.fill(1);
+    assert!(product.expected().iter().all(|a| *a < 0));
+    kernels().iter().for_each(|kernel| assert_eq!(product.by(*kernel).unwrap(), product.expected(), "{kernel:?}"));
+}
+
+#[test]
+fn patches_that_reach_beyond_their_bytes_leave_memory_whole() {
+    // The bare function of a kernel, which checks for itself: accumulators stay as they are, or (in the scalar one) do not.
+    let weights = vec![1; 4 * 2 * 3 * 32];
+    for kernel in kernels() {
+        for (starts, stride, groups, pixels, len) in [
+            ([0, 90], 4, 3, 2, 100),         // the second row ends behind the last byte
+            ([0, usize::MAX], 4, 3, 2, 100), // far behind
+            ([0, 0], 60, 3, 3, 100),         // the third pixel
+            ([0, 0], 4, 4, 2, 100),          // more groups than weights
+            ([0, 0], 0, 3, 11, 100),         // more pixels than accumulators
+        ] {
+            let bytes = vec![1; len];
+            let patch = Patch { bytes: &bytes, starts: &starts, stride, groups };
+            assert!(!patch.fits(pixels, &weights, 32));
+            let mut acc = [7; ACCUMULATORS];
+            (kernel.gemm)(&mut acc, pixels, &patch, &weights, 32);
+            assert!(acc == [7; ACCUMULATORS], "{kernel:?}");
+        }
+    }
+}
+
+#[test]
+fn the_last_byte_is_reached_and_not_passed() {
+    for (width, groups) in [(8, 1), (16, 2), (32, 5)] {
+        let product = Product::random(3, (pixels_at_once(width), width), (6, groups, 1), 0);
+        let patch = Patch { bytes: &product.bytes, starts: &product.starts, stride: 6, groups };
+        assert!(patch.fits(product.pixels, &product.weights, width));
+        let short = Patch { bytes: &product.bytes[..product.bytes.len() - 1], ..patch };
+        assert!(!short.fits(product.pixels, &product.weights, width));
+        assert!(!patch.fits(product.pixels, &product.weights[1..], width));
+    }
+}
+
+#[test]
+fn names_follow_the_rule_and_the_scalar_kernel_is_last() {
+    let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
+    assert_eq!(names.last(), Some(&Kernel::SCALAR.name()));
+    assert_eq!(Some(&Kernel::best().name()), names.first());
+    for (i, name) in names.iter().enumerate() {
+        let parts: Vec<&str> = name.split('-').collect();
+        let word = |part: &str| !part.is_empty() && part.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
+        assert!(parts.len() == 3 && parts.iter().all(|part| word(part)), "{{isa}}-{{types}}-{{variant}}: {name}");
+        assert!(!names[..i].contains(name), "{name} twice");
+    }
+}
+
+#[test]
+fn every_kernel_the_processor_has_is_offered() {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let offered = |isa: &str| Kernel::available().any(|kernel| kernel.name().starts_with(isa));
+        assert_eq!(offered("avx2-"), std::arch::is_x86_feature_detected!("avx2"));
+        let vnni = ["avx512f", "avx512bw", "avx512dq", "avx512vl", "avx512vnni"];
+        let detected = vnni.map(|feature| match feature {
+            "avx512f" => std::arch::is_x86_feature_detected!("avx512f"),
+            "avx512bw" => std::arch::is_x86_feature_detected!("avx512bw"),
+            "avx512dq" => std::arch::is_x86_feature_detected!("avx512dq"),
+            "avx512vl" => std::arch::is_x86_feature_detected!("avx512vl"),
+            _ => std::arch::is_x86_feature_detected!("avx512vnni"),
+        });
+        assert_eq!(offered("avx512vnni-"), detected.iter().all(|d| *d));
+    }
+}
+
+#[test]
+fn panels_cover_every_channel_once() {
+    for channels in 1..300 {
+        let panels: Vec<(usize, usize)> = panels(channels).collect();
+        assert_eq!(panels.len(), panel_count(channels));
+        let mut next = 0;
+        for (index, &(first, width)) in panels.iter().enumerate() {
+            assert_eq!(panel(channels, index), (first, width));
+            assert!(first == next && first < channels && [8, 16, 32].contains(&width), "{channels}: {panels:?}");
+            assert!(pixels_at_once(width) * width <= ACCUMULATORS);
+            next = first + width;
+        }
+        assert_eq!(next, panelled(channels));
+        // No more filling than panels of 8 alone would need.
+        assert!(next >= channels && next - channels < 8, "{channels}: {panels:?}");
+    }
+    assert_eq!((panel_count(0), panels(0).count()), (0, 0));
+}

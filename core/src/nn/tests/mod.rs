@@ -1,0 +1,16 @@
+//! Programs of a few operators, made by hand, against naive twins.
+
+mod attention;
+mod conv;
+mod draft;
+mod enlarge;
+mod layer_norm;
+mod model;
+mod program;
+mod random;
+mod rows;
+mod schedule;
+mod shadow;
+mod unit;
+
+pub(crate) use random::Random;

@@ -1,0 +1,124 @@
+//! What [`Model`] refuses of a single operator, beyond what mutated files of whole networks reach.
+
+use super::draft::{Draft, map};
+use crate::nn::{Conv, Dtype, Edge, Model, ModelError, Operator, OperatorFault, Tensor, required};
+
+/// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` spoils the convolution or its tensors.
+fn judge(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
+    let mut draft = Draft::new((8, 8));
+    (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
+    let out = draft.place(Tensor { hi: 255, ..map(Dtype::U8, (8, 8), 2) });
+    let mut conv = draft.silent(0, out, (3, 1, 1));
+    let index = draft.operator(Operator::Conv(conv));
+    draft.finish();
+    draft.in_order();
+    change(&mut conv, &mut draft);
+    draft.operators[index] = Operator::Conv(conv);
+    Model::new(&draft.file()).map(|_| ())
+}
+
+fn fault(change: impl Fn(&mut Conv, &mut Draft)) -> OperatorFault {
+    match judge(change) {
+        Err(ModelError::Operator { operator: 0, reason }) => reason,
+        other => panic!("expected a fault of operator 0, found {other:?}"),
+    }
+}
+
+#[test]
+fn every_field_of_a_convolution_is_judged() {
+    assert_eq!(judge(|_, _| ()), Ok(()));
+    assert_eq!(fault(|c, _| c.out = 9), OperatorFault::TensorIndex);
+    assert_eq!(fault(|c, _| c.add = Some(9)), OperatorFault::TensorIndex);
+    for change in [
+        (|c| c.stride = 0) as fn(&mut Conv),
+        |c| c.stride = 16,
+        |c| c.stride_cols = 0,
+        |c| c.stride_cols = 16,
+        |c| c.kernel_rows = 0,
+        |c| c.kernel_cols = 16,
+        |c| c.pad = 3,
+        |c| c.add_shift = 16,
+        |c| c.relu = true,
+        |c| c.shift = 0,
+        |c| c.shift = 61,
+        |c| c.fold = true,
+    ] {
+        assert_eq!(fault(|c, _| change(c)), OperatorFault::Parameter);
+    }
+    assert_eq!(fault(|c, _| c.stride = 2), OperatorFault::Shape);
+    assert_eq!(fault(|c, _| c.stride_cols = 2), OperatorFault::Shape);
+    assert_eq!(fault(|c, _| c.kernel_rows = 2), OperatorFault::Shape);
+    assert_eq!(fault(|_, d| d.tensors[0].margin = 0), OperatorFault::Shape, "padding beyond the margin");
+    assert_eq!(fault(|_, d| d.tensors[0].edge = Edge::Nearest), OperatorFault::Shape, "padding of another kind");
+    assert_eq!(fault(|c, _| c.add = Some(0)), OperatorFault::Shape);
+    for change in [
+        (|c, n| c.weights = n) as fn(&mut Conv, usize),
+        |c, n| c.bias = n,
+        |c, n| c.multipliers = n - 7,
+        |c, n| c.table = Some(n - 255),
+        |c, _| c.weights = usize::MAX >> 33,
+    ] {
+        assert_eq!(fault(|c, d| change(c, d.constants.len())), OperatorFault::Constants);
+    }
+    assert_eq!(
+        fault(|_, d| (d.tensors[1].dtype, d.tensors[1].hi, d.tensors[1].pitch) = (Dtype::F32, 0, 64)),
+        OperatorFault::Constants,
+        "a shift with floats"
+    );
+}
+
+#[test]
+fn weights_are_judged_one_by_one() {
+    // Three groups of four per kernel row would be two samples of filling in the last; here: three samples, one of filling.
+    let weights = 3 * 8 * 4; // kernel rows, channels of the panel, samples with filling
+    for byte in 0..weights {
+        let (channel, sample) = (byte / 4 % 8, byte % 4);
+        let filling = channel >= 2 || sample == 3;
+        let of = |value: u8| judge(|c, d| d.constants[c.weights + byte] = value);
+        assert_eq!(of(1).is_ok(), !filling, "byte {byte}");
+        assert!(of(0x80).is_err(), "byte {byte}: -128 is no weight");
+    }
+}
+
+#[test]
+fn sums_that_leave_32_bits_are_refused_to_the_last_step() {
+    // One weight of 127 and codes up to 255: the bias may take the rest.
+    let room = i32::MAX - 127 * 255;
+    let with = |bias: i32| {
+        judge(|c, d| {
+            d.constants[c.weights] = 127;
+            d.constants[c.bias..c.bias + 4].copy_from_slice(&bias.to_le_bytes());
+        })
+    };
+    assert_eq!((with(room), with(-room)), (Ok(()), Ok(())));
+    assert!(with(room + 1).is_err() && with(-room - 1).is_err() && with(i32::MIN).is_err());
+}
+
+#[test]
+fn memory_asked_for_is_that_of_tensors_and_one_row_of_padding() {
+    let mut draft = Draft::new((8, 8));
+    draft.finish();
+    draft.in_order();
+    let file = draft.file();
+    let model = Model::new(&file).unwrap();
+    let last = draft.tensors.last().unwrap();
+    assert_eq!(model.scratch_offset(), last.offset + last.size_bytes());
+    let needed = required(&model);
+    assert!(
+        needed >= model.scratch_offset() + model.scratch_bytes() && needed < model.scratch_offset() + 64,
+        "{needed}"
+    );
+}
+
+#[test]
+fn an_output_may_hold_columns_as_channels() {
+    for (cols, channels, legal) in [(8, 1, true), (4, 2, true), (1, 8, true), (4, 1, false), (8, 2, false)] {
+        let mut draft = Draft::new((8, 8));
+        draft.output = draft.place(map(Dtype::F32, (8, cols), channels));
+        let mut conv = draft.silent(0, draft.output, (1, 1, 0));
+        conv.stride_cols = 8 / cols;
+        draft.operator(Operator::Conv(conv));
+        draft.in_order();
+        assert_eq!(Model::new(&draft.file()).is_ok(), legal, "{cols} columns of {channels}");
+    }
+}

@@ -1,0 +1,138 @@
+//! Which rows operators make and read, against the definitions.
+
+use super::conv::phase;
+use super::draft::{EMPTY, map};
+use crate::nn::{Attention, Conv, Dtype, Enlarge, LayerNorm, Operator, Phase};
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+
+#[test]
+fn phases_read_what_an_enlarged_patch_needs() {
+    for len in 4..40usize {
+        for index in 0..2 * len {
+            let found = Phase::of(index, len);
+            let read: Vec<isize> = (found.first..found.first + found.taps as isize).collect();
+            assert_eq!((found.filter, read.clone()), phase(index, len), "output {index} of {len}");
+            // The five samples of the enlarged map, without those in the padding, lie between these of the small map.
+            let mut needed = BTreeSet::new();
+            for at in (index as isize - 2..=index as isize + 2).filter(|at| (0..2 * len as isize).contains(at)) {
+                let centre = (at as f64 + 0.5) / 2.0 - 0.5;
+                needed.extend([centre.floor(), centre.ceil()].map(|c| c.clamp(0.0, (len - 1) as f64) as isize));
+            }
+            let clamped: BTreeSet<isize> = read.iter().map(|s| (*s).clamp(0, len as isize - 1)).collect();
+            assert_eq!(clamped, needed, "output {index} of {len}");
+        }
+    }
+}
+
+fn attention(window: usize, shift_rows: usize) -> Attention {
+    Attention {
+        out: 0,
+        input: 0,
+        heads: 1,
+        window,
+        shift_rows,
+        shift_cols: 0,
+        pad_codes: 0,
+        logit_multipliers: 0,
+        logit_shift: 0,
+        position_bias: 0,
+        exp_table: 0,
+        multipliers: 0,
+        shift: 0,
+    }
+}
+
+#[test]
+fn pieces_are_the_windows_of_the_cyclic_shift_without_the_masked_part() {
+    for window in 1..9usize {
+        for (len, shift) in (1..30usize).flat_map(|len| (0..window.min(len)).map(move |shift| (len, shift))) {
+            // The filled-up axis, shifted: places with the same window and the same side of the seam belong together.
+            let whole = len.div_ceil(window) * window;
+            let mut together = std::collections::BTreeMap::<(usize, bool), BTreeSet<usize>>::new();
+            for at in 0..whole {
+                together.entry((at / window, at + shift >= whole)).or_default().insert((at + shift) % whole);
+            }
+            let mut pieces: Vec<(usize, usize)> = together
+                .values()
+                .map(|piece| {
+                    let (first, last) = (*piece.first().unwrap(), *piece.last().unwrap());
+                    assert_eq!(last + 1 - first, piece.len(), "a piece has no holes");
+                    (first, last + 1)
+                })
+                .filter(|(first, _)| *first < len)
+                .collect();
+            pieces.sort();
+            let a = attention(window, shift);
+            let found: Vec<(usize, usize)> = (0..a.pieces(len, shift)).map(|i| a.piece(len, shift, i)).collect();
+            assert_eq!(found, pieces, "{len} pixels, windows of {window}, shift {shift}");
+            let (op, out) = (Operator::Attention(a), map(Dtype::U8, (len, 1), 1));
+            assert_eq!((op.rows_after(&out, 0), op.rows_after(&out, op.steps(&out))), (0, len));
+            for (step, piece) in pieces.iter().enumerate() {
+                assert_eq!(op.rows_read(&out, 0, len, step), piece.0..piece.1.min(len));
+            }
+        }
+    }
+}
+
+/// Smallest range that holds all of `rows`; empty ones are all alike.
+fn span(rows: impl Iterator<Item = usize>) -> Option<(usize, usize)> {
+    let rows: BTreeSet<usize> = rows.collect();
+    Some((*rows.first()?, rows.last()? + 1))
+}
+
+proptest! {
+    #[test]
+    fn rows_read_are_those_under_the_kernel(
+        rows in 1usize..40, kernel in 1usize..16, pad in 0usize..15, stride in 1usize..16,
+    ) {
+        prop_assume!(pad < kernel && rows + 2 * pad >= kernel);
+        let out = map(Dtype::U8, ((rows + 2 * pad - kernel) / stride + 1, 1), 1);
+        let conv = Conv { kernel_rows: kernel, kernel_cols: kernel, stride, pad, ..EMPTY };
+        let op = Operator::Conv(conv);
+        for step in 0..op.steps(&out) {
+            let under = (step * stride..step * stride + kernel).filter_map(|r| r.checked_sub(pad)).filter(|r| *r < rows);
+            let read = op.rows_read(&out, 0, rows, step);
+            prop_assert_eq!(Some((read.start, read.end)), span(under));
+            prop_assert_eq!(op.rows_read(&out, 2, out.rows, step), step..step + 1);
+            prop_assert_eq!(op.rows_after(&out, step + 1), step + 1);
+        }
+    }
+
+    #[test]
+    fn enlargements_make_two_rows_from_their_neighbours(rows in 4usize..40) {
+        let out = map(Dtype::U8, (2 * rows, 1), 1);
+        let fold = Operator::Conv(Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, ..EMPTY });
+        let enlarge = Operator::Enlarge(Enlarge { out: 0, input: 0 });
+        prop_assert_eq!((fold.steps(&out), enlarge.steps(&out)), (rows, rows));
+        for step in 0..rows {
+            let bilinear = |at: usize| {
+                let centre = (at as f64 + 0.5) / 2.0 - 0.5;
+                [centre.floor().max(0.0) as usize, (centre.ceil() as usize).min(rows - 1)]
+            };
+            let own = span((2 * step..2 * step + 2).flat_map(bilinear));
+            let read = enlarge.rows_read(&out, 0, rows, step);
+            prop_assert_eq!(Some((read.start, read.end)), own);
+            let seen = (2 * step).saturating_sub(2)..(2 * step + 4).min(2 * rows);
+            let read = fold.rows_read(&out, 0, rows, step);
+            let needed = span(seen.flat_map(bilinear)).unwrap();
+            // One row more is allowed on each side: inner filters do not know that they lie at a border.
+            prop_assert!(read.start <= needed.0 && read.end >= needed.1 && read.end <= rows, "{:?} {:?}", read, needed);
+            for row in 2 * step..2 * step + 2 {
+                let phase = Phase::of(row, rows);
+                let (first, last) = (phase.first.max(0) as usize, phase.first + phase.taps as isize);
+                prop_assert!(read.start <= first && last.min(rows as isize) as usize <= read.end, "{:?}", phase);
+            }
+            prop_assert_eq!(fold.rows_read(&out, 2, 2 * rows, step), 2 * step..2 * step + 2);
+            prop_assert_eq!((fold.rows_after(&out, step + 1), enlarge.rows_after(&out, step + 1)), (2 * step + 2, 2 * step + 2));
+        }
+    }
+
+    #[test]
+    fn norms_read_the_rows_they_merge(step in 0usize..50, merge in 1usize..3) {
+        let norm = LayerNorm { out: 0, input: 0, merge, gains: 0, biases: 0, shift: 1, epsilon: 1 };
+        let (op, out) = (Operator::LayerNorm(norm), map(Dtype::U8, (50, 1), 1));
+        prop_assert_eq!(op.rows_read(&out, 0, 50 * merge, step), merge * step..merge * (step + 1));
+        prop_assert_eq!((op.steps(&out), op.rows_after(&out, step)), (50, step));
+    }
+}

@@ -1,0 +1,131 @@
+//! Single steps of quantisation inside the float network: one map through its codes and back, or one layer's weights.
+
+use super::calibrate::Range;
+use super::float::{self, Maps};
+use super::fold::fold;
+use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
+use super::pack::Filter;
+use super::quantise::{Codes, codes_of, folds, gelu_table, quantise_weights};
+use elunar_core::nn::{PHASES, Phase};
+use rayon::prelude::*;
+
+/// What rounding needs to know of the network.
+pub(crate) struct Rounder<'a> {
+    /// The network.
+    pub graph: &'a Graph,
+    /// What its maps reach.
+    pub ranges: &'a [Range],
+    /// Upper end of the normalised elevation range.
+    pub nr: f32,
+    /// Which maps keep 16 bits; the scales of a layer's inputs are part of its weights.
+    pub wide: &'a [bool],
+}
+
+impl Rounder<'_> {
+    /// The map of node `id` as the codes of 8 or 16 bits (`wide`) can tell it, and how many samples are beyond them.
+    pub(crate) fn map(&self, id: NodeId, wide: bool, maps: Maps<'_, '_>) -> (Vec<f32>, usize) {
+        let node = &self.graph.nodes[id];
+        let codes = codes_of(self.graph, id, &self.ranges[id], self.nr, wide);
+        if let Operation::Conv { sources, kernel, stride, pad, add, activation: Activation::Gelu } = &node.operation {
+            // The runner's table takes codes as well.
+            let (sources, kernel, activation) = (sources.clone(), kernel.clone(), Activation::None);
+            let plain = Operation::Conv { sources, kernel, stride: *stride, pad: *pad, add: *add, activation };
+            let mut map = float::compute(self.graph, &Node { operation: plain, ..node.clone() }, maps);
+            let (table, step, zero) = gelu_table(&codes);
+            let highest = (codes.hi as f64 - codes.zero as f64 + 0.5) * codes.scales[0];
+            let cut = map.iter().filter(|v| **v as f64 > highest).count();
+            map.iter_mut().for_each(|v| {
+                let code = ((*v as f64 / step).round() as i32).saturating_add(zero).clamp(0, table.len() as i32 - 1);
+                *v = ((table[code as usize] as i32 - codes.zero) as f64 * codes.scales[0]) as f32;
+            });
+            return (map, cut);
+        }
+        let mut map = maps(id).to_vec();
+        let cut = round(&mut map, &codes);
+        (map, cut)
+    }
+
+    /// The map of node `id`, computed with weights of 8 bits; `None` if it has no weights that are rounded.
+    pub(crate) fn weights(&self, id: NodeId, maps: Maps<'_, '_>) -> Option<Vec<f32>> {
+        let node = &self.graph.nodes[id];
+        let Operation::Conv { sources, kernel, stride, pad, add, activation } = &node.operation else { return None };
+        let codes = |s: &Source| codes_of(self.graph, s.node, &self.ranges[s.node], self.nr, self.wide[s.node]);
+        let scales: Vec<f64> = sources.iter().flat_map(|s| codes(s).scales).collect();
+        let means: Vec<f64> = sources.iter().flat_map(|s| self.ranges[s.node].mean.iter().copied()).collect();
+        let folded = folds(self.graph, node);
+        let filters = if folded { fold(kernel) } else { vec![Filter::whole(kernel)] };
+        let integers = quantise_weights(kernel, &filters, &scales, &means);
+        let rounded: Vec<Kernel> = integers
+            .filters
+            .iter()
+            .map(|filter| {
+                let taps = filter.weights.len() / kernel.output;
+                let weight = |(i, w): (usize, &i8)| {
+                    (*w as f64 * integers.scales[i / taps] / scales[i % taps % kernel.input]) as f32
+                };
+                let bias = filter.bias.iter().zip(&integers.scales).map(|(b, s)| (*b as f64 * s) as f32).collect();
+                Kernel { weights: filter.weights.iter().enumerate().map(weight).collect(), bias, ..kernel.clone() }
+            })
+            .collect();
+        if folded {
+            let extents: Vec<(usize, usize)> = integers.filters.iter().map(|filter| filter.extent).collect();
+            let mut map = self.folded(node, sources, &rounded, &extents, maps);
+            float::finish(&mut map, add.map(maps), *activation);
+            return Some(map);
+        }
+        let kernel = rounded.into_iter().next()?;
+        let (sources, activation) = (sources.clone(), *activation);
+        let operation = Operation::Conv { sources, kernel, stride: *stride, pad: *pad, add: *add, activation };
+        Some(float::compute(self.graph, &Node { operation, ..node.clone() }, maps))
+    }
+
+    /// A convolution that contains the enlargement, without what follows it: every output phase has filters of its own.
+    fn folded(
+        &self,
+        node: &Node,
+        sources: &[Source],
+        filters: &[Kernel],
+        extents: &[(usize, usize)],
+        maps: Maps<'_, '_>,
+    ) -> Vec<f32> {
+        let (rows, cols) = (node.rows / 2, node.cols / 2);
+        let mut map = vec![0.0; node.len()];
+        map.par_chunks_exact_mut(node.cols * node.channels).enumerate().for_each(|(row, line)| {
+            let down = Phase::of(row, rows);
+            let mut patch = Vec::new();
+            for (col, sums) in line.chunks_exact_mut(node.channels).enumerate() {
+                let across = Phase::of(col, cols);
+                let variant = down.filter * PHASES + across.filter;
+                let (kernel, (high, wide)) = (&filters[variant], extents[variant]);
+                patch.clear();
+                for (r, c) in (0..high * wide).map(|i| (i / wide, i % wide)) {
+                    let r = (down.first + r as isize).clamp(0, rows as isize - 1) as usize;
+                    let c = (across.first + c as isize).clamp(0, cols as isize - 1) as usize;
+                    for source in sources {
+                        let channels = self.graph.nodes[source.node].channels;
+                        patch.extend_from_slice(&maps(source.node)[(r * cols + c) * channels..][..channels]);
+                    }
+                }
+                let weights = kernel.weights.chunks_exact(patch.len());
+                for ((sum, bias), weights) in sums.iter_mut().zip(&kernel.bias).zip(weights) {
+                    *sum = bias + weights.iter().zip(&patch).map(|(w, x)| w * x).sum::<f32>();
+                }
+            }
+        });
+        map
+    }
+}
+
+/// To the nearest code and back; returns how many samples were beyond the codes.
+fn round(map: &mut [f32], codes: &Codes) -> usize {
+    let (low, high) = ((codes.lo - codes.zero) as f64, (codes.hi - codes.zero) as f64);
+    let mut cut = 0;
+    for pixel in map.chunks_exact_mut(codes.scales.len()) {
+        for (v, &scale) in pixel.iter_mut().zip(&codes.scales) {
+            let code = (*v as f64 / scale).round();
+            cut += !(low..=high).contains(&code) as usize;
+            *v = (code.clamp(low, high) * scale) as f32;
+        }
+    }
+    cut
+}

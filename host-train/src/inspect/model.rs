@@ -1,0 +1,260 @@
+//! What the int8 runner would do with a model: its operators, where its tensors lie in the arena, and when each is alive.
+
+use super::timing::Times;
+use crate::digest::sha256_hex;
+use crate::{Error, Result};
+use elunar_core::nn::format::NONE;
+use elunar_core::nn::{Dtype, Model, Operator, Tensor, required};
+use serde::Serialize;
+
+/// A model in figures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plan {
+    /// Name in the file.
+    pub name: String,
+    /// Bits of the maps, as the export was asked for.
+    pub precision: String,
+    /// The network's configuration.
+    pub config: serde_json::Value,
+    /// Of the whole file.
+    pub sha256: String,
+    /// Rows and columns of a tile.
+    pub tile: (usize, usize),
+    /// Upper end of the normalised range.
+    pub nr: f32,
+    /// Share by which the coarse relief is widened.
+    pub range_margin: f32,
+    /// Whose range normalised the truth.
+    pub truth_range: String,
+    /// Bytes of the file.
+    pub file_bytes: usize,
+    /// Bytes of weights, multipliers and tables.
+    pub constants_bytes: usize,
+    /// Bytes of memory the runner asks for.
+    pub arena_bytes: usize,
+    /// Of these, working memory of the operator at work, behind the tensors.
+    pub scratch_bytes: usize,
+    /// Most bytes of tensors that are alive together: no arrangement could do with less. What the arena has above it are gaps.
+    pub live_peak_bytes: usize,
+    /// Entries of the schedule.
+    pub entries: usize,
+    /// Multiply-accumulates per tile.
+    pub macs: u64,
+    /// In the order of the file.
+    pub operators: Vec<OperatorLine>,
+    /// In the order of the file; tensors that nobody touches are left out.
+    pub tensors: Vec<TensorLife>,
+    /// Bytes of live tensors from each moment on: (multiply-accumulates done, bytes).
+    #[serde(skip)]
+    pub live: Vec<(u64, usize)>,
+    /// If it was measured.
+    pub time: Option<Times>,
+}
+
+/// One operator.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OperatorLine {
+    /// Name.
+    pub name: String,
+    /// Kind, in a word.
+    pub kind: &'static str,
+    /// Rows, columns, channels of its output.
+    pub shape: [usize; 3],
+    /// Sample type of its output.
+    pub dtype: &'static str,
+    /// Rows of the output that are kept at a time.
+    pub rows_kept: usize,
+    /// Columns more on both sides.
+    pub margin: usize,
+    /// Multiply-accumulates.
+    pub macs: u64,
+    /// Bytes of packed weights (convolutions only; biases, multipliers and tables not counted).
+    pub weight_bytes: usize,
+    /// Bytes of the kept rows of its output. Where rows of several tensors lie between each other, they span more.
+    pub activation_bytes: usize,
+    /// Where they begin.
+    pub offset: usize,
+    /// Milliseconds per tile, if measured, with the overhead of stepping.
+    pub ms: Option<f64>,
+    /// Its share of the tile's time.
+    pub share: Option<f64>,
+    /// Multiply-accumulates per second / 10^9.
+    pub gmac_per_s: Option<f64>,
+}
+
+/// Where a tensor lies, and when it is alive.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TensorLife {
+    /// Name of what writes it.
+    pub name: String,
+    /// First byte in the arena.
+    pub offset: usize,
+    /// Bytes from there to its last one, with what may lie between its rows.
+    pub bytes: usize,
+    /// Number of the schedule's first entry that touches it, from 1; 0 for inputs.
+    pub first_entry: usize,
+    /// The last.
+    pub last_entry: usize,
+    /// Multiply-accumulates done when it begins to be alive.
+    pub first_mac: u64,
+    /// Multiply-accumulates done when it is no longer needed.
+    pub last_mac: u64,
+}
+
+impl Plan {
+    /// Reads it off a validated model; nothing is run.
+    pub fn of(model: &Model<'_>) -> Self {
+        let text: serde_json::Value = serde_json::from_str(model.text()).unwrap_or_default();
+        let word = |key: &str| text[key].as_str().unwrap_or_default().to_owned();
+        let names: Vec<String> = (0..model.operator_count())
+            .map(|index| text["operators"][index].as_str().map_or_else(|| format!("operator {index}"), Into::into))
+            .collect();
+        let ends = entry_ends(model);
+        let tensors = lives(model, &names, &ends);
+        let live = live_bytes(&tensors, &ends);
+        Self {
+            name: word("name"),
+            precision: word("precision"),
+            config: text["config"].clone(),
+            sha256: sha256_hex(model.raw().bytes()),
+            tile: model.tile(),
+            nr: model.nr(),
+            range_margin: model.range_margin(),
+            truth_range: format!("{:?}", model.truth_range()).to_lowercase(),
+            file_bytes: model.raw().bytes().len(),
+            constants_bytes: model.constants_bytes(),
+            arena_bytes: required(model),
+            scratch_bytes: model.scratch_bytes(),
+            live_peak_bytes: live.iter().map(|(_, bytes)| *bytes).max().unwrap_or(0),
+            entries: model.entry_count(),
+            macs: model.macs(),
+            operators: names.into_iter().enumerate().filter_map(|(index, name)| line(model, index, name)).collect(),
+            tensors,
+            live,
+            time: None,
+        }
+    }
+
+    /// Takes in a measurement of the same model.
+    pub fn set_times(&mut self, times: Times) {
+        let all: f64 = times.operators_ms.iter().sum();
+        for (line, &ms) in self.operators.iter_mut().zip(&times.operators_ms) {
+            line.ms = Some(ms);
+            line.share = Some(ms / all.max(f64::MIN_POSITIVE));
+            line.gmac_per_s = (ms > 0.0).then(|| line.macs as f64 / ms / 1e6);
+        }
+        self.time = Some(times);
+    }
+
+    /// As JSON, in one line.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a number has no form in JSON.
+    pub fn json(&self) -> Result<String> {
+        serde_json::to_string(self).map_err(|e| Error::usage(format!("inspect: {e}")))
+    }
+}
+
+fn line(model: &Model<'_>, index: usize, name: String) -> Option<OperatorLine> {
+    let operator = model.operator(index)?;
+    let out = model.tensor(operator.output());
+    let weight_bytes = if let Operator::Conv(conv) = &operator { model.weight_bytes(conv) } else { 0 };
+    Some(OperatorLine {
+        name,
+        kind: operator.name(),
+        shape: [out.rows, out.cols, out.channels],
+        dtype: dtype(&out),
+        rows_kept: out.ring,
+        margin: out.margin,
+        macs: model.operator_macs(&operator),
+        weight_bytes,
+        activation_bytes: out.ring * out.row_bytes(),
+        offset: out.offset,
+        ms: None,
+        share: None,
+        gmac_per_s: None,
+    })
+}
+
+fn dtype(t: &Tensor) -> &'static str {
+    match t.dtype {
+        Dtype::U8 => "u8",
+        Dtype::I16 => "i16",
+        Dtype::F32 => "f32",
+    }
+}
+
+/// Multiply-accumulates of an entry of the schedule.
+pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
+    let Some(entry) = model.entry(index) else { return 0 };
+    let Some(operator) = model.operator(entry.operator) else { return 0 };
+    let steps = entry.first..entry.first + entry.count;
+    let of = |step| (0..model.units(&operator)).map(|unit| model.unit_macs(&operator, step, unit)).sum::<u64>();
+    steps.map(of).sum()
+}
+
+/// Multiply-accumulates done before the first entry, after the first, after the second, ...
+fn entry_ends(model: &Model<'_>) -> Vec<u64> {
+    let mut done = 0;
+    let after = (0..model.entry_count()).map(|index| {
+        done += entry_macs(model, index);
+        done
+    });
+    std::iter::once(0).chain(after).collect()
+}
+
+fn lives(model: &Model<'_>, names: &[String], ends: &[u64]) -> Vec<TensorLife> {
+    // First and last entry, counted from 1.
+    let mut touched: Vec<Option<(usize, usize)>> = vec![None; model.tensor_count()];
+    let mut touch = |tensor: u32, at: usize| {
+        if let Some(life) = touched.get_mut(tensor as usize) {
+            life.get_or_insert((at, at)).1 = at;
+        }
+    };
+    let inputs = [(model.image_tensor(), "image"), (model.coarse_tensor(), "coarse")];
+    inputs.iter().filter(|(tensor, _)| *tensor != NONE).for_each(|(tensor, _)| touch(*tensor, 0));
+    for index in 0..model.entry_count() {
+        let Some(operator) = model.entry(index).and_then(|entry| model.operator(entry.operator)) else { continue };
+        operator.inputs().into_iter().flatten().chain([operator.output()]).for_each(|tensor| touch(tensor, index + 1));
+    }
+    touch(model.output_tensor(), model.entry_count());
+    let mut called: Vec<String> = vec![String::new(); model.tensor_count()];
+    for (tensor, name) in inputs {
+        if let Some(place) = called.get_mut(tensor as usize) {
+            *place = name.into();
+        }
+    }
+    for (index, name) in names.iter().enumerate() {
+        let tensor = model.operator(index).map_or(NONE, |operator| operator.output());
+        if let Some(place) = called.get_mut(tensor as usize) {
+            place.clone_from(name);
+        }
+    }
+    let life = |(index, name): (usize, String)| {
+        let (first_entry, last_entry) = touched[index]?;
+        let t = model.tensor(index as u32);
+        let (first_mac, last_mac) = (ends[first_entry.saturating_sub(1)], ends[last_entry]);
+        let (offset, bytes) = (t.offset, t.size_bytes());
+        Some(TensorLife { name, offset, bytes, first_entry, last_entry, first_mac, last_mac })
+    };
+    called.into_iter().enumerate().filter_map(life).collect()
+}
+
+/// Live bytes during every entry. Where a sum takes the place of what was added, the place counts once.
+fn live_bytes(tensors: &[TensorLife], ends: &[u64]) -> Vec<(u64, usize)> {
+    let during = |entry: usize| {
+        let mut places: Vec<(usize, usize)> = tensors
+            .iter()
+            .filter(|t| (t.first_entry..=t.last_entry).contains(&entry))
+            .map(|t| (t.offset, t.offset + t.bytes))
+            .collect();
+        places.sort_unstable();
+        let (mut bytes, mut covered) = (0, 0);
+        for (from, to) in places {
+            bytes += to.saturating_sub(from.max(covered));
+            covered = covered.max(to);
+        }
+        bytes
+    };
+    (1..ends.len()).map(|entry| (ends[entry - 1], during(entry))).collect()
+}

@@ -1,0 +1,59 @@
+//! Where a tile's time goes: the self-test tile, one entry of the schedule at a time.
+
+use super::model::entry_macs;
+use crate::{Error, Result};
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{Model, RunError, Runner, required};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Milliseconds per tile.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Times {
+    /// What computed.
+    pub kernel: &'static str,
+    /// Tiles measured, after one that was not.
+    pub tiles: usize,
+    /// Of every operator, the median over the tiles; stepping and reading the clock are contained.
+    #[serde(skip)]
+    pub operators_ms: Vec<f64>,
+    /// Of a tile, entry by entry: the sum of the operators.
+    pub tile_ms: f64,
+}
+
+/// Runs `tiles` tiles and one before them.
+///
+/// # Errors
+/// [`Error::Usage`] if the self test fails.
+pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> {
+    let fault = |e: RunError| Error::usage(format!("inspect: {e}"));
+    let budgets: Vec<u64> = (0..model.entry_count()).map(|index| entry_macs(&model, index)).collect();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;
+    let mut measured = vec![Vec::with_capacity(tiles); model.operator_count()];
+    for tile in 0..=tiles {
+        let mut seconds = vec![0.0; model.operator_count()];
+        runner.begin_self_test();
+        let mut before = Instant::now();
+        while let Some(entry) = runner.position().and_then(|at| model.entry(at).map(|entry| (at, entry))) {
+            let (at, entry) = entry;
+            // Exactly this entry: the runner stops at the first unit behind its budget.
+            runner.step(budgets[at]).map_err(fault)?;
+            let after = Instant::now();
+            seconds[entry.operator] += after.duration_since(before).as_secs_f64();
+            before = after;
+        }
+        runner.check_self_test().map_err(fault)?;
+        if tile > 0 {
+            measured.iter_mut().zip(seconds).for_each(|(of, s)| of.push(1e3 * s));
+        }
+    }
+    let operators_ms: Vec<f64> = measured.into_iter().map(median).collect();
+    let tile_ms = operators_ms.iter().sum();
+    Ok(Times { kernel: kernel.name(), tiles, operators_ms, tile_ms })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,238 @@
+//! Arbitrary bytes against the integer runner: what the fuzz targets and the seeded replays in `cases/` both run.
+
+use elunar_core::nn::format::{HEADER_BYTES, word};
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{ENTRY_BYTES, Model, OPERATOR_BYTES, Progress, RunError, Runner, TENSOR_BYTES, required};
+use host_train::export::build::manifest;
+use host_train::export::write::seal;
+use host_train::export::{CalibrationTile, Options, Precision, export};
+use host_train::model::config::{Head, NetConfig, Preset};
+use host_train::model::weights::{Array, Weights};
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// Bytes laid around a lent arena, to be found again as they were.
+const GUARD: usize = 64;
+const GUARD_BYTE: u8 = 0xc3;
+/// Largest arena that is lent.
+const LARGEST_ARENA: usize = 1 << 24;
+/// Multiply-accumulates after which a tile is left as it is.
+const BUDGET_MACS: u64 = 1 << 22;
+
+/// Reads numbers off the front of some bytes; zeros when they are used up.
+struct Reader<'a>(&'a [u8]);
+
+impl Reader<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        *first
+    }
+
+    /// Mostly small, sometimes as large as numbers get.
+    fn size(&mut self, limit: usize) -> usize {
+        match (self.byte() as usize, self.byte() as usize) {
+            (255, n) => usize::MAX - n,
+            (254, n) => (usize::MAX >> 1) - n,
+            (253, n) => (usize::MAX >> 2) + 1 + n,
+            (high, low) => (high << 8 | low) % limit,
+        }
+    }
+
+    fn word(&mut self) -> u32 {
+        u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
+    }
+}
+
+/// A matrix product of any shape: every kernel of this machine refuses it like the scalar one, or gives the same numbers.
+///
+/// Returns whether there was something to compute.
+///
+/// # Panics
+/// If two kernels differ, or a refused product has changed its accumulators.
+pub fn kernels(bytes: &[u8]) -> bool {
+    let mut reader = Reader(bytes);
+    let width = [8, 16, 32, 32, 16, 8, reader.byte() as usize][reader.byte() as usize % 7];
+    let (pixels, stride, groups) = (reader.size(50), reader.size(40), reader.size(24));
+    let starts: Vec<usize> = (0..reader.byte() % 6).map(|_| reader.size(90)).collect();
+    let fill = reader.byte();
+    let acc = vec![i32::from_le_bytes(std::array::from_fn(|_| reader.byte())); pixels.min(64).saturating_mul(width)];
+    // The rest is both weights and activations, which may be too few; repeated for shapes that fit.
+    let needed = groups.saturating_mul(4 * width).saturating_mul(starts.len()).min(1 << 16);
+    let mut weights = reader.0.to_vec();
+    let mut codes: Vec<u8> = reader.0.iter().rev().copied().collect();
+    if fill % 4 != 0 {
+        weights = weights.iter().copied().cycle().take(needed).collect();
+        weights.resize(needed, fill);
+        codes.resize(codes.len().max(4096), fill);
+    }
+    let product = |kernel: Kernel| {
+        let mut acc = acc.clone();
+        let done = kernel.matrix_product(&mut acc, (pixels, width), (&codes, &starts), (stride, groups), &weights);
+        (done, acc)
+    };
+    let expected = product(Kernel::SCALAR);
+    assert!(expected.0.is_ok() || expected.1 == acc, "refused, and yet changed");
+    for kernel in Kernel::available() {
+        assert!(
+            product(kernel) == expected,
+            "{kernel:?}: {pixels} x {width}, {groups} groups, {stride} apart, {starts:?}"
+        );
+    }
+    expected.0.is_ok() && pixels > 0 && groups > 0 && !starts.is_empty()
+}
+
+/// Any bytes as a model: refused, or run without harm.
+pub fn raw_model(bytes: &[u8]) -> bool {
+    run(bytes)
+}
+
+/// A sound model with words exchanged as `patches` says, under valid checksums: refused, or run without harm, all kernels agreeing.
+///
+/// Returns whether it was accepted.
+///
+/// # Panics
+/// If kernels differ, or memory that was not lent has changed.
+pub fn mutated_model(patches: &[u8]) -> bool {
+    let mut reader = Reader(patches);
+    let models = sound_models();
+    let sound = &models[reader.byte() as usize % models.len()];
+    let sections = sections(sound);
+    let mut bytes = sound.clone();
+    while !reader.0.is_empty() {
+        let (start, len) = sections[reader.byte() as usize % sections.len()];
+        let at = start + reader.word() as usize % (len / 4).max(1) * 4;
+        let old = u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        let new = changed(old, reader.byte(), reader.word());
+        // The number of chunks says where the checksums lie; without it they could not be renewed.
+        if at != 4 * word::CHUNKS {
+            bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
+        }
+    }
+    seal(&mut bytes);
+    run(&bytes)
+}
+
+/// First byte and bytes of the header, and of the sections that are records or constants.
+fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
+    let field = |i: usize| u32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b])) as usize;
+    let section = |index: usize, size: usize| (field(index), field(index + 1) * size);
+    [
+        section(word::TENSORS, TENSOR_BYTES),
+        section(word::OPERATORS, OPERATOR_BYTES),
+        section(word::SCHEDULE, ENTRY_BYTES),
+        section(word::CONSTANTS, 1),
+        (0, HEADER_BYTES),
+    ]
+}
+
+/// Another number for `old`: a neighbour, a flipped bit, an extreme, or anything.
+fn changed(old: u32, how: u8, value: u32) -> u32 {
+    match how % 6 {
+        0 => value,
+        1 => old.wrapping_add(value % 9).wrapping_sub(4),
+        2 => old ^ 1 << (value % 32),
+        3 => [0, 1, 0x7fff_ffff, 0x8000_0000, u32::MAX][value as usize % 5],
+        // Numbers of the schedule have two bytes.
+        4 => old.wrapping_add((value % 5) << 16).wrapping_sub(2 << 16),
+        _ => value % 300,
+    }
+}
+
+/// Loads and, if it is accepted, runs a model for a bounded time with the fastest and the scalar kernel.
+fn run(bytes: &[u8]) -> bool {
+    let Ok(model) = Model::new(bytes) else { return false };
+    let needed = required(&model);
+    if needed > LARGEST_ARENA {
+        return true;
+    }
+    let mut results = Vec::new();
+    for kernel in [Kernel::best(), Kernel::SCALAR] {
+        let mut memory = vec![GUARD_BYTE; needed + 2 * GUARD];
+        let refused = Runner::with_kernel(kernel, model, &mut memory[..needed - 1]).map(|_| ());
+        assert_eq!(refused, Err(RunError::ArenaTooSmall { required: needed, found: needed - 1 }));
+        let mut runner = Runner::with_kernel(kernel, model, &mut memory[GUARD..GUARD + needed]).expect("enough memory");
+        runner.begin_self_test();
+        let mut done = false;
+        while !done && runner.telemetry().macs < BUDGET_MACS {
+            done = runner.step(100_000).expect("a tile is begun") == Progress::Done;
+            runner.scrub(512).expect("the model does not change");
+        }
+        let crc = runner.output_crc();
+        assert_eq!(crc.is_ok(), done);
+        results.push((crc, runner.telemetry()));
+        let (front, rest) = memory.split_at(GUARD);
+        let guards = front.iter().chain(&rest[needed..]);
+        assert!(guards.copied().all(|byte| byte == GUARD_BYTE), "memory outside the arena");
+    }
+    assert_eq!(results[0], results[1], "kernels differ");
+    true
+}
+
+/// Models of the smallest networks that have every operator, made once.
+fn sound_models() -> &'static [Vec<u8>] {
+    static MODELS: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+    MODELS.get_or_init(|| {
+        // The taller tile is large enough for enlargements to be folded into filters.
+        [((32, 32), Precision::Mixed), ((64, 32), Precision::Int8), ((64, 32), Precision::Int16)]
+            .into_iter()
+            .map(|(tile, precision)| small_model(tile, precision))
+            .collect()
+    })
+}
+
+fn small_model(tile: (usize, usize), precision: Precision) -> Vec<u8> {
+    let config = NetConfig {
+        embed: 2,
+        depths: [2, 1, 1, 1],
+        heads: [1, 1, 2, 1],
+        window: 3,
+        stem: 1,
+        dtm: [1; 5],
+        decoder: [2; 5],
+        head: Head::Residual,
+        ..NetConfig::preset(Preset::Nano)
+    };
+    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let mut weights = Weights::default();
+    for (name, shape) in manifest(&config).expect("a legal configuration") {
+        let fan_in: usize = shape[1..].iter().product();
+        let one = |r: f32| match name.rsplit('.').next() {
+            Some("running_var") => 0.5 + r.abs(),
+            Some("weight") if shape.len() == 1 => 1.0 + 0.2 * r,
+            Some("weight") => 1.5 * r / (fan_in as f32).sqrt(),
+            _ => 0.2 * r,
+        };
+        let data = (0..shape.iter().product()).map(|_| one(random.sample())).collect();
+        weights.tensors.insert(name.clone(), Array { shape, data });
+    }
+    let samples = tile.0 * tile.1;
+    let image = (0..samples).map(|_| 0.5 + 0.25 * random.sample()).collect();
+    let coarse = (0..samples).map(|i| 25.0 + 20.0 * (i as f32 / 97.0).sin()).collect();
+    let tiles = [CalibrationTile { image, coarse, ground: None }];
+    let options = Options { tile, precision, name: "provoked".into() };
+    export(&config, &weights, Path::new("provoked"), &tiles, &options, |_| {}).expect("a sound network").bytes
+}
+
+/// Reproducible bytes and numbers (xorshift64*).
+pub struct Random(pub u64);
+
+impl Random {
+    /// The next number.
+    pub fn number(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    }
+
+    /// Some bytes.
+    pub fn bytes(&mut self, count: usize) -> Vec<u8> {
+        (0..count).map(|_| (self.number() >> 56) as u8).collect()
+    }
+
+    /// A number in -1..1.
+    fn sample(&mut self) -> f32 {
+        (self.number() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+}
