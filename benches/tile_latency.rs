@@ -1,48 +1,149 @@
-//! One 256x320 tile of the shipped `nano`: float network against the int8 runner with every kernel this processor has, in one run.
+//! One 256x320 tile: every preset (random weights) with every kernel this processor has, on one thread and on two at once, and the
+//! shipped `nano` in float beside it.
 //!
-//! `cargo bench -p elunar-benches --bench tile_latency`
+//! `cargo bench -p elunar-benches --bench tile_latency`; with `ELUNAR_BENCH_PAPER=1`, `paper` too.
+//!
+//! Timed as a caller sees it: floats in, floats out. With two threads each has a runner of its own, and both read one model.
 
 #![allow(missing_docs)] // criterion's macros make undocumented functions
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use elunar_benches::models::{exported, name, presets, tile};
+use elunar_benches::samples::{Samples, measure, seconds};
+use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{Model, Progress, Runner, required};
 use host_train::model::backend::Backend;
-use host_train::predict::network::Model;
-use host_train::predict::{float, int8};
-use std::hint::black_box;
-use std::path::{Path, PathBuf};
+use host_train::model::config::Preset;
+use host_train::predict::float;
+use host_train::predict::network::Model as _;
+use std::path::Path;
+use std::sync::Barrier;
+use std::time::{Duration, Instant};
 
-fn models() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-train/models")
+/// The scalar kernel is left out beyond this: it would take minutes.
+const SCALAR_MACS: u64 = 10_000_000_000;
+
+/// A runner with its tile.
+struct Worker<'a, 'm> {
+    runner: Runner<'a, 'm>,
+    image: Vec<f32>,
+    coarse: Vec<f32>,
+    output: Vec<f32>,
 }
 
-/// A tile with texture and relief; the time does not depend on its values.
-fn tile(rows: usize, cols: usize) -> (Vec<f32>, Vec<f32>) {
-    let image = (0..rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
-    let coarse = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
-    (image, coarse)
+impl<'a, 'm> Worker<'a, 'm> {
+    /// Warm: it has run one tile.
+    fn new(kernel: Kernel, model: Model<'a>, arena: &'m mut [u8]) -> Self {
+        let runner = Runner::with_kernel(kernel, model, arena).expect("the arena is as large as the model says");
+        let (rows, cols) = model.tile();
+        let (image, coarse) = tile(rows, cols);
+        let mut worker = Self { runner, image, coarse, output: vec![0.0; rows * cols] };
+        worker.tiles(1);
+        worker
+    }
+
+    fn tiles(&mut self, count: u64) {
+        for _ in 0..count {
+            self.runner.begin(&self.image, &self.coarse).expect("the tile has the right size");
+            while self.runner.step(u64::MAX).expect("a tile was begun") == Progress::Running {}
+            self.runner.output(&mut self.output).expect("the tile is done");
+        }
+    }
 }
 
-fn one(criterion: &mut Criterion, name: &str, model: &dyn Model) {
-    let (rows, cols) = model.tile();
-    let (image, coarse) = tile(rows, cols);
+/// Seconds that all workers take for `tiles` tiles each, at once, from the first start to the last end.
+fn together(workers: &mut [Worker<'_, '_>], tiles: u64) -> f64 {
+    let barrier = Barrier::new(workers.len());
+    let work = |worker: &mut Worker<'_, '_>| {
+        barrier.wait();
+        let start = Instant::now();
+        worker.tiles(tiles);
+        (start, Instant::now())
+    };
+    let work = &work;
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = workers.iter_mut().map(|worker| scope.spawn(move || work(worker))).collect();
+        let times: Vec<(Instant, Instant)> = threads.into_iter().map(|t| t.join().expect("no fault")).collect();
+        let start = times.iter().map(|time| time.0).min();
+        let end = times.iter().map(|time| time.1).max();
+        end.zip(start).map_or(0.0, |(end, start)| (end - start).as_secs_f64())
+    })
+}
+
+fn network(group: &mut BenchmarkGroup<'_, WallTime>, preset: Preset, table: &mut Table) {
+    let bytes = exported(preset).expect("a preset can be exported");
+    let model = Model::new(&bytes).expect("an exported model is valid");
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    for kernel in Kernel::available() {
+        if kernel.name() == Kernel::SCALAR.name() && model.macs() > SCALAR_MACS {
+            println!("SKIPPED: {}/{}: more than {SCALAR_MACS} products a tile", name(preset), kernel.name());
+            continue;
+        }
+        for threads in [1, 2] {
+            if threads > cores {
+                println!("SKIPPED: {}/{} on {threads} threads: {cores} core", name(preset), kernel.name());
+                continue;
+            }
+            let id = format!("{}/{}/{threads}-thread", name(preset), kernel.name());
+            group.throughput(Throughput::Elements(threads as u64));
+            let mut arenas = vec![vec![0; required(&model)]; threads];
+            let mut workers: Vec<Worker<'_, '_>> =
+                arenas.iter_mut().map(|arena| Worker::new(kernel, model, arena)).collect();
+            let (samples, _) = measure(group, &id, |tiles| together(&mut workers, tiles), || 0.0);
+            let sizes = [bytes.len(), threads * required(&model)].map(|size| size.to_string());
+            row(table, (name(preset), kernel.name()), (threads, &samples), Some(model.macs()), sizes);
+        }
+    }
+}
+
+fn row(
+    table: &mut Table,
+    (network, kernel): (&str, &str),
+    (threads, samples): (usize, &Samples),
+    macs: Option<u64>,
+    sizes: [String; 2],
+) {
+    let rate = samples.median().map(|s| threads as f64 / s);
+    let mut cells = vec![network.to_string(), kernel.to_string(), threads.to_string()];
+    cells.extend([samples.median(), samples.fastest()].map(|s| number(s.map(|s| s * 1e3), 2)));
+    cells.push(number(rate, 2));
+    cells.push(number(rate.zip(macs).map(|(rate, macs)| rate * macs as f64 / 1e9), 1));
+    cells.extend(sizes);
+    table.row(&cells);
+}
+
+/// The float network of the shipped `nano`, with as many threads as its backend likes.
+fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-train/models/nano.safetensors");
+    let model = float::open(&path, Backend::Flex).expect("shipped float weights");
     let mut worker = model.worker().expect("the shipped model runs");
-    let mut output = vec![0.0; rows * cols];
-    let mut group = criterion.benchmark_group("tile_256x320");
-    group.sample_size(15);
-    group.bench_function(name, |bencher| {
-        bencher.iter(|| worker.predict(black_box(&image), black_box(&coarse), &mut output).expect("no fault"));
-    });
-    group.finish();
+    let (rows, cols) = model.tile();
+    let ((image, coarse), mut output) = (tile(rows, cols), vec![0.0; rows * cols]);
+    group.throughput(Throughput::Elements(1));
+    let mut once = || worker.predict(&image, &coarse, &mut output).expect("no fault");
+    let (samples, _) = measure(group, "nano/float-flex", |tiles| seconds(|| (0..tiles).for_each(|_| once())), || 0.0);
+    row(table, ("nano, float", "flex, its own threads"), (1, &samples), None, ["–", "–"].map(String::from));
 }
 
 fn tile_latency(criterion: &mut Criterion) {
-    let float = float::open(&models().join("nano.safetensors"), Backend::Flex).expect("shipped float weights");
-    one(criterion, "nano/float-flex", &float);
-    for kernel in Kernel::available() {
-        let int8 = int8::open(&models().join("nano.eld")).expect("shipped model file").with_kernel(kernel);
-        one(criterion, &format!("nano/int8-{}", kernel.name()), &int8);
+    let head = ["network", "kernel", "threads", "ms", "fastest", "tiles/s", "GMAC/s", "model, bytes", "arenas, bytes"];
+    let mut table = Table::new(&head);
+    let mut group = criterion.benchmark_group("tile_256x320");
+    group.sampling_mode(SamplingMode::Flat).sample_size(15).nresamples(2000);
+    group.warm_up_time(Duration::from_millis(10)).measurement_time(Duration::from_secs(1));
+    float_network(&mut group, &mut table);
+    for preset in presets() {
+        network(&mut group, preset, &mut table);
     }
+    group.finish();
+    let text = format!(
+        "## Tiles of 256 x 320\n\nMedian and fastest of 15 samples, floats in and out. With two threads, time until both have done \
+         a tile, and the arenas of both.\n\n{}",
+        table.text()
+    );
+    publish(env!("CARGO_TARGET_TMPDIR"), "tile_latency", &text);
 }
 
 criterion_group!(benches, tile_latency);

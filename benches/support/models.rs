@@ -1,0 +1,56 @@
+//! Networks to measure: every preset with random weights, exported on the spot, and a tile for them.
+
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use host_train::Result;
+use host_train::export::{CalibrationTile, Options, Precision, export};
+use host_train::model::config::{NetConfig, Preset};
+use host_train::model::init::initial_weights;
+use std::path::Path;
+
+/// Seed of the weights. Time does not depend on them.
+const SEED: u64 = 1;
+
+/// Set to 1, the benchmarks take `paper` in: minutes more, and several GB of memory.
+pub const PAPER_VARIABLE: &str = "ELUNAR_BENCH_PAPER";
+
+/// The presets to measure, smallest first. Says so where `paper` is left out.
+pub fn presets() -> Vec<Preset> {
+    let mut presets = vec![Preset::Nano, Preset::Tiny, Preset::Small];
+    if std::env::var(PAPER_VARIABLE).is_ok_and(|value| value == "1") {
+        presets.push(Preset::Paper);
+    } else {
+        println!("SKIPPED: paper: minutes and several GB; {PAPER_VARIABLE}=1 takes it in");
+    }
+    presets
+}
+
+/// The preset's name on the command line.
+pub fn name(preset: Preset) -> &'static str {
+    match preset {
+        Preset::Nano => "nano",
+        Preset::Tiny => "tiny",
+        Preset::Small => "small",
+        Preset::Paper => "paper",
+    }
+}
+
+/// A tile of `rows` x `cols` with texture and relief, image in [0, 1] and coarse DTM in [0, 50]; time does not depend on it.
+pub fn tile(rows: usize, cols: usize) -> (Vec<f32>, Vec<f32>) {
+    let image = (0..rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
+    let coarse = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
+    (image, coarse)
+}
+
+/// The model file of a preset with random weights, for tiles of 256 x 320, in the precision that `host-train export` takes by
+/// itself.
+///
+/// # Errors
+/// Those of the export.
+pub fn exported(preset: Preset) -> Result<Vec<u8>> {
+    let config = NetConfig::preset(preset);
+    let weights = initial_weights(&config, SEED);
+    let (image, coarse) = tile(TILE_ROWS, TILE_COLS);
+    let tiles = [CalibrationTile { image, coarse, ground: None }];
+    let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: Precision::Mixed, name: name(preset).into() };
+    Ok(export(&config, &weights, Path::new(name(preset)), &tiles, &options, |_| ())?.bytes)
+}

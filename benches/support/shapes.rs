@@ -1,0 +1,149 @@
+//! The matrix products of a network: what its convolutions ask of a kernel.
+
+use elunar_core::nn::kernels::{Kernel, panel_count, panelled, panels, pixels_at_once};
+use elunar_core::nn::{Conv, Dtype, MAX_KERNEL, Model, Operator, PHASE_TAPS, Tensor, groups};
+
+/// The products of one step of a convolution with one of its sources: one row of output pixels (two of a folded enlargement)
+/// times all output channels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Shape {
+    /// Output channels.
+    pub channels: usize,
+    /// Sets of filters applied in a step, each with weights of its own: 1, or 4 with a folded enlargement.
+    pub sets: usize,
+    /// Output pixels per set.
+    pub pixels: usize,
+    /// Bytes from one pixel's codes to the next.
+    pub stride: usize,
+    /// Kernel rows.
+    pub rows: usize,
+    /// Samples of a kernel row: kernel columns times channels of the source.
+    pub samples: usize,
+}
+
+/// A shape, and how much of a network it is.
+#[derive(Debug, Clone, Copy)]
+pub struct Use {
+    /// The shape.
+    pub shape: Shape,
+    /// Times per tile.
+    pub times: u64,
+    /// Bytes from one input row to the next, in the first operator of this shape.
+    pub pitch: usize,
+}
+
+impl Shape {
+    /// Multiply-accumulates of a step as kernels do them: filled up to whole panels and groups.
+    pub fn macs(&self) -> u64 {
+        (self.sets * self.pixels * panelled(self.channels) * self.rows * 4 * groups(self.samples)) as u64
+    }
+
+    /// Share of [`Self::macs`] that is no filling.
+    pub fn useful(&self) -> f64 {
+        let filled = panelled(self.channels) * 4 * groups(self.samples);
+        (self.channels * self.samples) as f64 / filled as f64
+    }
+
+    /// Bytes of weights that a step reads.
+    pub fn weight_bytes(&self) -> usize {
+        self.sets * panelled(self.channels) * self.rows * 4 * groups(self.samples)
+    }
+
+    /// Widths of the panels.
+    pub fn widths(&self) -> String {
+        let widths: Vec<usize> = panels(self.channels).map(|(_, width)| width).collect();
+        let (whole, rest) = widths.split_at(widths.iter().filter(|&&w| w == widths[0]).count());
+        let mut text = if whole.len() > 1 { format!("{}x{}", whole.len(), widths[0]) } else { widths[0].to_string() };
+        rest.iter().for_each(|width| text.push_str(&format!("+{width}")));
+        text
+    }
+
+    /// A name for criterion.
+    pub fn id(&self) -> String {
+        let Self { channels, sets, pixels, stride, rows, samples } = self;
+        format!("c{channels}x{sets}-p{pixels}-s{stride}-k{rows}x{samples}")
+    }
+}
+
+/// The products of a model's convolutions, most multiply-accumulates first, equal ones together. The border filters of a folded
+/// enlargement are counted as the inner ones; the products inside attention are left out.
+pub fn of(model: &Model<'_>) -> Vec<Use> {
+    let mut found: Vec<Use> = Vec::new();
+    for operator in (0..).map_while(|i| model.operator(i)) {
+        let Operator::Conv(conv) = operator else { continue };
+        let out = model.tensor(conv.out);
+        for source in conv.sources().map(|index| model.tensor(index)) {
+            let planes = if source.dtype == Dtype::I16 { 2 } else { 1 };
+            let (shape, times) = (shape(&conv, &out, &source), planes * operator.steps(&out) as u64);
+            match found.iter_mut().find(|use_| use_.shape == shape) {
+                Some(use_) => use_.times += times,
+                None => found.push(Use { shape, times, pitch: source.pitch }),
+            }
+        }
+    }
+    found.sort_by_key(|use_| std::cmp::Reverse(use_.times * use_.shape.macs()));
+    found
+}
+
+fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
+    let (channels, stride) = (out.channels, conv.stride * source.channels);
+    if conv.fold {
+        // Inner filters have four taps in both directions; two rows and two columns of phases make four sets.
+        let taps = PHASE_TAPS[2];
+        let samples = taps * source.channels;
+        return Shape { channels, sets: 4, pixels: out.cols / 2 - 2, stride, rows: taps, samples };
+    }
+    let samples = conv.kernel_cols * source.channels;
+    Shape { channels, sets: 1, pixels: out.cols, stride, rows: conv.kernel_rows, samples }
+}
+
+/// A shape with memory of its own, laid out as in the runner: input rows in their pitch, weights one panel behind the other.
+#[derive(Debug)]
+pub struct Products {
+    shape: Shape,
+    pitch: usize,
+    codes: Vec<u8>,
+    weights: Vec<u8>,
+}
+
+impl Products {
+    /// Of a use.
+    pub fn new(use_: &Use) -> Self {
+        let (shape, pitch) = (use_.shape, use_.pitch);
+        assert!(shape.rows <= MAX_KERNEL && panel_count(shape.channels) > 0, "{shape:?}");
+        let row = (shape.pixels - 1) * shape.stride + 4 * groups(shape.samples);
+        let fill = |len: usize, factor: usize| (0..len).map(|i| (i * factor % 251) as u8).collect();
+        Self { shape, pitch, codes: fill((shape.rows - 1) * pitch + row, 7), weights: fill(shape.weight_bytes(), 5) }
+    }
+
+    /// All products of one step, in blocks of pixels as the runner makes them; without `taps` only what a call costs besides.
+    ///
+    /// # Panics
+    /// If the kernel refuses, which would be a bug here.
+    pub fn run(&self, kernel: &Kernel, taps: bool) {
+        let Shape { channels, sets, pixels, stride, rows, samples } = self.shape;
+        let starts: [usize; MAX_KERNEL] = std::array::from_fn(|row| row * self.pitch);
+        let (starts, groups) = if taps { (&starts[..rows], groups(samples)) } else { (&starts[..0], 0) };
+        let mut acc = [0; 320];
+        let mut offset = 0;
+        for (_, width) in panels(channels) {
+            let bytes = 4 * width * starts.len() * groups;
+            for _ in 0..sets {
+                let weights = &self.weights[offset..offset + bytes];
+                let mut done = 0;
+                while done < pixels {
+                    // Blocks of nearly one size.
+                    let left = pixels - done;
+                    let now = left.div_ceil(left.div_ceil(pixels_at_once(width)));
+                    let input = (&self.codes[done * stride..], starts);
+                    kernel
+                        .matrix_product(&mut acc[..now * width], (now, width), input, (stride, groups), weights)
+                        .unwrap_or_else(|what| panic!("{:?}: {what}", self.shape));
+                    done += now;
+                }
+                offset += bytes;
+            }
+        }
+        std::hint::black_box(&acc);
+    }
+}
