@@ -293,7 +293,7 @@ impl Quantiser<'_> {
     /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
     fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
         let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
-        let fits = out.cols % COLUMNS_AT_ONCE == 0 && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
+        let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
         if out.channels != 1 || form.stride != 1 || !fits {
             return 1;
         }
