@@ -87,13 +87,13 @@ fn gemm(criterion: &mut Criterion) {
         let macs = row.use_.shape.macs();
         for (index, kernel) in kernels.iter().enumerate() {
             let id = format!("{}/{}", kernel.name(), row.use_.shape.id());
-            let work = |times| seconds(|| (0..times).for_each(|_| products.run(kernel, true)));
+            let work = |times| seconds(|| (0..times).for_each(|_| products.run(kernel, false)));
             let (samples, peaks) = measure(&mut group, &id, work, || peak.seconds());
             // Time at peak over time taken.
             let scale = macs as f64 / peak.macs as f64;
             row.fractions.push(peaks.over(&samples).median().map(|ratio| ratio * scale));
             if index == 0 {
-                row.call = samples.median().map(|s| empty(&products, kernel) / s);
+                row.call = samples.median().map(|s| call(&products, &row.use_.shape, kernel, &peak) / s);
             }
         }
     }
@@ -104,11 +104,15 @@ fn gemm(criterion: &mut Criterion) {
     }
 }
 
-/// Seconds of the calls of a step without any product.
-fn empty(products: &Products, kernel: &Kernel) -> f64 {
-    let mut samples = Samples::default();
-    (0..25).for_each(|_| samples.push(seconds(|| products.run(kernel, false))));
-    samples.median().unwrap_or_default()
+/// Seconds that the calls of a step cost besides the products: those of the fewest products, less what these take at peak.
+fn call(products: &Products, shape: &Shape, kernel: &Kernel, peak: &Peak) -> f64 {
+    let (mut samples, mut peaks) = (Samples::default(), Samples::default());
+    for _ in 0..25 {
+        samples.push(seconds(|| products.run(kernel, true)));
+        peaks.push(peak.seconds() / peak.macs as f64);
+    }
+    let [call, mac] = [samples, peaks].map(|samples| samples.median().unwrap_or_default());
+    (call - mac * shape.least_macs() as f64).max(0.0)
 }
 
 fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> String {
@@ -122,10 +126,11 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
     let _ = writeln!(
         text,
         "fractions are of {}.\n\nOne step of a convolution each: weights of all panels (times 4 sets where an enlargement is folded in) \
-         by one row of pixels. Filling of panels and groups counts as work in the fractions; \"useful\" is the share without it. \
-         \"call\" is the share of the fastest kernel's time that the calls cost without any product, \
+         by one row of pixels. Filling of panels and groups counts as work in the fractions; \"useful\" is the share without it, \
+         and without weights that are 0 because columns are computed as channels. \
+         \"call\" is the share of the fastest kernel's time that the calls cost besides their products, \
          \"without calls\" its fraction when that is taken off: the runner makes no such calls, but loads and stores sums as they do, \
-         so it lies between the two.\n",
+         so its own lies between the two.\n",
         peak.name
     );
     let shares: Vec<String> = networks.iter().map(|network| format!("% of {network}")).collect();

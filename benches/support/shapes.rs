@@ -19,6 +19,8 @@ pub struct Shape {
     pub rows: usize,
     /// Samples of a kernel row: kernel columns times channels of the source.
     pub samples: usize,
+    /// Samples that an output channel reads: fewer where neighbouring columns are computed as channels of one pixel.
+    pub read: usize,
 }
 
 /// A shape, and how much of a network it is.
@@ -33,15 +35,20 @@ pub struct Use {
 }
 
 impl Shape {
+    /// Multiply-accumulates of [`Products::run`] with `least`.
+    pub fn least_macs(&self) -> u64 {
+        (self.sets * self.pixels * panelled(self.channels) * 4) as u64
+    }
+
     /// Multiply-accumulates of a step as kernels do them: filled up to whole panels and groups.
     pub fn macs(&self) -> u64 {
         (self.sets * self.pixels * panelled(self.channels) * self.rows * 4 * groups(self.samples)) as u64
     }
 
-    /// Share of [`Self::macs`] that is no filling.
+    /// Share of [`Self::macs`] that is no filling and no product with a weight that is always 0.
     pub fn useful(&self) -> f64 {
         let filled = panelled(self.channels) * 4 * groups(self.samples);
-        (self.channels * self.samples) as f64 / filled as f64
+        (self.channels * self.read) as f64 / filled as f64
     }
 
     /// Bytes of weights that a step reads.
@@ -60,7 +67,7 @@ impl Shape {
 
     /// A name for criterion.
     pub fn id(&self) -> String {
-        let Self { channels, sets, pixels, stride, rows, samples } = self;
+        let Self { channels, sets, pixels, stride, rows, samples, .. } = self;
         format!("c{channels}x{sets}-p{pixels}-s{stride}-k{rows}x{samples}")
     }
 }
@@ -86,15 +93,17 @@ pub fn of(model: &Model<'_>) -> Vec<Use> {
 }
 
 fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
-    let (channels, stride) = (out.channels, conv.stride * source.channels);
+    let (channels, stride) = (out.channels, conv.stride_cols * source.channels);
     if conv.fold {
         // Inner filters have four taps in both directions; two rows and two columns of phases make four sets.
         let taps = PHASE_TAPS[2];
         let samples = taps * source.channels;
-        return Shape { channels, sets: 4, pixels: out.cols / 2 - 2, stride, rows: taps, samples };
+        return Shape { channels, sets: 4, pixels: out.cols / 2 - 2, stride, rows: taps, samples, read: samples };
     }
     let samples = conv.kernel_cols * source.channels;
-    Shape { channels, sets: 1, pixels: out.cols, stride, rows: conv.kernel_rows, samples }
+    // Columns computed as channels of one pixel read the kernel of all of them, each its own part.
+    let read = (conv.kernel_cols - (conv.stride_cols - conv.stride)) * source.channels;
+    Shape { channels, sets: 1, pixels: out.cols, stride, rows: conv.kernel_rows, samples, read }
 }
 
 /// A shape with memory of its own, laid out as in the runner: input rows in their pitch, weights one panel behind the other.
@@ -116,14 +125,15 @@ impl Products {
         Self { shape, pitch, codes: fill((shape.rows - 1) * pitch + row, 7), weights: fill(shape.weight_bytes(), 5) }
     }
 
-    /// All products of one step, in blocks of pixels as the runner makes them; without `taps` only what a call costs besides.
+    /// All products of one step, in blocks of pixels as the runner makes them; `least`: with the first four samples only, which shows what a
+    /// call costs besides.
     ///
     /// # Panics
     /// If the kernel refuses, which would be a bug here.
-    pub fn run(&self, kernel: &Kernel, taps: bool) {
-        let Shape { channels, sets, pixels, stride, rows, samples } = self.shape;
+    pub fn run(&self, kernel: &Kernel, least: bool) {
+        let Shape { channels, sets, pixels, stride, rows, samples, .. } = self.shape;
         let starts: [usize; MAX_KERNEL] = std::array::from_fn(|row| row * self.pitch);
-        let (starts, groups) = if taps { (&starts[..rows], groups(samples)) } else { (&starts[..0], 0) };
+        let (starts, groups) = if least { (&starts[..1], 1) } else { (&starts[..rows], groups(samples)) };
         let mut acc = [0; 320];
         let mut offset = 0;
         for (_, width) in panels(channels) {
