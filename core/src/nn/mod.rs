@@ -31,7 +31,8 @@ pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
 pub use metres::{TileError, validity};
 pub use model::{
-    Illumination, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model, TruthRange,
+    Illumination, MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
+    TruthRange,
 };
 pub use program::{
     Attention, Conv, Dtype, ENTRY_BYTES, Edge, Enlarge, Entry, LayerNorm, MAX_ADD_SHIFT, MAX_MARGIN, OPERATOR_BYTES,

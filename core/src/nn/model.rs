@@ -20,6 +20,8 @@ pub const MAX_SAMPLES: u64 = 1 << 28;
 pub const MAX_NORM_CHANNELS: usize = 1 << 13;
 /// Largest kernel side.
 pub const MAX_KERNEL: usize = 15;
+/// Most output rows in one step of a convolution: a unit of work must stay small.
+pub const MAX_BLOCK: usize = 16;
 /// Largest window side; its tokens' logits live on the stack.
 pub const MAX_WINDOW: usize = 8;
 /// Largest bias of a layer norm, before its shift.
@@ -172,6 +174,8 @@ impl<'a> Model<'a> {
         let sides = [conv.kernel_rows, conv.kernel_cols];
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
             && [conv.stride, conv.stride_cols].iter().all(|s| (1..=MAX_KERNEL).contains(s))
+            && (1..=MAX_BLOCK).contains(&conv.block)
+            && (conv.block == 1 || !conv.fold)
             && conv.add_shift <= MAX_ADD_SHIFT
             && (!conv.fold || (sides == [5, 5] && (conv.stride, conv.stride_cols) == (1, 1) && conv.pad == 2));
         if !legal {
@@ -526,7 +530,8 @@ impl<'a> Model<'a> {
         let steps = operator.steps(&out);
         match operator {
             Operator::Conv(conv) if !conv.fold => {
-                self.taps(conv, &out, 0).saturating_mul((out.channels * out.rows) as u64)
+                let all = Conv { block: out.rows, ..*conv };
+                self.taps(&all, &out, 0).saturating_mul(out.channels as u64)
             }
             Operator::Conv(conv) => {
                 // Inner steps are alike.
@@ -548,7 +553,8 @@ impl<'a> Model<'a> {
             let down = Phase::of(2 * step, rows).taps + Phase::of(2 * step + 1, rows).taps;
             down * (2 * (2 + 3) + 2 * 4 * (cols - 2))
         } else {
-            conv.kernel_rows * conv.kernel_cols * out.cols
+            let rows = conv.block.min(out.rows - (conv.block * step).min(out.rows));
+            conv.kernel_rows * conv.kernel_cols * out.cols * rows
         };
         (taps * channels) as u64
     }

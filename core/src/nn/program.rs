@@ -82,6 +82,8 @@ pub struct Conv {
     pub stride_cols: usize,
     /// Zero padding on all four sides (2 with `fold`).
     pub pad: usize,
+    /// Output rows per step (1 with `fold`): with several, weights that no cache holds are fetched once for all of them.
+    pub block: usize,
     /// Twofold enlargement contained in the weights.
     pub fold: bool,
     /// Constants: i8 weights.
@@ -273,6 +275,7 @@ impl Operator {
                 table_zero: word(17) as i32,
                 relu: word(18) != 0,
                 stride_cols: size(19),
+                block: size(20),
             }),
             KIND_LAYER_NORM => Self::LayerNorm(LayerNorm {
                 out: word(1),
@@ -307,7 +310,7 @@ impl Operator {
     pub fn encode(&self) -> [u8; OPERATOR_BYTES] {
         let mut words = [0u32; OPERATOR_BYTES / 4];
         let none = |v: Option<u32>| v.unwrap_or(NONE);
-        let fields: [u32; 20] = match self {
+        let fields: [u32; 21] = match self {
             Self::Conv(c) => [
                 KIND_CONV,
                 c.out,
@@ -329,6 +332,7 @@ impl Operator {
                 c.table_zero as u32,
                 c.relu as u32,
                 c.stride_cols as u32,
+                c.block as u32,
             ],
             Self::LayerNorm(n) => {
                 let (low, high) = (n.epsilon as u32, (n.epsilon >> 32) as u32);
@@ -391,14 +395,15 @@ impl Operator {
         }
     }
 
-    /// Steps of this operator that make all of `out`: a step is one output row; two for an enlargement, contained or not; a row
+    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an enlargement, contained or not; a row
     /// of windows for an attention.
     #[inline]
     pub const fn steps(&self, out: &Tensor) -> usize {
         match self {
             Self::Conv(c) if c.fold => out.rows / 2,
             Self::Enlarge(_) => out.rows / 2,
-            Self::Conv(_) | Self::LayerNorm(_) => out.rows,
+            Self::Conv(c) => out.rows.div_ceil(if c.block == 0 { 1 } else { c.block }),
+            Self::LayerNorm(_) => out.rows,
             Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
         }
     }
@@ -409,7 +414,8 @@ impl Operator {
         match self {
             Self::Conv(c) if c.fold => 2 * steps,
             Self::Enlarge(_) => 2 * steps,
-            Self::Conv(_) | Self::LayerNorm(_) => steps,
+            Self::Conv(c) => min(c.block * steps, out.rows),
+            Self::LayerNorm(_) => steps,
             Self::Attention(_) if steps == 0 => 0,
             Self::Attention(a) => min(a.piece(out.rows, a.shift_rows, steps - 1).1, out.rows),
         }
@@ -418,16 +424,13 @@ impl Operator {
     /// Rows of input `slot` (see [`Self::inputs`], of `rows` rows) that step `step` reads; empty if it reads padding only.
     pub fn rows_read(&self, out: &Tensor, slot: usize, rows: usize, step: usize) -> Range<usize> {
         match self {
-            Self::Conv(c) if slot == 2 => {
-                let per_step = if c.fold { 2 } else { 1 };
-                per_step * step..per_step * (step + 1)
-            }
+            Self::Conv(_) if slot == 2 => self.rows_after(out, step)..self.rows_after(out, step + 1),
             Self::Conv(c) if c.fold => step.saturating_sub(2)..min(step + 3, rows),
             Self::Conv(c) => {
-                let first = (step * c.stride).saturating_sub(c.pad);
-                first
-                    ..min(step * c.stride + c.kernel_rows - min(c.pad, step * c.stride + c.kernel_rows), rows)
-                        .max(first)
+                let made = self.rows_after(out, step)..self.rows_after(out, step + 1);
+                let first = (made.start * c.stride).saturating_sub(c.pad);
+                let end = (made.end.saturating_sub(1) * c.stride + c.kernel_rows).saturating_sub(c.pad);
+                first..min(end, rows).max(first)
             }
             Self::LayerNorm(n) => n.merge * step..n.merge * (step + 1),
             Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),

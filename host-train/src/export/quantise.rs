@@ -25,6 +25,9 @@ const RANGE_FLOOR: f64 = 1.0 / 32.0;
 const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
 /// Columns of the output map that are computed together: as many as the narrowest panel has channels.
 const COLUMNS_AT_ONCE: usize = 8;
+/// Weights from which on rows are made in blocks, and pixels of a block.
+const BLOCK_WEIGHT_BYTES: usize = 1 << 20;
+const BLOCK_PIXELS: usize = 80;
 /// Smallest map whose enlargement is folded into the convolution behind it.
 const FOLD_ROWS: usize = 32;
 /// GELU of anything below is 0 within a code step.
@@ -290,7 +293,7 @@ impl Quantiser<'_> {
     /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
     fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
         let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
-        let fits = out.cols % COLUMNS_AT_ONCE == 0 && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
+        let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
         if out.channels != 1 || form.stride != 1 || !fits {
             return 1;
         }
@@ -336,6 +339,7 @@ impl Quantiser<'_> {
             .collect();
         let tensors: Vec<Tensor> = read.iter().map(|&t| self.program.tensors[t as usize]).collect();
         let packed = pack(&integers, kernel.output, &tensors);
+        let weight_bytes = packed.weights.len();
         let weights = self.constant(packed.weights);
         let bias = self.words(packed.bias);
         let codes = self.program.codes[id].clone();
@@ -344,6 +348,11 @@ impl Quantiser<'_> {
             out: self.program.tensor_of[id],
             first: read[0],
             second: read.get(1).copied(),
+            block: if folds {
+                1
+            } else {
+                block(weight_bytes, &self.program.tensors[self.program.tensor_of[id] as usize])
+            },
             fold: folds,
             kernel_rows: kernel.side,
             kernel_cols: kernel.side + beside - 1,
@@ -476,6 +485,11 @@ pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
     };
     (kernel.side, *stride, *pad) == (5, 1, 2)
         && sources.iter().all(|s| s.up && graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
+}
+
+/// Output rows per step: several where a row is short and the weights are more than a second-level cache holds.
+fn block(weight_bytes: usize, out: &Tensor) -> usize {
+    if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / out.cols).clamp(1, nn::MAX_BLOCK) }
 }
 
 /// A filter with one output as `columns` outputs, each one column to the right of the one before.

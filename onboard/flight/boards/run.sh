@@ -56,7 +56,7 @@ compile() {
     [ ${#linker[@]} -gt 0 ] || linker=(-C "linker=ld.lld-$llvm" -C linker-flavor=ld.lld)
     ELUNAR_BOARD="$board" RUSTFLAGS="${linker[*]} ${flags[*]}" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 \
         /usr/bin/cargo build --quiet --locked -Zbuild-std=core --manifest-path "$here/../Cargo.toml" --package elunar-demo \
-        --profile board "${features[@]}" --target "$target" --target-dir "$build/$board"
+        --profile board "${features[@]}" --target "$target" --target-dir "$build/$board" || return
     elf="$build/$board/$target/board/elunar-demo"
 }
 

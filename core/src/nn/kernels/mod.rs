@@ -17,8 +17,16 @@
 //! Everything else a unit of work does (rounding, layer norm, softmax) is plain Rust, compiled once per instruction set by
 //! `instantiate!`, which the compiler turns into vector instructions.
 
+#[cfg(arm_dsp)]
+mod dsp;
+#[cfg(arm_mve)]
+mod helium;
 #[cfg(target_arch = "x86_64")]
 mod instantiate;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+mod neon;
+#[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+mod neon_dot;
 mod scalar;
 mod select;
 #[cfg(target_arch = "x86_64")]

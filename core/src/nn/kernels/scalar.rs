@@ -1,36 +1,65 @@
 //! The specification of the matrix product, in registers' worth of portable Rust.
+//!
+//! ```text
+//! sums of PIXELS x CHANNELS stay in registers
+//! for every row r of the patch and every group g:
+//!     for b in 0..4, every pixel p and channel c:
+//!         sum[p][c] += x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]
+//! ```
 
 use super::{Accumulators, Isa, Patch};
+use crate::nn::ops::finish::{Finish, Target};
 
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
-pub(super) const NAME: &str = "scalar-u8i8-4x2";
+pub(super) const NAME: &str = match (PIXELS, CHANNELS) {
+    (2, 2) => "scalar-u8i8-2x2",
+    (4, 8) => "scalar-u8i8-4x8",
+    _ => "scalar-u8i8-4x4",
+};
 
 /// Plain Rust.
 pub(super) struct Scalar;
 
-/// Pixels and channels whose sums are kept in registers.
-const PIXELS: usize = 4;
-const CHANNELS: usize = 2;
+/// Pixels and channels whose sums are kept in registers: 16 sums in 32 registers, 4 in ARM's 16, 32 in SSE's.
+const PIXELS: usize = if cfg!(target_arch = "arm") { 2 } else { 4 };
+const CHANNELS: usize = match PIXELS {
+    _ if VECTORS => 8,
+    pixels => pixels,
+};
+/// Whether the compiler has SSE2's `pmaddwd` for [`by_neighbours`]; elsewhere that order costs more.
+const VECTORS: bool = cfg!(target_arch = "x86_64");
 
 impl Isa for Scalar {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        if !patch.fits(pixels, weights, width) {
-            return;
+        product(acc, pixels, patch, weights, width);
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // The compiler knows the vectors of these two.
+        if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
+            finish.portable(bytes, acc, target)
+        } else {
+            finish.by_channels(bytes, acc, target)
         }
+    }
+}
+
+/// Not inlined: the convolutions and the attention share it.
+#[inline(never)]
+fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    if !patch.fits(pixels, weights, width) {
+        return;
+    }
+    for channel in (0..width).step_by(CHANNELS) {
         let mut first = 0;
         while first < pixels {
-            let count = (pixels - first).min(PIXELS);
-            let mut channel = 0;
-            while channel < width {
-                if count == PIXELS {
-                    block::<PIXELS>(acc, first, channel, patch, weights, width);
-                } else {
-                    (first..first + count).for_each(|p| block::<1>(acc, p, channel, patch, weights, width));
-                }
-                channel += CHANNELS;
-            }
-            first += count;
+            first += if pixels - first >= PIXELS {
+                block::<PIXELS>(acc, first, channel, patch, weights, width)
+            } else {
+                block::<1>(acc, first, channel, patch, weights, width)
+            };
         }
     }
 }
@@ -44,19 +73,25 @@ fn block<const P: usize>(
     patch: &Patch<'_>,
     weights: &[u8],
     width: usize,
-) {
+) -> usize {
+    let (stride, groups) = (patch.stride, patch.groups);
     let mut sums = [[0i32; CHANNELS]; P];
-    let (bytes, len) = (patch.bytes, 4 * patch.groups);
-    for (&start, weights) in patch.starts.iter().zip(weights.chunks_exact(len * width)) {
-        let start = start + first * patch.stride;
-        let rows: [&[u8]; P] = core::array::from_fn(|p| &bytes[start + p * patch.stride..][..len]);
-        for (g, weights) in weights.chunks_exact(4 * width).enumerate() {
-            let w = &weights[4 * channel..][..4 * CHANNELS];
+    for (&start, weights) in patch.starts.iter().zip(weights.chunks_exact(4 * groups * width)) {
+        // Fours of codes; slices of equal length, so that none of their bounds are checked in the loop.
+        let codes: [&[[u8; 4]]; P] =
+            core::array::from_fn(|p| &patch.bytes[start + (first + p) * stride..].as_chunks().0[..groups]);
+        for (g, weights) in weights.as_chunks().0.chunks_exact(width).enumerate() {
+            let w: &[[u8; 4]] = &weights[channel..][..CHANNELS];
+            if VECTORS {
+                for p in 0..P {
+                    by_neighbours(&mut sums[p], codes[p][g], w);
+                }
+                continue;
+            }
             for b in 0..4 {
                 for p in 0..P {
-                    let x = rows[p][4 * g + b] as i32;
                     for c in 0..CHANNELS {
-                        sums[p][c] = sums[p][c].wrapping_add(x * (w[4 * c + b] as i8) as i32);
+                        sums[p][c] = sums[p][c].wrapping_add(codes[p][g][b] as i32 * (w[c][b] as i8) as i32);
                     }
                 }
             }
@@ -67,5 +102,17 @@ fn block<const P: usize>(
             let at = &mut acc[(first + p) * width + channel + c];
             *at = at.wrapping_add(*sum);
         }
+    }
+    P
+}
+
+/// Adds a group's products of one pixel: neighbours first, as an instruction for vectors of i16 does.
+#[inline(always)]
+fn by_neighbours(sums: &mut [i32; CHANNELS], x: [u8; 4], w: &[[u8; 4]]) {
+    let x = x.map(|x| x as i16 as i32);
+    for (sum, w) in sums.iter_mut().zip(w) {
+        let w = w.map(|w| w as i8 as i16 as i32);
+        let (first, second) = (x[0] * w[0] + x[1] * w[1], x[2] * w[2] + x[3] * w[3]);
+        *sum = sum.wrapping_add(first).wrapping_add(second);
     }
 }

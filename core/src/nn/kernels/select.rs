@@ -14,10 +14,20 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
     ]
 }
 
-/// The kernels at hand, fastest first.
+/// The kernels at hand, fastest first: what the binary is compiled for.
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) fn fastest_first() -> [Option<Kernel>; 1] {
-    [Some(Kernel::SCALAR)]
+pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
+    #[allow(unused_variables)]
+    let fastest: Option<Kernel> = None;
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+    let fastest = Some(super::neon::KERNEL);
+    #[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+    let fastest = Some(super::neon_dot::KERNEL);
+    #[cfg(arm_dsp)]
+    let fastest = Some(super::dsp::KERNEL);
+    #[cfg(arm_mve)]
+    let fastest = Some(super::helium::KERNEL);
+    [fastest, Some(Kernel::SCALAR)]
 }
 
 /// What the processor offers and the operating system saves on a task switch.

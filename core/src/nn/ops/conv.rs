@@ -56,15 +56,12 @@ pub(crate) fn run<I: Isa>(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>,
     let sources = [Some(model.tensor(conv.first)), conv.second.map(|t| model.tensor(t))];
     let job = Job { model, conv, sources, first, width, out };
     let mut cut = 0;
-    if conv.fold {
-        for row in 2 * step..2 * step + 2 {
-            cut += job.folded_row::<I>(arena, row);
-        }
-    } else {
-        cut += job.run::<I>(arena, &job.plain_row(step));
+    let rows =
+        if conv.fold { 2 * step..2 * step + 2 } else { conv.block * step..(conv.block * (step + 1)).min(job.out.rows) };
+    for row in rows.clone() {
+        cut += if conv.fold { job.folded_row::<I>(arena, row) } else { job.run::<I>(arena, &job.plain_row(row)) };
     }
     if first + width >= out.channels && out.margin > 0 {
-        let rows = if conv.fold { 2 * step..2 * step + 2 } else { step..step + 1 };
         for row in rows {
             arena.fill_margins(&out, row);
         }

@@ -1,6 +1,6 @@
 //! From a convolution's accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
 
-use crate::nn::arena::{Arena, Row, high};
+use crate::nn::arena::{Arena, Row, high, join};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
 use crate::nn::model::Model;
 use crate::nn::program::{Conv, Dtype, Tensor};
@@ -135,6 +135,68 @@ impl<'a> Finish<'a> {
         }
     }
 
+    /// The same for processors without vectors: channel by channel, whose numbers stay in registers, straight to the arena.
+    #[inline(always)]
+    pub(crate) fn by_channels(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        if self.shift < 32 {
+            return self.portable(bytes, acc, target);
+        }
+        let added = self.add.as_ref().map(|t| t.dtype);
+        match (added, self.out.dtype == Dtype::I16) {
+            (None, false) => self.channels::<0, false>(bytes, acc, target),
+            (None, true) => self.channels::<0, true>(bytes, acc, target),
+            (Some(Dtype::U8), false) => self.channels::<1, false>(bytes, acc, target),
+            (Some(Dtype::U8), true) => self.channels::<1, true>(bytes, acc, target),
+            (_, false) => self.channels::<2, false>(bytes, acc, target),
+            (_, true) => self.channels::<2, true>(bytes, acc, target),
+        }
+    }
+
+    /// `ADD`: bytes of the added map's samples. `WIDE`: the output has two planes. The shift is 32 or more, see
+    /// [`Self::round_by`].
+    #[inline(always)]
+    fn channels<const ADD: usize, const WIDE: bool>(
+        &self,
+        bytes: &mut [u8],
+        acc: &Accumulators,
+        target: &Target,
+    ) -> u64 {
+        let table: Option<&[u8; CODE_TABLE_LEN]> = self.table.and_then(|table| table.first_chunk());
+        let (start, pitch) = target.place(self.out, self.first);
+        let plane = self.out.plane_bytes();
+        let (from, add_pitch) = self.add.as_ref().map_or((0, 0), |t| target.place(t, self.first));
+        let (add_plane, add_zero) = self.add.as_ref().map_or((0, 0), |t| (t.plane_bytes(), t.zero));
+        let (zero, lo, hi) = (self.zero as i32, self.lo as i32, self.hi as i32);
+        let mut cut = 0;
+        for c in 0..self.channels.min(PANEL) {
+            let (bias, multiplier, add_multiplier) = (self.bias[c], self.multiplier[c], self.add_multiplier[c]);
+            let (mut to, mut from) = (start + c, from + c);
+            for acc in acc.chunks_exact(self.width).take(target.pixels) {
+                let mut v = acc[c].wrapping_add(bias) as i64 * multiplier as i64 + self.half;
+                if ADD > 0 {
+                    let low = bytes[from];
+                    let added = if ADD == 1 { low as i32 - add_zero } else { join(low, bytes[from + add_plane]) };
+                    v += (added << (self.add_shift & 31)) as i64 * add_multiplier as i64;
+                    from += add_pitch;
+                }
+                let v = ((v >> 32) as i32 >> (self.shift & 31)) + zero;
+                let mut code = v.clamp(lo, hi);
+                if code != v {
+                    cut += (v as i64 > self.ceiling || (v as i64) < self.floor) as u64;
+                }
+                if let Some(table) = table {
+                    code = table[code as usize & 255] as i32;
+                }
+                bytes[to] = code as u8;
+                if WIDE {
+                    bytes[to + plane] = high(code);
+                }
+                to += pitch;
+            }
+        }
+        cut
+    }
+
     /// `W` is the panel's width, known to the compiler.
     #[inline(always)]
     fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
@@ -169,17 +231,45 @@ impl<'a> Finish<'a> {
         codes: &mut [i32; ACCUMULATORS],
         pixels: usize,
     ) -> u64 {
+        if self.shift >= 32 {
+            self.round_by::<W, ADD, true>(acc, added, codes, pixels)
+        } else {
+            self.round_by::<W, ADD, false>(acc, added, codes, pixels)
+        }
+    }
+
+    /// With `HIGH` the shift is 32 or more, as in almost every model: then the upper half of the product is enough, and everything
+    /// after it has 32 bits.
+    #[inline(always)]
+    fn round_by<const W: usize, const ADD: bool, const HIGH: bool>(
+        &self,
+        acc: &[i32; ACCUMULATORS],
+        added: &[i32; ACCUMULATORS],
+        codes: &mut [i32; ACCUMULATORS],
+        pixels: usize,
+    ) -> u64 {
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
-        let mut cuts = [0i64; W];
+        let low_shift = self.shift & 31;
+        // Limits beyond i32 become its ends, which nothing exceeds.
+        let narrow = |limit: i64| limit.clamp(i32::MIN as i64, i32::MAX as i64) as i32;
+        let (zero, lo, hi) = (narrow(self.zero), narrow(self.lo), narrow(self.hi));
+        let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
+        let mut cuts = [0i32; W];
         for ((codes, acc), added) in codes.as_chunks_mut::<W>().0[..pixels].iter_mut().zip(acc).zip(added) {
             for c in 0..W {
                 let mut v = acc[c].wrapping_add(self.bias[c]) as i64 * self.multiplier[c] as i64 + self.half;
                 if ADD {
-                    v += (added[c] as i64 * self.add_multiplier[c] as i64) << self.add_shift;
+                    // An i16 by up to 15 bits: no more than an i32.
+                    v += (added[c] << (self.add_shift & 31)) as i64 * self.add_multiplier[c] as i64;
                 }
-                let v = (v >> self.shift) + self.zero;
-                cuts[c] += (v > self.ceiling) as i64 + (v < self.floor) as i64;
-                codes[c] = v.clamp(self.lo, self.hi) as i32;
+                let v = if HIGH {
+                    // Sums stay below 2^62, their upper halves below 2^30.
+                    ((v >> 32) as i32 >> low_shift) + zero
+                } else {
+                    narrow((v >> low_shift) + self.zero)
+                };
+                cuts[c] += (v > ceiling) as i32 + (v < floor) as i32;
+                codes[c] = v.clamp(lo, hi);
             }
         }
         let mut cut = 0;

@@ -71,7 +71,16 @@ impl Case {
             false => (len + 2 * pad - kernel) / stride + 1,
         };
         let out_size = (extent(size.0, rows, stride), extent(size.1, cols, stride_cols));
-        let conv = Conv { kernel_rows: rows, kernel_cols: cols, stride, stride_cols, pad, fold, ..EMPTY };
+        let conv = Conv {
+            kernel_rows: rows,
+            kernel_cols: cols,
+            stride,
+            stride_cols,
+            block: if fold { 1 } else { r.size(1, 4.min(out_size.0)) },
+            pad,
+            fold,
+            ..EMPTY
+        };
         let weights = random_weights(r, &conv, &mut tensors);
         let out_channels = weights.0;
         let dtype = r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16, Dtype::F32]);
@@ -80,7 +89,7 @@ impl Case {
             out = map(dtype, out_size, out_channels);
         }
         // A step of a folded convolution makes two rows.
-        out.ring = r.size(1 + fold as usize, out.rows);
+        out.ring = r.size(conv.block.max(1 + fold as usize), out.rows);
         let add_dtype = r.pick(&[Dtype::U8, Dtype::I16]);
         let add = r.one_in(2).then(|| random_tensor(r, add_dtype, out_size, out_channels));
         let mut case = Self {

@@ -50,6 +50,7 @@ fn any_operator(r: &mut Random) -> Operator {
             kernel_cols: sizes[1],
             stride: sizes[2],
             stride_cols: sizes[8],
+            block: sizes[3],
             pad: sizes[3],
             fold: r.one_in(2),
             weights: sizes[4],

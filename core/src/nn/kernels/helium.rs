@@ -1,0 +1,161 @@
+//! Helium (Cortex-M55): `vmladava` adds 16 products of u8 to a sum in a general register.
+//!
+//! It wants 16 weights of one channel side by side, which lie in four groups: a gather of four words brings them. Both factors
+//! have the same type, so the weights become u8 by flipping their highest bit: w = w' - 128, and 128 Σx is taken off.
+//!
+//! ```text
+//! deficit[p] = -128 Σ x of pixel p                                once per call
+//! sums of 3 pixels x 2 channels stay in registers
+//! for every row r of the patch and every four groups (the last of them cut off by the loop instruction, `dlstp`):
+//!     for every pixel p:    x[p] = 16 codes                                     vldrb
+//!     for both channels c:  w = 16 weights, flipped                              vldrw (gather), veor
+//!         for every pixel p:  sum[p][c] += Σ x[p] * w                            vmladava
+//! ```
+#![allow(unsafe_code)]
+
+use super::{Accumulators, Isa, Kernel, Patch, scalar::Scalar};
+use crate::nn::ops::finish::{Finish, Target};
+use core::arch::asm;
+
+/// The kernel for processors that this binary is compiled for.
+pub(super) const KERNEL: Kernel =
+    Kernel { name: "helium-u8i8-3x2", unit: crate::nn::ops::run::<Helium>, gemm: <Helium as Isa>::gemm };
+
+/// Helium, integers.
+struct Helium;
+
+impl Isa for Helium {
+    #[inline(always)]
+    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        product(acc, pixels, patch, weights, width);
+    }
+
+    #[inline(always)]
+    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        finish.by_channels(bytes, acc, target)
+    }
+}
+
+/// Pixels whose sums are kept in registers.
+const PIXELS: usize = 3;
+/// Most pixels of a call.
+const MOST: usize = super::ACCUMULATORS / 8;
+
+/// Not inlined: the convolutions and the attention share it.
+#[inline(never)]
+fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    // Gathers of words need words at multiples of four.
+    if !weights.as_ptr().cast::<u32>().is_aligned() {
+        return Scalar::gemm(acc, pixels, patch, weights, width);
+    }
+    if !patch.fits(pixels, weights, width) || patch.groups == 0 || pixels == 0 {
+        return;
+    }
+    let mut deficits = [0; MOST];
+    for (p, deficit) in deficits.iter_mut().enumerate().take(pixels) {
+        let mut sum = 0;
+        for &start in patch.starts {
+            let x = patch.bytes.as_ptr().wrapping_add(start + p * patch.stride);
+            // SAFETY: the target has the instructions; `fits` has bounded every read.
+            sum = unsafe { total(sum, x, 4 * patch.groups) };
+        }
+        *deficit = sum.wrapping_mul(-128);
+    }
+    let offsets = [0, 4 * width, 8 * width, 12 * width];
+    for channel in (0..width).step_by(2) {
+        let mut first = 0;
+        while first < pixels {
+            // Pixels that are not there repeat the last one and are not stored.
+            let pixel = [first, (first + 1).min(pixels - 1), (first + 2).min(pixels - 1)];
+            let mut sums = [[0; 2]; PIXELS];
+            for (sums, p) in sums.iter_mut().zip(pixel) {
+                *sums = [deficits[p.min(MOST - 1)]; 2];
+            }
+            let mut w = weights.as_ptr().wrapping_add(4 * channel);
+            for &start in patch.starts {
+                let x = pixel.map(|p| patch.bytes.as_ptr().wrapping_add(start + p * patch.stride));
+                // SAFETY: as above.
+                unsafe { row(&mut sums, x, w, &offsets, patch.groups) };
+                w = w.wrapping_add(4 * width * patch.groups);
+            }
+            for (sums, p) in sums.iter().zip(first..pixels) {
+                for (c, sum) in sums.iter().enumerate() {
+                    let at = &mut acc[p * width + channel + c];
+                    *at = at.wrapping_add(*sum);
+                }
+            }
+            first += PIXELS;
+        }
+    }
+}
+
+/// `sum` and the sum of `len` codes.
+///
+/// # Safety
+/// Helium; the codes are readable; `len` is not 0.
+#[inline(always)]
+unsafe fn total(mut sum: i32, x: *const u8, len: usize) -> i32 {
+    // SAFETY: as the caller says.
+    unsafe {
+        asm!(
+            "dlstp.8 lr, {len}",
+            "2:",
+            "vldrb.u8 q0, [{x}], #16",
+            "vaddva.u8 r0, q0",
+            "letp lr, 2b",
+            x = inout(reg) x => _, len = in(reg) len, inout("r0") sum, out("r14") _,
+            out("d0") _, out("d1") _,
+            options(readonly, nostack),
+        );
+    }
+    sum
+}
+
+/// Adds one row's products of three pixels and two channels: `groups` words at every `x`, and words at `w` and `w + 4`, from
+/// group to group `offsets[1]` bytes apart.
+///
+/// # Safety
+/// Helium; all of that is readable; `w` is a multiple of four; `groups` is not 0.
+#[inline(always)]
+unsafe fn row(
+    sums: &mut [[i32; 2]; PIXELS],
+    x: [*const u8; PIXELS],
+    w: *const u8,
+    offsets: &[usize; 4],
+    groups: usize,
+) {
+    let [[s00, s01], [s10, s11], [s20, s21]] = sums;
+    // SAFETY: as the caller says.
+    unsafe {
+        asm!(
+            "vldrw.u32 q5, [r11]",          // addresses of the first channel's words in four groups
+            "ldr r11, [r11, #4]",
+            "lsl r11, r11, #2",
+            "vadd.i32 q5, q5, r9",
+            "vmov.i8 q4, #0x80",
+            "dlstp.32 lr, lr",
+            "2:",
+            "vldrb.u8 q0, [r1], #16",
+            "vldrb.u8 q1, [r3], #16",
+            "vldrb.u8 q2, [r5], #16",
+            "vldrw.u32 q3, [q5]",
+            "veor q3, q3, q4",
+            "vmladava.u8 r0, q0, q3",
+            "vmladava.u8 r4, q1, q3",
+            "vmladava.u8 r10, q2, q3",
+            "vldrw.u32 q3, [q5, #4]",
+            "vadd.i32 q5, q5, r11",
+            "veor q3, q3, q4",
+            "vmladava.u8 r2, q0, q3",
+            "vmladava.u8 r8, q1, q3",
+            "vmladava.u8 r12, q2, q3",
+            "letp lr, 2b",
+            inout("r1") x[0] => _, inout("r3") x[1] => _, inout("r5") x[2] => _, in("r9") w,
+            inout("r11") offsets.as_ptr() => _, inout("r14") groups => _,
+            inout("r0") *s00, inout("r2") *s01, inout("r4") *s10, inout("r8") *s11, inout("r10") *s20, inout("r12") *s21,
+            out("d0") _, out("d1") _, out("d2") _, out("d3") _, out("d4") _, out("d5") _, out("d6") _, out("d7") _,
+            out("d8") _, out("d9") _, out("d10") _, out("d11") _,
+            options(readonly, nostack),
+        );
+    }
+}
