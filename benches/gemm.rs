@@ -2,10 +2,10 @@
 //!
 //! `cargo bench -p elunar-benches --bench gemm`
 //!
-//! A benchmark is one step of a convolution: one row of output pixels, all output channels, weights in the order in which the
-//! runner reads them. The peak is measured beside every sample, so that a change of clock reaches both. `Kernel::matrix_product`
-//! copies accumulators in and out of every block of pixels, which the runner does not; the last column says what that costs, the
-//! fractions contain it.
+//! A benchmark is one step of a convolution: a row of output pixels or a block of them, all output channels, weights in the order
+//! in which the runner reads them. The peak is measured beside every sample, so that a change of clock reaches both. `Kernel::matrix_product`
+//! copies accumulators in and out of every block of pixels, which the runner does not: the fractions contain it. The last column
+//! is free of it: what twice as many samples cost more.
 
 #![allow(missing_docs)] // criterion's macros make undocumented functions
 
@@ -28,15 +28,8 @@ struct Row {
     shares: Vec<f64>,
     /// Fraction of peak by kernel.
     fractions: Vec<Option<f64>>,
-    /// Share of the fastest kernel's time that a call costs without any product.
-    call: Option<f64>,
-}
-
-impl Row {
-    /// Fraction of peak of the fastest kernel, calls taken off. A little too high: sums are loaded and stored by them, too.
-    fn without_calls(&self) -> Option<f64> {
-        self.fractions.first()?.zip(self.call).map(|(fraction, call)| fraction / (1.0 - call))
-    }
+    /// Fraction of peak of the fastest kernel's inner loop.
+    inner: Option<f64>,
 }
 
 /// A fraction with two digits that say something.
@@ -54,7 +47,7 @@ fn rows(networks: &[(&str, Vec<Use>)]) -> Vec<Row> {
             let found = rows.iter().position(|row| row.use_.shape == use_.shape);
             let at = found.unwrap_or_else(|| {
                 let shares = vec![0.0; networks.len()];
-                rows.push(Row { use_: *use_, shares, fractions: Vec::new(), call: None });
+                rows.push(Row { use_: *use_, shares, fractions: Vec::new(), inner: None });
                 rows.len() - 1
             });
             rows[at].shares[index] += macs(use_) / total;
@@ -87,28 +80,38 @@ fn gemm(criterion: &mut Criterion) {
         let macs = row.use_.shape.macs();
         for (index, kernel) in kernels.iter().enumerate() {
             let id = format!("{}/{}", kernel.name(), row.use_.shape.id());
-            let work = |times| seconds(|| (0..times).for_each(|_| products.run(kernel, true)));
+            let work = |times| seconds(|| (0..times).for_each(|_| products.run(kernel, row.use_.shape.groups())));
             let (samples, peaks) = measure(&mut group, &id, work, || peak.seconds());
             // Time at peak over time taken.
             let scale = macs as f64 / peak.macs as f64;
             row.fractions.push(peaks.over(&samples).median().map(|ratio| ratio * scale));
             if index == 0 {
-                row.call = samples.median().map(|s| empty(&products, kernel) / s);
+                row.inner = samples.median().and_then(|_| inner_loop(&products, &row.use_.shape, kernel, &peak));
             }
         }
     }
     group.finish();
-    if rows.iter().any(|row| row.call.is_some()) {
+    if rows.iter().any(|row| row.fractions.iter().any(Option::is_some)) {
         let names: Vec<&str> = networks.iter().map(|(name, _)| *name).collect();
         publish(env!("CARGO_TARGET_TMPDIR"), "gemm", &text(&rows, &names, &kernels, &peak));
     }
 }
 
-/// Seconds of the calls of a step without any product.
-fn empty(products: &Products, kernel: &Kernel) -> f64 {
-    let mut samples = Samples::default();
-    (0..25).for_each(|_| samples.push(seconds(|| products.run(kernel, false))));
-    samples.median().unwrap_or_default()
+/// Fraction of peak at which a kernel makes the second half of a step's products: what the first half costs contains calls,
+/// loads and stores of sums. `None` where there are too few to halve.
+fn inner_loop(products: &Products, shape: &Shape, kernel: &Kernel, peak: &Peak) -> Option<f64> {
+    let (all, half) = (shape.groups(), shape.groups() / 2);
+    if all < 8 {
+        return None;
+    }
+    let macs = shape.macs() as f64 * (all - half) as f64 / all as f64;
+    let mut fractions = Samples::default();
+    for _ in 0..51 {
+        let one = seconds(|| products.run(kernel, half));
+        let two = seconds(|| products.run(kernel, all));
+        fractions.push(macs / (two - one) * peak.seconds() / peak.macs as f64);
+    }
+    fractions.median()
 }
 
 fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> String {
@@ -122,29 +125,28 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
     let _ = writeln!(
         text,
         "fractions are of {}.\n\nOne step of a convolution each: weights of all panels (times 4 sets where an enlargement is folded in) \
-         by one row of pixels. Filling of panels and groups counts as work in the fractions; \"useful\" is the share without it. \
-         \"call\" is the share of the fastest kernel's time that the calls cost without any product, \
-         \"without calls\" its fraction when that is taken off: the runner makes no such calls, but loads and stores sums as they do, \
-         so it lies between the two.\n",
+         by a row of pixels, or several. Filling of panels and groups counts as work in the fractions; \"useful\" is the share \
+         without it, and without weights that are 0 because columns are computed as channels. \"inner loop\" is the fraction at which \
+         the fastest kernel makes the second half of the products: free of what a call costs, of which the runner has less.\n",
         peak.name
     );
     let shares: Vec<String> = networks.iter().map(|network| format!("% of {network}")).collect();
     let mut head: Vec<&str> =
-        vec!["panels", "sets", "pixels", "stride", "kernel rows x samples", "weights, KiB", "useful"];
+        vec!["panels", "sets", "rows x pixels", "stride", "kernel rows x samples", "weights, KiB", "useful"];
     head.extend(shares.iter().map(String::as_str));
     head.extend(kernels.iter().map(|kernel| -> &str { kernel.name() }));
-    head.extend(["call", "without calls"]);
+    head.push("inner loop");
     let mut table = Table::new(&head);
     for row in rows {
-        let Shape { sets, pixels, stride, rows: kernel_rows, samples, .. } = row.use_.shape;
+        let Shape { sets, lines, pixels, stride, rows: kernel_rows, samples, .. } = row.use_.shape;
         let shape = &row.use_.shape;
-        let mut cells = vec![shape.widths(), sets.to_string(), pixels.to_string(), stride.to_string()];
+        let mut cells = vec![shape.widths(), sets.to_string(), format!("{lines} x {pixels}"), stride.to_string()];
         cells.push(format!("{kernel_rows} x {samples}"));
         cells.push(number(Some(shape.weight_bytes() as f64 / 1024.0), 1));
         cells.push(number(Some(shape.useful()), 2));
         cells.extend(row.shares.iter().map(|&share| number(Some(100.0 * share).filter(|s| *s > 0.0), 1)));
         cells.extend(row.fractions.iter().map(|&fraction| short(fraction)));
-        cells.extend([number(row.call, 2), short(row.without_calls())]);
+        cells.push(short(row.inner));
         table.row(&cells);
     }
     text + &table.text() + &means(rows, networks, kernels)
@@ -154,7 +156,6 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
 fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> String {
     let mut head = vec!["network", "% of its products above"];
     head.extend(kernels.iter().map(Kernel::name));
-    head.push("without calls");
     let mut table = Table::new(&head);
     for (index, network) in networks.iter().enumerate() {
         let covered: f64 = rows.iter().map(|row| row.shares[index]).sum();
@@ -164,7 +165,6 @@ fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> String {
         };
         let mut cells = vec![(*network).to_string(), number(Some(100.0 * covered), 1)];
         cells.extend((0..kernels.len()).map(|kernel| mean(&|row| row.fractions.get(kernel).copied().flatten())));
-        cells.push(mean(&Row::without_calls));
         table.row(&cells);
     }
     format!("Together, by time:\n\n{}", table.text())

@@ -75,10 +75,10 @@ impl<'a, 'm> Stepper<'a, 'm> {
 fn kind(model: &Model<'_>, operator: &Operator) -> String {
     let Operator::Conv(conv) = operator else { return operator.name().into() };
     let channels: usize = conv.sources().map(|source| model.tensor(source).channels).sum();
-    let special = match (channels, model.tensor(conv.out).channels) {
-        (1, _) => ", one channel in",
-        (_, 1) => ", one channel out",
-        _ => "",
+    let special = match (channels, conv.stride_cols / conv.stride) {
+        (1, _) => ", one channel in".into(),
+        (_, 1) => String::new(),
+        (_, columns) => format!(", {columns} columns as channels"),
     };
     let stride = if conv.stride > 1 { format!("/{}", conv.stride) } else { String::new() };
     format!("{} {}x{}{stride}{special}", operator.name(), conv.kernel_rows, conv.kernel_cols)

@@ -3,15 +3,19 @@
 use elunar_core::nn::kernels::{Kernel, panel_count, panelled, panels, pixels_at_once};
 use elunar_core::nn::{Conv, Dtype, MAX_KERNEL, Model, Operator, PHASE_TAPS, Tensor, groups};
 
-/// The products of one step of a convolution with one of its sources: one row of output pixels (two of a folded enlargement)
-/// times all output channels.
+/// The products of one step of a convolution with one of its sources: a row of output pixels, or as many as the step makes, times
+/// all output channels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Shape {
     /// Output channels.
     pub channels: usize,
     /// Sets of filters applied in a step, each with weights of its own: 1, or 4 with a folded enlargement.
     pub sets: usize,
-    /// Output pixels per set.
+    /// Output rows that a panel's weights are used for one after the other.
+    pub lines: usize,
+    /// Input rows from one of them to the next.
+    pub line_step: usize,
+    /// Output pixels in a row, per set.
     pub pixels: usize,
     /// Bytes from one pixel's codes to the next.
     pub stride: usize,
@@ -19,6 +23,8 @@ pub struct Shape {
     pub rows: usize,
     /// Samples of a kernel row: kernel columns times channels of the source.
     pub samples: usize,
+    /// Samples that an output channel reads: fewer where neighbouring columns are computed as channels of one pixel.
+    pub read: usize,
 }
 
 /// A shape, and how much of a network it is.
@@ -33,15 +39,20 @@ pub struct Use {
 }
 
 impl Shape {
-    /// Multiply-accumulates of a step as kernels do them: filled up to whole panels and groups.
-    pub fn macs(&self) -> u64 {
-        (self.sets * self.pixels * panelled(self.channels) * self.rows * 4 * groups(self.samples)) as u64
+    /// Four-byte groups of a kernel row.
+    pub fn groups(&self) -> usize {
+        groups(self.samples)
     }
 
-    /// Share of [`Self::macs`] that is no filling.
+    /// Multiply-accumulates of a step as kernels do them: filled up to whole panels and groups.
+    pub fn macs(&self) -> u64 {
+        (self.sets * self.lines * self.pixels * panelled(self.channels) * self.rows * 4 * groups(self.samples)) as u64
+    }
+
+    /// Share of [`Self::macs`] that is no filling and no product with a weight that is always 0.
     pub fn useful(&self) -> f64 {
         let filled = panelled(self.channels) * 4 * groups(self.samples);
-        (self.channels * self.samples) as f64 / filled as f64
+        (self.channels * self.read) as f64 / filled as f64
     }
 
     /// Bytes of weights that a step reads.
@@ -60,8 +71,8 @@ impl Shape {
 
     /// A name for criterion.
     pub fn id(&self) -> String {
-        let Self { channels, sets, pixels, stride, rows, samples } = self;
-        format!("c{channels}x{sets}-p{pixels}-s{stride}-k{rows}x{samples}")
+        let Self { channels, sets, lines, pixels, stride, rows, samples, .. } = self;
+        format!("c{channels}x{sets}-p{lines}x{pixels}-s{stride}-k{rows}x{samples}")
     }
 }
 
@@ -86,15 +97,19 @@ pub fn of(model: &Model<'_>) -> Vec<Use> {
 }
 
 fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
-    let (channels, stride) = (out.channels, conv.stride * source.channels);
+    let (channels, stride) = (out.channels, conv.stride_cols * source.channels);
     if conv.fold {
         // Inner filters have four taps in both directions; two rows and two columns of phases make four sets.
         let taps = PHASE_TAPS[2];
         let samples = taps * source.channels;
-        return Shape { channels, sets: 4, pixels: out.cols / 2 - 2, stride, rows: taps, samples };
+        let pixels = out.cols / 2 - 2;
+        return Shape { channels, sets: 4, lines: 1, line_step: 1, pixels, stride, rows: taps, samples, read: samples };
     }
     let samples = conv.kernel_cols * source.channels;
-    Shape { channels, sets: 1, pixels: out.cols, stride, rows: conv.kernel_rows, samples }
+    // Columns computed as channels of one pixel read the kernel of all of them, each its own part.
+    let read = (conv.kernel_cols - (conv.stride_cols - conv.stride)) * source.channels;
+    let (lines, line_step) = (conv.block.min(out.rows), conv.stride);
+    Shape { channels, sets: 1, lines, line_step, pixels: out.cols, stride, rows: conv.kernel_rows, samples, read }
 }
 
 /// A shape with memory of its own, laid out as in the runner: input rows in their pitch, weights one panel behind the other.
@@ -111,35 +126,39 @@ impl Products {
     pub fn new(use_: &Use) -> Self {
         let (shape, pitch) = (use_.shape, use_.pitch);
         assert!(shape.rows <= MAX_KERNEL && panel_count(shape.channels) > 0, "{shape:?}");
+        let rows = (shape.lines - 1) * shape.line_step + shape.rows;
         let row = (shape.pixels - 1) * shape.stride + 4 * groups(shape.samples);
         let fill = |len: usize, factor: usize| (0..len).map(|i| (i * factor % 251) as u8).collect();
-        Self { shape, pitch, codes: fill((shape.rows - 1) * pitch + row, 7), weights: fill(shape.weight_bytes(), 5) }
+        Self { shape, pitch, codes: fill((rows - 1) * pitch + row, 7), weights: fill(shape.weight_bytes(), 5) }
     }
 
-    /// All products of one step, in blocks of pixels as the runner makes them; without `taps` only what a call costs besides.
+    /// All products of one step, in blocks of pixels as the runner makes them; only the first `groups` of every kernel row.
     ///
     /// # Panics
     /// If the kernel refuses, which would be a bug here.
-    pub fn run(&self, kernel: &Kernel, taps: bool) {
-        let Shape { channels, sets, pixels, stride, rows, samples } = self.shape;
+    pub fn run(&self, kernel: &Kernel, groups: usize) {
+        let shape = &self.shape;
         let starts: [usize; MAX_KERNEL] = std::array::from_fn(|row| row * self.pitch);
-        let (starts, groups) = if taps { (&starts[..rows], groups(samples)) } else { (&starts[..0], 0) };
+        let starts = &starts[..shape.rows];
         let mut acc = [0; 320];
         let mut offset = 0;
-        for (_, width) in panels(channels) {
-            let bytes = 4 * width * starts.len() * groups;
-            for _ in 0..sets {
+        for (_, width) in panels(shape.channels) {
+            let bytes = 4 * width * shape.rows * groups;
+            for _ in 0..shape.sets {
                 let weights = &self.weights[offset..offset + bytes];
-                let mut done = 0;
-                while done < pixels {
-                    // Blocks of nearly one size.
-                    let left = pixels - done;
-                    let now = left.div_ceil(left.div_ceil(pixels_at_once(width)));
-                    let input = (&self.codes[done * stride..], starts);
-                    kernel
-                        .matrix_product(&mut acc[..now * width], (now, width), input, (stride, groups), weights)
-                        .unwrap_or_else(|what| panic!("{:?}: {what}", self.shape));
-                    done += now;
+                for line in 0..shape.lines {
+                    let codes = &self.codes[line * shape.line_step * self.pitch..];
+                    let mut done = 0;
+                    while done < shape.pixels {
+                        // Blocks of nearly one size.
+                        let left = shape.pixels - done;
+                        let now = left.div_ceil(left.div_ceil(pixels_at_once(width)));
+                        let (input, steps) = ((&codes[done * shape.stride..], starts), (shape.stride, groups));
+                        kernel
+                            .matrix_product(&mut acc[..now * width], (now, width), input, steps, weights)
+                            .unwrap_or_else(|what| panic!("{shape:?}: {what}"));
+                        done += now;
+                    }
                 }
                 offset += bytes;
             }
