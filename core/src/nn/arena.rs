@@ -16,18 +16,6 @@ pub(crate) struct Arena<'m> {
 pub(crate) const OVERREAD: usize = 4;
 
 impl Arena<'_> {
-    /// Stores the code of sample (`row`, `col`, `channel`), which is within the tensor's limits.
-    #[inline(always)]
-    pub(crate) fn store(&mut self, t: &Tensor, row: usize, index: usize, code: i32) {
-        let at = t.row_offset(row) + t.margin * t.channels + index;
-        if t.dtype == Dtype::U8 {
-            self.bytes[at] = code as u8;
-        } else {
-            self.bytes[at] = code as u8;
-            self.bytes[at + t.plane_bytes()] = high(code);
-        }
-    }
-
     /// The f32 at sample `index` of a row.
     #[inline(always)]
     pub(crate) fn float(&self, t: &Tensor, row: usize, index: usize) -> f32 {

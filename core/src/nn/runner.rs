@@ -1,6 +1,6 @@
 //! Runs a model in memory that the caller lends, a bounded amount of work at a time.
 
-use super::arena::{Arena, OVERREAD};
+use super::arena::{Arena, OVERREAD, Row};
 use super::crc::Crc32c;
 use super::error::RunError;
 use super::format::{NONE, Scrub};
@@ -142,11 +142,19 @@ impl<'a, 'm> Runner<'a, 'm> {
         let tensor = self.model.tensor(tensor);
         let inverse = 1.0 / tensor.scale;
         for row in 0..tensor.rows {
-            for col in 0..tensor.cols {
-                let value = sample(row * tensor.cols + col);
-                let (code, clamped) = quantise(value, inverse, tensor.zero, tensor.lo, tensor.hi);
-                self.arena.store(&tensor, row, col, code);
-                self.telemetry.inputs_clamped += clamped as u64;
+            let to = Row::of(&tensor, row);
+            let mut col = 0;
+            while col < tensor.cols {
+                let mut codes = [0; 64];
+                let count = codes.len().min(tensor.cols - col);
+                for (i, code) in codes[..count].iter_mut().enumerate() {
+                    let value = sample(row * tensor.cols + col + i);
+                    let (kept, clamped) = quantise(value, inverse, tensor.zero, tensor.lo, tensor.hi);
+                    *code = kept;
+                    self.telemetry.inputs_clamped += clamped as u64;
+                }
+                to.store(self.arena.bytes, col, &codes[..count]);
+                col += count;
             }
             self.arena.fill_margins(&tensor, row);
         }

@@ -27,8 +27,11 @@ pub fn multiplier(ratio: f64, shift: u32) -> i32 {
 /// A real value as a code: `value/scale` rounded to nearest (halves up), moved by `zero`, saturated to `lo..=hi`.
 /// The flag says whether it had to saturate. NaN becomes `zero`.
 pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
-    // Below 2^24 every step is exact but the product, which IEEE 754 fixes: the same code on every machine.
-    let code = (libm::floorf(value * inverse_scale + 0.5) as i32).saturating_add(zero);
+    // Below 2^24 every step is exact but the product, which IEEE 754 fixes: the same code on every machine. The floor by
+    // comparison, as processors without an instruction for it would call a function.
+    let moved = value * inverse_scale + 0.5;
+    let whole = moved as i32;
+    let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(zero);
     let kept = code.clamp(lo, hi);
     (kept, kept != code)
 }
