@@ -17,14 +17,15 @@ use std::path::Path;
 /// Seed of every self-test tile.
 const SELF_TEST_SEED: u32 = 0x454c_4431;
 
-/// How many bits maps keep. Weights always have 8, the residual stream of the transformer and the inputs always 16.
+/// How many bits maps keep. Weights and what attention reads always have 8, the residual stream of the transformer and the inputs
+/// always 16.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Precision {
     /// 8 wherever possible: least memory.
     Int8,
-    /// 16 where 8 would show in the DTM: the last decoder blocks and what is added to them.
+    /// 16 where 8 would show in the DTM: what the head reads and what is added in the decoder.
     Mixed,
-    /// 16 (less where sums would overflow) everywhere but behind GELU.
+    /// 16 (less where sums would overflow) everywhere but behind GELU and before attention.
     Int16,
 }
 

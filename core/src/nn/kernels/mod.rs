@@ -14,8 +14,9 @@
 //! because dot-product instructions take four products at a time. There is no unfolded copy of the input ("im2col"): a row of
 //! a convolution's patch is contiguous in the arena, so the kernel walks `starts`.
 //!
-//! Everything else a unit of work does (rounding, layer norm, softmax) is plain Rust, compiled once per instruction set by
-//! `instantiate!`, which the compiler turns into vector instructions.
+//! Everything else a unit of work does (rounding, layer norm, softmax) is portable Rust that the compiler turns into vector
+//! instructions: on x86 it is compiled once per instruction set (`instantiate!`), elsewhere for the target. A kernel may put its own
+//! in the place of any part ([`Isa`]), as AVX-512 does; the bytes are the same.
 
 #[cfg(arm_dsp)]
 mod dsp;

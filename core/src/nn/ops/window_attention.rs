@@ -191,7 +191,7 @@ impl Head<'_, '_> {
         let logits = self.products::<I>(arena, row, cols.len());
         let mut reciprocals = [0i32; MAX_WINDOW];
         for (q, reciprocal) in reciprocals[..cols.len()].iter_mut().enumerate() {
-            // The sum is at least 2^15 times the share of the table's first entries, so this fits; see the validation.
+            // Validation keeps the sum at 2^13 or above, so this is 2^30 at most.
             *reciprocal = ((1i64 << RECIPROCAL_BITS) / self.exponentials::<I>(arena, &logits[q], row, q)) as i32;
         }
         let multiplier = self.model.constant_i32(a.multipliers, self.head);
