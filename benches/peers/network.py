@@ -21,8 +21,8 @@ PAYLOAD = ("input.", "trace.", "output", "truth")
 
 
 def image_maps(config):
-    """Brightness, or two components of slope."""
-    return 2 if config.get("illumination") == "given" else 1
+    """Brightness, or the four maps of a guide: slope east and south, relief, uncertainty."""
+    return 4 if config.get("illumination") == "given" else 1
 
 
 def conv(inputs, outputs, kernel, stride=1):
