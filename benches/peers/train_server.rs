@@ -1,7 +1,7 @@
 //! Training steps behind pipes, for measuring them in turns with PyTorch's; see `README.md`.
 //!
 //! `train_server WEIGHTS.safetensors BATCH ROWS COLS` takes one batch on standard input (images, coarse DTMs, truths, each
-//! `[BATCH, 1, ROWS, COLS]`, little-endian `f32`), then answers every line with a number N by training N steps on that batch and
+//! `[BATCH, maps, ROWS, COLS]`, little-endian `f32`), then answers every line with a number N by training N steps on that batch and
 //! printing one line of JSON: the seconds they took together and the loss before each. Backend flex; the recipe is that of
 //! `tiny` and `nano` with a constant learning rate.
 
@@ -34,19 +34,19 @@ fn main() -> ExitCode {
 
 fn serve(path: &Path, size: [&String; 3]) -> Result<(), Box<dyn Error>> {
     let [batch, rows, cols] = size.map(|n| n.parse::<usize>());
-    let shape = [batch?, 1, rows?, cols?];
+    let size = [batch?, rows?, cols?];
     // The cosine never gets anywhere.
     let recipe = Recipe { warm_up: 0, steps: 1_000_000_000, ..Recipe::preset(Preset::Nano) };
     let weights = Weights::read(path)?;
     let config = store::config_of(&weights, path)?;
     let mut trainer = Trainer::new(&config, &recipe, &weights, path, Backend::Flex.device()?)?;
     let mut input = std::io::stdin().lock();
-    let mut bytes = vec![0; 4 * shape.iter().product::<usize>()];
-    let mut map = || -> Result<Vec<f32>, Box<dyn Error>> {
+    let mut maps = |count: usize| -> Result<Vec<f32>, Box<dyn Error>> {
+        let mut bytes = vec![0; 4 * count * size.iter().product::<usize>()];
         input.read_exact(&mut bytes)?;
         Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     };
-    let maps = trainer.tensors([map()?, map()?, map()?], shape);
+    let maps = trainer.tensors([maps(config.image_maps())?, maps(1)?, maps(1)?], size);
     let mut done = 0;
     for line in input.lines() {
         let steps: usize = line?.trim().parse()?;

@@ -26,8 +26,7 @@ import tiles
 
 # The recipe of `tiny` and `nano` with a constant learning rate, as `train_server.rs` has it.
 LEARNING_RATE, WEIGHT_DECAY, ADAM_EPSILON, CLIP_NORM = 1e-3, 1e-4, 1e-8, 1.0
-TERM_WEIGHTS = (10.0, 4.0, 4.0)
-MEAN_EPSILON = 1e-3  # beside the mean that elevations are divided by
+TERM_WEIGHTS = (0.1, 4.0, 4.0)
 FIRST_LOSSES = 3  # compared between all
 LOSS_TOLERANCE = 1e-2  # relative; the first is held to a hundredth of it
 
@@ -63,11 +62,10 @@ def sobel(z):
 
 
 def loss(truth, prediction):
-    """The hybrid loss (Eq. 5 to 7)."""
-    relative = [z / (z.mean((2, 3), keepdim=True) + MEAN_EPSILON) for z in (truth, prediction)]
+    """The hybrid loss (Eq. 5) with the plain elevation term."""
     (tx, ty), (px, py) = sobel(truth), sobel(prediction)
     cosine = (tx * px + ty * py + 1) / ((tx**2 + ty**2 + 1).sqrt() * (px**2 + py**2 + 1).sqrt())
-    terms = (relative[0] - relative[1]).abs().mean(), (tx - px).abs().mean() + (ty - py).abs().mean(), (1 - cosine).mean()
+    terms = (truth - prediction).abs().mean(), (tx - px).abs().mean() + (ty - py).abs().mean(), (1 - cosine).mean()
     return sum(weight * term for weight, term in zip(TERM_WEIGHTS, terms))
 
 
@@ -138,7 +136,7 @@ def batch(a, config):
     rows, cols = a.size
     made = [tiles.tile(seed, config) for seed in range(a.batch)]
     image, coarse = (np.concatenate([tile[i] for tile in made])[:, :, :rows, :cols] for i in range(2))
-    truth = coarse + 0.02 * config.get("nr", 50.0) * (image - image.mean())
+    truth = coarse + (image - image.mean())[:, :1]
     return [np.ascontiguousarray(map, dtype=np.float32) for map in (image, coarse, truth)]
 
 

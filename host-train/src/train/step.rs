@@ -51,12 +51,18 @@ impl Trainer {
         Ok(())
     }
 
-    /// Maps of one shape `[B, 1, H, W]` as tensors on the device.
-    pub fn tensors(&self, maps: [Vec<f32>; 3], shape: [usize; 4]) -> [Tensor<4>; 3] {
-        maps.map(|map| Tensor::from_data(TensorData::new(map, shape), &self.device))
+    /// Image, coarse DTM and truth, each `[B, maps, H, W]` with as many maps as the numbers make, as tensors on the device.
+    ///
+    /// # Panics
+    /// If they make no whole number of maps.
+    pub fn tensors(&self, maps: [Vec<f32>; 3], [batch, rows, cols]: [usize; 3]) -> [Tensor<4>; 3] {
+        maps.map(|map| {
+            let channels = map.len() / (batch * rows * cols);
+            Tensor::from_data(TensorData::new(map, [batch, channels, rows, cols]), &self.device)
+        })
     }
 
-    /// Step `step` (from 0) of `recipe` on micro-batches of image, coarse DTM and truth, each `[B, 1, H, W]`. Gradients and figures
+    /// Step `step` (from 0) of `recipe` on micro-batches of image, coarse DTM and truth, each `[B, maps, H, W]`. Gradients and figures
     /// are means over the micro-batches; batch normalisation sees one at a time.
     ///
     /// # Errors
