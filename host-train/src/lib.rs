@@ -24,9 +24,11 @@ pub mod predict;
 pub mod prepare;
 pub mod quantile;
 pub mod raster;
+pub mod suite;
 pub mod synth;
 #[cfg(test)]
 mod testing;
+pub mod toml_file;
 pub mod train;
 
 pub use error::{Error, Result};

@@ -14,6 +14,7 @@ pub mod mosaic;
 mod output;
 pub mod predict;
 pub mod prepare;
+pub mod suite;
 pub mod synth;
 pub mod train;
 
@@ -50,6 +51,8 @@ pub enum Command {
     Predict(predict::Args),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
+    /// Judge models on test scenes, with tables and pictures.
+    Suite(suite::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
     /// Subtract one DTM from another, with statistics.
@@ -80,6 +83,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Suite(args)) => suite::run(args),
         Some(Command::Hillshade(args)) => hillshade::run(args),
         Some(Command::Diff(args)) => diff::run(args),
         Some(Command::Mosaic(args)) => mosaic::run(args),

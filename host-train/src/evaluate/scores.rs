@@ -6,10 +6,10 @@ use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Errors are candidate minus truth.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Pixels judged.
     pub pixels: u64,

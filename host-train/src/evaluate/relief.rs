@@ -1,0 +1,194 @@
+//! How well a DTM has the relief that the coarse one lacks: slopes as vectors, short waves, bright and shaded sides, shading.
+
+use super::lowpass::high_pass;
+use super::{Comparison, Judged};
+use crate::raster::Raster;
+use crate::{Error, Result};
+use elunar_core::grid::GridView;
+use elunar_core::metrics::{Correlation, Facing, GradientErrors, HeightErrors};
+use elunar_core::terrain::{PixelSize, Sun, gradient, hillshade};
+use serde::{Deserialize, Serialize};
+
+/// What is known of a scene beside its heights.
+#[derive(Debug, Clone, Copy)]
+pub struct Light<'a> {
+    /// The image, on the truth's grid.
+    pub image: &'a Raster,
+    /// Azimuth of the Sun, degrees clockwise from the grid's up.
+    pub azimuth_deg: f64,
+    /// Elevation of the Sun, degrees.
+    pub elevation_deg: f64,
+}
+
+/// The ground of one side (Sec. VI-C).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Side {
+    /// Pixels judged.
+    pub pixels: u64,
+    /// Root mean square height error, metres.
+    pub rmse_m: f64,
+    /// Mean length of the slope's error, metres per metre.
+    pub slope_vector_error: f64,
+}
+
+/// Errors of the relief; figures that cannot be had are `None`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ReliefScores {
+    /// Mean |∇z* − ∇z| over all pixels, metres per metre; Horn's gradients.
+    pub slope_vector_error: Option<f64>,
+    /// Root mean square error of the waves shorter than [`Comparison`]'s high-pass wavelength, metres ([`high_pass`]).
+    pub high_pass_rmse_m: Option<f64>,
+    /// Correlation of those waves with the truth's, [-1, 1].
+    pub high_pass_correlation: Option<f64>,
+    /// Ground that falls towards the Sun by 3 degrees or more, by the truth.
+    pub bright: Option<Side>,
+    /// Ground that falls away from it.
+    pub shaded: Option<Side>,
+    /// Correlation of the DTM's hillshade under the image's Sun with the image.
+    pub shading_correlation: Option<f64>,
+}
+
+/// Judges one candidate of a [`super::compare`]. `truth` is the raster it was compared with; waves below `wavelength_m` are the short
+/// ones.
+///
+/// # Errors
+/// [`Error::Usage`] if rasters differ in size.
+pub fn relief(
+    comparison: &Comparison,
+    judged: &Judged,
+    truth: &Raster,
+    wavelength_m: f64,
+    light: Option<Light>,
+) -> Result<ReliefScores> {
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", judged.name));
+    let pixel = comparison.pixel;
+    let placed = &judged.placed;
+    // Both on the same pixels: a void in one must not lie in the other's low-pass.
+    let common = Raster {
+        samples: truth
+            .samples
+            .iter()
+            .zip(&placed.samples)
+            .map(|(t, z)| if z.is_finite() { *t } else { f32::NAN })
+            .collect(),
+        ..truth.clone()
+    };
+    let mut slopes = GradientErrors::default();
+    let (truth_view, dtm_view) = (view(&common)?, view(placed)?);
+    slopes.extend(truth_view, dtm_view, pixel, |_| true).map_err(misfit)?;
+    let pixel_m = (pixel.row_m, pixel.col_m);
+    let [fine_truth, fine] = [&common, placed].map(|map| high_pass(map, wavelength_m, pixel_m));
+    let (mut heights, mut waves) = (HeightErrors::default(), Correlation::default());
+    heights.extend(&fine_truth, &fine, None).map_err(misfit)?;
+    waves.extend(&fine_truth, &fine, None).map_err(misfit)?;
+    let side = |facing| light.map_or(Ok(None), |light| side(truth_view, dtm_view, pixel, light.azimuth_deg, facing));
+    Ok(ReliefScores {
+        slope_vector_error: slopes.mean(),
+        high_pass_rmse_m: heights.rmse_m(),
+        high_pass_correlation: waves.coefficient(),
+        bright: side(Facing::Bright)?,
+        shaded: side(Facing::Shaded)?,
+        shading_correlation: light.map_or(Ok(None), |light| shading(placed, pixel, light))?,
+    })
+}
+
+fn view(map: &Raster) -> Result<GridView<'_, f32>> {
+    GridView::new(&map.samples, map.rows, map.cols).map_err(|e| Error::usage(format!("evaluate: {e}")))
+}
+
+fn side(
+    truth: GridView<'_, f32>,
+    dtm: GridView<'_, f32>,
+    pixel: PixelSize,
+    azimuth_deg: f64,
+    facing: Facing,
+) -> Result<Option<Side>> {
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("evaluate: {e}"));
+    let faces = |g| Facing::of(g, azimuth_deg) == facing;
+    let (mut slopes, mut heights) = (GradientErrors::default(), HeightErrors::default());
+    slopes.extend(truth, dtm, pixel, faces).map_err(misfit)?;
+    for row in 0..truth.rows() {
+        for (col, (z, predicted)) in truth.row(row).iter().zip(dtm.row(row)).enumerate() {
+            let counts = predicted.is_finite() && gradient(truth, row, col, pixel).is_some_and(faces);
+            if counts {
+                heights.push(f64::from(*z), f64::from(*predicted));
+            }
+        }
+    }
+    let both = heights.rmse_m().zip(slopes.mean());
+    Ok(both.map(|(rmse_m, slope_vector_error)| Side { pixels: heights.count(), rmse_m, slope_vector_error }))
+}
+
+fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> {
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("image: {e}"));
+    let mut shade = vec![0; dtm.samples.len()];
+    let sun = Sun { azimuth_deg: light.azimuth_deg, elevation_deg: light.elevation_deg, exaggeration: 1.0 };
+    hillshade(view(dtm)?, pixel, sun, &mut shade).map_err(misfit)?;
+    let shade: Vec<f32> = shade.into_iter().map(|s| if s == 0 { f32::NAN } else { f32::from(s) }).collect();
+    let mut found = Correlation::default();
+    found.extend(&light.image.samples, &shade, None).map_err(misfit)?;
+    Ok(found.coefficient())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::{Candidate, compare};
+    use crate::raster::align::Named;
+    use crate::raster::{Crs, GeoRef};
+
+    fn raster(rows: usize, cols: usize, height: impl Fn(f64, f64) -> f64) -> Raster {
+        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let samples = (0..rows * cols).map(|i| height((i / cols) as f64, (i % cols) as f64) as f32).collect();
+        Raster { rows, cols, samples, georef: Some(georef) }
+    }
+
+    fn judge(truth: &Raster, dtm: &Raster, light: Option<Light>) -> ReliefScores {
+        let found = compare(Named::new("truth", truth), &[Candidate::fine("dtm", dtm)]).unwrap();
+        relief(&found, &found.judged[0], truth, 60.0, light).unwrap()
+    }
+
+    /// Ripples of 24 m on a slope that changes over 800 m.
+    fn hills(r: f64, c: f64) -> f64 {
+        6.0 * (r * 0.0157 + c * 0.01).sin() + 0.8 * (c * 0.5236).sin() + 0.5 * (r * 0.6).cos()
+    }
+
+    #[test]
+    fn an_error_of_long_waves_is_no_error_of_relief() {
+        let truth = raster(100, 140, hills);
+        let dtm = raster(100, 140, |r, c| hills(r, c) + 5.0 + 0.002 * r);
+        let found = judge(&truth, &dtm, None);
+        assert!(found.high_pass_rmse_m.unwrap() < 0.01 && found.high_pass_correlation.unwrap() > 0.999, "{found:?}");
+        assert!((found.slope_vector_error.unwrap() - 0.001).abs() < 1e-4);
+        assert_eq!((found.bright, found.shading_correlation), (None, None));
+    }
+
+    #[test]
+    fn a_dtm_without_ripples_lacks_all_of_the_short_waves() {
+        let truth = raster(100, 140, hills);
+        let smooth = raster(100, 140, |r, c| 6.0 * (r * 0.0157 + c * 0.01).sin());
+        let found = judge(&truth, &smooth, None);
+        // RMS of the ripples, which the filter lets pass almost whole.
+        let ripples = (0.5_f64 * (0.8 * 0.8 + 0.5 * 0.5)).sqrt();
+        assert!((found.high_pass_rmse_m.unwrap() / ripples - 1.0).abs() < 0.05, "{found:?}");
+        assert!(found.high_pass_correlation.unwrap().abs() < 0.2, "{found:?}");
+        let inverted = raster(100, 140, |r, c| 2.0 * 6.0 * (r * 0.0157 + c * 0.01).sin() - hills(r, c));
+        assert!(judge(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
+    }
+
+    #[test]
+    fn sides_are_judged_apart_and_shading_tells_the_right_relief() {
+        let truth = raster(100, 140, hills);
+        let image = raster(100, 140, |r, c| hills(r, c + 1.0) - hills(r, c - 1.0)); // bright where it faces west
+        let light = Light { image: &image, azimuth_deg: 270.0, elevation_deg: 45.0 };
+        // Wrong on the side that faces east, by 2 m.
+        let dtm = raster(100, 140, |r, c| hills(r, c) + if hills(r, c + 1.0) < hills(r, c - 1.0) { 2.0 } else { 0.0 });
+        let found = judge(&truth, &dtm, Some(light));
+        let (bright, shaded) = (found.bright.unwrap(), found.shaded.unwrap());
+        assert!(bright.pixels > 2000 && shaded.pixels > 2000);
+        assert!(bright.rmse_m < 0.2 && shaded.rmse_m > 1.9, "{bright:?} {shaded:?}");
+        assert!(judge(&truth, &truth, Some(light)).shading_correlation.unwrap() > 0.9);
+        let inverted = raster(100, 140, |r, c| -hills(r, c));
+        assert!(judge(&truth, &inverted, Some(light)).shading_correlation.unwrap() < -0.9);
+    }
+}
