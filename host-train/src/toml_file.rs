@@ -50,7 +50,7 @@ mod tests {
         assert!(parse::<Settings>(Path::new("a.toml"), "steps = 3").is_ok());
         for (text, line, word) in [
             ("# a\nsteps = 3\nstep = 4\n", "line 3", "step"),
-            ("steps = \"x\"\n", "line 1", "integer"),
+            ("steps = \"x\"\n", "line 1", "invalid type"),
             ("steps = 3\n\nsteps = ", "line 3", ""),
             ("", "a.toml", "steps"),
         ] {
