@@ -3,7 +3,6 @@
 use super::output;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
-use crate::suite::scene::TestScene;
 use crate::suite::{self, SCENES, tables};
 use crate::{Error, Result, interrupt};
 use std::path::{Path, PathBuf};
@@ -57,12 +56,8 @@ pub fn run(args: Args) -> Result<()> {
     let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
     interrupt::listen();
     if args.scenes_only {
-        let folder = args.out.join(SCENES);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-        for entry in &list.scene {
-            TestScene::make(entry)?.write(&folder)?;
-        }
-        println!("{}: {} scenes", folder.display(), list.scene.len());
+        suite::write_scenes(&list, &args.out)?;
+        println!("{}: {} scenes, and a table of them, scenes.csv", args.out.join(SCENES).display(), list.scene.len());
         return Ok(());
     }
     let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
@@ -70,7 +65,10 @@ pub fn run(args: Args) -> Result<()> {
     let bar = output::progress(list.scene.len(), "scenes");
     let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
-    print!("{}", tables::sums(&results).markdown());
+    // Scenes of weak truth have no sums.
+    let sums = tables::sums(&results);
+    let shown = if sums.rows.is_empty() { tables::scenes(&results) } else { sums };
+    print!("{}", shown.markdown());
     println!(
         "\n{}: results.json, tables.md and pictures; a page of it: host-train report {0} -o report.html",
         args.out.display()

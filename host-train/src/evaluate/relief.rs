@@ -1,6 +1,6 @@
 //! How well a DTM has the relief that the coarse one lacks: slopes as vectors, short waves, bright and shaded sides, shading.
 
-use super::lowpass::high_pass;
+use super::lowpass::{LowPass, high_pass};
 use super::{Comparison, Judged};
 use crate::raster::Raster;
 use crate::{Error, Result};
@@ -36,6 +36,8 @@ pub struct Side {
 pub struct ReliefScores {
     /// Mean |∇z* − ∇z| over all pixels, metres per metre; Horn's gradients.
     pub slope_vector_error: Option<f64>,
+    /// Root mean square error of the waves longer than the high-pass wavelength, metres: what the coarse DTM is answerable for.
+    pub low_pass_rmse_m: Option<f64>,
     /// Root mean square error of the waves shorter than [`Comparison`]'s high-pass wavelength, metres ([`high_pass`]).
     pub high_pass_rmse_m: Option<f64>,
     /// Correlation of those waves with the truth's, [-1, 1].
@@ -84,12 +86,21 @@ pub fn relief(
     let side = |facing| light.map_or(Ok(None), |light| side(truth_view, dtm_view, pixel, light.azimuth_deg, facing));
     Ok(ReliefScores {
         slope_vector_error: slopes.mean(),
+        low_pass_rmse_m: long_waves(&judged.error_m, wavelength_m, pixel_m),
         high_pass_rmse_m: heights.rmse_m(),
         high_pass_correlation: waves.coefficient(),
         bright: side(Facing::Bright)?,
         shaded: side(Facing::Shaded)?,
         shading_correlation: light.map_or(Ok(None), |light| shading(placed, pixel, light))?,
     })
+}
+
+/// Root mean square of a map's long waves, over its valid pixels.
+fn long_waves(error_m: &Raster, wavelength_m: f64, pixel_m: (f64, f64)) -> Option<f64> {
+    let (smooth, _) = LowPass::new(wavelength_m, pixel_m).apply(error_m);
+    let squares = smooth.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v).powi(2));
+    let (sum, count) = squares.fold((0.0, 0_usize), |(sum, count), square| (sum + square, count + 1));
+    (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
 fn view(map: &Raster) -> Result<GridView<'_, f32>> {
@@ -160,6 +171,7 @@ mod tests {
         let found = judge(&truth, &dtm, None);
         assert!(found.high_pass_rmse_m.unwrap() < 0.01 && found.high_pass_correlation.unwrap() > 0.999, "{found:?}");
         assert!((found.slope_vector_error.unwrap() - 0.001).abs() < 1e-4);
+        assert!((found.low_pass_rmse_m.unwrap() - 5.1).abs() < 0.02, "{found:?}");
         assert_eq!((found.bright, found.shading_correlation), (None, None));
     }
 
@@ -172,6 +184,7 @@ mod tests {
         let ripples = (0.5_f64 * (0.8 * 0.8 + 0.5 * 0.5)).sqrt();
         assert!((found.high_pass_rmse_m.unwrap() / ripples - 1.0).abs() < 0.05, "{found:?}");
         assert!(found.high_pass_correlation.unwrap().abs() < 0.2, "{found:?}");
+        assert!(found.low_pass_rmse_m.unwrap() < 0.05, "{found:?}");
         let inverted = raster(100, 140, |r, c| 2.0 * 6.0 * (r * 0.0157 + c * 0.01).sin() - hills(r, c));
         assert!(judge(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
     }

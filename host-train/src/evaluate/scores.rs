@@ -14,7 +14,6 @@ pub struct Scores {
     /// Pixels judged.
     pub pixels: u64,
     /// Shares, in [0, 1], of |error| below 2, 4 and 10 m (the paper's RE, Sec. V).
-    #[serde(skip)]
     pub share_within: [f64; 3],
     /// Mean absolute error, metres (the paper's MAE).
     pub mae_m: f64,

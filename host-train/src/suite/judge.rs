@@ -38,7 +38,6 @@ pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
         Ok(MethodScores {
             method: judged.name.clone(),
             heights: judged.scores,
-            share_within: judged.scores.share_within,
             relief: relief(&comparison, judged, &scene.truth, scene.high_pass_m, light)?,
             seconds,
         })

@@ -94,6 +94,23 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
     Ok(results)
 }
 
+/// Writes the scenes' files, and a table of them for other programs to go through: name and the Sun's direction, degrees.
+///
+/// # Errors
+/// From making scenes and writing.
+pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
+    let folder = out.join(SCENES);
+    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    let mut table = String::from("name,sun_azimuth_deg,sun_elevation_deg\n");
+    for entry in &list.scene {
+        let scene = TestScene::make(entry)?;
+        scene.write(&folder)?;
+        let angle = |deg: Option<f64>| deg.map_or_else(String::new, |deg| format!("{deg:.3}"));
+        table += &format!("{},{},{}\n", entry.name, angle(scene.sun_deg.0), angle(scene.sun_deg.1));
+    }
+    atomic_write(&folder.join("scenes.csv"), table.as_bytes())
+}
+
 fn empty(list: &List, methods: &[Method]) -> Results {
     let coarse = MethodInfo {
         name: COARSE.into(),

@@ -76,8 +76,6 @@ pub struct MethodScores {
     pub method: String,
     /// Heights and slopes.
     pub heights: Scores,
-    /// Shares, in [0, 1], of |error| below 2, 4 and 10 m.
-    pub share_within: [f64; 3],
     /// Relief.
     pub relief: ReliefScores,
     /// Seconds that the prediction took; `None` where the DTM was there.

@@ -31,6 +31,8 @@ pub struct Summary {
     pub slope_vector_ratio: Option<f64>,
     /// Mean correlation of short waves with the truth's.
     pub high_pass_correlation: Option<f64>,
+    /// Root of the mean square of the long waves' error, metres.
+    pub low_pass_rmse_m: Option<f64>,
     /// Root of the mean square of the short waves' error, metres.
     pub high_pass_rmse_m: Option<f64>,
     /// Mean slope-vector error on bright and on shaded ground, metres per metre.
@@ -84,11 +86,12 @@ fn summary(kind: &str, method: &str, judged: &[MethodScores], coarse: &[MethodSc
         rmse_m: rms(judged),
         rmse_ratio: rms(judged) / rms(coarse),
         mae_m: mean(judged, |j| j.heights.mae_m),
-        share_within: std::array::from_fn(|k| mean(judged, |j| j.share_within[k])),
+        share_within: std::array::from_fn(|k| mean(judged, |j| j.heights.share_within[k])),
         slope_mae_deg: mean(judged, |j| j.heights.slope_mae_deg),
         slope_vector_error: slope(judged),
         slope_vector_ratio: slope(judged).zip(slope(coarse)).map(|(own, coarse)| own / coarse),
         high_pass_correlation: known(judged, |j| j.relief.high_pass_correlation),
+        low_pass_rmse_m: known(judged, |j| j.relief.low_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
         high_pass_rmse_m: known(judged, |j| j.relief.high_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
         sides: bright.zip(shaded),
         shading_correlation: known(judged, |j| j.relief.shading_correlation),
@@ -129,13 +132,14 @@ pub(crate) mod tests {
         };
         let relief = ReliefScores {
             slope_vector_error: Some(slope),
+            low_pass_rmse_m: Some(1.0),
             high_pass_rmse_m: Some(0.5),
             high_pass_correlation: Some(0.8),
             bright: None,
             shaded: None,
             shading_correlation: None,
         };
-        MethodScores { method: method.into(), heights, share_within: heights.share_within, relief, seconds: None }
+        MethodScores { method: method.into(), heights, relief, seconds: None }
     }
 
     pub(crate) fn results() -> Results {

@@ -36,6 +36,7 @@ pub fn scenes(results: &Results) -> Table {
         "slope MAE, °",
         "slope vector error",
         "its ratio to coarse",
+        "RMSE long waves, m",
         "RMSE short waves, m",
         "correlation short waves",
         "slope vector error, bright",
@@ -53,7 +54,7 @@ pub fn scenes(results: &Results) -> Table {
 
 fn scene_row(judged: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
     let (heights, relief) = (&judged.heights, &judged.relief);
-    let percent = |k: usize| digits(Some(100.0 * judged.share_within[k]), 1);
+    let percent = |k: usize| digits(Some(100.0 * heights.share_within[k]), 1);
     let slope_ratio =
         relief.slope_vector_error.zip(coarse.and_then(|c| c.relief.slope_vector_error)).map(|(a, b)| a / b);
     vec![
@@ -67,6 +68,7 @@ fn scene_row(judged: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String
         digits(Some(heights.slope_mae_deg), 2),
         digits(relief.slope_vector_error, 4),
         digits(slope_ratio, 3),
+        digits(relief.low_pass_rmse_m, 2),
         digits(relief.high_pass_rmse_m, 3),
         digits(relief.high_pass_correlation, 3),
         digits(relief.bright.map(|side| side.slope_vector_error), 4),
@@ -92,6 +94,7 @@ pub fn sums(results: &Results) -> Table {
         "slope MAE, °",
         "slope vector error",
         "its ratio to coarse",
+        "RMSE long waves, m",
         "RMSE short waves, m",
         "correlation short waves",
         "slope vector error, bright",
@@ -117,6 +120,7 @@ fn sum_row(sum: &Summary) -> Vec<String> {
         digits(Some(sum.slope_mae_deg), 2),
         digits(sum.slope_vector_error, 4),
         digits(sum.slope_vector_ratio, 3),
+        digits(sum.low_pass_rmse_m, 2),
         digits(sum.high_pass_rmse_m, 3),
         digits(sum.high_pass_correlation, 3),
         digits(sum.sides.map(|sides| sides.0), 4),
@@ -132,6 +136,7 @@ pub fn cross(results: &Results) -> Table {
     let names = [
         "ground",
         "method",
+        "scenes",
         "difference of the two DTMs, m",
         "RMSE of both, m",
         "ratio",
@@ -142,6 +147,7 @@ pub fn cross(results: &Results) -> Table {
         vec![
             found.ground.clone(),
             found.method.clone(),
+            format!("{}, {}", found.scenes.0, found.scenes.1),
             digits(Some(found.difference_m), 3),
             digits(Some(found.rmse_m), 3),
             digits(Some(found.ratio()), 3),
@@ -220,7 +226,7 @@ mod tests {
         }
         let text = markdown(&results);
         assert!(text.contains("| one | net | 50.0 | 75.0 | 100.0 | 0.75 | 1.50 | 0.500 |"), "{text}");
-        assert!(text.contains("| g | net | 1.000 | 2.000 | 0.500 | 0.200 | – |"), "{text}");
+        assert!(text.contains("| g | net | one, two | 1.000 | 2.000 | 0.500 | 0.200 | – |"), "{text}");
         assert!(text.contains("\\|e\\|<2 m"));
     }
 
@@ -231,6 +237,6 @@ mod tests {
         assert!(lines.next().unwrap().contains("\"|e|<2 m, %\""));
         let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
         let first = cells(lines.next().unwrap());
-        assert_eq!((first[0].as_str(), first[6].as_str(), first[16].as_str()), ("one", "3.00", ""));
+        assert_eq!((first[0].as_str(), first[6].as_str(), first[17].as_str()), ("one", "3.00", ""));
     }
 }
