@@ -54,7 +54,7 @@ fn miniature(name: &str, steps: usize) -> Experiment {
 fn every_shipped_experiment_is_read_and_makes_a_step() {
     let paths = shipped();
     let names: Vec<String> = paths.iter().map(|p| Experiment::read(p).unwrap().name).collect();
-    for expected in ["full", "no-coarse", "resnet", "upb", "l1", "max-min", "ours", "dlunardtmnet"] {
+    for expected in ["full", "no-coarse", "resnet", "upb", "l1", "max-min", "anchored", "ours", "dlunardtmnet"] {
         assert!(names.iter().any(|name| name == expected), "{expected} among {names:?}");
     }
     let folder = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@
 use super::list::is_plain;
 use super::scene::TestScene;
 use crate::evaluate::CoAlignment;
+use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::predict::network::Model;
 use crate::predict::{Options, Prediction, open, predict};
@@ -97,9 +98,10 @@ impl Method {
             }
             DtmSource::Network { model, usage } => {
                 let overlap_px = Options::overlap_for(model.tile());
-                let sun_azimuth_deg = scene.sun_deg.0.filter(|_| usage.tell_sun);
+                let (azimuth_deg, elevation_deg) = if usage.tell_sun { scene.sun_deg } else { (None, None) };
+                let sun = KnownSun { azimuth_deg, elevation_deg };
                 let Usage { anchor, threads, .. } = *usage;
-                let options = Options { overlap_px, anchor, threads, sun_azimuth_deg, ..Options::default() };
+                let options = Options { overlap_px, anchor, threads, sun, ..Options::default() };
                 let start = Instant::now();
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
