@@ -102,13 +102,14 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Every model of the models' folder, in order of name.
+/// Every model of the models' folder, in order of name, float before int8.
 fn shipped() -> Result<Vec<PathBuf>> {
     let folder = Path::new(SHIPPED);
     let hint = |e: std::io::Error| Error::usage(format!("{SHIPPED}: {e}; name a model with --model"));
     let entries = std::fs::read_dir(folder).map_err(hint)?;
     let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     found.retain(|path| path.extension().is_some_and(|e| e == "eld" || e == "safetensors"));
-    found.sort();
+    // Float before int8.
+    found.sort_by_key(|path| (path.file_stem().map(ToOwned::to_owned), path.extension().is_some_and(|e| e == "eld")));
     Ok(found)
 }

@@ -189,6 +189,74 @@ mod tests {
         assert!(judge(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
     }
 
+    /// All figures of a DTM with a void, by numpy from the definitions.
+    #[test]
+    fn figures_match_numpy() {
+        use crate::raster::geotiff::{WriteOptions, write};
+        let folder = tempfile::tempdir().unwrap();
+        let truth = raster(60, 70, hills);
+        let mut dtm = raster(60, 70, |r, c| 1.03 * hills(r, c) + 0.3 * (r * 0.8 + c * 0.3).sin() + 0.4);
+        dtm.samples[20 * 70 + 31] = f32::NAN;
+        let image = raster(60, 70, |r, c| hills(r, c + 0.7) - hills(r, c - 0.7) + 0.1 * (r * c).sin());
+        for (name, raster) in [("truth.tif", &truth), ("dtm.tif", &dtm), ("image.tif", &image)] {
+            write(&folder.path().join(name), raster, &WriteOptions::heights("test")).unwrap();
+        }
+        let script = "
+read = lambda name: rasterio.open(name).read(1, masked=True).astype('f8').filled(np.nan)
+z, i = read('dtm.tif'), read('image.tif')
+t = np.where(np.isfinite(z), read('truth.tif'), np.nan)
+def gradient(h):
+    p = [[h[i:h.shape[0] - 2 + i, j:h.shape[1] - 2 + j] for j in range(3)] for i in range(3)]
+    hole = 0 * sum(sum(row) for row in p)
+    dx = ((p[0][2] + 2 * p[1][2] + p[2][2]) - (p[0][0] + 2 * p[1][0] + p[2][0])) / 16
+    dy = ((p[2][0] + 2 * p[2][1] + p[2][2]) - (p[0][0] + 2 * p[0][1] + p[0][2])) / 16
+    return dx + hole, dy + hole
+(tx, ty), (zx, zy) = gradient(t), gradient(z)
+e = np.hypot(zx - tx, zy - ty)
+sigma = 60 / 2 * np.sqrt(np.log(2) / 2) / np.pi
+def low(h):
+    k = lambda n: np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / sigma) ** 2) * (abs(np.arange(n)[:, None] - np.arange(n)) <= np.ceil(3 * sigma))
+    a, b = k(h.shape[0]), k(h.shape[1])
+    one = lambda n: np.exp(-0.5 * (np.arange(-n, n + 1) / sigma) ** 2).sum() ** 2
+    valid = np.isfinite(h)
+    sums, weights = (a @ np.where(valid, h, 0) @ b), (a @ valid @ b)
+    return np.where(valid, sums / weights, np.nan), weights / one(int(np.ceil(3 * sigma)))
+def high(h):
+    smooth, weight = low(h)
+    return np.where(weight >= 0.9, h - smooth, np.nan)
+ht, hz = high(t), high(z)
+both = np.isfinite(ht) & np.isfinite(hz)
+rms = lambda v: np.sqrt(np.nanmean(v * v))
+az, el = np.radians(250), np.radians(35)
+falls = -(tx * np.sin(az) - ty * np.cos(az))
+limit = np.tan(np.radians(3))
+c = np.maximum(1, np.round(1 + 254 * np.clip((np.sin(el) - (zx * np.sin(az) - zy * np.cos(az)) * np.cos(el)) / np.sqrt(1 + zx**2 + zy**2), 0, None)))
+lit = np.isfinite(c)
+inner = (z - t)[1:-1, 1:-1]
+print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[both])[0, 1],
+      *[v for side in (falls >= limit, falls <= -limit) for m in [side & np.isfinite(e)] for v in (np.sum(m & np.isfinite(inner)), rms(inner[m]), np.mean(e[m]))],
+      np.corrcoef(c[lit], i[1:-1, 1:-1][lit])[0, 1])
+";
+        let Some(out) = crate::testing::rasterio(script, folder.path()) else { return };
+        let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
+        let light = Light { image: &image, azimuth_deg: 250.0, elevation_deg: 35.0 };
+        let found = judge(&truth, &dtm, Some(light));
+        let side = |side: Option<Side>| side.map(|s| [s.pixels as f64, s.rmse_m, s.slope_vector_error]).unwrap();
+        let figures =
+            [found.slope_vector_error, found.low_pass_rmse_m, found.high_pass_rmse_m, found.high_pass_correlation];
+        let figures = [figures.map(Option::unwrap).to_vec(), side(found.bright).to_vec(), side(found.shaded).to_vec()];
+        let figures = [figures.concat(), vec![found.shading_correlation.unwrap()]].concat();
+        assert_eq!(figures.len(), expected.len());
+        assert!(expected[4] > 300.0 && expected[7] > 300.0, "enough of either side: {expected:?}");
+        for (k, (found, expected)) in figures.iter().zip(&expected).enumerate() {
+            // Low-passes are kept in single precision.
+            assert!(
+                (found - expected).abs() < 2e-5 * expected.abs().max(1.0),
+                "figure {k}: {found} instead of {expected}"
+            );
+        }
+    }
+
     #[test]
     fn sides_are_judged_apart_and_shading_tells_the_right_relief() {
         let truth = raster(100, 140, hills);

@@ -108,11 +108,8 @@ fn known(folder: &Path, list: &List, methods: &[Method]) -> Option<Results> {
         return None;
     }
     let found = Results::read(folder).ok()?;
-    let same_scenes =
-        found.suite == list.name && found.scenes.iter().map(|s| &s.name).eq(list.scene.iter().map(|s| &s.name));
-    let old = found.methods.iter().skip(1).map(|m| (&m.name, &m.description, (m.anchor, m.co_alignment)));
-    let new = methods.iter().map(|m| (&m.name, &m.description, m.usage()));
-    (same_scenes && old.eq(new)).then_some(found)
+    let same = found.methods.iter().skip(1).cloned().eq(methods.iter().map(Method::info));
+    (same && found.list_sha256 == list.sha256()).then_some(found)
 }
 
 #[cfg(test)]

@@ -136,6 +136,13 @@ fn experiments_end_in_one_table_and_one_page() {
     let read = Comparison::read(&out).unwrap();
     assert_eq!([&again, &read].map(table::markdown), [text.as_str(), text.as_str()]);
 
+    // Another list is another test.
+    let mut other = list.clone();
+    other.scene.truncate(1);
+    let found = run(&experiments[..1], &other, &out, Manner::default(), &mut |_| {}).unwrap();
+    assert_eq!((found.test.scenes.len(), found.test.methods.len(), found.trained.len()), (1, 2, 1));
+    assert_eq!(run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap().test.scenes.len(), 2);
+
     let page = folder.path().join("page.html");
     crate::report::write(&[out.clone(), out.join(TEST), out.join("one").join(train::TRAINING)], &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();

@@ -1,5 +1,6 @@
 //! A test suite as a file: which scenes, and what is known of them.
 
+use crate::digest::sha256_hex;
 use crate::raster::Crs;
 use crate::synth::SynthOptions;
 use crate::{Error, Result, toml_file};
@@ -94,6 +95,12 @@ impl List {
     /// [`Error::Io`] if it cannot be read, [`Error::Broken`] naming what is wrong in it.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(path, &std::fs::read_to_string(path).map_err(Error::io(path))?)
+    }
+
+    /// SHA-256 of all it says.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        sha256_hex(format!("{self:?}").as_bytes())
     }
 
     fn parse(path: &Path, text: &str) -> Result<Self> {

@@ -1,6 +1,7 @@
 //! What is judged: networks with the way their output is used, and DTMs that are there already.
 
 use super::list::is_plain;
+use super::results::MethodInfo;
 use super::scene::TestScene;
 use crate::evaluate::CoAlignment;
 use crate::illumination::KnownSun;
@@ -117,13 +118,15 @@ impl Method {
         }
     }
 
-    /// How its output is used: anchor, and co-alignment.
+    /// What results keep of it.
     #[must_use]
-    pub fn usage(&self) -> (bool, CoAlignment) {
-        match &self.source {
-            DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment),
-            DtmSource::Folder(_) => (false, CoAlignment::None),
-        }
+    pub fn info(&self) -> MethodInfo {
+        let (anchor, co_alignment, sun_told) = match &self.source {
+            DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment, usage.tell_sun),
+            DtmSource::Folder(_) => (false, CoAlignment::None, false),
+        };
+        let Self { name, description, .. } = self;
+        MethodInfo { name: name.clone(), description: description.clone(), anchor, co_alignment, sun_told }
     }
 }
 

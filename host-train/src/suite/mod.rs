@@ -117,16 +117,14 @@ fn empty(list: &List, methods: &[Method]) -> Results {
         description: "coarse DTM, interpolated bicubically".into(),
         anchor: false,
         co_alignment: Default::default(),
-    };
-    let of = |method: &Method| {
-        let (anchor, co_alignment) = method.usage();
-        MethodInfo { name: method.name.clone(), description: method.description.clone(), anchor, co_alignment }
+        sun_told: false,
     };
     Results {
         software: concat!("host-train ", env!("CARGO_PKG_VERSION")).into(),
         suite: list.name.clone(),
         about: list.about.clone(),
-        methods: std::iter::once(coarse).chain(methods.iter().map(of)).collect(),
+        list_sha256: list.sha256(),
+        methods: std::iter::once(coarse).chain(methods.iter().map(Method::info)).collect(),
         scenes: vec![],
         cross: vec![],
     }

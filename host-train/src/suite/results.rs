@@ -19,6 +19,8 @@ pub struct Results {
     pub suite: String,
     /// What it is.
     pub about: String,
+    /// SHA-256 of all that its list says: results of another list are others.
+    pub list_sha256: String,
     /// What was judged, the coarse DTM first.
     pub methods: Vec<MethodInfo>,
     /// Every scene.
@@ -38,6 +40,8 @@ pub struct MethodInfo {
     pub anchor: bool,
     /// How its DTMs were aligned afterwards.
     pub co_alignment: CoAlignment,
+    /// Whether it was told where the Sun stands, where the list knows it.
+    pub sun_told: bool,
 }
 
 /// A scene.

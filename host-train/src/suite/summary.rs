@@ -162,11 +162,13 @@ pub(crate) mod tests {
             description: format!("{name}, described"),
             anchor: false,
             co_alignment: CoAlignment::None,
+            sun_told: true,
         };
         Results {
             software: "test".into(),
             suite: "made up".into(),
             about: "About <it>.".into(),
+            list_sha256: String::new(),
             methods: vec![info(COARSE), info("net")],
             scenes: vec![
                 scene("one", "mare", false, vec![scores(COARSE, 3.0, 0.1), scores("net", 1.5, 0.06)]),
