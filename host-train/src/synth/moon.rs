@@ -172,8 +172,10 @@ impl Moon {
         let options = &self.options;
         let drawn = if rng.random() { TerrainKind::Mare } else { TerrainKind::Highland };
         let kind = options.kind.unwrap_or(drawn);
-        let sun =
-            Sun { azimuth_deg: rng.random::<f64>() * 360.0, elevation_deg: within(rng, options.sun_elevation_deg) };
+        let sun = Sun {
+            azimuth_deg: within(rng, options.sun_azimuth_deg),
+            elevation_deg: within(rng, options.sun_elevation_deg),
+        };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
         let (heights_m, log_albedo) = self.terrain(rng, kind, shop);

@@ -22,6 +22,9 @@ pub struct SynthOptions {
     pub pixel_m: f64,
     /// The terrain of every tile; `None` (default) draws mare or highland per tile.
     pub kind: Option<TerrainKind>,
+    /// Sun azimuth, degrees clockwise from north; drawn uniformly. Default 0–360. The same ground is there for every azimuth and
+    /// elevation.
+    pub sun_azimuth_deg: (f64, f64),
     /// Sun elevation above the horizon, degrees; drawn uniformly. Default 18–64, the paper's training images.
     pub sun_elevation_deg: (f64, f64),
     /// RMS of the coarse DTM's low-frequency error, metres; drawn uniformly. Default 1.5–4 (SLDEM2015: 3–4).
@@ -39,6 +42,7 @@ impl Default for SynthOptions {
             cols: 320,
             pixel_m: 2.0,
             kind: None,
+            sun_azimuth_deg: (0.0, 360.0),
             sun_elevation_deg: (18.0, 64.0),
             coarse_error_m: (1.5, 4.0),
             misregistration_m: 10.0,
@@ -66,6 +70,7 @@ impl SynthOptions {
             }
         }
         range("pixel_m", (self.pixel_m, self.pixel_m), PIXEL_M_MIN, PIXEL_M_MAX)?;
+        range("sun_azimuth_deg", self.sun_azimuth_deg, 0.0, 360.0)?;
         range("sun_elevation_deg", self.sun_elevation_deg, 2.0, 90.0)?;
         range("coarse_error_m", self.coarse_error_m, 0.0, 100.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
