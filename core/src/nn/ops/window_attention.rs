@@ -147,14 +147,15 @@ fn pack(
     let (tensors, scratch) = arena.bytes.split_at_mut(arena.scratch);
     let (keys, rest) = scratch.split_at_mut(layout.keys);
     let values = &mut rest[..layout.values];
-    keys.fill(0);
-    values.fill(0);
     let pad = model.constants(window.a.pad_codes, window.input.channels);
     let mut offsets = [0; MAX_TOKENS];
     let from = out.channels + head * channels;
     let mut walk = window.walk(from);
     for (first, width) in panels(tokens) {
         let panel = &mut keys[4 * first * groups(channels)..][..4 * width * groups(channels)];
+        if tokens < first + width || !channels.is_multiple_of(4) {
+            panel.fill(0);
+        }
         for token in first..tokens.min(first + width) {
             let codes = match walk.next_place() {
                 Some(at) => &tensors[at..at + channels],
@@ -180,6 +181,9 @@ fn pack(
     for (first, width) in panels(channels) {
         let panel = &mut values[4 * first * groups(tokens)..][..4 * width * groups(tokens)];
         let count = (channels - first).min(width);
+        if count < width {
+            panel.fill(0);
+        }
         let from = 2 * out.channels + head * channels + first;
         let mut walk = window.walk(from);
         for (group, to) in panel.chunks_exact_mut(4 * width).enumerate() {
@@ -229,30 +233,29 @@ impl Head<'_, '_> {
         }
         let multiplier = self.model.constant_i32(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
-        let mut cut = 0;
+        let (mut cut, mut acc): (u64, Accumulators) = (0, [0; ACCUMULATORS]);
         for (first, width) in panels(channels) {
-            let mut acc: Accumulators = [0; ACCUMULATORS];
             let groups = groups(self.window.tokens());
             let start = arena.scratch + self.layout.keys + 4 * first * groups;
             let weights = &arena.bytes[start..start + 4 * width * groups];
             for plane in [1, 0] {
                 let starts = [exp + plane * self.layout.row];
                 let patch = Patch { bytes: arena.bytes, starts: &starts, stride: 2 * self.layout.row, groups };
-                I::gemm(&mut acc, cols.len(), &patch, weights, width);
                 if plane == 1 {
+                    I::gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
                     acc[..cols.len() * width].iter_mut().for_each(|a| *a <<= 8);
+                } else {
+                    I::gemm(&mut acc, cols.len(), &patch, weights, width);
                 }
             }
             let channel = self.head * channels + first;
             let count = (channels - first).min(width);
             for (q, col) in cols.clone().enumerate() {
-                let (mut weighted, place) = ([0i32; PANEL], (row, col * out.channels + channel));
-                weighted[..width].copy_from_slice(&acc[q * width..(q + 1) * width]);
-                let scale = (reciprocals[q], multiplier);
+                let (scale, place) = ((reciprocals[q], multiplier), (row, col * out.channels + channel));
                 cut += match width {
-                    32 => self.means::<32>(arena.bytes, &weighted, scale, place, count),
-                    16 => self.means::<16>(arena.bytes, &weighted, scale, place, count),
-                    _ => self.means::<8>(arena.bytes, &weighted, scale, place, count),
+                    32 => self.means(arena.bytes, &acc.as_chunks::<32>().0[q], scale, place, count),
+                    16 => self.means(arena.bytes, &acc.as_chunks::<16>().0[q], scale, place, count),
+                    _ => self.means(arena.bytes, &acc.as_chunks::<8>().0[q], scale, place, count),
                 };
             }
         }
@@ -265,7 +268,7 @@ impl Head<'_, '_> {
     fn means<const W: usize>(
         &self,
         bytes: &mut [u8],
-        weighted: &[i32; PANEL],
+        weighted: &[i32; W],
         (reciprocal, multiplier): (i32, i32),
         (row, sample): (usize, usize),
         count: usize,
@@ -297,12 +300,11 @@ impl Head<'_, '_> {
         let q = t.row_offset(row) + (t.margin + self.window.cols.0) * t.channels + self.head * channels;
         let starts = [q];
         let patch = Patch { bytes: arena.bytes, starts: &starts, stride: t.channels, groups };
-        let mut logits = [[0; MAX_TOKENS]; MAX_WINDOW];
+        let (mut logits, mut acc): (_, Accumulators) = ([[0; MAX_TOKENS]; MAX_WINDOW], [0; ACCUMULATORS]);
         for (first, width) in panels(tokens) {
-            let mut acc: Accumulators = [0; ACCUMULATORS];
             let start = arena.scratch + 4 * first * groups;
             let weights = &arena.bytes[start..start + 4 * width * groups];
-            I::gemm(&mut acc, queries, &patch, weights, width);
+            I::gemm_from_zero(&mut acc, queries, &patch, weights, width);
             let count = (tokens - first).min(width);
             for (q, logits) in logits[..queries].iter_mut().enumerate() {
                 let acc = &acc[q * width..q * width + count];

@@ -77,9 +77,8 @@ unsafe fn any(
     target: &Target,
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
-    // With a shift of 32 or more results have 31 bits, as sums have 31 and multipliers 30 and what is added is half as large. Up
-    // to 53, the zero code fits beside them before the shift.
-    if !(32..=53).contains(&finish.shift) {
+    // Up to 53, the zero code fits beside sums of 2^61, their multiplied additions of 2^60 and half before the shift.
+    if finish.shift > 53 {
         return None;
     }
     let count = match (finish.ceiling > finish.hi, finish.floor < finish.lo) {
@@ -89,22 +88,28 @@ unsafe fn any(
     };
     // SAFETY: as the caller says.
     unsafe {
-        match (finish.add.is_some(), count) {
-            (false, NOTHING) => round::<false, NOTHING>(finish, bytes, acc, target, look_up),
-            (false, ABOVE) => round::<false, ABOVE>(finish, bytes, acc, target, look_up),
-            (false, _) => round::<false, BOTH>(finish, bytes, acc, target, look_up),
-            (true, ABOVE) => round::<true, ABOVE>(finish, bytes, acc, target, look_up),
-            (true, BOTH) => round::<true, BOTH>(finish, bytes, acc, target, look_up),
-            // A sum through a table: no network has it.
-            (true, _) => None,
+        match (finish.add.is_some(), finish.shift < 32, count) {
+            (false, false, NOTHING) => round::<false, false, NOTHING>(finish, bytes, acc, target, look_up),
+            (false, false, ABOVE) => round::<false, false, ABOVE>(finish, bytes, acc, target, look_up),
+            (false, false, _) => round::<false, false, BOTH>(finish, bytes, acc, target, look_up),
+            (false, true, ABOVE) => round::<false, true, ABOVE>(finish, bytes, acc, target, look_up),
+            (false, true, BOTH) => round::<false, true, BOTH>(finish, bytes, acc, target, look_up),
+            (true, false, ABOVE) => round::<true, false, ABOVE>(finish, bytes, acc, target, look_up),
+            (true, false, BOTH) => round::<true, false, BOTH>(finish, bytes, acc, target, look_up),
+            (true, true, ABOVE) => round::<true, true, ABOVE>(finish, bytes, acc, target, look_up),
+            (true, true, BOTH) => round::<true, true, BOTH>(finish, bytes, acc, target, look_up),
+            // No network has a sum through a table, or a table behind so short a shift.
+            (_, _, _) => None,
         }
     }
 }
 
+/// With a shift of 32 or more results have 31 bits; with less (`LONG`) they may have more, and are cut in 64 bits first.
+///
 /// # Safety
 /// AVX-512.
 #[inline(always)] // Into functions that have the target features.
-unsafe fn round<const ADD: bool, const COUNT: u8>(
+unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     finish: &Finish<'_>,
     bytes: &mut [u8],
     acc: &Accumulators,
@@ -131,7 +136,8 @@ unsafe fn round<const ADD: bool, const COUNT: u8>(
         let (lo, hi) = (_mm512_set1_epi32(finish.lo as i32), _mm512_set1_epi32(finish.hi as i32));
         let shift = _mm_cvtsi64_si128(finish.shift as i64);
         // Leaves odd lanes where they are wanted, in the upper half.
-        let odd_shift = _mm_cvtsi64_si128(finish.shift as i64 - 32);
+        let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(finish.shift as i64 - 32) };
+        let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
         let add_shift = _mm_cvtsi64_si128(finish.add_shift as i64);
         // With eight channels a vector holds two pixels.
         let together = if finish.width == 8 { 2 } else { 1 };
@@ -172,6 +178,10 @@ unsafe fn round<const ADD: bool, const COUNT: u8>(
                         odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
                     }
                     (even, odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, odd_shift));
+                    if LONG {
+                        even = _mm512_min_epi64(_mm512_max_epi64(even, bottom), top);
+                        odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(odd, bottom), top));
+                    }
                     let v = _mm512_mask_blend_epi32(0xaaaa, even, odd);
                     let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
                     if COUNT != NOTHING {
