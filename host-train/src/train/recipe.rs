@@ -2,7 +2,7 @@
 
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
-use crate::model::config::{Head, Illumination, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
+use crate::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +34,13 @@ impl Target {
 pub struct Recipe {
     /// Tiles (or crops) per step.
     pub batch: usize,
+    /// Parts into which the batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
+    /// time. Divides the batch.
+    #[serde(default = "one")]
+    pub accumulate: usize,
+    /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
+    #[serde(default)]
+    pub checkpointing: bool,
     /// Optimiser steps; the cosine ends here.
     pub steps: usize,
     /// Learning rate at the start of the cosine, after warm-up.
@@ -52,6 +59,8 @@ pub struct Recipe {
     pub elevation: Elevation,
     /// What training and validation judge by.
     pub target: Target,
+    /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
+    pub known_sun: f64,
     /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
     pub crop: [usize; 2],
     /// Crops taken from one tile.
@@ -64,11 +73,17 @@ pub struct Recipe {
     pub checkpoint_every: usize,
 }
 
+fn one() -> usize {
+    1
+}
+
 impl Recipe {
     /// The recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
     pub fn preset(preset: Preset) -> Self {
         let paper = Self {
             batch: 4,
+            accumulate: 1,
+            checkpointing: false,
             steps: 60_000,
             learning_rate: 1e-4,
             warm_up: 0,
@@ -78,6 +93,7 @@ impl Recipe {
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
             target: Target::Truth,
+            known_sun: 0.5,
             crop: [256, 320],
             crops_per_tile: 1,
             validate_every: 5_000,
@@ -93,6 +109,7 @@ impl Recipe {
                 warm_up: 100,
                 elevation_only: 0.0,
                 weights: LossWeights::SHORT,
+                elevation: Elevation::L1,
                 target: Target::Anchored,
                 crop: [128, 160],
                 crops_per_tile: 1,
@@ -145,6 +162,12 @@ impl Recipe {
                 return Err(format!("{name}: expected at least 1, found 0"));
             }
         }
+        if self.accumulate == 0 || !self.batch.is_multiple_of(self.accumulate) {
+            return Err(format!("accumulate: expected a divisor of batch {}, found {}", self.batch, self.accumulate));
+        }
+        if !(0.0..=1.0).contains(&self.known_sun) {
+            return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
+        }
         if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
             return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
         }
@@ -161,6 +184,12 @@ pub struct RecipeFlags {
     /// Tiles or crops per step [default: the preset's].
     #[arg(long)]
     pub batch: Option<usize>,
+    /// Parts into which the batch is divided to save memory; batch normalisation sees one at a time [default: 1].
+    #[arg(long, value_name = "N")]
+    pub accumulate: Option<usize>,
+    /// Compute cheap operations again for the gradients instead of keeping their results in memory.
+    #[arg(long)]
+    pub checkpointing: bool,
     /// Learning rate at the start of the cosine [default: the preset's].
     #[arg(long)]
     pub learning_rate: Option<f64>,
@@ -182,6 +211,9 @@ pub struct RecipeFlags {
     /// What training and validation judge by [default: the preset's].
     #[arg(long)]
     pub target: Option<Target>,
+    /// Share of the tiles whose Sun the network is told [default: the preset's].
+    #[arg(long)]
+    pub known_sun: Option<f64>,
     /// Weights of elevation, gradient and normal term [default: the preset's].
     #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
     pub loss_weights: Option<Vec<f32>>,
@@ -204,6 +236,8 @@ impl RecipeFlags {
     pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
         recipe.steps = self.steps.unwrap_or(recipe.steps);
         recipe.batch = self.batch.unwrap_or(recipe.batch);
+        recipe.accumulate = self.accumulate.unwrap_or(recipe.accumulate);
+        recipe.checkpointing |= self.checkpointing;
         recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
         recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
         if let Some([rows, cols]) = self.crop.as_deref() {
@@ -213,6 +247,7 @@ impl RecipeFlags {
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
         recipe.target = self.target.unwrap_or(recipe.target);
+        recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
         if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
             recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
         }
@@ -224,17 +259,16 @@ impl RecipeFlags {
     }
 }
 
-/// The network a preset trains by default: the paper's for `paper` and `small`; a residual head on the reference range for
-/// `tiny` and `nano`, which converge in minutes that way (our choice).
+/// The network a preset trains by default: the paper's for `paper` and `small`; for `tiny` and `nano` slopes in and corrections of
+/// the coarse DTM out, which converge in minutes (our choice).
 pub fn trained_network(preset: Preset) -> NetConfig {
     let config = NetConfig::preset(preset);
     match preset {
         Preset::Paper | Preset::Small => config,
         Preset::Tiny | Preset::Nano => NetConfig {
             head: Head::Residual,
-            target_range: TargetRange::Reference,
-            range_margin: REFERENCE_MARGIN,
-            illumination: Illumination::Northwest,
+            target_range: TargetRange::Pixel,
+            illumination: Illumination::Given,
             // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
             bn_momentum: 0.02,
             ..config

@@ -3,6 +3,7 @@
 use super::feed::TileSource;
 use super::sample::RawTile;
 use crate::Result;
+use crate::illumination::KnownSun;
 use crate::prepare::{Manifest, Split};
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
@@ -34,11 +35,21 @@ pub enum DataSpec {
     },
 }
 
+/// The Moon that networks are trained on: as most NAC DTMs every other tile, finer and coarser ones between them, and a Sun that is
+/// sometimes low (our choice).
+fn training_moon() -> SynthOptions {
+    SynthOptions {
+        also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
+        sun_elevation_deg: (12.0, 64.0),
+        ..SynthOptions::default()
+    }
+}
+
 /// Added to a run's seed to get the seed of its validation Moon.
 pub const VALIDATION_SEED: u64 = 0x5EED_0000_0000;
 
 impl DataSpec {
-    /// `None` or `synth`: the synthetic Moon of `seed` with default options; anything else is a folder: what `prepare` wrote, of which
+    /// `None` or `synth`: the synthetic Moon of `seed`, in several pixel sizes; anything else is a folder: what `prepare` wrote, of which
     /// `split` is taken, if it has such a manifest, else one of triples.
     ///
     /// # Errors
@@ -49,7 +60,7 @@ impl DataSpec {
                 Some(_) => Self::Prepared { path, split },
                 None => Self::Folder { path },
             },
-            _ => Self::Synth { seed, options: SynthOptions::default() },
+            _ => Self::Synth { seed, options: training_moon() },
         })
     }
 
@@ -88,7 +99,8 @@ impl TileSource for SynthSource {
             coarse_m: tile.coarse_m,
             truth_m: tile.truth_m,
             coarse_px: (COARSE_PIXEL_M / tile.pixel_m) as f32,
-            sun_azimuth_deg: Some(tile.sun_azimuth_deg),
+            sun: KnownSun { azimuth_deg: Some(tile.sun_azimuth_deg), elevation_deg: Some(tile.sun_elevation_deg) },
+            light: None,
         })
     }
 }

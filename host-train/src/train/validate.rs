@@ -3,18 +3,19 @@
 use super::feed::{TileSource, tensors};
 use super::recipe::Target;
 use super::sample::Sample;
-use crate::model::config::NetConfig;
+use crate::model::config::{NetConfig, TargetRange};
 use crate::model::elunar::ELunarDtmNet;
 use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
+use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Heights and slopes of one DTM against what training aims at ([`Target`]), over the whole set.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Root mean square height error, metres.
     pub rmse_m: f64,
@@ -25,7 +26,7 @@ pub struct Scores {
 }
 
 /// What a validation found.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
     /// RMSE in normalised units: the figure that chooses the best weights, as in the paper.
     pub rmse: f64,
@@ -33,6 +34,14 @@ pub struct Validation {
     pub rel: f64,
     /// Share of pixels with ratio below 1.25.
     pub a1: f64,
+    /// The same below 1.25².
+    pub a2: f64,
+    /// The same below 1.25³.
+    pub a3: f64,
+    /// Mean |log10 z − log10 z*|.
+    pub log10: f64,
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr_db: f64,
     /// The network, in metres and degrees.
     pub network: Scores,
     /// The interpolated coarse DTM, in metres and degrees.
@@ -42,6 +51,8 @@ pub struct Validation {
 /// One validation tile: the normalised maps, and what training aims at, in metres.
 struct Case {
     sample: Sample,
+    /// The range that relative errors are judged in, where heights are not normalised to one.
+    range: Option<ElevationScale>,
     coarse_m: Vec<f32>,
     truth_m: Vec<f32>,
     pixel_m: f32,
@@ -63,8 +74,13 @@ impl ValidationSet {
             .map(|index| {
                 let tile = target.of(source.tile(index)?)?.lit_for(config.illumination);
                 let sample = Sample::new(config, &tile).ok();
+                let range = match config.target_range {
+                    TargetRange::Pixel => ElevationScale::from_heights(&tile.coarse_m, None, config.nr).ok(),
+                    _ => None,
+                };
                 Ok(sample.map(|sample| Case {
                     sample,
+                    range,
                     coarse_m: tile.coarse_m,
                     truth_m: tile.truth_m,
                     pixel_m: tile.pixel_m,
@@ -91,17 +107,30 @@ impl ValidationSet {
             let output = net.forward(image, input).into_data().try_to_vec::<f32>();
             let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
             let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
-            relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?;
             let mut output_m = vec![0.0; output.len()];
             sample.scale.recover(&output, &mut output_m).map_err(|e| wrong(&e))?;
+            match &case.range {
+                None => relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?,
+                Some(range) => {
+                    let (mut truth, mut found) = (vec![0.0; output.len()], vec![0.0; output.len()]);
+                    range.normalise(&case.truth_m, &mut truth).map_err(|e| wrong(&e))?;
+                    range.normalise(&output_m, &mut found).map_err(|e| wrong(&e))?;
+                    relative.extend(&truth, &found, None).map_err(|e| wrong(&e))?;
+                }
+            }
             network.add(case, &output_m)?;
             coarse.add(case, &case.coarse_m)?;
         }
         let none = || Error::usage("validation: the network's output has no finite height");
+        let [a1, a2, a3] = relative.share_within_ratio().ok_or_else(none)?;
         Ok(Validation {
             rmse: relative.rmse().ok_or_else(none)?,
             rel: relative.rel().ok_or_else(none)?,
-            a1: relative.share_within_ratio().ok_or_else(none)?[0],
+            a1,
+            a2,
+            a3,
+            log10: relative.log10().ok_or_else(none)?,
+            psnr_db: relative.psnr_db().ok_or_else(none)?,
             network: network.scores().ok_or_else(none)?,
             coarse: coarse.scores().ok_or_else(none)?,
         })
