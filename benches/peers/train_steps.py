@@ -83,8 +83,8 @@ class PyTorch:
         )
 
     def run(self, steps):
-        """Seconds and losses of some steps."""
-        losses, start = [], time.perf_counter()
+        """Seconds, processor seconds and losses of some steps."""
+        losses, start, busy = [], time.perf_counter(), time.process_time()
         image, coarse, truth = self.batch
         for _ in range(steps):
             self.optimiser.zero_grad(set_to_none=True)
@@ -96,7 +96,7 @@ class PyTorch:
             torch._foreach_mul_(gradients, [torch.clamp(CLIP_NORM / (norm + 1e-38), max=1.0) for norm in norms])
             self.optimiser.step()
             losses.append(value.item())
-        return time.perf_counter() - start, losses
+        return time.perf_counter() - start, time.process_time() - busy, losses
 
     def close(self):
         pass
@@ -116,14 +116,20 @@ class Ours:
         for map in batch:
             self.process.stdin.write(map.tobytes())
 
+    def busy(self):
+        """Processor seconds so far."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def run(self, steps):
+        busy = self.busy()
         self.process.stdin.write(f"{steps}\n".encode())
         self.process.stdin.flush()
         line = self.process.stdout.readline()
         if not line:
             raise SystemExit("ERROR: train_server: expected an answer, found none")
         answer = json.loads(line)
-        return answer["seconds"], answer["losses"]
+        return answer["seconds"], self.busy() - busy, answer["losses"]
 
     def close(self):
         self.process.stdin.close()
@@ -158,12 +164,13 @@ def measure(a, weights, server, config):
     try:
         for layout in ("channels first", "channels last"):
             peers[layout.replace(" ", "_")] = PyTorch(weights, maps, layout)
-        losses = {key: peer.run(FIRST_LOSSES)[1] for key, peer in peers.items()}
+        losses = {key: peer.run(FIRST_LOSSES)[2] for key, peer in peers.items()}
         check(losses)
-        times = {key: [] for key in peers}
+        times, busy = {key: [] for key in peers}, {key: 0.0 for key in peers}
         for turn in range(a.rounds):
             for key in np.roll(list(peers), turn):
-                seconds, _ = peers[key].run(a.steps)
+                seconds, processor, _ = peers[key].run(a.steps)
+                busy[key] += processor / (a.rounds * a.steps)
                 times[key].append(seconds / a.steps)
                 files.say(f"round {turn + 1}: {peers[key].label}: {1 / times[key][-1]:.2f} steps/s")
     finally:
@@ -178,6 +185,7 @@ def measure(a, weights, server, config):
             "fastest_steps_per_s": fastest[key],
             "ours_over_it": rates["ours"] / rates[key],
             "ours_over_it_of_fastest": fastest["ours"] / fastest[key],
+            "processor_s_per_step": busy[key],
             "first_losses": losses[key],
         }
         for key in peers
@@ -201,12 +209,13 @@ def text(report):
         f"loss, backward, clipping, AdamW. {report['rounds']} turns of {report['steps']} steps each, in turns; medians. The "
         "first losses of all agree.",
         "",
-        "| | steps/s | fastest | ours / it | fastest ours / it |",
-        "|---|---|---|---|---|",
+        "| | steps/s | fastest | ours / it | fastest ours / it | processor s/step |",
+        "|---|---|---|---|---|---|",
     ]
     for one in report["trainers"].values():
         rates = f"{one['steps_per_s']:.2f} | {one['fastest_steps_per_s']:.2f}"
-        lines.append(f"| {one['label']} | {rates} | {one['ours_over_it']:.2f} | {one['ours_over_it_of_fastest']:.2f} |")
+        ratios = f"{one['ours_over_it']:.2f} | {one['ours_over_it_of_fastest']:.2f}"
+        lines.append(f"| {one['label']} | {rates} | {ratios} | {one['processor_s_per_step']:.2f} |")
     return "\n".join(lines) + "\n"
 
 
