@@ -134,9 +134,8 @@ impl Moon {
     pub fn new(seed: u64, options: SynthOptions) -> Result<Self> {
         options.validate()?;
         let tile_shop = Workshop::new(options.rows, options.cols, &options);
-        let other = |&pixel_m: &f64| {
-            Self::new(seed, SynthOptions { pixel_m, also_pixel_m: Vec::new(), ..options.clone() })
-        };
+        let other =
+            |&pixel_m: &f64| Self::new(seed, SynthOptions { pixel_m, also_pixel_m: Vec::new(), ..options.clone() });
         let others = options.also_pixel_m.iter().map(other).collect::<Result<_>>()?;
         Ok(Self { seed, options, profiles: Profiles::new(), tile_shop, others })
     }
