@@ -51,11 +51,9 @@ impl Correlation {
         let (n, m) = (self.count as f64, other.count as f64);
         let apart = [other.mean[0] - self.mean[0], other.mean[1] - self.mean[1]];
         let share = n * m / (n + m);
-        for (square, (more, apart)) in self.square.iter_mut().zip(other.square.iter().zip(apart)) {
-            *square += more + apart * apart * share;
-        }
-        for (mean, apart) in self.mean.iter_mut().zip(apart) {
-            *mean += apart * m / (n + m);
+        for (k, apart) in apart.iter().enumerate() {
+            self.square[k] += other.square[k] + apart * apart * share;
+            self.mean[k] += apart * m / (n + m);
         }
         self.product += other.product + apart[0] * apart[1] * share;
         self.count += other.count;
