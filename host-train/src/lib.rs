@@ -24,6 +24,7 @@ pub mod predict;
 pub mod prepare;
 pub mod quantile;
 pub mod raster;
+pub mod sfs;
 pub mod synth;
 #[cfg(test)]
 mod testing;

@@ -14,6 +14,7 @@ pub mod mosaic;
 mod output;
 pub mod predict;
 pub mod prepare;
+pub mod sfs;
 pub mod synth;
 pub mod train;
 
@@ -48,6 +49,8 @@ pub enum Command {
     Export(export::Args),
     /// Predict a DTM from an image and a coarse DTM.
     Predict(predict::Args),
+    /// Make a DTM by shape from shading, for comparison.
+    Sfs(Box<sfs::Args>),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
@@ -79,6 +82,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Train(args)) => train::run(*args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Sfs(args)) => sfs::run(*args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
         Some(Command::Hillshade(args)) => hillshade::run(args),
         Some(Command::Diff(args)) => diff::run(args),

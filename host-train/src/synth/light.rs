@@ -25,7 +25,7 @@ impl Sun {
 
 /// The Lunar–Lambert weight `L` at phase angle `alpha_deg` (SPEC B2; McEwen 1991), clamped to [0, 1]: the polynomial leaves
 /// that range beyond about 105°.
-fn lunar_lambert_weight(alpha_deg: f64) -> f64 {
+pub(crate) fn lunar_lambert_weight(alpha_deg: f64) -> f64 {
     let a = alpha_deg;
     (1.0 - 0.019 * a + 2.42e-4 * a * a - 1.46e-6 * a * a * a).clamp(0.0, 1.0)
 }
