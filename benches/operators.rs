@@ -51,7 +51,7 @@ impl<'a, 'm> Stepper<'a, 'm> {
         };
         let entries = (0..).map_while(entry_macs).collect();
         let (rows, cols) = model.tile();
-        let (image, coarse) = tile(rows, cols);
+        let (image, coarse) = tile(rows, cols, model.image_maps());
         let runner = Runner::new(model, arena).expect("the arena is as large as the model says");
         Self { runner, model, entries, image, coarse, output: vec![0.0; rows * cols] }
     }

@@ -20,6 +20,11 @@ FIXED = {"image_encoder": "swin", "decoder_kind": "residual", "use_coarse": True
 PAYLOAD = ("input.", "trace.", "output", "truth")
 
 
+def image_maps(config):
+    """Brightness, or two components of slope."""
+    return 2 if config.get("illumination") == "given" else 1
+
+
 def conv(inputs, outputs, kernel, stride=1):
     return nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2)
 
@@ -96,9 +101,9 @@ class Block(nn.Module):
 
 
 class PatchEmbed(nn.Module):
-    def __init__(self, dim):
+    def __init__(self, maps, dim):
         super().__init__()
-        self.proj, self.norm = nn.Conv2d(1, dim, 4, 4), nn.LayerNorm(dim, EPSILON)
+        self.proj, self.norm = nn.Conv2d(maps, dim, 4, 4), nn.LayerNorm(dim, EPSILON)
 
     def forward(self, image):
         return self.norm(self.proj(image).permute(0, 2, 3, 1))
@@ -132,7 +137,7 @@ class Stage(nn.Module):
 class Swin(nn.Module):
     def __init__(self, config, rows, cols):
         super().__init__()
-        self.patch_embed = PatchEmbed(config["embed"])
+        self.patch_embed = PatchEmbed(image_maps(config), config["embed"])
         self.layers = nn.ModuleList(Stage(config, i, [rows // (4 << i), cols // (4 << i)]) for i in range(4))
         for i in range(4):
             self.add_module(f"norm{i}", nn.LayerNorm(config["embed"] << i, EPSILON))
@@ -149,7 +154,7 @@ class Swin(nn.Module):
 class ImageEncoder(nn.Module):
     def __init__(self, config, rows, cols):
         super().__init__()
-        self.stem, self.swin = conv(1, config["stem"], 7, 2), Swin(config, rows, cols)
+        self.stem, self.swin = conv(image_maps(config), config["stem"], 7, 2), Swin(config, rows, cols)
 
     def forward(self, image):
         return [F.relu(self.stem(image)), *self.swin(image)]
@@ -200,7 +205,7 @@ class Network(nn.Module):
         return maps | {"output": z + coarse if self.residual else F.relu(z)}
 
     def forward(self, image, coarse):
-        """`image` in [0, 1], `coarse` in [0, NR], both [1, 1, rows, cols], to the normalised DTM of the same shape."""
+        """`image` [1, maps, rows, cols] and `coarse` [1, 1, rows, cols] to the normalised DTM of the shape of `coarse`."""
         return self.maps(image, coarse)["output"]
 
 

@@ -25,12 +25,13 @@ class Ours:
         self.label = f"ours, {self.facts['kernel']}"
 
     def run(self, image, coarse):
-        self.process.stdin.write(image.tobytes() + coarse.tobytes())
+        # Ours takes the maps of an image side by side in every pixel.
+        self.process.stdin.write(np.moveaxis(image, 1, 3).tobytes() + coarse.tobytes())
         self.process.stdin.flush()
-        answer = self.process.stdout.read(8 + image.nbytes)
-        if len(answer) != 8 + image.nbytes:
-            raise SystemExit(f"ERROR: {self.label}: expected {8 + image.nbytes} bytes, found {len(answer)}")
-        return struct.unpack("<d", answer[:8])[0], np.frombuffer(answer[8:], "<f4").reshape(image.shape)
+        answer = self.process.stdout.read(8 + coarse.nbytes)
+        if len(answer) != 8 + coarse.nbytes:
+            raise SystemExit(f"ERROR: {self.label}: expected {8 + coarse.nbytes} bytes, found {len(answer)}")
+        return struct.unpack("<d", answer[:8])[0], np.frombuffer(answer[8:], "<f4").reshape(coarse.shape)
 
     def close(self):
         self.process.stdin.close()

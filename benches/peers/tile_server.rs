@@ -51,9 +51,10 @@ fn serve(path: &str, kernel: Option<&str>) -> Result<(), Box<dyn Error>> {
     )?;
     output.flush()?;
     let mut worker = model.worker()?;
-    let (mut bytes, mut heights) = (vec![0; 8 * rows * cols], vec![0.0; rows * cols]);
+    let image_len = facts.image_maps() * rows * cols;
+    let (mut bytes, mut heights) = (vec![0; 4 * (image_len + rows * cols)], vec![0.0; rows * cols]);
     while let Some(tile) = read_tile(&mut input, &mut bytes)? {
-        let (image, coarse) = tile.split_at(rows * cols);
+        let (image, coarse) = tile.split_at(image_len);
         let start = Instant::now();
         worker.predict(image, coarse, &mut heights)?;
         let seconds = start.elapsed().as_secs_f64();

@@ -8,6 +8,7 @@ COARSE_PX = 32  # pixels per side of a coarse one
 PIXEL_M = 2.0
 SLOPE = np.tan(np.radians(8))  # mean of the terrain
 SUN_ELEVATION = np.radians(35)
+SLOPE_UNIT, SLOPE_MAX = 0.1, 1.0  # of images given as slopes
 
 
 def terrain(random):
@@ -28,12 +29,20 @@ def shade(z):
 
 
 def tile(seed, config):
-    """Image in [0, 1] and coarse DTM in [0, NR], each f32 [1, 1, ROWS, COLS], normalised as `config` wants it."""
+    """Image [1, maps, ROWS, COLS] and coarse DTM [1, 1, ROWS, COLS], f32, normalised as `config` wants it."""
     z = terrain(np.random.default_rng(seed))
     image = shade(z)
-    image = (image - image.min()) / np.ptp(image)
+    if config.get("illumination") == "given":
+        # The smallest slope that explains the contrast, its two components alike: the Sun stands in the north-west.
+        slope = (image / image.mean() - 1) * np.tan(SUN_ELEVATION) / np.sqrt(2) / SLOPE_UNIT
+        image = np.stack([slope, slope]).clip(-SLOPE_MAX / SLOPE_UNIT, SLOPE_MAX / SLOPE_UNIT)
+    else:
+        image = ((image - image.min()) / np.ptp(image))[None]
     coarse = F.avg_pool2d(torch.from_numpy(z)[None, None], COARSE_PX)
     coarse = F.interpolate(coarse, size=(ROWS, COLS), mode="bicubic", align_corners=False).numpy()
-    margin = config.get("range_margin", 0.0)
-    coarse = config.get("nr", 50.0) * ((coarse - coarse.min()) / np.ptp(coarse) + margin) / (1 + 2 * margin)
-    return image[None, None].astype(np.float32), coarse.astype(np.float32)
+    if config.get("target_range") == "pixel":
+        coarse = (coarse - coarse.mean()) / PIXEL_M
+    else:
+        margin = config.get("range_margin", 0.0)
+        coarse = config.get("nr", 50.0) * ((coarse - coarse.min()) / np.ptp(coarse) + margin) / (1 + 2 * margin)
+    return image[None].astype(np.float32), coarse.astype(np.float32)

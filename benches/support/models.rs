@@ -35,8 +35,8 @@ pub fn name(preset: Preset) -> &'static str {
 }
 
 /// A tile of `rows` x `cols` with texture and relief, image in [0, 1] and coarse DTM in [0, 50]; time does not depend on it.
-pub fn tile(rows: usize, cols: usize) -> (Vec<f32>, Vec<f32>) {
-    let image = (0..rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
+pub fn tile(rows: usize, cols: usize, maps: usize) -> (Vec<f32>, Vec<f32>) {
+    let image = (0..maps * rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
     let coarse = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
     (image, coarse)
 }
@@ -49,7 +49,7 @@ pub fn tile(rows: usize, cols: usize) -> (Vec<f32>, Vec<f32>) {
 pub fn exported(preset: Preset) -> Result<Vec<u8>> {
     let config = NetConfig::preset(preset);
     let weights = initial_weights(&config, SEED);
-    let (image, coarse) = tile(TILE_ROWS, TILE_COLS);
+    let (image, coarse) = tile(TILE_ROWS, TILE_COLS, config.image_maps());
     let tiles = [CalibrationTile { image, coarse, ground: None }];
     let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: Precision::Mixed, name: name(preset).into() };
     Ok(export(&config, &weights, Path::new(name(preset)), &tiles, &options, |_| ())?.bytes)

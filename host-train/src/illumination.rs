@@ -1,170 +1,107 @@
 //! From where the Sun shines, and how a scene is mirrored so that it shines from where the network expects it.
 //!
 //! One image does not tell a bump lit from the left from a hollow lit from the right. The paper's network must find the Sun
-//! within every tile; ours may be trained with the Sun in the north-west quadrant of the grid only
-//! ([`Illumination::Northwest`]), and a scene is mirrored left–right and up–down to make that so (our choice: the shading of
-//! small relief then has one sign per axis, and training is shorter by far). Mirroring turns light and shape together, so
-//! nothing is lost, and the result is mirrored back.
+//! within every tile; ours may be trained with the Sun in the north-west quadrant of the grid only, and a scene is mirrored
+//! left–right and up–down to make that so (our choice: the shading of small relief then has one sign per axis, and training is
+//! shorter by far). Mirroring turns light and shape together, so nothing is lost, and the result is mirrored back. With
+//! [`Illumination::Given`] the network is also told how brightness answers to slope ([`Light`]), known from the Sun or fitted.
 
 use crate::model::config::Illumination;
+use elunar_core::norm::LightFit;
+pub use elunar_core::norm::{Light, Turn};
+use elunar_core::terrain::PixelSize;
 
-/// Side of the cells over which image and coarse DTM are compared, pixels: about the coarse DTM's resolution at 2 m a pixel.
-const CELL_PX: usize = 24;
-
-/// Mirrorings of a row-major map, undone by applying them again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Turn {
-    /// First row last.
-    pub rows: bool,
-    /// First column last.
-    pub cols: bool,
+/// What is known of the Sun, degrees: azimuth clockwise from the grid's up, elevation above the horizon.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+pub struct KnownSun {
+    /// Azimuth.
+    pub azimuth_deg: Option<f64>,
+    /// Elevation.
+    pub elevation_deg: Option<f64>,
 }
 
-impl Turn {
-    /// The turn that brings a Sun of this azimuth (degrees clockwise from up) into the north-west quadrant.
-    pub fn from_azimuth_deg(azimuth_deg: f64) -> Self {
-        let (east, north) = azimuth_deg.to_radians().sin_cos();
-        Self { rows: north < 0.0, cols: east > 0.0 }
-    }
-
-    /// What `illumination` asks of a scene: nothing, or the turn from the Sun's azimuth, estimated where it is not known.
-    pub fn wanted(
-        illumination: Illumination,
-        azimuth_deg: Option<f64>,
-        image: &[f32],
-        coarse_m: &[f32],
-        shape: (usize, usize),
-    ) -> Self {
-        if illumination == Illumination::Any {
-            return Self::default();
-        }
-        azimuth_deg
-            .or_else(|| estimate_azimuth_deg(image, coarse_m, shape))
-            .map_or_else(Self::default, Self::from_azimuth_deg)
-    }
-
-    /// Whether nothing is mirrored.
-    pub fn is_none(self) -> bool {
-        self == Self::default()
-    }
-
-    /// The mirrored map.
-    pub fn apply<T: Copy>(self, map: &[T], cols: usize) -> Vec<T> {
-        let rows = map.len() / cols.max(1);
-        let mut out = Vec::with_capacity(map.len());
-        for i in 0..rows {
-            let row = if self.rows { rows - 1 - i } else { i };
-            let line = &map[row * cols..][..cols];
-            if self.cols { out.extend(line.iter().rev()) } else { out.extend(line) }
-        }
-        out
-    }
+/// A light for scenes that show none (our choice): from the north-west, 40 degrees high.
+fn fallback() -> Light {
+    Light::from_sun(315.0, 40.0).expect("a Sun above the horizon")
 }
 
-/// The Sun's azimuth (degrees clockwise from up) that best explains an image by the slopes of its coarse DTM, both row-major
-/// of `shape`; `None` if one of them is featureless. See [`SunEstimate`].
-pub fn estimate_azimuth_deg(image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Option<f64> {
-    let mut sun = SunEstimate::default();
-    sun.add(image, coarse_m, shape);
-    sun.azimuth_deg()
+/// The light of a scene, and how it is mirrored for a network that knows `illumination`.
+pub fn prepare(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> (Turn, Light) {
+    let light = match illumination {
+        Illumination::Any => return (Turn::default(), fallback()),
+        Illumination::Northwest => fit.with_sun(sun.azimuth_deg, None).or(sun.azimuth_deg.and_then(lit_from)),
+        Illumination::Given => fit.with_sun(sun.azimuth_deg, sun.elevation_deg).or(sun.azimuth_deg.and_then(lit_from)),
+    };
+    let light = light.unwrap_or_else(fallback);
+    let turn = Turn::from_azimuth_deg(light.azimuth_deg());
+    (turn, light.mirrored(turn))
 }
 
-/// Finds the Sun's azimuth in as much of a scene as it is shown.
-///
-/// For small slopes brightness is linear in them: I = a + b_x ∂z/∂x + b_y ∂z/∂y (x east, y south), falling towards the Sun's
-/// side; a least-squares fit over cells of 24 pixels gives b, and the azimuth is that of (-b_x, b_y). Pixels that are not finite
-/// are left out.
-#[derive(Debug, Clone, Default)]
-pub struct SunEstimate {
-    /// Brightness and the differences of height to the east and south, of each cell.
-    cells: Vec<[f64; 3]>,
+fn lit_from(azimuth_deg: f64) -> Option<Light> {
+    Light::from_sun(azimuth_deg, 40.0)
 }
 
-impl SunEstimate {
-    /// Shows it a rectangle of `shape`, row-major.
-    pub fn add(&mut self, image: &[f32], coarse_m: &[f32], (rows, cols): (usize, usize)) {
-        let (grid_rows, grid_cols) = (rows / CELL_PX, cols / CELL_PX);
-        if grid_rows < 3 || grid_cols < 3 {
-            return;
-        }
-        let (image, height) = (cells(image, cols, grid_rows, grid_cols), cells(coarse_m, cols, grid_rows, grid_cols));
-        let at = |map: &[f64], r: usize, c: usize| map[r * grid_cols + c];
-        let found = (1..grid_rows - 1).flat_map(|r| (1..grid_cols - 1).map(move |c| (r, c))).map(|(r, c)| {
-            let dx = at(&height, r, c + 1) - at(&height, r, c - 1);
-            let dy = at(&height, r + 1, c) - at(&height, r - 1, c);
-            [at(&image, r, c), dx, dy]
-        });
-        self.cells.extend(found.filter(|cell| cell.iter().all(|v| v.is_finite())));
-    }
-
-    /// Degrees clockwise from up; `None` if what was shown is featureless or too small.
-    #[must_use]
-    pub fn azimuth_deg(&self) -> Option<f64> {
-        let n = self.cells.len() as f64;
-        let mean: [f64; 3] = std::array::from_fn(|k| self.cells.iter().map(|s| s[k]).sum::<f64>() / n);
-        let covariance =
-            |a: usize, b: usize| self.cells.iter().map(|s| (s[a] - mean[a]) * (s[b] - mean[b])).sum::<f64>();
-        let (xx, yy, xy) = (covariance(1, 1), covariance(2, 2), covariance(1, 2));
-        let (ix, iy) = (covariance(0, 1), covariance(0, 2));
-        let determinant = xx * yy - xy * xy;
-        let (bx, by) = ((ix * yy - iy * xy) / determinant, (iy * xx - ix * xy) / determinant);
-        let azimuth = (-bx).atan2(by).to_degrees().rem_euclid(360.0);
-        (azimuth.is_finite() && (bx, by) != (0.0, 0.0)).then_some(azimuth)
-    }
+/// A row-major map of `cols` pixels a row, mirrored.
+pub fn turned<T: Copy>(turn: Turn, map: &[T], cols: usize) -> Vec<T> {
+    let shape = (map.len() / cols.max(1), cols);
+    (0..map.len()).map(|i| map[turn.source(i, shape)]).collect()
 }
 
-/// Means over cells.
-fn cells(map: &[f32], cols: usize, grid_rows: usize, grid_cols: usize) -> Vec<f64> {
-    let mut out = vec![0.0; grid_rows * grid_cols];
-    for (r, line) in map.chunks_exact(cols).take(grid_rows * CELL_PX).enumerate() {
-        for (c, &v) in line.iter().take(grid_cols * CELL_PX).enumerate() {
-            out[r / CELL_PX * grid_cols + c / CELL_PX] += f64::from(v);
-        }
-    }
-    out
+/// What a tile of `cols` columns shows of its light.
+pub fn fit_of(image: &[f32], coarse_m: &[f32], cols: usize, pixel_m: f64, coarse_px: f32) -> LightFit {
+    let mut fit = LightFit::default();
+    fit.add(image, coarse_m, cols, PixelSize::square(pixel_m), LightFit::cell_px(coarse_px));
+    fit
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::{Moon, SynthOptions};
+    use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 
     #[test]
-    fn turns_bring_every_sun_to_the_north_west_and_undo_themselves() {
-        for azimuth in (5..360).step_by(10).map(f64::from) {
-            let turn = Turn::from_azimuth_deg(azimuth);
-            let (mut east, mut north) = azimuth.to_radians().sin_cos();
-            east *= if turn.cols { -1.0 } else { 1.0 };
-            north *= if turn.rows { -1.0 } else { 1.0 };
-            assert!(east <= 0.0 && north >= 0.0, "{azimuth}");
-        }
+    fn maps_are_mirrored_and_back() {
         let map = [1, 2, 3, 4, 5, 6];
         let turn = Turn { rows: true, cols: true };
-        assert_eq!(turn.apply(&map, 3), [6, 5, 4, 3, 2, 1]);
-        assert_eq!(turn.apply(&turn.apply(&map, 3), 3), map);
+        assert_eq!(turned(turn, &map, 3), [6, 5, 4, 3, 2, 1]);
+        assert_eq!(turned(turn, &turned(turn, &map, 3), 3), map);
+        assert_eq!(turned(Turn { rows: false, cols: true }, &map, 3), [3, 2, 1, 6, 5, 4]);
     }
 
     #[test]
-    fn the_sun_is_found_in_synthetic_scenes() {
+    fn the_light_is_found_in_synthetic_scenes() {
         let options = SynthOptions { rows: 512, cols: 640, ..SynthOptions::default() };
         let moon = Moon::new(11, options).unwrap();
-        let errors: Vec<f64> = (0..24)
-            .map(|index| {
-                let tile = moon.tile(index);
-                let found = estimate_azimuth_deg(&tile.image, &tile.coarse_m, (tile.rows, tile.cols)).unwrap();
-                let error = (found - tile.sun_azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
-                error.abs()
-            })
-            .collect();
-        let good = errors.iter().filter(|e| **e < 45.0).count();
-        eprintln!("azimuth errors, degrees: {errors:.0?}");
-        assert!(good >= 18, "{good} of 24 within 45 degrees: {errors:.0?}");
+        let (mut azimuths, mut strengths) = (vec![], vec![]);
+        for index in 0..24 {
+            let tile = moon.tile(index);
+            let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
+            let fit = fit_of(&tile.image, &tile.coarse_m, tile.cols, tile.pixel_m, coarse_px);
+            let found = fit.light().unwrap();
+            let truth = Light::from_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg).unwrap();
+            azimuths.push(((found.azimuth_deg() - tile.sun_azimuth_deg + 180.0).rem_euclid(360.0) - 180.0).abs());
+            strengths.push(f64::from(found.strength() / truth.strength()));
+        }
+        eprintln!("azimuth errors, degrees: {azimuths:.0?}; strength, found over true: {strengths:.2?}");
+        let good = azimuths.iter().filter(|e| **e < 20.0).count();
+        assert!(good >= 20, "{good} of 24 within 20 degrees: {azimuths:.0?}");
+        let good = strengths.iter().filter(|s| (0.7..1.4).contains(*s)).count();
+        assert!(good >= 20, "{good} of 24 within 0.7 to 1.4: {strengths:.2?}");
     }
 
     #[test]
-    fn a_featureless_scene_has_no_sun() {
-        let flat = vec![1.0f32; 96 * 96];
-        assert_eq!(estimate_azimuth_deg(&flat, &flat, (96, 96)), None);
-        assert_eq!(estimate_azimuth_deg(&flat[..64], &flat[..64], (8, 8)), None);
+    fn scenes_without_light_are_taken_as_lit_from_the_north_west() {
+        let none = (Turn::default(), fallback());
+        let nothing = LightFit::default();
+        for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given] {
+            assert_eq!(prepare(illumination, KnownSun::default(), &nothing), none);
+        }
+        let sun = KnownSun { azimuth_deg: Some(100.0), elevation_deg: Some(25.0) };
+        let (turn, light) = prepare(Illumination::Given, sun, &nothing);
+        assert_eq!(turn, Turn { rows: true, cols: true });
+        assert!((light.azimuth_deg() - 280.0).abs() < 1e-3);
+        assert_eq!(light.strength(), Light::from_sun(100.0, 25.0).unwrap().strength());
+        let azimuth_alone = KnownSun { elevation_deg: None, ..sun };
+        assert_eq!(prepare(Illumination::Northwest, azimuth_alone, &nothing).0, turn);
     }
 }

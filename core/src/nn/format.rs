@@ -45,7 +45,7 @@ pub mod word {
     pub const NR: usize = 16;
     /// Share by which the coarse relief is widened, f32.
     pub const RANGE_MARGIN: usize = 17;
-    /// Whose range normalised the truth: 0 its own, 1 the coarse tile's.
+    /// Whose range normalised the truth: 0 its own, 1 the coarse tile's, 2 none (heights are counted in pixels).
     pub const TARGET_RANGE: usize = 18;
     /// Tensor that takes the image.
     pub const IMAGE: usize = 19;
@@ -57,7 +57,7 @@ pub mod word {
     pub const SELF_TEST_SEED: usize = 23;
     /// CRC32C of the self test's output.
     pub const SELF_TEST_CRC: usize = 24;
-    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid.
+    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid, 2 as 1 and the image as slopes.
     pub const ILLUMINATION: usize = 25;
     /// Schedule entries: offset, then their number.
     pub const SCHEDULE: usize = 26;

@@ -1,10 +1,12 @@
 //! A tile in physical units through the runner: brightness and metres in, metres out, without a buffer in between.
 
 use super::error::RunError;
+use super::model::{Illumination, TruthRange};
 use super::runner::Runner;
 use crate::error::NormError;
 use crate::mask;
-use crate::norm::ElevationScale;
+use crate::norm::{ElevationScale, Light, LightFit, Shading, Turn};
+use crate::terrain::PixelSize;
 use core::fmt;
 
 /// Why a tile in physical units cannot begin.
@@ -14,6 +16,8 @@ pub enum TileError {
     Run(RunError),
     /// It cannot be normalised: no relief, no contrast, too few valid pixels.
     Norm(NormError),
+    /// The model wants the light; none was given, and the tile does not show any.
+    Light,
 }
 
 impl fmt::Display for TileError {
@@ -21,6 +25,9 @@ impl fmt::Display for TileError {
         match self {
             Self::Run(e) => e.fmt(f),
             Self::Norm(e) => e.fmt(f),
+            Self::Light => {
+                f.write_str("expected the light, or an image that answers to the coarse DTM's slopes; found neither")
+            }
         }
     }
 }
@@ -33,53 +40,127 @@ impl From<NormError> for TileError {
     }
 }
 
+/// A tile in physical units; maps are row-major rows * cols of the model's tile.
+#[derive(Debug, Clone, Copy)]
+pub struct TileInput<'t> {
+    /// Relative brightness.
+    pub image: &'t [f32],
+    /// Coarse DTM on the image's grid, metres above the sphere.
+    pub coarse_m: &'t [f32],
+    /// Which pixels count beside those that are real (see [`mask`]); `None`: all.
+    pub valid: Option<&'t [bool]>,
+    /// Ground size of a pixel, metres.
+    pub pixel_m: f32,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
+    /// How brightness answers to slope ([`Light::from_sun`], or [`LightFit`] over a larger scene); `None` fits it to the tile, which is
+    /// less certain. Models that know any light do not ask for it.
+    pub light: Option<Light>,
+}
+
+/// The way from a network's output back to the ground: what [`Runner::heights`] needs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TileScale {
+    /// From normalised elevation to metres.
+    pub elevation: ElevationScale,
+    /// How the tile was mirrored.
+    pub turn: Turn,
+}
+
+/// What the network is given for a pixel of the image.
+enum Brightness {
+    Range { min: f32, span: f32 },
+    Slopes(Shading),
+}
+
 impl Runner<'_, '_> {
-    /// Normalises a tile as the model was trained (Eq. 2 with the model's NR and margin, Sec. III-A2 for the image), pixel by
-    /// pixel on the way into the arena, and stands ready for the first step. `image` is relative brightness, `coarse_m` metres
-    /// above the sphere, both row-major rows * cols. Pixels that do not count (see [`mask`]) are fed as 0.
-    ///
-    /// The scale that comes back is what [`Self::heights`] needs.
+    /// Normalises a tile as the model was trained, pixel by pixel on the way into the arena, mirrored if the model wants its Sun in the
+    /// north-west, and stands ready for the first step. Pixels that do not count are fed as 0.
     ///
     /// # Errors
     /// [`TileError`]; then nothing has begun.
-    pub fn begin_metres(
-        &mut self,
-        image: &[f32],
-        coarse_m: &[f32],
-        valid: Option<&[bool]>,
-    ) -> Result<ElevationScale, TileError> {
+    pub fn begin_metres(&mut self, tile: &TileInput<'_>) -> Result<TileScale, TileError> {
         let (rows, cols) = self.model().tile();
+        let TileInput { image, coarse_m, valid, .. } = *tile;
         let lengths = [image.len(), coarse_m.len(), valid.map_or(rows * cols, <[bool]>::len)];
         if let Some(&found) = lengths.iter().find(|&&len| len != rows * cols) {
             return Err(TileError::Run(RunError::TileSize { expected: rows * cols, found }));
         }
-        let (nr, margin) = (self.model().nr(), self.model().range_margin());
-        let scale = ElevationScale::from_heights(coarse_m, valid, nr)?.with_margin(margin)?;
-        let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let span = max - min;
-        if !(span.is_finite() && span > 0.0) {
-            return Err(NormError::ConstantImage.into());
-        }
-        let brightness = |i: usize| if mask::counts(image, valid, i) { (image[i] - min) / span } else { 0.0 };
-        let elevation = |i: usize| {
-            let mut z = [0.0];
+        let elevation = self.elevation_scale(tile)?;
+        let (turn, brightness) = self.brightness(tile)?;
+        let maps = self.model().image_maps();
+        let sample = |i: usize| {
+            let pixel = turn.source(i / maps, (rows, cols));
+            if !mask::counts(image, valid, pixel) {
+                return 0.0;
+            }
+            match &brightness {
+                Brightness::Range { min, span } => (image[pixel] - min) / span,
+                Brightness::Slopes(shading) => shading.slopes(image[pixel])[i % maps],
+            }
+        };
+        let height = |i: usize| {
+            let (mut z, pixel) = ([0.0], turn.source(i, (rows, cols)));
             // One sample in, one out: the lengths agree.
-            let _ = scale.normalise(&coarse_m[i..=i], &mut z);
+            let _ = elevation.normalise(&coarse_m[pixel..=pixel], &mut z);
             z[0]
         };
-        self.load(brightness, elevation);
-        Ok(scale)
+        self.load(sample, height);
+        Ok(TileScale { elevation, turn })
     }
 
-    /// The finished tile in metres above the sphere (Eq. 8), row-major; `scale` is the one that [`Self::begin_metres`] returned.
+    fn elevation_scale(&self, tile: &TileInput<'_>) -> Result<ElevationScale, NormError> {
+        let (nr, margin) = (self.model().nr(), self.model().range_margin());
+        match self.model().truth_range() {
+            TruthRange::Pixel => ElevationScale::from_pixel(tile.coarse_m, tile.valid, tile.pixel_m, nr),
+            _ => ElevationScale::from_heights(tile.coarse_m, tile.valid, nr)?.with_margin(margin),
+        }
+    }
+
+    fn brightness(&self, tile: &TileInput<'_>) -> Result<(Turn, Brightness), TileError> {
+        let illumination = self.model().illumination();
+        let light = match illumination {
+            Illumination::Any => None,
+            _ => Some(tile.light.or_else(|| self.fitted_light(tile)).ok_or(TileError::Light)?),
+        };
+        let turn = light.map_or_else(Turn::default, |light| Turn::from_azimuth_deg(light.azimuth_deg()));
+        if let (Illumination::Given, Some(light)) = (illumination, light) {
+            let shading = Shading::new(tile.image, tile.valid, light.mirrored(turn))?;
+            return Ok((turn, Brightness::Slopes(shading)));
+        }
+        let (min, max) = mask::extent(tile.image, tile.valid).map_err(|found| NormError::TooFewValid { found })?;
+        let span = max - min;
+        if span.is_finite() && span > 0.0 {
+            Ok((turn, Brightness::Range { min, span }))
+        } else {
+            Err(NormError::ConstantImage.into())
+        }
+    }
+
+    fn fitted_light(&self, tile: &TileInput<'_>) -> Option<Light> {
+        let mut fit = LightFit::default();
+        let pixel = PixelSize::square(f64::from(tile.pixel_m));
+        fit.add(tile.image, tile.coarse_m, self.model().tile().1, pixel, LightFit::cell_px(tile.coarse_px));
+        fit.light()
+    }
+
+    /// The finished tile in metres above the sphere (Eq. 8), row-major; `scale` is what [`Self::begin_metres`] returned.
     ///
     /// # Errors
     /// [`RunError::State`] before the tile is done, [`RunError::TileSize`].
-    pub fn heights(&self, scale: &ElevationScale, out_m: &mut [f32]) -> Result<(), RunError> {
+    pub fn heights(&self, scale: &TileScale, out_m: &mut [f32]) -> Result<(), RunError> {
         self.output(out_m)?;
+        let shape = self.model().tile();
+        for i in 0..out_m.len() {
+            let from = scale.turn.source(i, shape);
+            // Mirroring exchanges pixels in pairs.
+            if from > i {
+                out_m.swap(i, from);
+            }
+        }
         for z in out_m {
             let mut metres = [0.0];
-            let _ = scale.recover(&[*z], &mut metres);
+            let _ = scale.elevation.recover(&[*z], &mut metres);
             *z = metres[0];
         }
         Ok(())

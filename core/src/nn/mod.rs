@@ -29,7 +29,7 @@ mod tensor;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
-pub use metres::{TileError, validity};
+pub use metres::{TileError, TileInput, TileScale, validity};
 pub use model::{
     Illumination, MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
     TruthRange,

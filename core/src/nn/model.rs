@@ -34,6 +34,8 @@ pub enum TruthRange {
     Own,
     /// The coarse tile's.
     Reference,
+    /// None: heights are counted in pixels about the mean of the coarse tile.
+    Pixel,
 }
 
 /// Which light the network knows.
@@ -41,8 +43,10 @@ pub enum TruthRange {
 pub enum Illumination {
     /// The Sun anywhere.
     Any,
-    /// The Sun in the north-west quadrant of the grid: the caller mirrors tiles lit from elsewhere, and the heights back.
+    /// The Sun in the north-west quadrant of the grid: tiles lit from elsewhere are mirrored, and the heights back.
     Northwest,
+    /// As before, and the image is given as slopes ([`crate::norm::shading`]), two samples in every pixel.
+    Given,
 }
 
 /// A validated model, borrowing the file's bytes. Holding one proves that every operator stays inside its tensors, constants
@@ -125,21 +129,21 @@ impl<'a> Model<'a> {
         let floats = [self.nr(), self.range_margin()];
         if !floats.iter().all(|v| v.is_finite() && *v >= 0.0)
             || self.nr() <= 0.0
-            || self.raw.word(word::TARGET_RANGE) > 1
-            || self.raw.word(word::ILLUMINATION) > 1
+            || self.raw.word(word::TARGET_RANGE) > 2
+            || self.raw.word(word::ILLUMINATION) > 2
         {
             return Err(ModelError::Header);
         }
-        let fits = |index: u32| match self.tensors.get(index as usize) {
+        let fits = |index: u32, maps: usize| match self.tensors.get(index as usize) {
             None => index == NONE,
             Some(_) => {
                 let t = self.tensor(index);
-                (t.rows, t.cols, t.channels, t.ring) == (rows, cols, 1, rows) && t.dtype != Dtype::F32
+                (t.rows, t.cols, t.channels, t.ring) == (rows, cols, maps, rows) && t.dtype != Dtype::F32
             }
         };
         let (image, coarse) = (self.image_tensor(), self.coarse_tensor());
-        let apart = coarse == NONE || (fits(coarse) && image != coarse);
-        if image != NONE && fits(image) && apart { Ok(()) } else { Err(ModelError::Header) }
+        let apart = coarse == NONE || (fits(coarse, 1) && image != coarse);
+        if image != NONE && fits(image, self.image_maps()) && apart { Ok(()) } else { Err(ModelError::Header) }
     }
 
     fn check_output(&self) -> Result<(), ModelError> {
@@ -394,12 +398,25 @@ impl<'a> Model<'a> {
 
     /// Whose range normalised the truth.
     pub fn truth_range(&self) -> TruthRange {
-        if self.raw.word(word::TARGET_RANGE) == 0 { TruthRange::Own } else { TruthRange::Reference }
+        match self.raw.word(word::TARGET_RANGE) {
+            0 => TruthRange::Own,
+            1 => TruthRange::Reference,
+            _ => TruthRange::Pixel,
+        }
     }
 
     /// Which light the network knows.
     pub fn illumination(&self) -> Illumination {
-        if self.raw.word(word::ILLUMINATION) == 0 { Illumination::Any } else { Illumination::Northwest }
+        match self.raw.word(word::ILLUMINATION) {
+            0 => Illumination::Any,
+            1 => Illumination::Northwest,
+            _ => Illumination::Given,
+        }
+    }
+
+    /// Samples of the image in every pixel: brightness, or two components of slope.
+    pub fn image_maps(&self) -> usize {
+        if self.illumination() == Illumination::Given { crate::norm::shading::MAPS } else { 1 }
     }
 
     /// Descriptive JSON: name, network configuration.

@@ -103,17 +103,18 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry
     }
 
-    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1], `coarse` in [0, NR], both row-major
-    /// rows * cols; a tile in progress is dropped.
+    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1] (or slopes, [`Model::image_maps`] samples in
+    /// every pixel), `coarse` in [0, NR] (or pixels), both row-major rows * cols; a tile in progress is dropped.
     ///
     /// # Errors
     /// [`RunError::TileSize`], or [`RunError::NotFinite`]; then nothing has begun.
     pub fn begin(&mut self, image: &[f32], coarse: &[f32]) -> Result<(), RunError> {
         self.state = State::Idle;
         let (rows, cols) = self.model.tile();
-        for input in [image, coarse] {
-            if input.len() != rows * cols {
-                return Err(RunError::TileSize { expected: rows * cols, found: input.len() });
+        for (input, maps) in [(image, self.model.image_maps()), (coarse, 1)] {
+            let expected = maps * rows * cols;
+            if input.len() != expected {
+                return Err(RunError::TileSize { expected, found: input.len() });
             }
             if let Some(index) = input.iter().position(|v| !v.is_finite()) {
                 return Err(RunError::NotFinite { index });
@@ -126,7 +127,8 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] judges it.
     pub fn begin_self_test(&mut self) {
         let ((seed, _), (_, cols), nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
-        self.load(|i| self_test::image_sample(seed, cols, i), |i| self_test::coarse_sample(seed, cols, i, nr));
+        let line = cols * self.model.image_maps();
+        self.load(|i| self_test::image_sample(seed, line, i), |i| self_test::coarse_sample(seed, cols, i, nr));
     }
 
     pub(super) fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) {
@@ -143,18 +145,18 @@ impl<'a, 'm> Runner<'a, 'm> {
         let inverse = 1.0 / tensor.scale;
         for row in 0..tensor.rows {
             let to = Row::of(&tensor, row);
-            let mut col = 0;
-            while col < tensor.cols {
+            let (line, mut at) = (tensor.cols * tensor.channels, 0);
+            while at < line {
                 let mut codes = [0; 64];
-                let count = codes.len().min(tensor.cols - col);
+                let count = codes.len().min(line - at);
                 for (i, code) in codes[..count].iter_mut().enumerate() {
-                    let value = sample(row * tensor.cols + col + i);
+                    let value = sample(row * line + at + i);
                     let (kept, clamped) = quantise(value, inverse, tensor.zero, tensor.lo, tensor.hi);
                     *code = kept;
                     self.telemetry.inputs_clamped += clamped as u64;
                 }
-                to.store(self.arena.bytes, col, &codes[..count]);
-                col += count;
+                to.store(self.arena.bytes, at, &codes[..count]);
+                at += count;
             }
             self.arena.fill_margins(&tensor, row);
         }

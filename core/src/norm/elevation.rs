@@ -77,6 +77,29 @@ impl ElevationScale {
         if min_m.is_finite() { Ok(Self { min_m, relief_m, ..self }) } else { Err(NormError::Margin { share }) }
     }
 
+    /// A scale whose unit is the ground size of a pixel, about the mean of the tile's heights (our choice): slopes of the
+    /// normalised heights are slopes of the ground, whatever the relief. The relief that normalises to `nr` is `nr` pixels.
+    ///
+    /// # Errors
+    /// As [`Self::from_heights`], with [`NormError::Relief`] for a pixel that has no size; level ground is no error here.
+    pub fn from_pixel(heights_m: &[f32], valid: Option<&[bool]>, pixel_m: f32, nr: f32) -> Result<Self, NormError> {
+        if let Some(mask) = valid {
+            same_length(heights_m.len(), mask.len())?;
+        }
+        if !(nr.is_finite() && nr > 0.0) {
+            return Err(NormError::Range { nr });
+        }
+        mask::extent(heights_m, valid).map_err(|found| NormError::TooFewValid { found })?;
+        let (mut sum, mut count) = (0.0f64, 0usize);
+        for (i, &z) in heights_m.iter().enumerate() {
+            if mask::counts(heights_m, valid, i) {
+                sum += f64::from(z);
+                count += 1;
+            }
+        }
+        Ok(Self { min_m: (sum / count as f64) as f32, relief_m: check_relief(nr * pixel_m)?, nr })
+    }
+
     /// Normalises heights in metres (Eq. 2): z* = NR (Z − Z_min) / ΔZ.
     ///
     /// Linear, without clamping: heights outside the tile's own range leave [0, NR]. Pixels that are not real (see
@@ -164,6 +187,20 @@ mod tests {
         assert_eq!((wide.min_m(), wide.relief_m()), (90.0, 60.0));
         assert_eq!(wide.metres_per_unit(), 1.2);
         assert_eq!(wide.with_margin(0.0).unwrap(), wide);
+    }
+
+    #[test]
+    fn in_pixels_slopes_are_slopes() {
+        let heights = [100.0, 102.0, f32::NAN, 110.0];
+        let scale = ElevationScale::from_pixel(&heights, None, 4.0, NR).unwrap();
+        let mut out = [9.0; 4];
+        scale.normalise(&heights, &mut out).unwrap();
+        assert_eq!(out, [-1.0, -0.5, 0.0, 1.5]);
+        assert_eq!((scale.metres_per_unit(), scale.min_m()), (4.0, 104.0));
+        assert!(ElevationScale::from_pixel(&[5.0; 3], None, 2.0, NR).is_ok());
+        assert!(matches!(ElevationScale::from_pixel(&heights, None, 0.0, NR), Err(NormError::Relief { .. })));
+        assert!(matches!(ElevationScale::from_pixel(&heights, None, 2.0, -1.0), Err(NormError::Range { .. })));
+        assert!(matches!(ElevationScale::from_pixel(&heights[..1], None, 2.0, NR), Err(NormError::TooFewValid { .. })));
     }
 
     #[test]

@@ -4,10 +4,12 @@
 //! [`crate::mask::is_real`]), there is no value: NaN, or 0 in a hillshade, as `gdaldem` does without `-compute_edges`.
 
 pub mod hillshade;
+pub mod lunar_lambert;
 pub mod normal;
 pub mod slope;
 
 pub use hillshade::{Sun, hillshade};
+pub use lunar_lambert::lunar_lambert_weight;
 pub use normal::normals;
 pub use slope::slope_deg;
 

@@ -4,9 +4,9 @@ use super::output;
 use crate::export::build::build;
 use crate::export::calibrate::{Ground, Range, calibrate};
 use crate::export::choose::{Job, Trial, choose};
+use crate::export::codes::wide_by_rule;
 use crate::export::compile::finish;
 use crate::export::graph::Graph;
-use crate::export::quantise::wide_by_rule;
 use crate::export::report::{Comparison, compare};
 use crate::export::sensitivity::{self, Sensitivity};
 use crate::export::{CalibrationTile, Options, Precision, costs};
@@ -87,7 +87,7 @@ pub fn run(args: Args) -> Result<()> {
     bar.finish_and_clear();
     let held_out = calibration_tiles(source.as_ref(), &config, args.tiles, args.compare)?;
     let wide = wide_by_rule(&graph, args.precision);
-    let mut sensitivity = measure(&args, &graph, &ranges, config.nr, &wide, &held_out)?;
+    let mut sensitivity = measure(&args, &graph, &ranges, config.coarse_limit(), &wide, &held_out)?;
     let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: args.precision, name: name(&args.output) };
     let mut trials = Vec::new();
     let made = if let (Some(sensitivity), Some(percent)) = (&mut sensitivity, args.slope_growth) {
@@ -118,14 +118,14 @@ fn measure(
     args: &Args,
     graph: &Graph,
     ranges: &[Range],
-    nr: f32,
+    coarse_limit: f32,
     wide: &[bool],
     held_out: &[CalibrationTile],
 ) -> Result<Option<Sensitivity>> {
     if !args.sensitivity {
         return Ok(None);
     }
-    let plan = sensitivity::Plan::new(graph, ranges, nr, wide);
+    let plan = sensitivity::Plan::new(graph, ranges, coarse_limit, wide);
     let bar = bar("roundings", plan.roundings() as u64 * args.compare, "roundings");
     let measured = plan.measure(held_out, |done| bar.set_position(done as u64))?;
     bar.finish_and_clear();

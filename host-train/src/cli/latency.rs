@@ -160,7 +160,8 @@ fn print(args: &Args, facts: &Facts, measured: &Measured) {
 /// Seconds of each tile of the float network, on one made-up tile over and over.
 fn measure_float(model: &float::FloatModel, extent: Extent) -> Result<Vec<f64>> {
     let (rows, cols) = model.tile();
-    let image: Vec<f32> = (0..rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
+    let samples = model.normalisation().image_maps() * rows * cols;
+    let image: Vec<f32> = (0..samples).map(|i| (i % 97) as f32 / 96.0).collect();
     let coarse: Vec<f32> = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
     let (mut worker, mut output) = (model.worker()?, vec![0.0; rows * cols]);
     let mut tile = || worker.predict(&image, &coarse, &mut output);

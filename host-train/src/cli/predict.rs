@@ -1,6 +1,7 @@
 //! `host-train predict`: an image and a coarse DTM in, a DTM out.
 
 use super::output;
+use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
 use crate::predict::{DtmWriter, Input, Options, Part, Progress, Provenance, Scene, Survey, Tally, open, predict_rows};
@@ -47,6 +48,9 @@ pub struct Args {
     /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
+    /// Elevation of the Sun, degrees above the horizon [default: how brightness answers to slope is fitted to image and coarse DTM].
+    #[arg(long, value_name = "DEG")]
+    pub sun_elevation: Option<f64>,
     /// Pixels by which neighbouring tiles overlap [default: 100, or a third of a smaller tile].
     #[arg(long, value_name = "PX")]
     pub overlap: Option<usize>,
@@ -82,7 +86,7 @@ pub fn run(args: Args) -> Result<()> {
         blend: args.blend,
         anchor: !args.no_anchor,
         threads: args.threads,
-        sun_azimuth_deg: args.sun_azimuth.or(survey.sun_azimuth_deg),
+        sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
     };
     let part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
     let (part, tally) = fill(part, &scene, |from, keep, progress| {

@@ -4,6 +4,7 @@ use super::Settings;
 use super::console::{bar, minutes, say};
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::scene::DemoScene;
+use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::predict::{DtmWriter, Options, Prediction, Provenance, open, predict};
 use crate::{Result, interrupt};
@@ -46,9 +47,10 @@ pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Re
 fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
     let model = open(&folder.file(file), Backend::Flex)?;
     let overlap_px = Options::overlap_for(model.tile());
-    // Archives tell the Sun's azimuth of every image.
-    let sun_azimuth_deg = Some(scene.about.sun_azimuth_deg);
-    let options = Options { overlap_px, threads: settings.threads, sun_azimuth_deg, ..Options::default() };
+    // Archives tell the Sun's place in the sky for every image.
+    let (azimuth_deg, elevation_deg) = (scene.about.sun_azimuth_deg, scene.about.sun_elevation_deg);
+    let sun = KnownSun { azimuth_deg: Some(azimuth_deg), elevation_deg: Some(elevation_deg) };
+    let options = Options { overlap_px, threads: settings.threads, sun, ..Options::default() };
     let bar = bar(name, 0, "tiles");
     let start = Instant::now();
     let made = predict(&scene.input, model.as_ref(), &options, &mut |done, all| {

@@ -109,7 +109,7 @@ impl<'a> Builder<'a> {
     }
 
     fn network(&mut self, rows: usize, cols: usize) {
-        let image = self.push("image", Operation::Image, (rows, cols, 1), true);
+        let image = self.push("image", Operation::Image, (rows, cols, self.config.image_maps()), true);
         let needs_coarse = self.config.use_coarse || self.config.head == Head::Residual;
         let coarse = needs_coarse.then(|| self.push("coarse", Operation::Coarse, (rows, cols, 1), true));
         let e = self.image_encoder(image);

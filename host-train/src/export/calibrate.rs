@@ -7,7 +7,7 @@ use crate::{Error, Result};
 /// One normalised tile: what the network is fed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationTile {
-    /// Image, [0, 1], row-major rows * cols.
+    /// Image: [0, 1], or slopes, two in every pixel; row-major rows * cols.
     pub image: Vec<f32>,
     /// Normalised coarse DTM, [0, NR], row-major.
     pub coarse: Vec<f32>,
@@ -72,11 +72,11 @@ pub fn calibrate(graph: &Graph, tiles: &[CalibrationTile], progress: impl Fn(usi
     }
     let mut ranges: Vec<Range> = graph.nodes.iter().map(|node| Range::empty(node.channels)).collect();
     for (index, tile) in tiles.iter().enumerate() {
-        let samples = graph.nodes[0].len();
-        if tile.image.len() != samples || tile.coarse.len() != samples {
-            let found = (tile.image.len(), tile.coarse.len());
+        let expected = (graph.nodes[0].len(), graph.nodes[0].rows * graph.nodes[0].cols);
+        let found = (tile.image.len(), tile.coarse.len());
+        if found != expected {
             return Err(Error::usage(format!(
-                "calibration tile {index}: expected {samples} samples each, found {found:?}"
+                "calibration tile {index}: expected {expected:?} samples of image and coarse DTM, found {found:?}"
             )));
         }
         for ((map, range), node) in

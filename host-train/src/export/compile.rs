@@ -2,12 +2,13 @@
 
 use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
+use super::codes::wide_by_rule;
 use super::graph::{Graph, Operation};
 use super::plan::plan;
-use super::quantise::{Program, quantise, wide_by_rule};
+use super::quantise::{Program, quantise};
 use super::schedule::schedule;
 use super::write::{Content, file_bytes};
-use crate::model::config::{Illumination, NetConfig, TargetRange};
+use crate::model::config::NetConfig;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
 use elunar_core::nn::format::NONE;
@@ -77,7 +78,7 @@ pub fn export(
 /// # Errors
 /// As [`export`].
 pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
-    let mut program = quantise(&graph, ranges, config.nr, wide)?;
+    let mut program = quantise(&graph, ranges, config.coarse_limit(), wide)?;
     let roles = roles(&graph, &program);
     let schedule = schedule(&program.tensors, &program.operators);
     plan(&mut program.tensors, &program.operators, &schedule, &roles[..2], roles[2]);
@@ -93,8 +94,8 @@ pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool],
         tile: options.tile,
         nr: config.nr,
         range_margin: config.range_margin,
-        target_range: (config.target_range == TargetRange::Reference) as u32,
-        illumination: (config.illumination == Illumination::Northwest) as u32,
+        target_range: config.target_range as u32,
+        illumination: config.illumination as u32,
         roles,
         self_test: (SELF_TEST_SEED, 0),
     };

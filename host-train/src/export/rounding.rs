@@ -1,11 +1,12 @@
 //! Single steps of quantisation inside the float network: one map through its codes and back, or one layer's weights.
 
 use super::calibrate::Range;
+use super::codes::{Codes, codes_of};
 use super::float::{self, Maps};
 use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::Filter;
-use super::quantise::{Codes, codes_of, folds, gelu_table, quantise_weights};
+use super::quantise::{folds, gelu_table, quantise_weights};
 use elunar_core::nn::{PHASES, Phase};
 use rayon::prelude::*;
 
@@ -16,7 +17,7 @@ pub(crate) struct Rounder<'a> {
     /// What its maps reach.
     pub ranges: &'a [Range],
     /// Upper end of the normalised elevation range.
-    pub nr: f32,
+    pub coarse_limit: f32,
     /// Which maps keep 16 bits; the scales of a layer's inputs are part of its weights.
     pub wide: &'a [bool],
 }
@@ -25,7 +26,7 @@ impl Rounder<'_> {
     /// The map of node `id` as the codes of 8 or 16 bits (`wide`) can tell it, and how many samples are beyond them.
     pub(crate) fn map(&self, id: NodeId, wide: bool, maps: Maps<'_, '_>) -> (Vec<f32>, usize) {
         let node = &self.graph.nodes[id];
-        let codes = codes_of(self.graph, id, &self.ranges[id], self.nr, wide);
+        let codes = codes_of(self.graph, id, &self.ranges[id], self.coarse_limit, wide);
         if let Operation::Conv { sources, kernel, stride, pad, add, activation: Activation::Gelu } = &node.operation {
             // The runner's table takes codes as well.
             let (sources, kernel, activation) = (sources.clone(), kernel.clone(), Activation::None);
@@ -49,7 +50,8 @@ impl Rounder<'_> {
     pub(crate) fn weights(&self, id: NodeId, maps: Maps<'_, '_>) -> Option<Vec<f32>> {
         let node = &self.graph.nodes[id];
         let Operation::Conv { sources, kernel, stride, pad, add, activation } = &node.operation else { return None };
-        let codes = |s: &Source| codes_of(self.graph, s.node, &self.ranges[s.node], self.nr, self.wide[s.node]);
+        let codes =
+            |s: &Source| codes_of(self.graph, s.node, &self.ranges[s.node], self.coarse_limit, self.wide[s.node]);
         let scales: Vec<f64> = sources.iter().flat_map(|s| codes(s).scales).collect();
         let means: Vec<f64> = sources.iter().flat_map(|s| self.ranges[s.node].mean.iter().copied()).collect();
         let folded = folds(self.graph, node);

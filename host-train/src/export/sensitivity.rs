@@ -6,9 +6,9 @@
 //! The runner itself, in which everything is rounded at once, is what [`report`](super::report) measures.
 
 use super::calibrate::CalibrationTile;
+use super::codes::can_widen;
 use super::float;
 use super::graph::NodeId;
-use super::quantise::can_widen;
 use super::report::Sums;
 use super::rounding::Rounder;
 use crate::export::{calibrate::Range, graph::Graph};
@@ -92,7 +92,7 @@ pub struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// All roundings of a network whose maps reach `ranges` and keep 16 bits where `wide` says so.
-    pub fn new(graph: &'a Graph, ranges: &'a [Range], nr: f32, wide: &'a [bool]) -> Self {
+    pub fn new(graph: &'a Graph, ranges: &'a [Range], coarse_limit: f32, wide: &'a [bool]) -> Self {
         let mut changes = Vec::new();
         for id in (0..graph.nodes.len()).filter(|id| *id != graph.output()) {
             let input = graph.nodes[id].inputs().is_empty();
@@ -105,7 +105,7 @@ impl<'a> Plan<'a> {
         }
         let weighted = |id: &NodeId| matches!(graph.nodes[*id].operation, super::graph::Operation::Conv { .. });
         changes.extend((0..graph.nodes.len()).filter(weighted).map(Change::Weights));
-        Self { rounder: Rounder { graph, ranges, nr, wide }, changes }
+        Self { rounder: Rounder { graph, ranges, coarse_limit, wide }, changes }
     }
 
     /// Roundings per tile.

@@ -21,6 +21,8 @@ pub enum TargetRange {
     Own,
     /// The coarse tile's, widened by [`NetConfig::range_margin`] on both sides, for both DTMs: recovery is exact (our choice).
     Reference,
+    /// None: both DTMs are counted in pixels of the image about the mean of the coarse one, so that slopes are slopes (our choice).
+    Pixel,
 }
 
 /// Which light the network knows.
@@ -32,6 +34,9 @@ pub enum Illumination {
     /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice, see
     /// [`crate::illumination`]).
     Northwest,
+    /// As [`Self::Northwest`], and how brightness answers to slope is given: the image enters as the smallest slopes that explain it
+    /// (our choice, see [`elunar_core::norm::shading`]).
+    Given,
 }
 
 /// Image encoder.
@@ -229,6 +234,21 @@ impl NetConfig {
         }
     }
 
+    /// Maps of which the image consists: brightness, or two components of slope.
+    pub fn image_maps(&self) -> usize {
+        if self.illumination == Illumination::Given { elunar_core::norm::shading::MAPS } else { 1 }
+    }
+
+    /// Largest magnitude of a normalised coarse height that the runner must represent.
+    pub fn coarse_limit(&self) -> f32 {
+        match self.target_range {
+            // A tile of 320 pixels about its mean: 45 degrees from end to end stay inside.
+            TargetRange::Pixel => 4.0 * self.nr,
+            // A little beyond [0, NR] on both sides: rounding must not clamp.
+            _ => 1.02 * self.nr,
+        }
+    }
+
     /// Whether a network can be built: positive widths, heads that divide, and switches that do not contradict.
     ///
     /// # Errors
@@ -255,6 +275,9 @@ impl NetConfig {
         }
         if !(0.0..=1.0).contains(&self.bn_momentum) {
             return Err(format!("configuration: expected bn_momentum in 0..=1, found {}", self.bn_momentum));
+        }
+        if self.target_range == TargetRange::Pixel && self.head == Head::Relu {
+            return Err("configuration: heights in pixels fall below 0: expected head = residual".into());
         }
         if self.head == Head::Residual && !self.use_coarse {
             return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());

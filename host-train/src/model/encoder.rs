@@ -22,7 +22,14 @@ impl ImageEncoder {
         let momentum = config.bn_momentum;
         Self {
             stem: ConvBn::new(
-                ConvBnShape { input: 1, output: config.stem, kernel: 7, stride: 2, relu: true, momentum },
+                ConvBnShape {
+                    input: config.image_maps(),
+                    output: config.stem,
+                    kernel: 7,
+                    stride: 2,
+                    relu: true,
+                    momentum,
+                },
                 device,
             ),
             swin: swin.then(|| Swin::new(config, device)),

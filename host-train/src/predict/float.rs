@@ -7,8 +7,9 @@ use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::weights::Weights;
+use crate::train::feed::side_by_side;
 use crate::{Error, Result};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use std::path::Path;
 
@@ -61,14 +62,15 @@ struct Worker<'a> {
 impl TileNetwork for Worker<'_> {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
         let (rows, cols) = self.model.tile();
-        for (name, found) in [("image", image.len()), ("coarse DTM", coarse.len()), ("output", output.len())] {
-            if found != rows * cols {
-                return Err(Error::usage(format!("{name} tile: expected {rows}x{cols} samples, found {found}")));
+        let maps = self.model.config.image_maps();
+        for (name, maps, found) in
+            [("image", maps, image.len()), ("coarse DTM", 1, coarse.len()), ("output", 1, output.len())]
+        {
+            if found != maps * rows * cols {
+                return Err(Error::usage(format!("{name} tile: expected {maps}x{rows}x{cols} samples, found {found}")));
             }
         }
-        let tensor = |data: &[f32]| -> Tensor<4> {
-            Tensor::from_data(TensorData::new(data.to_vec(), [1, 1, rows, cols]), &self.model.device)
-        };
+        let tensor = |data: &[f32]| side_by_side(data.to_vec(), [1, rows, cols], &self.model.device);
         let found = self.model.net.forward(tensor(image), tensor(coarse)).into_data().try_to_vec::<f32>();
         output.copy_from_slice(&found.map_err(|e| Error::usage(format!("network output: {e:?}")))?);
         Ok(())

@@ -62,10 +62,12 @@ impl Model for Int8Model {
         let target_range = match model.truth_range() {
             TruthRange::Own => TargetRange::Own,
             TruthRange::Reference => TargetRange::Reference,
+            TruthRange::Pixel => TargetRange::Pixel,
         };
         let illumination = match model.illumination() {
             nn::Illumination::Any => Illumination::Any,
             nn::Illumination::Northwest => Illumination::Northwest,
+            nn::Illumination::Given => Illumination::Given,
         };
         Normalisation { nr: model.nr(), range_margin: model.range_margin(), target_range, illumination }
     }

@@ -16,6 +16,14 @@ pub struct Normalisation {
     pub illumination: Illumination,
 }
 
+impl Normalisation {
+    /// Samples of the image in every pixel.
+    #[must_use]
+    pub fn image_maps(&self) -> usize {
+        if self.illumination == Illumination::Given { elunar_core::norm::shading::MAPS } else { 1 }
+    }
+}
+
 /// A loaded model: immutable, shared by all threads.
 pub trait Model: Sync {
     /// Tile rows and columns the model takes.
@@ -33,8 +41,8 @@ pub trait Model: Sync {
 
 /// One thread's instance of a model.
 pub trait TileNetwork {
-    /// Predicts one tile. `image` in [0, 1], `coarse` in [0, NR], `output` in the same units as `coarse` (a residual head may
-    /// leave the range slightly); all row-major `rows * cols`.
+    /// Predicts one tile. `image` in [0, 1] (or slopes, two in every pixel), `coarse` in [0, NR] (or pixels), `output` in the same
+    /// units as `coarse` (a residual head may leave the range slightly); all row-major `rows * cols`.
     ///
     /// # Errors
     /// If the network reports a fault.

@@ -3,6 +3,7 @@
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::tile::{Outcome, Rules, TileWorker};
+use crate::illumination::KnownSun;
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
@@ -25,9 +26,8 @@ pub struct Options {
     pub anchor: bool,
     /// Threads; 0 takes as many as the machine offers.
     pub threads: usize,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up; `None` estimates it from image and coarse DTM. Only models that
-    /// know one light ask for it.
-    pub sun_azimuth_deg: Option<f64>,
+    /// What is known of the Sun; the rest is fitted to image and coarse DTM. Models that know any light do not ask for it.
+    pub sun: KnownSun,
 }
 
 impl Default for Options {
@@ -37,7 +37,7 @@ impl Default for Options {
             blend: Blend::DemMosaic,
             anchor: true,
             threads: 0,
-            sun_azimuth_deg: None,
+            sun: KnownSun::default(),
         }
     }
 }
@@ -112,8 +112,8 @@ pub fn predict_rows(
     progress: Progress,
 ) -> Result<Tally> {
     let normalisation = model.normalisation();
-    let turn = scene.turn_for(normalisation.illumination, options.sun_azimuth_deg)?;
-    let rules = Rules::new(normalisation, turn, scene, options);
+    let light = scene.light_for(normalisation.illumination, options.sun)?;
+    let rules = Rules::new(normalisation, light, scene, options);
     let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
     let cut = Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads };
     make_rows(scene, cut, &makers, from, keep, progress)

@@ -1,12 +1,14 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
 use super::fill::fill_gaps;
-use crate::illumination::{SunEstimate, Turn};
+use crate::illumination::{self, KnownSun, Light, Turn};
 use crate::model::config::Illumination;
 use crate::raster::align::{Interpolation, Onto};
 use crate::raster::source::{InMemory, Source};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
+use elunar_core::norm::LightFit;
+use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use std::sync::Arc;
 
@@ -43,6 +45,8 @@ pub struct Scene {
     pub cols: usize,
     /// Where the image lies.
     pub georef: GeoRef,
+    /// Ground size of a pixel of the image, metres.
+    pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
     image: Input,
@@ -70,8 +74,8 @@ pub struct Band {
 /// What a look at a sample of a scene's rows tells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Survey {
-    /// Azimuth of the Sun, degrees clockwise from the grid's up, if the scene tells it.
-    pub sun_azimuth_deg: Option<f64>,
+    /// How brightness answers to the coarse DTM's slopes.
+    pub light: LightFit,
     /// Highest minus lowest valid height of the coarse DTM, metres.
     pub relief_m: f32,
     /// What that is spread over, metres: the longer side of the rows looked at.
@@ -104,7 +108,8 @@ impl Scene {
         let georef = place(&image)?.clone();
         place(&coarse)?;
         let side_m = |input: &Input| input.source.info().side_m(&input.name);
-        let coarse_px = (side_m(&coarse)? / side_m(&image)?) as f32;
+        let pixel_m = side_m(&image)?;
+        let coarse_px = (side_m(&coarse)? / pixel_m) as f32;
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
             let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
@@ -112,7 +117,8 @@ impl Scene {
         }
         let info = image.source.info();
         let placed = Onto::new(coarse.source, &coarse.name, info, &image.name, Interpolation::Bicubic)?;
-        Ok(Self { rows, cols, georef, coarse_px, image, coarse_name: coarse.name, coarse: placed })
+        let (pixel_m, coarse_name) = (pixel_m as f32, coarse.name);
+        Ok(Self { rows, cols, georef, pixel_m, coarse_px, image, coarse_name, coarse: placed })
     }
 
     /// Rows `first..first + rows`.
@@ -144,16 +150,19 @@ impl Scene {
         Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
     }
 
-    /// How tiles are mirrored for a network that knows `illumination`: from the Sun's azimuth, estimated where it is not given.
+    /// How tiles are mirrored for a network that knows `illumination`, and their light then: from what is known of the Sun, the rest
+    /// fitted to the scene.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn turn_for(&self, illumination: Illumination, azimuth_deg: Option<f64>) -> Result<Turn> {
-        if illumination == Illumination::Any {
-            return Ok(Turn::default());
-        }
-        let azimuth_deg = if azimuth_deg.is_some() { azimuth_deg } else { self.survey()?.sun_azimuth_deg };
-        Ok(azimuth_deg.map_or_else(Turn::default, Turn::from_azimuth_deg))
+    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<(Turn, Light)> {
+        let told = match illumination {
+            Illumination::Any => true,
+            Illumination::Northwest => sun.azimuth_deg.is_some(),
+            Illumination::Given => sun.azimuth_deg.is_some() && sun.elevation_deg.is_some(),
+        };
+        let fit = if told { LightFit::default() } else { self.survey()?.light };
+        Ok(illumination::prepare(illumination, sun, &fit))
     }
 
     /// Looks at all of a small scene, at evenly spread rows of a long one.
@@ -161,23 +170,20 @@ impl Scene {
     /// # Errors
     /// If a file cannot be read.
     pub fn survey(&self) -> Result<Survey> {
-        let (mut sun, mut range) = (SunEstimate::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
         for block in 0..blocks {
             // Evenly spread, the last one at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let band = self.band(first, rows)?;
-            sun.add(&band.image, &band.coarse_m, (rows, self.cols));
+            light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
             let valid = band.coarse_m.iter().zip(&band.valid).filter(|(_, valid)| **valid);
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
-        Ok(Survey {
-            sun_azimuth_deg: sun.azimuth_deg(),
-            relief_m: range.1 - range.0,
-            extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
-        })
+        Ok(Survey { light, relief_m: range.1 - range.0, extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m) })
     }
 }
 

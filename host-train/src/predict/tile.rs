@@ -3,11 +3,12 @@
 use super::Options;
 use super::network::{Normalisation, TileNetwork};
 use super::scene::{Band, Scene};
-use crate::illumination::Turn;
+use crate::illumination::{Light, Turn, turned};
+use crate::model::config::{Illumination, TargetRange};
 use crate::mosaic::{Blend, OverlapWeights};
 use crate::{Error, Result};
 use elunar_core::error::NormError;
-use elunar_core::norm::{Anchor, ElevationScale, intensity};
+use elunar_core::norm::{Anchor, ElevationScale, Shading, intensity, shading};
 use elunar_core::tile::Window;
 
 /// What became of a tile.
@@ -29,14 +30,24 @@ pub(super) struct Rules {
     pub(super) scene: (usize, usize),
     /// How tiles are mirrored before the network and back after it.
     pub(super) turn: Turn,
+    /// How brightness answers to slope in a mirrored tile.
+    pub(super) light: Light,
+    /// Ground size of a pixel, metres.
+    pub(super) pixel_m: f32,
     pub(super) blend: Blend,
     pub(super) anchor: Option<Anchor>,
 }
 
 impl Rules {
-    pub(super) fn new(normalisation: Normalisation, turn: Turn, scene: &Scene, options: &Options) -> Self {
+    pub(super) fn new(
+        normalisation: Normalisation,
+        (turn, light): (Turn, Light),
+        scene: &Scene,
+        options: &Options,
+    ) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
-        Self { normalisation, scene: (scene.rows, scene.cols), turn, blend: options.blend, anchor }
+        let (pixel_m, blend) = (scene.pixel_m, options.blend);
+        Self { normalisation, scene: (scene.rows, scene.cols), turn, light, pixel_m, blend, anchor }
     }
 }
 
@@ -73,19 +84,19 @@ impl<'a> TileWorker<'a> {
         let (image, coarse_m) = (band.cut(&band.image, window), band.cut(&band.coarse_m, window));
         let weights = self.weights(&valid, window);
         let turn = self.rules.turn;
-        let turned = |map: Vec<f32>| if turn.is_none() { map } else { turn.apply(&map, window.cols) };
-        let (image, coarse_m) = (turned(image), turned(coarse_m));
-        let heights_m = match normalised(&self.rules.normalisation, &image, &coarse_m)? {
+        let back = |map: Vec<f32>| if turn.is_none() { map } else { turned(turn, &map, window.cols) };
+        let (image, coarse_m) = (back(image), back(coarse_m));
+        let heights_m = match normalised(&self.rules, &image, &coarse_m)? {
             Some(tile) => self.predicted(tile, &coarse_m, window)?,
-            None => return Ok(Outcome::Coarse { heights_m: turned(coarse_m), weights }),
+            None => return Ok(Outcome::Coarse { heights_m: back(coarse_m), weights }),
         };
-        Ok(Outcome::Predicted { heights_m: turned(heights_m), weights })
+        Ok(Outcome::Predicted { heights_m: back(heights_m), weights })
     }
 
     /// Heights of a normalised tile, metres.
     fn predicted(&mut self, tile: Normalised, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
         let Normalised { image, coarse, scale } = tile;
-        let mut normalised = vec![0.0; image.len()];
+        let mut normalised = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut normalised)?;
         let mut heights_m = coarse;
         scale.recover(&normalised, &mut heights_m).map_err(|e| Error::usage(e.to_string()))?;
@@ -110,23 +121,42 @@ impl<'a> TileWorker<'a> {
     }
 }
 
-/// Image in [0, 1], coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), and the way back to metres. `None` for
-/// a tile without contrast or relief.
-fn normalised(rule: &Normalisation, image: &[f32], coarse_m: &[f32]) -> Result<Option<Normalised>> {
+/// Image in [0, 1], coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or slopes and pixels, and the way back
+/// to metres. `None` for a tile without contrast or relief.
+fn normalised(rules: &Rules, image: &[f32], coarse_m: &[f32]) -> Result<Option<Normalised>> {
+    let rule = &rules.normalisation;
     let nothing_to_see = |e: NormError| match e {
         NormError::ConstantImage | NormError::Relief { .. } | NormError::TooFewValid { .. } => Ok(None),
         other => Err(Error::usage(other.to_string())),
     };
     // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
-    let scale = ElevationScale::from_heights(coarse_m, None, rule.nr).and_then(|s| s.with_margin(rule.range_margin));
+    let scale = match rule.target_range {
+        TargetRange::Pixel => ElevationScale::from_pixel(coarse_m, None, rules.pixel_m, rule.nr),
+        _ => ElevationScale::from_heights(coarse_m, None, rule.nr).and_then(|s| s.with_margin(rule.range_margin)),
+    };
     let scale = match scale {
         Ok(scale) => scale,
         Err(e) => return nothing_to_see(e),
     };
-    let (mut bright, mut coarse) = (vec![0.0; image.len()], vec![0.0; coarse_m.len()]);
-    if let Err(e) = intensity::normalise(image, None, &mut bright) {
-        return nothing_to_see(e);
-    }
+    let mut coarse = vec![0.0; coarse_m.len()];
+    let bright = match rule.illumination {
+        Illumination::Given => slopes(image, rules.light),
+        _ => {
+            let mut bright = vec![0.0; image.len()];
+            intensity::normalise(image, None, &mut bright).map(|_| bright)
+        }
+    };
+    let bright = match bright {
+        Ok(bright) => bright,
+        Err(e) => return nothing_to_see(e),
+    };
     scale.normalise(coarse_m, &mut coarse).map_err(|e| Error::usage(e.to_string()))?;
     Ok(Some(Normalised { image: bright, coarse, scale }))
+}
+
+/// The image as the smallest slopes that explain it, two maps side by side.
+fn slopes(image: &[f32], light: Light) -> std::result::Result<Vec<f32>, NormError> {
+    let mut out = vec![0.0; shading::MAPS * image.len()];
+    Shading::new(image, None, light)?.normalise(image, &mut out)?;
+    Ok(out)
 }

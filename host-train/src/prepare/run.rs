@@ -311,6 +311,7 @@ fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, judged: &Judged, in
     shard.pixel_m.extend(judged.record.pixel_m.map(|v| v as f32));
     shard.coarse_px.push(judged.record.coarse_px);
     shard.sun_azimuth_deg.push(judged.record.azimuth_used_deg.map_or(f32::NAN, |v| v as f32));
+    shard.sun_elevation_deg.push(judged.record.files.sun_elevation_deg.map_or(f32::NAN, |v| v as f32));
     shard.offset_px.extend(tile.offset.map_or([f32::NAN; 2], |o| [o.rows_px as f32, o.cols_px as f32]));
     shard.scene.push(number as i32);
     shard.transform.extend(judged.transforms[index]);

@@ -2,7 +2,7 @@
 
 use super::list::SceneFiles;
 use crate::hillshade::pixel_of;
-use crate::illumination::estimate_azimuth_deg;
+use crate::illumination::fit_of;
 use crate::raster::align::{Interpolation, Onto};
 use crate::raster::source::{self, Info, Source};
 use crate::raster::stated::{HeightUnit, Statements};
@@ -80,7 +80,9 @@ impl Scene {
         let Info { rows: all_rows, cols: all_cols, .. } = *self.image.info();
         let (rows, cols) = (all_rows.min(AZIMUTH_PX), all_cols.min(AZIMUTH_PX));
         let window = Window { row: (all_rows - rows) / 2, col: (all_cols - cols) / 2, rows, cols };
-        Ok(estimate_azimuth_deg(&self.image.read(window)?, &self.dtm.read(window)?, (rows, cols)))
+        let pixel_m = (self.pixel.row_m * self.pixel.col_m).sqrt();
+        let fit = fit_of(&self.image.read(window)?, &self.dtm.read(window)?, cols, pixel_m, self.coarse_px);
+        Ok(fit.light().map(|light| light.azimuth_deg()))
     }
 
     /// All whole tiles, row by row, without overlap; what remains at the right and lower edge is left out.

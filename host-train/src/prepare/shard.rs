@@ -8,10 +8,12 @@
 //! | `pixel_m` | f32 `[N, 2]` | ground size of a pixel from row to row and from column to column, metres |
 //! | `coarse_px` | f32 `[N]` | side of a pixel of the coarse DTM on its own grid, pixels of the image |
 //! | `sun_azimuth_deg` | f32 `[N]` | azimuth of the Sun, degrees clockwise from up; NaN where unknown |
+//! | `sun_elevation_deg` | f32 `[N]` | its elevation above the horizon, degrees; NaN where unknown |
 //! | `offset_px` | f32 `[N, 2]` | measured offset of the true DTM from the image, downwards and to the right; NaN where unknown |
 //! | `scene` | i32 `[N]` | number of the scene in the manifest |
 //! | `transform` | f64 `[N, 6]` | pixel-to-map transform in GDAL's order |
 
+use crate::illumination::KnownSun;
 use crate::raster::atomic_write;
 use crate::train::sample::RawTile;
 use crate::{Error, Result};
@@ -38,6 +40,7 @@ pub(super) struct Shard {
     pub(super) pixel_m: Vec<f32>,
     pub(super) coarse_px: Vec<f32>,
     pub(super) sun_azimuth_deg: Vec<f32>,
+    pub(super) sun_elevation_deg: Vec<f32>,
     pub(super) offset_px: Vec<f32>,
     pub(super) scene: Vec<i32>,
     pub(super) transform: Vec<f64>,
@@ -61,6 +64,7 @@ impl Shard {
             ("pixel_m", Dtype::F32, vec![n, 2], f32s(&self.pixel_m)),
             ("coarse_px", Dtype::F32, vec![n], f32s(&self.coarse_px)),
             ("sun_azimuth_deg", Dtype::F32, vec![n], f32s(&self.sun_azimuth_deg)),
+            ("sun_elevation_deg", Dtype::F32, vec![n], f32s(&self.sun_elevation_deg)),
             ("offset_px", Dtype::F32, vec![n, 2], f32s(&self.offset_px)),
             ("scene", Dtype::I32, vec![n], self.scene.iter().flat_map(|v| v.to_le_bytes()).collect()),
             ("transform", Dtype::F64, vec![n, 6], self.transform.iter().flat_map(|v| v.to_le_bytes()).collect()),
@@ -87,6 +91,7 @@ pub struct ShardFile {
     pixel_m: Vec<f32>,
     coarse_px: Vec<f32>,
     sun_azimuth_deg: Vec<f32>,
+    sun_elevation_deg: Vec<f32>,
 }
 
 impl ShardFile {
@@ -127,7 +132,16 @@ impl ShardFile {
         let pixel_m = numbers(&mut file, path, tensor("pixel_m", &[tiles, 2])?, 2 * tiles)?;
         let coarse_px = numbers(&mut file, path, tensor("coarse_px", &[tiles])?, tiles)?;
         let sun_azimuth_deg = numbers(&mut file, path, tensor("sun_azimuth_deg", &[tiles])?, tiles)?;
-        Ok(Self { path: path.into(), file: Mutex::new(file), maps, pixel_m, coarse_px, sun_azimuth_deg })
+        let sun_elevation_deg = numbers(&mut file, path, tensor("sun_elevation_deg", &[tiles])?, tiles)?;
+        Ok(Self {
+            path: path.into(),
+            file: Mutex::new(file),
+            maps,
+            pixel_m,
+            coarse_px,
+            sun_azimuth_deg,
+            sun_elevation_deg,
+        })
     }
 
     /// Tiles in it.
@@ -161,7 +175,7 @@ impl ShardFile {
             let mut read = |start: u64| numbers(&mut file, &self.path, at(start), TILE_PX);
             [read(self.maps[0])?, read(self.maps[1])?, read(self.maps[2])?]
         };
-        let azimuth_deg = self.sun_azimuth_deg[index];
+        let (azimuth_deg, elevation_deg) = (self.sun_azimuth_deg[index], self.sun_elevation_deg[index]);
         Ok(RawTile {
             rows: TILE_ROWS,
             cols: TILE_COLS,
@@ -170,7 +184,11 @@ impl ShardFile {
             coarse_m,
             truth_m,
             coarse_px: self.coarse_px[index],
-            sun_azimuth_deg: azimuth_deg.is_finite().then_some(f64::from(azimuth_deg)),
+            sun: KnownSun {
+                azimuth_deg: azimuth_deg.is_finite().then_some(f64::from(azimuth_deg)),
+                elevation_deg: elevation_deg.is_finite().then_some(f64::from(elevation_deg)),
+            },
+            light: None,
         })
     }
 }
@@ -195,6 +213,7 @@ mod tests {
             pixel_m: [2.0, 8.0].repeat(tiles),
             coarse_px: vec![30.0; tiles],
             sun_azimuth_deg: (0..tiles).map(|i| if i == 0 { f32::NAN } else { 90.0 }).collect(),
+            sun_elevation_deg: (0..tiles).map(|i| if i == 1 { f32::NAN } else { 30.0 }).collect(),
             offset_px: vec![0.5; 2 * tiles],
             scene: vec![7; tiles],
             transform: vec![1.5; 6 * tiles],
@@ -216,7 +235,8 @@ mod tests {
             assert_eq!(tile.coarse_m, written.coarse_m[part.clone()]);
             assert_eq!(tile.truth_m, written.truth_m[part]);
             assert_eq!((tile.pixel_m, tile.coarse_px), (4.0, 30.0));
-            assert_eq!(tile.sun_azimuth_deg, (index > 0).then_some(90.0));
+            assert_eq!(tile.sun.azimuth_deg, (index > 0).then_some(90.0));
+            assert_eq!(tile.sun.elevation_deg, (index != 1).then_some(30.0));
         }
         assert!(file.tile(3).is_err());
         let again = folder.path().join("t.safetensors");

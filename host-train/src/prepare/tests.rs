@@ -85,7 +85,9 @@ fn a_set_is_made_read_and_made_again() {
         });
         assert!(found, "tile {index}");
         assert_eq!(tile.pixel_m, 2.0);
-        assert!((tile.coarse_px - 29.6).abs() < 0.1 && tile.sun_azimuth_deg.is_some());
+        assert!(
+            (tile.coarse_px - 29.6).abs() < 0.1 && tile.sun.azimuth_deg.is_some() && tile.sun.elevation_deg.is_some()
+        );
     }
     // Every pass has all tiles, in an order of its own; training opens the folder by what it holds.
     let DataSpec::Prepared { split: Split::Train, .. } = DataSpec::parse(Some(out.clone()), 0, Split::Train).unwrap()

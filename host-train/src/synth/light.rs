@@ -1,5 +1,7 @@
 //! Sunlight on terrain: Lunar–Lambert reflectance and cast shadows, seen from straight above.
 
+use elunar_core::terrain::lunar_lambert_weight;
+
 /// Angular radius of the Sun, radians.
 const SUN_RADIUS_RAD: f32 = 0.00465;
 /// Light that reaches a shadow from lit ground around it, as a share of the light on level ground: our choice.
@@ -21,13 +23,6 @@ impl Sun {
         let (sin_el, cos_el) = self.elevation_deg.to_radians().sin_cos();
         [sin_az * cos_el, -cos_az * cos_el, sin_el]
     }
-}
-
-/// The Lunar–Lambert weight `L` at phase angle `alpha_deg` (SPEC B2; McEwen 1991), clamped to [0, 1]: the polynomial leaves
-/// that range beyond about 105°.
-pub(crate) fn lunar_lambert_weight(alpha_deg: f64) -> f64 {
-    let a = alpha_deg;
-    (1.0 - 0.019 * a + 2.42e-4 * a * a - 1.46e-6 * a * a * a).clamp(0.0, 1.0)
 }
 
 /// Reflectance (per unit albedo) of a row-major height field for a camera at nadir, shadows included.

@@ -23,7 +23,6 @@ pub mod structure;
 pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
 pub use files::{Manifest, SceneEntry};
 pub use kind::TerrainKind;
-pub(crate) use light::lunar_lambert_weight;
 pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;
 

@@ -2,7 +2,7 @@
 
 use super::recipe::Recipe;
 use super::sample::{RawTile, Sample};
-use crate::illumination::Turn;
+use crate::illumination::{KnownSun, Turn};
 use crate::model::config::{Illumination, NetConfig};
 use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -31,6 +31,9 @@ pub struct Feed {
     recipe: Recipe,
     seed: u64,
 }
+
+/// Keeps the choice of tiles without a known Sun apart from the choice of crops.
+const SUN_STREAM: u64 = 0x5u64 << 60;
 
 /// Tries before a step gives up on tiles that cannot be normalised (flat or blank).
 const TRIES: u64 = 8;
@@ -72,11 +75,22 @@ impl Feed {
             .collect()
     }
 
+    /// Whether the network must do without what is known of the Sun over this tile: decided by seed and index alone.
+    fn hides_sun(&self, index: u64) -> bool {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ SUN_STREAM);
+        rng.set_stream(index);
+        rng.random::<f64>() >= self.recipe.known_sun
+    }
+
     /// The sample of a tile index; tiles that cannot be normalised are replaced by the next far-off index.
     fn sample(&self, index: u64) -> Result<Sample> {
         let mut last = None;
         for attempt in 0..TRIES {
-            let tile = self.recipe.target.of(self.source.tile(index + (attempt << 40))?)?;
+            let index = index + (attempt << 40);
+            let mut tile = self.recipe.target.of(self.source.tile(index)?)?;
+            if self.hides_sun(index) {
+                tile.sun = KnownSun::default();
+            }
             match Sample::new(&self.config, &tile.lit_for(self.config.illumination)) {
                 Ok(sample) => return Ok(sample),
                 Err(error) => last = Some(error),
@@ -100,11 +114,18 @@ impl Feed {
     }
 }
 
-/// Image, coarse DTM and truth of a batch as `[B, 1, H, W]` tensors.
+/// Image, coarse DTM and truth of a batch as `[B, maps, H, W]` tensors; of the last two there is one map.
 pub fn tensors(batch: &[Sample], device: &Device) -> [Tensor<4>; 3] {
     let pick: [fn(&Sample) -> &Vec<f32>; 3] = [|s| &s.image, |s| &s.coarse, |s| &s.truth];
     pick.map(|field| {
         let data: Vec<f32> = batch.iter().flat_map(|s| field(s).iter().copied()).collect();
-        Tensor::from_data(TensorData::new(data, [batch.len(), 1, batch[0].rows, batch[0].cols]), device)
+        side_by_side(data, [batch.len(), batch[0].rows, batch[0].cols], device)
     })
+}
+
+/// Maps that lie side by side in every pixel, `[B, H, W, maps]`, as a `[B, maps, H, W]` tensor.
+pub fn side_by_side(data: Vec<f32>, [batch, rows, cols]: [usize; 3], device: &Device) -> Tensor<4> {
+    let maps = data.len() / (batch * rows * cols);
+    let tensor: Tensor<4> = Tensor::from_data(TensorData::new(data, [batch, rows, cols, maps]), device);
+    if maps == 1 { tensor.reshape([batch, 1, rows, cols]) } else { tensor.permute([0, 3, 1, 2]) }
 }

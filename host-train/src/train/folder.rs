@@ -2,6 +2,7 @@
 
 use super::feed::TileSource;
 use super::sample::RawTile;
+use crate::illumination::KnownSun;
 use crate::raster::align::{Interpolation, Named, onto, spacing_ratio};
 use crate::raster::{Raster, geotiff};
 use crate::{Error, Result};
@@ -135,7 +136,8 @@ impl Scene {
             image: cut(&self.image),
             coarse_m: cut(&self.coarse),
             truth_m: cut(&self.truth),
-            sun_azimuth_deg: None,
+            sun: KnownSun::default(),
+            light: None,
         }
     }
 }

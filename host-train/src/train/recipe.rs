@@ -2,7 +2,7 @@
 
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
-use crate::model::config::{Head, Illumination, NetConfig, Preset, REFERENCE_MARGIN, TargetRange};
+use crate::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +52,8 @@ pub struct Recipe {
     pub elevation: Elevation,
     /// What training and validation judge by.
     pub target: Target,
+    /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
+    pub known_sun: f64,
     /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
     pub crop: [usize; 2],
     /// Crops taken from one tile.
@@ -78,6 +80,7 @@ impl Recipe {
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
             target: Target::Truth,
+            known_sun: 0.5,
             crop: [256, 320],
             crops_per_tile: 1,
             validate_every: 5_000,
@@ -93,6 +96,7 @@ impl Recipe {
                 warm_up: 100,
                 elevation_only: 0.0,
                 weights: LossWeights::SHORT,
+                elevation: Elevation::L1,
                 target: Target::Anchored,
                 crop: [128, 160],
                 crops_per_tile: 1,
@@ -145,6 +149,9 @@ impl Recipe {
                 return Err(format!("{name}: expected at least 1, found 0"));
             }
         }
+        if !(0.0..=1.0).contains(&self.known_sun) {
+            return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
+        }
         if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
             return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
         }
@@ -182,6 +189,9 @@ pub struct RecipeFlags {
     /// What training and validation judge by [default: the preset's].
     #[arg(long)]
     pub target: Option<Target>,
+    /// Share of the tiles whose Sun the network is told [default: the preset's].
+    #[arg(long)]
+    pub known_sun: Option<f64>,
     /// Weights of elevation, gradient and normal term [default: the preset's].
     #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
     pub loss_weights: Option<Vec<f32>>,
@@ -213,6 +223,7 @@ impl RecipeFlags {
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
         recipe.target = self.target.unwrap_or(recipe.target);
+        recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
         if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
             recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
         }
@@ -224,17 +235,16 @@ impl RecipeFlags {
     }
 }
 
-/// The network a preset trains by default: the paper's for `paper` and `small`; a residual head on the reference range for
-/// `tiny` and `nano`, which converge in minutes that way (our choice).
+/// The network a preset trains by default: the paper's for `paper` and `small`; for `tiny` and `nano` slopes in and corrections of
+/// the coarse DTM out, which converge in minutes (our choice).
 pub fn trained_network(preset: Preset) -> NetConfig {
     let config = NetConfig::preset(preset);
     match preset {
         Preset::Paper | Preset::Small => config,
         Preset::Tiny | Preset::Nano => NetConfig {
             head: Head::Residual,
-            target_range: TargetRange::Reference,
-            range_margin: REFERENCE_MARGIN,
-            illumination: Illumination::Northwest,
+            target_range: TargetRange::Pixel,
+            illumination: Illumination::Given,
             // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
             bn_momentum: 0.02,
             ..config

@@ -1,9 +1,9 @@
 //! One tile as the network sees it: normalised image, coarse DTM and truth.
 
-use crate::illumination::Turn;
+use crate::illumination::{self, KnownSun, Light, Turn, turned};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::{Error, Result};
-use elunar_core::norm::{Anchor, ElevationScale, intensity};
+use elunar_core::norm::{Anchor, ElevationScale, Shading, intensity};
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]
@@ -22,8 +22,10 @@ pub struct RawTile {
     pub truth_m: Vec<f32>,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// Azimuth of the Sun, degrees clockwise from up, where it is known.
-    pub sun_azimuth_deg: Option<f64>,
+    /// What is known of the Sun.
+    pub sun: KnownSun,
+    /// How brightness answers to slope; found by [`RawTile::lit_for`].
+    pub light: Option<Light>,
 }
 
 impl RawTile {
@@ -41,20 +43,23 @@ impl RawTile {
         Ok(self)
     }
 
-    /// The tile mirrored so that the Sun shines from where `illumination` wants it.
+    /// The tile mirrored so that the Sun shines from where `illumination` wants it, with its light: from what is known of the Sun,
+    /// the rest fitted.
     pub fn lit_for(self, illumination: Illumination) -> Self {
-        let (azimuth_deg, shape) = (self.sun_azimuth_deg, (self.rows, self.cols));
-        let turn = Turn::wanted(illumination, azimuth_deg, &self.image, &self.coarse_m, shape);
-        if turn.is_none() {
+        if illumination == Illumination::Any {
             return self;
         }
-        let apply = |map: &[f32]| turn.apply(map, self.cols);
+        let pixel_m = f64::from(self.pixel_m);
+        let fit = illumination::fit_of(&self.image, &self.coarse_m, self.cols, pixel_m, self.coarse_px);
+        let (turn, light) = illumination::prepare(illumination, self.sun, &fit);
+        let apply = |map: &[f32]| turned(turn, map, self.cols);
         Self {
             image: apply(&self.image),
             coarse_m: apply(&self.coarse_m),
             truth_m: apply(&self.truth_m),
             // Mirrored with the ground; nobody asks again.
-            sun_azimuth_deg: None,
+            sun: KnownSun::default(),
+            light: Some(light),
             ..self
         }
     }
@@ -67,11 +72,11 @@ pub struct Sample {
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// Image in [0, 1].
+    /// What the network sees of the image, its maps side by side in every pixel ([`NetConfig::image_maps`]).
     pub image: Vec<f32>,
-    /// Coarse DTM in [0, NR].
+    /// Coarse DTM in [0, NR], or in pixels.
     pub coarse: Vec<f32>,
-    /// Truth in [0, NR] (own range) or about that (reference range).
+    /// Truth in the same unit: in [0, NR] (own range), about that (reference range), or in pixels.
     pub truth: Vec<f32>,
     /// How the coarse DTM was normalised: turns the network's output into metres (Eq. 8).
     pub scale: ElevationScale,
@@ -88,15 +93,24 @@ impl Sample {
         let mut sample = Self {
             rows: tile.rows,
             cols: tile.cols,
-            image: vec![0.0; n],
+            image: vec![0.0; config.image_maps() * n],
             coarse: vec![0.0; n],
             truth: vec![0.0; n],
-            scale: coarse_scale(config, &tile.coarse_m)?,
+            scale: coarse_scale(config, &tile.coarse_m, tile.pixel_m)?,
         };
-        intensity::normalise(&tile.image, None, &mut sample.image).map_err(|e| bad(&e))?;
+        match (config.illumination, tile.light) {
+            (Illumination::Given, Some(light)) => {
+                let shading = Shading::new(&tile.image, None, light).map_err(|e| bad(&e))?;
+                shading.normalise(&tile.image, &mut sample.image).map_err(|e| bad(&e))?;
+            }
+            (Illumination::Given, None) => return Err(bad(&"expected its light, found none")),
+            _ => {
+                intensity::normalise(&tile.image, None, &mut sample.image).map_err(|e| bad(&e))?;
+            }
+        }
         sample.scale.normalise(&tile.coarse_m, &mut sample.coarse).map_err(|e| bad(&e))?;
         let truth_scale = match config.target_range {
-            TargetRange::Reference => sample.scale,
+            TargetRange::Reference | TargetRange::Pixel => sample.scale,
             TargetRange::Own => ElevationScale::from_heights(&tile.truth_m, None, config.nr).map_err(|e| bad(&e))?,
         };
         truth_scale.normalise(&tile.truth_m, &mut sample.truth).map_err(|e| bad(&e))?;
@@ -106,11 +120,13 @@ impl Sample {
     /// A window of the normalised tile, mirrored as asked; image and heights turn together, so light and shape stay consistent.
     pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], turn: Turn) -> Self {
         let cut = |map: &[f32]| -> Vec<f32> {
-            let mut out = Vec::with_capacity(rows * cols);
+            let maps = map.len() / (self.rows * self.cols);
+            let mut out = Vec::with_capacity(maps * rows * cols);
             for i in 0..rows {
-                out.extend_from_slice(&map[(top + i) * self.cols + left..][..cols]);
+                out.extend_from_slice(&map[maps * ((top + i) * self.cols + left)..][..maps * cols]);
             }
-            turn.apply(&out, cols)
+            // Slopes have a direction; networks that are given them are never mirrored.
+            if turn.is_none() { out } else { turned(turn, &out, cols) }
         };
         Self {
             rows,
@@ -123,12 +139,14 @@ impl Sample {
     }
 }
 
-/// The scale a coarse tile is normalised with: its own range, widened by the configured margin.
+/// The scale a coarse tile is normalised with: its own range, widened by the configured margin; or pixels.
 ///
 /// # Errors
 /// [`Error::Usage`] if the tile has no relief.
-pub fn coarse_scale(config: &NetConfig, coarse_m: &[f32]) -> Result<ElevationScale> {
-    ElevationScale::from_heights(coarse_m, None, config.nr)
-        .and_then(|s| s.with_margin(config.range_margin))
-        .map_err(|e| Error::usage(format!("coarse DTM tile cannot be normalised: {e}")))
+pub fn coarse_scale(config: &NetConfig, coarse_m: &[f32], pixel_m: f32) -> Result<ElevationScale> {
+    let scale = match config.target_range {
+        TargetRange::Pixel => ElevationScale::from_pixel(coarse_m, None, pixel_m, config.nr),
+        _ => ElevationScale::from_heights(coarse_m, None, config.nr).and_then(|s| s.with_margin(config.range_margin)),
+    };
+    scale.map_err(|e| Error::usage(format!("coarse DTM tile cannot be normalised: {e}")))
 }

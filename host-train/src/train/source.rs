@@ -3,6 +3,7 @@
 use super::feed::TileSource;
 use super::sample::RawTile;
 use crate::Result;
+use crate::illumination::KnownSun;
 use crate::prepare::{Manifest, Split};
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
@@ -88,7 +89,8 @@ impl TileSource for SynthSource {
             coarse_m: tile.coarse_m,
             truth_m: tile.truth_m,
             coarse_px: (COARSE_PIXEL_M / tile.pixel_m) as f32,
-            sun_azimuth_deg: Some(tile.sun_azimuth_deg),
+            sun: KnownSun { azimuth_deg: Some(tile.sun_azimuth_deg), elevation_deg: Some(tile.sun_elevation_deg) },
+            light: None,
         })
     }
 }

@@ -6,6 +6,7 @@ use super::run::{BEST, LAST, Record, Run};
 use super::sample::RawTile;
 use super::source::DataSpec;
 use crate::Result;
+use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::model::config::{NetConfig, Preset};
 use crate::model::init::initial_weights;
@@ -31,7 +32,8 @@ impl TileSource for Ripples {
             coarse_m: map(&|r, _| 10.0 * (r * 0.05 + phase).sin()),
             truth_m: map(&height),
             coarse_px: 30.0,
-            sun_azimuth_deg: Some(270.0),
+            sun: KnownSun { azimuth_deg: Some(270.0), elevation_deg: None },
+            light: None,
         })
     }
 }

@@ -3,12 +3,13 @@
 use super::feed::{TileSource, tensors};
 use super::recipe::Target;
 use super::sample::Sample;
-use crate::model::config::NetConfig;
+use crate::model::config::{NetConfig, TargetRange};
 use crate::model::elunar::ELunarDtmNet;
 use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
+use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -42,6 +43,8 @@ pub struct Validation {
 /// One validation tile: the normalised maps, and what training aims at, in metres.
 struct Case {
     sample: Sample,
+    /// The range that relative errors are judged in, where heights are not normalised to one.
+    range: Option<ElevationScale>,
     coarse_m: Vec<f32>,
     truth_m: Vec<f32>,
     pixel_m: f32,
@@ -63,8 +66,13 @@ impl ValidationSet {
             .map(|index| {
                 let tile = target.of(source.tile(index)?)?.lit_for(config.illumination);
                 let sample = Sample::new(config, &tile).ok();
+                let range = match config.target_range {
+                    TargetRange::Pixel => ElevationScale::from_heights(&tile.coarse_m, None, config.nr).ok(),
+                    _ => None,
+                };
                 Ok(sample.map(|sample| Case {
                     sample,
+                    range,
                     coarse_m: tile.coarse_m,
                     truth_m: tile.truth_m,
                     pixel_m: tile.pixel_m,
@@ -91,9 +99,17 @@ impl ValidationSet {
             let output = net.forward(image, input).into_data().try_to_vec::<f32>();
             let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
             let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
-            relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?;
             let mut output_m = vec![0.0; output.len()];
             sample.scale.recover(&output, &mut output_m).map_err(|e| wrong(&e))?;
+            match &case.range {
+                None => relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?,
+                Some(range) => {
+                    let (mut truth, mut found) = (vec![0.0; output.len()], vec![0.0; output.len()]);
+                    range.normalise(&case.truth_m, &mut truth).map_err(|e| wrong(&e))?;
+                    range.normalise(&output_m, &mut found).map_err(|e| wrong(&e))?;
+                    relative.extend(&truth, &found, None).map_err(|e| wrong(&e))?;
+                }
+            }
             network.add(case, &output_m)?;
             coarse.add(case, &case.coarse_m)?;
         }

@@ -5,11 +5,12 @@
 //! inputs as the runner made them, so a difference points at one operator.
 
 use super::super::build::NORM_EPSILON;
+use super::super::codes::Codes;
 use super::super::float::gelu;
 use super::super::fold::fold;
 use super::super::graph::{Activation, Graph, Kernel, NodeId, Operation, Source};
 use super::super::pack::Filter;
-use super::super::quantise::{Codes, IntegerFilter, Program, gelu_table, quantise_weights};
+use super::super::quantise::{IntegerFilter, Program, gelu_table, quantise_weights};
 use elunar_core::nn::{Dtype, Operator};
 
 /// A map as codes (for the output: real values).

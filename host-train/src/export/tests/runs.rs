@@ -1,10 +1,13 @@
 //! Budgets, memory, self test and scrubbing of the runner on exported networks.
 
-use super::super::compile::Precision;
-use super::{CalibrationTile, random_export, small_config};
-use crate::model::config::{Head, NetConfig};
+use super::super::compile::{Options, Precision, export};
+use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
+use crate::illumination::{Light, Turn, turned};
+use crate::model::config::{Head, Illumination, NetConfig, TargetRange};
 use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, RunError, Runner, required};
+use elunar_core::nn::{Model, Progress, RunError, Runner, TileError, TileInput, required};
+use elunar_core::norm::{ElevationScale, Shading};
+use std::path::Path;
 
 /// One tile with steps of `budget_macs`, in an arena full of rubbish.
 pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec<f32> {
@@ -92,21 +95,68 @@ fn metres_come_out_as_by_way_of_buffers() {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let scale = runner.begin_metres(&brightness, &coarse_m, None).unwrap();
+    let input =
+        TileInput { image: &brightness, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light: None };
+    let scale = runner.begin_metres(&input).unwrap();
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; n];
     runner.heights(&scale, &mut heights_m).unwrap();
 
     let (mut image, mut coarse, mut expected_m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     elunar_core::norm::intensity::normalise(&brightness, None, &mut image).unwrap();
-    scale.normalise(&coarse_m, &mut coarse).unwrap();
+    scale.elevation.normalise(&coarse_m, &mut coarse).unwrap();
     let normalised = CalibrationTile { image, coarse, ground: None };
-    scale.recover(&run(&made.bytes, &normalised, u64::MAX), &mut expected_m).unwrap();
+    scale.elevation.recover(&run(&made.bytes, &normalised, u64::MAX), &mut expected_m).unwrap();
     assert_eq!(heights_m, expected_m);
     let mut valid = vec![true; n];
     elunar_core::nn::validity(&brightness, &coarse_m, None, &mut valid);
     assert_eq!(valid.iter().position(|v| !v), Some(100));
-    assert!(runner.begin_metres(&vec![3.0; n], &coarse_m, None).is_err());
+    assert!(runner.begin_metres(&TileInput { image: &vec![3.0; n], ..input }).is_err());
+}
+
+#[test]
+fn slopes_and_pixels_are_mirrored_into_the_models_light_and_back() {
+    let config = NetConfig {
+        head: Head::Residual,
+        target_range: TargetRange::Pixel,
+        illumination: Illumination::Given,
+        ..small_config()
+    };
+    let shape = (32, 64);
+    let random = random_tile(shape.0, shape.1, 11);
+    let brightness: Vec<f32> = random.image.iter().map(|v| 200.0 + 900.0 * v).collect();
+    let coarse_m: Vec<f32> = random.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
+    // A Sun in the south-east.
+    let light = Light::from_sun(140.0, 35.0).unwrap();
+    let turn = Turn { rows: true, cols: true };
+    let (image, heights) = (turned(turn, &brightness, shape.1), turned(turn, &coarse_m, shape.1));
+    let mut slopes = vec![0.0; 2 * image.len()];
+    Shading::new(&image, None, light.mirrored(turn)).unwrap().normalise(&image, &mut slopes).unwrap();
+    let scale = ElevationScale::from_pixel(&heights, None, 2.0, config.nr).unwrap();
+    let mut pixels = vec![0.0; heights.len()];
+    scale.normalise(&heights, &mut pixels).unwrap();
+    let tile = CalibrationTile { image: slopes, coarse: pixels, ground: None };
+    let options = Options { tile: shape, precision: Precision::Mixed, name: "given".into() };
+    let weights = random_weights(&config, 12);
+    let made = export(&config, &weights, Path::new("given"), std::slice::from_ref(&tile), &options, |_| {}).unwrap();
+    let mut expected_m = vec![0.0; heights.len()];
+    scale.recover(&run(&made.bytes, &tile, u64::MAX), &mut expected_m).unwrap();
+
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let (image, light) = (brightness.as_slice(), Some(light));
+    let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
+    let found = runner.begin_metres(&input).unwrap();
+    assert_eq!(found.turn, turn);
+    while runner.step(u64::MAX).unwrap() == Progress::Running {}
+    let mut heights_m = vec![0.0; expected_m.len()];
+    runner.heights(&found, &mut heights_m).unwrap();
+    assert_eq!(heights_m, turned(turn, &expected_m, shape.1));
+    let level = vec![5.0; heights_m.len()];
+    let dark = TileInput { coarse_m: &level, light: None, ..input };
+    assert_eq!(runner.begin_metres(&dark), Err(TileError::Light));
+    assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 4096, found: 2048 }));
 }
 
 #[test]

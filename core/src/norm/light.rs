@@ -1,0 +1,324 @@
+//! How brightness answers to slope: known from the Sun, or fitted from an image and its coarse DTM.
+//!
+//! For small slopes the brightness of ground of one albedo is linear in them (our choice, after linear photoclinometry):
+//!
+//! ```text
+//! I / mean(I) - 1 = b_x dz/dx + b_y dz/dy        x along columns, y along rows (down)
+//! ```
+//!
+//! [`Light`] is that b, the *contrast of a unit slope*. It points away from the Sun, and is the longer the lower the Sun stands.
+
+use crate::terrain::PixelSize;
+
+/// Contrast of a unit slope along columns and along rows.
+///
+/// ```
+/// use elunar_core::norm::Light;
+///
+/// // A Sun in the west, 30 degrees high: ground that rises to the east faces it.
+/// let light = Light::from_sun(270.0, 30.0).expect("above the horizon");
+/// assert!(light.east > 1.3 && light.east < 1.5 && light.south.abs() < 1e-6);
+/// assert!((light.azimuth_deg() - 270.0).abs() < 1e-3);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    /// b_x: contrast where the ground rises by one metre per metre along a row.
+    pub east: f32,
+    /// b_y: the same down a column.
+    pub south: f32,
+}
+
+/// Below this strength contrast says nothing about slopes: even a Sun of 80 degrees makes 0.13.
+const STRENGTH_MIN: f64 = 0.05;
+/// Above this strength the ground would be shadows: a Sun of 3 degrees makes 17.
+const STRENGTH_MAX: f64 = 20.0;
+
+impl Light {
+    /// A light, if it is one: finite, and of a strength between that of a Sun near the zenith and one at the horizon.
+    #[must_use]
+    pub fn new(east: f64, south: f64) -> Option<Self> {
+        let strength = libm::hypot(east, south);
+        // NaN is in no range.
+        (STRENGTH_MIN..=STRENGTH_MAX).contains(&strength).then_some(Self { east: east as f32, south: south as f32 })
+    }
+
+    /// The light of a Sun at an azimuth (degrees clockwise from up) and an elevation above the horizon, on ground that reflects by
+    /// the Lunar-Lambert law with McEwen's L(phase), seen from the zenith: derivative of the reflectance by slope over the
+    /// reflectance of level ground. `None` if the Sun is not above the horizon.
+    #[must_use]
+    pub fn from_sun(azimuth_deg: f64, elevation_deg: f64) -> Option<Self> {
+        if !(elevation_deg > 0.0 && elevation_deg < 90.0) {
+            return None;
+        }
+        let (sin, cos) = (libm::sin(elevation_deg.to_radians()), libm::cos(elevation_deg.to_radians()));
+        let lunar = crate::terrain::lunar_lambert_weight(90.0 - elevation_deg);
+        let level = 2.0 * lunar * sin / (sin + 1.0) + (1.0 - lunar) * sin;
+        let by_cosine = 2.0 * lunar / ((sin + 1.0) * (sin + 1.0)) + (1.0 - lunar);
+        Self::of(azimuth_deg, by_cosine * cos / level)
+    }
+
+    /// The light of a Sun at `azimuth_deg`, of a given strength.
+    fn of(azimuth_deg: f64, strength: f64) -> Option<Self> {
+        let (east, north) = (libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
+        Self::new(-strength * east, strength * north)
+    }
+
+    /// Contrast of a unit slope towards the Sun.
+    #[must_use]
+    pub fn strength(self) -> f32 {
+        libm::hypotf(self.east, self.south)
+    }
+
+    /// Azimuth of the Sun, degrees clockwise from up, 0 to 360.
+    #[must_use]
+    pub fn azimuth_deg(self) -> f64 {
+        let deg = libm::atan2(-f64::from(self.east), f64::from(self.south)).to_degrees();
+        if deg < 0.0 { deg + 360.0 } else { deg }
+    }
+
+    /// The light in a mirrored map.
+    #[must_use]
+    pub fn mirrored(self, turn: Turn) -> Self {
+        let sign = |mirrored: bool| if mirrored { -1.0 } else { 1.0 };
+        Self { east: self.east * sign(turn.cols), south: self.south * sign(turn.rows) }
+    }
+}
+
+/// Mirrorings of a row-major map, undone by applying them again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Turn {
+    /// First row last.
+    pub rows: bool,
+    /// First column last.
+    pub cols: bool,
+}
+
+impl Turn {
+    /// The turn that brings a Sun of this azimuth (degrees clockwise from up) into the north-west quadrant.
+    #[must_use]
+    pub fn from_azimuth_deg(azimuth_deg: f64) -> Self {
+        let (east, north) = (libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
+        Self { rows: north < 0.0, cols: east > 0.0 }
+    }
+
+    /// Whether nothing is mirrored.
+    #[must_use]
+    pub fn is_none(self) -> bool {
+        self == Self::default()
+    }
+
+    /// Where in the map the pixel comes from that lies at `index` of the mirrored one, both row-major rows x cols.
+    #[must_use]
+    pub fn source(self, index: usize, (rows, cols): (usize, usize)) -> usize {
+        let cols = cols.max(1);
+        let (row, col) = (index / cols, index % cols);
+        let row = if self.rows { rows.saturating_sub(1).wrapping_sub(row) } else { row };
+        row.wrapping_mul(cols).wrapping_add(if self.cols { cols - 1 - col } else { col })
+    }
+}
+
+/// Fits the light to as much of a scene as it is shown, by least squares over cells about as wide as the coarse DTM's pixels:
+/// below that the coarse DTM has no slopes to explain the image by. Both sides are means over the same cells, so that they
+/// are smoothed alike. Of fixed size; samples that are not real (see [`crate::mask`]) leave their cell out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LightFit {
+    cells: f64,
+    /// Sums over cells of brightness, slope east, slope south.
+    sums: [f64; 3],
+    /// Sums of their products: II, Ix, Iy, xx, xy, yy.
+    products: [f64; 6],
+}
+
+impl LightFit {
+    /// Side of a cell, pixels, for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
+    #[must_use]
+    pub fn cell_px(coarse_px: f32) -> usize {
+        // `as` turns NaN and negative numbers into 0.
+        ((0.8 * coarse_px) as usize).clamp(4, 256)
+    }
+
+    /// Shows it a rectangle: `image` (brightness of any unit) and `coarse_m` (metres), row-major, `cols` wide; a rest of rows or
+    /// columns that fills no cell is left out. Does nothing if the maps differ in length.
+    pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
+        let rows = image.len().checked_div(cols).unwrap_or(0);
+        if coarse_m.len() != image.len() || cell_px == 0 || rows < 3 || cols < 3 {
+            return;
+        }
+        // A pixel's slope needs its neighbours.
+        for top in (1..rows - 1).step_by(cell_px).take_while(|top| top + cell_px < rows) {
+            for left in (1..cols - 1).step_by(cell_px).take_while(|left| left + cell_px < cols) {
+                self.cell(image, coarse_m, cols, pixel, [top, left, cell_px]);
+            }
+        }
+    }
+
+    fn cell(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, [top, left, side]: [usize; 3]) {
+        let z = |i: usize| coarse_m[i];
+        let (mut mean, mut real) = ([0.0f64; 3], true);
+        let pixels = (top..top + side).flat_map(|row| row * cols + left..row * cols + left + side);
+        for i in pixels {
+            let all = [image[i], z(i - 1), z(i + 1), z(i - cols), z(i + cols)];
+            real &= all.iter().all(|&v| crate::mask::is_real(v));
+            mean[0] += f64::from(image[i]);
+            mean[1] += f64::from(z(i + 1)) - f64::from(z(i - 1));
+            mean[2] += f64::from(z(i + cols)) - f64::from(z(i - cols));
+        }
+        if !real {
+            return;
+        }
+        let count = (side * side) as f64;
+        let [i, x, y] = [mean[0] / count, mean[1] / count / (2.0 * pixel.col_m), mean[2] / count / (2.0 * pixel.row_m)];
+        self.cells += 1.0;
+        for (sum, v) in self.sums.iter_mut().zip([i, x, y]) {
+            *sum += v;
+        }
+        for (sum, v) in self.products.iter_mut().zip([i * i, i * x, i * y, x * x, x * y, y * y]) {
+            *sum += v;
+        }
+    }
+
+    /// Covariances II, Ix, Iy, xx, xy, yy with brightness over its mean; `None` without cells or light.
+    fn covariances(&self) -> Option<[f64; 6]> {
+        let n = self.cells;
+        let [i, x, y] = self.sums.map(|s| s / n);
+        let [ii, ix, iy, xx, xy, yy] = self.products.map(|p| p / n);
+        let found = [(ii - i * i) / (i * i), (ix - i * x) / i, (iy - i * y) / i, xx - x * x, xy - x * y, yy - y * y];
+        (i > 0.0 && found.iter().all(|v| v.is_finite())).then_some(found)
+    }
+
+    /// The light that explains what was shown best; `None` if that was featureless or too small.
+    #[must_use]
+    pub fn light(&self) -> Option<Light> {
+        let [_, ix, iy, xx, xy, yy] = self.covariances()?;
+        let determinant = xx * yy - xy * xy;
+        Light::new((ix * yy - iy * xy) / determinant, (iy * xx - ix * xy) / determinant)
+    }
+
+    /// The light that explains it best if the Sun stands at a known azimuth (degrees clockwise from up).
+    #[must_use]
+    pub fn light_from(&self, azimuth_deg: f64) -> Option<Light> {
+        let [_, ix, iy, xx, xy, yy] = self.covariances()?;
+        let (x, y) = (-libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
+        let strength = (ix * x + iy * y) / (xx * x * x + 2.0 * xy * x * y + yy * y * y);
+        if strength > 0.0 { Light::of(azimuth_deg, strength) } else { None }
+    }
+
+    /// Share of the variance of brightness between cells that the best light explains, 0 to 1.
+    #[must_use]
+    pub fn explained(&self) -> Option<f64> {
+        let ([ii, ix, iy, ..], light) = (self.covariances()?, self.light()?);
+        let share = (f64::from(light.east) * ix + f64::from(light.south) * iy) / ii;
+        share.is_finite().then_some(share.clamp(0.0, 1.0))
+    }
+
+    /// The light, by what is known of the Sun: from azimuth and elevation (degrees) alone, else with what is not known fitted.
+    #[must_use]
+    pub fn with_sun(&self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Option<Light> {
+        match (azimuth_deg, elevation_deg) {
+            (Some(azimuth), Some(elevation)) => Light::from_sun(azimuth, elevation),
+            (Some(azimuth), None) => self.light_from(azimuth),
+            (None, Some(elevation)) => Light::from_sun(self.light()?.azimuth_deg(), elevation),
+            (None, None) => self.light(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const COLS: usize = 100;
+
+    /// Rolling hills, and their image under `light`, times a brightness.
+    fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
+        // Whole periods over the 75 x 95 pixels that cells of 5 cover: no slope on the whole.
+        let turns = |n: f32, period: f32| core::f32::consts::TAU * n / period;
+        let height = |r: f32, c: f32| 4.0 * turns(r, 75.0).sin() + 3.0 * (turns(c, 95.0) + turns(r, 75.0)).cos();
+        let at = |i: usize| ((i / COLS) as f32, (i % COLS) as f32);
+        let heights = (0..80 * COLS).map(|i| height(at(i).0, at(i).1)).collect();
+        let image = (0..80 * COLS).map(|i| {
+            let (r, c) = at(i);
+            let (x, y) = (height(r, c + 1.0) - height(r, c - 1.0), height(r + 1.0, c) - height(r - 1.0, c));
+            brightness * (1.0 + (light.east * x + light.south * y) / 4.0)
+        });
+        (image.collect(), heights)
+    }
+
+    fn fit(image: &[f32], heights: &[f32]) -> LightFit {
+        let mut fit = LightFit::default();
+        fit.add(image, heights, COLS, PixelSize::square(2.0), 5);
+        fit
+    }
+
+    proptest! {
+        #[test]
+        fn the_light_is_found(azimuth in 0.0f64..360.0, strength in 0.3f64..3.0, brightness in 1.0f32..5000.0) {
+            let light = Light::of(azimuth, strength).unwrap();
+            let (image, heights) = scene(light, brightness);
+            let fit = fit(&image, &heights);
+            let found = fit.light().unwrap();
+            prop_assert!((found.east - light.east).abs() < 0.02 * light.strength(), "{found:?} for {light:?}");
+            prop_assert!((found.south - light.south).abs() < 0.02 * light.strength(), "{found:?} for {light:?}");
+            prop_assert!(fit.explained().unwrap() > 0.999);
+            let known = fit.light_from(azimuth).unwrap();
+            prop_assert!((known.strength() - light.strength()).abs() < 0.02 * light.strength());
+            prop_assert!(fit.light_from(azimuth + 180.0).is_none());
+        }
+
+        #[test]
+        fn turns_bring_every_sun_to_the_north_west(azimuth in 0.0f64..360.0, strength in 0.3f64..3.0) {
+            let light = Light::of(azimuth, strength).unwrap();
+            prop_assert!((light.azimuth_deg() - azimuth).abs() < 1e-3 || azimuth < 1e-3);
+            let turned = light.mirrored(Turn::from_azimuth_deg(azimuth));
+            prop_assert!(turned.east >= -1e-6 && turned.south >= -1e-6, "{turned:?}");
+        }
+    }
+
+    #[test]
+    fn the_sun_sets_the_strength() {
+        let strength = |elevation| Light::from_sun(10.0, elevation).unwrap().strength();
+        // Lambert's cotangent, less what the Lunar-Lambert law takes off.
+        assert!((strength(20.0) / 2.747 - 0.85).abs() < 0.05, "{}", strength(20.0));
+        assert!((strength(60.0) / 0.577 - 0.69).abs() < 0.05, "{}", strength(60.0));
+        for out in [0.0, -3.0, 90.0, f64::NAN] {
+            assert_eq!(Light::from_sun(10.0, out), None);
+        }
+        assert_eq!(Light::from_sun(f64::NAN, 30.0), None);
+    }
+
+    #[test]
+    fn what_is_known_is_kept_and_the_rest_fitted() {
+        let truth = Light::of(300.0, 1.0).unwrap();
+        let (image, heights) = scene(truth, 7.0);
+        let fit = fit(&image, &heights);
+        let strength = |light: Option<Light>| light.unwrap().strength();
+        assert_eq!(fit.with_sun(Some(30.0), Some(40.0)), Light::from_sun(30.0, 40.0));
+        assert!((fit.with_sun(Some(310.0), None).unwrap().azimuth_deg() - 310.0).abs() < 1e-3);
+        assert!((fit.with_sun(None, Some(40.0)).unwrap().azimuth_deg() - 300.0).abs() < 1.0);
+        assert!((strength(fit.with_sun(None, Some(40.0))) - strength(Light::from_sun(0.0, 40.0))).abs() < 1e-5);
+        assert_eq!(fit.with_sun(None, None), fit.light());
+    }
+
+    #[test]
+    fn featureless_gappy_and_small_scenes_have_no_light() {
+        let flat = vec![1.0f32; 80 * COLS];
+        let (image, heights) = scene(Light { east: 1.0, south: 0.0 }, 1.0);
+        assert_eq!(fit(&flat, &flat).light(), None);
+        assert_eq!(fit(&image, &flat).light(), None);
+        assert_eq!(fit(&vec![0.0; 80 * COLS], &heights).light(), None);
+        assert_eq!(fit(&vec![f32::NAN; 80 * COLS], &heights).light(), None);
+        assert_eq!(fit(&image[..3 * COLS], &heights[..3 * COLS]).light(), None);
+        assert_eq!(fit(&image[1..], &heights).light(), None);
+        assert_eq!(LightFit::default().explained(), None);
+    }
+
+    #[test]
+    fn mirrored_pixels_come_from_their_mirror_image() {
+        let turn = |rows, cols| Turn { rows, cols };
+        let order = |t: Turn| (0..6).map(|i| t.source(i, (2, 3))).collect::<Vec<_>>();
+        assert_eq!(order(turn(false, false)), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(order(turn(false, true)), [2, 1, 0, 5, 4, 3]);
+        assert_eq!(order(turn(true, true)), [5, 4, 3, 2, 1, 0]);
+    }
+}

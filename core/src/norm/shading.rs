@@ -1,0 +1,111 @@
+//! An image as slopes: the smallest slope that explains the contrast of each pixel.
+//!
+//! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. Given
+//! to the network as two maps, it says how steep and in which direction the ground may be, whatever the Sun's height and
+//! azimuth; what lies across the light is left for the network to find (our choice; the paper gives the brightness, brought
+//! to [0, 1], and leaves the Sun to be found as well).
+
+use super::light::Light;
+use crate::error::{NormError, same_length};
+use crate::mask;
+
+/// The network's unit of slope: 0.1 (5.7 degrees), about what is usual on the Moon (our choice).
+pub const SLOPE_UNIT: f32 = 0.1;
+/// Slopes are cut off here: 45 degrees, steeper than loose ground stands (our choice).
+pub const SLOPE_MAX: f32 = 1.0;
+/// Maps an image becomes.
+pub const MAPS: usize = 2;
+
+/// How a tile's brightness turns into slopes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shading {
+    mean: f32,
+    /// Slope units per contrast, east and south.
+    per_contrast: [f32; MAPS],
+}
+
+impl Shading {
+    /// The shading of a tile: its mean brightness over the pixels that count (see [`mask`]), under `light`.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::ConstantImage`] if the
+    /// image has no contrast or no light.
+    pub fn new(image: &[f32], valid: Option<&[bool]>, light: Light) -> Result<Self, NormError> {
+        if let Some(mask) = valid {
+            same_length(image.len(), mask.len())?;
+        }
+        let (low, high) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
+        let (mut sum, mut count) = (0.0f64, 0usize);
+        for (i, &v) in image.iter().enumerate() {
+            if mask::counts(image, valid, i) {
+                sum += f64::from(v);
+                count += 1;
+            }
+        }
+        let mean = (sum / count as f64) as f32;
+        if !(low < high && mean.is_finite() && mean > 0.0) {
+            return Err(NormError::ConstantImage);
+        }
+        let square = light.east * light.east + light.south * light.south;
+        Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
+    }
+
+    /// The slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
+    #[must_use]
+    pub fn slopes(&self, brightness: f32) -> [f32; MAPS] {
+        let contrast = brightness / self.mean - 1.0;
+        let limit = SLOPE_MAX / SLOPE_UNIT;
+        self.per_contrast.map(|p| (contrast * p).clamp(-limit, limit))
+    }
+
+    /// The whole tile, pixel by pixel, the two maps side by side: `out` has [`MAPS`] values per pixel. Pixels that are not real
+    /// become 0.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if `out` has another length.
+    pub fn normalise(&self, image: &[f32], out: &mut [f32]) -> Result<(), NormError> {
+        same_length(MAPS * image.len(), out.len())?;
+        for (out, &v) in out.as_chunks_mut::<MAPS>().0.iter_mut().zip(image) {
+            *out = if mask::is_real(v) { self.slopes(v) } else { [0.0; MAPS] };
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smallest_slope_explains_the_contrast() {
+        let light = Light { east: 1.2, south: -0.5 };
+        let image = [90.0, 100.0, 110.0, 100.0];
+        let shading = Shading::new(&image, None, light).unwrap();
+        let mut out = [9.0; 8];
+        shading.normalise(&image, &mut out).unwrap();
+        for (pair, v) in out.as_chunks::<2>().0.iter().zip(image) {
+            let contrast = (light.east * pair[0] + light.south * pair[1]) * SLOPE_UNIT;
+            assert!((contrast - (v / 100.0 - 1.0)).abs() < 1e-6);
+            // Along the light, so none is smaller.
+            assert!((pair[0] * light.south - pair[1] * light.east).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn steep_slopes_are_cut_off_and_gaps_are_level() {
+        let shading = Shading::new(&[1.0, 3.0, f32::NAN], None, Light { east: 0.1, south: 0.0 }).unwrap();
+        let mut out = [9.0; 6];
+        shading.normalise(&[1.0, 3.0, f32::NAN], &mut out).unwrap();
+        assert_eq!(out, [-10.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
+        assert!(matches!(shading.normalise(&[1.0], &mut out), Err(NormError::Length(_))));
+    }
+
+    #[test]
+    fn darkness_and_sameness_have_no_shading() {
+        let light = Light { east: 1.0, south: 0.0 };
+        assert_eq!(Shading::new(&[0.0; 4], None, light), Err(NormError::ConstantImage));
+        assert_eq!(Shading::new(&[-3.0, 1.0], None, light), Err(NormError::ConstantImage));
+        assert_eq!(Shading::new(&[1.0, f32::NAN], None, light), Err(NormError::TooFewValid { found: 1 }));
+        assert!(matches!(Shading::new(&[1.0, 2.0], Some(&[true]), light), Err(NormError::Length(_))));
+    }
+}

@@ -1,0 +1,150 @@
+//! How the numbers of every map are written down: type, zero, limits and steps.
+
+use super::calibrate::Range;
+use super::compile::Precision;
+use super::graph::{Activation, Graph, NodeId, Operation};
+use super::quantise::{ACCUMULATOR_LIMIT, GELU_MINIMUM};
+use elunar_core::nn::Dtype;
+use elunar_core::norm::shading::{SLOPE_MAX, SLOPE_UNIT};
+
+/// 16-bit maps keep this much room above what calibration saw; 8-bit maps have none to spare.
+const HEADROOM_16: f64 = 1.25;
+/// A channel's range is taken as at least this share of the widest channel's: calibration sees few tiles.
+const RANGE_FLOOR: f64 = 1.0 / 32.0;
+
+/// How a map's numbers are written down: value = (code - zero) * scale of its channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Codes {
+    /// Sample type.
+    pub dtype: Dtype,
+    /// Code of 0.
+    pub zero: i32,
+    /// Smallest code.
+    pub lo: i32,
+    /// Largest code.
+    pub hi: i32,
+    /// Real value of one step, per channel.
+    pub scales: Vec<f64>,
+}
+
+/// Which scales a map may have.
+#[derive(Clone, Copy, PartialEq)]
+enum Freedom {
+    Channel,
+    Group(usize),
+    Tensor,
+}
+
+fn freedom(graph: &Graph, id: NodeId) -> Freedom {
+    let node = &graph.nodes[id];
+    if matches!(&node.operation, Operation::Conv { activation: Activation::Gelu, .. }) {
+        return Freedom::Tensor; // one table for all channels
+    }
+    let mut freedom = match &node.operation {
+        Operation::Attention { heads, .. } => Freedom::Group(node.channels / heads),
+        _ => Freedom::Channel,
+    };
+    for user in graph.users(id) {
+        match &user.operation {
+            Operation::LayerNorm { .. } => return Freedom::Tensor,
+            Operation::Attention { heads, .. } => freedom = Freedom::Group(node.channels / (3 * heads)),
+            _ => {}
+        }
+    }
+    freedom
+}
+
+/// The largest code that keeps every user's sums within 32 bits.
+fn largest_code(graph: &Graph, id: NodeId) -> i32 {
+    let limits = graph.users(id).map(|user| match &user.operation {
+        Operation::Conv { sources, kernel, .. } if sources.iter().any(|s| s.node == id) => {
+            ACCUMULATOR_LIMIT / (127 * kernel.side * kernel.side * kernel.input) as f64
+        }
+        _ => i16::MAX as f64,
+    });
+    limits.fold(i16::MAX as f64, f64::min) as i32
+}
+
+/// Which maps keep 16 bits by a rule that looks at no data: the residual stream always, others by the precision asked for.
+pub fn wide_by_rule(graph: &Graph, precision: Precision) -> Vec<bool> {
+    let of = |id: NodeId| {
+        let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
+        match precision {
+            Precision::Int8 => feeds_norm,
+            Precision::Mixed => feeds_norm || graph.nodes[id].precise,
+            Precision::Int16 => true,
+        }
+    };
+    (0..graph.nodes.len()).map(of).collect()
+}
+
+/// Whether the runner can keep a map in 16 bits and also in 8: not inputs and output, whose types are fixed; not what attention
+/// reads or GELU makes, which have 8; and not where sums of 16-bit codes would leave 32 bits.
+pub fn can_widen(graph: &Graph, id: NodeId) -> bool {
+    let fixed = match &graph.nodes[id].operation {
+        Operation::Image | Operation::Coarse | Operation::Conv { activation: Activation::Gelu, .. } => true,
+        _ => id == graph.output(),
+    };
+    let feeds_attention = graph.users(id).any(|user| matches!(user.operation, Operation::Attention { .. }));
+    !fixed && !feeds_attention && largest_code(graph, id) > 255
+}
+
+/// Codes of a node's map. Those of inputs and output are what they are, whatever `wide` says.
+pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f32, wide: bool) -> Codes {
+    let node = &graph.nodes[id];
+    let full = i16::MAX as i32;
+    match &node.operation {
+        Operation::Image if node.channels == 1 => {
+            return Codes { dtype: Dtype::I16, zero: 0, lo: 0, hi: full, scales: vec![1.0 / full as f64] };
+        }
+        Operation::Image => {
+            let scale = ((SLOPE_MAX / SLOPE_UNIT) as f64 / full as f64) as f32 as f64;
+            return Codes { dtype: Dtype::I16, zero: 0, lo: -full, hi: full, scales: vec![scale; node.channels] };
+        }
+        Operation::Coarse => {
+            let scales = vec![(coarse_limit as f64 / full as f64) as f32 as f64];
+            return Codes { dtype: Dtype::I16, zero: 0, lo: -full, hi: full, scales };
+        }
+        _ => {}
+    }
+    if id == graph.output() {
+        return Codes { dtype: Dtype::F32, zero: 0, lo: 0, hi: 0, scales: vec![1.0] };
+    }
+    let activation = match &node.operation {
+        Operation::Conv { activation, .. } => *activation,
+        _ => Activation::None,
+    };
+    let magnitude = channel_magnitudes(range, freedom(graph, id));
+    if activation == Activation::Gelu {
+        let top = magnitude[0].max(-2.0 * GELU_MINIMUM);
+        let scale = (top - GELU_MINIMUM) / 255.0;
+        let zero = (-GELU_MINIMUM / scale).ceil() as i32;
+        return Codes { dtype: Dtype::U8, zero, lo: 0, hi: 255, scales: vec![scale; node.channels] };
+    }
+    let limit = largest_code(graph, id);
+    let relu = activation == Activation::Relu;
+    if wide && can_widen(graph, id) {
+        let scales = magnitude.iter().map(|m| m * HEADROOM_16 / limit as f64).collect();
+        return Codes { dtype: Dtype::I16, zero: 0, lo: if relu { 0 } else { -limit }, hi: limit, scales };
+    }
+    // The same steps on both sides of 0: -128 is no weight, and attention reads keys as weights.
+    let (zero, lo, steps) = if relu { (0, 0, 255.0) } else { (128, 1, 127.0) };
+    Codes { dtype: Dtype::U8, zero, lo, hi: 255, scales: magnitude.iter().map(|m| m / steps).collect() }
+}
+
+/// Largest absolute value that each channel's scale must reach.
+fn channel_magnitudes(range: &Range, freedom: Freedom) -> Vec<f64> {
+    let mut magnitude = range.magnitude();
+    let widest = magnitude.iter().copied().fold(0.0, f64::max);
+    let widest = if widest > 0.0 { widest } else { 1.0 };
+    let group = match freedom {
+        Freedom::Channel => 1,
+        Freedom::Group(size) => size,
+        Freedom::Tensor => magnitude.len(),
+    };
+    for channels in magnitude.chunks_mut(group) {
+        let largest = channels.iter().copied().fold(widest * RANGE_FLOOR, f64::max);
+        channels.fill(largest);
+    }
+    magnitude
+}
