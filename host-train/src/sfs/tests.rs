@@ -123,15 +123,16 @@ fn noise(i: usize) -> f64 {
 
 #[test]
 fn hills_rendered_in_closed_form_are_found() {
-    let exact =
-        Settings { smoothness_weight_m: 0.05, dem_constraint_weight_per_m: 1e-3, tolerance: 1e-6, ..settings() };
+    // One tile: neighbours that err differently across the light meet in a slope of its own.
+    let weights = Settings { smoothness_weight_m: 0.05, dem_constraint_weight_per_m: 1e-3, ..settings() };
+    let exact = Settings { tile: (ROWS, COLS), tolerance: 1e-6, ..weights };
     let (start, found) = (start_errors(), solved(&image(), &coarse(), &exact));
     let (height_m, slope) = errors(&found.dtm);
     eprintln!("coarse {start:.3?}, found {height_m:.3} m, {slope:.4}");
     assert!(start.0 > 0.5 && start.1 > 0.03, "{start:?}");
     assert!(slope < 0.03 * start.1, "slope towards the Sun: {slope}, of the coarse DTM {}", start.1);
     // Across the light nothing is seen; there the coarse DTM's own error stays.
-    assert!(height_m < 0.45 * start.0, "{height_m} m, of the coarse DTM {} m", start.0);
+    assert!(height_m < 0.4 * start.0, "{height_m} m, of the coarse DTM {} m", start.0);
     assert!(found.tiles.iter().all(TileLog::converged));
 }
 
