@@ -30,14 +30,14 @@ def run(*command):
         raise SystemExit(f"ERROR: expected success of `{' '.join(command)}`, found failure")
 
 
-def programs(folder):
-    """`host-train` and `tile_server`: those in `folder`, or freshly built ones of this source tree."""
+def programs(folder, server="tile_server"):
+    """`host-train` and a server: those in `folder`, or freshly built ones of this source tree."""
     if folder is None:
-        packages = ["-p", "host-train", "-p", "elunar-benches", "--bin", "host-train", "--example", "tile_server"]
+        packages = ["-p", "host-train", "-p", "elunar-benches", "--bin", "host-train", "--example", server]
         run("cargo", "build", "--release", "--locked", *packages, "--manifest-path", MANIFEST)
         metadata = ["cargo", "metadata", "--no-deps", "--format-version", "1", "--manifest-path", MANIFEST]
         folder = Path(json.loads(subprocess.check_output(metadata))["target_directory"]) / "release"
-    found = folder / "host-train", folder / "examples" / "tile_server"
+    found = folder / "host-train", folder / "examples" / server
     for program in found:
         if not program.exists():
             raise SystemExit(f"ERROR: --binaries {folder}: expected {program}, found none")
@@ -61,17 +61,23 @@ def make(target, sources, write):
     partial.replace(target)
 
 
+def weights(name, head, host_train):
+    """The weight file called so: a preset, for random weights, or the file itself."""
+    if name in PRESETS:
+        path = MADE / f"{name}-{head}.safetensors"
+        init = [host_train, "init", "--preset", name, "--head", head, "--seed", 1, "-o"]
+        make(path, [host_train], lambda path: run(*init, path))
+        return path
+    if not Path(name).is_file():
+        raise SystemExit(f"ERROR: {name}: expected one of {', '.join(PRESETS)} or a weight file, found neither")
+    return Path(name)
+
+
 class Network:
     """One network and its files. `name` is a preset, for random weights, or a weight file."""
 
     def __init__(self, name, head, precision, host_train):
-        self.weights, self.name = Path(name), Path(name).stem
-        if name in PRESETS:
-            self.weights = MADE / f"{name}-{head}.safetensors"
-            init = [host_train, "init", "--preset", name, "--head", head, "--seed", 1, "-o"]
-            make(self.weights, [host_train], lambda path: run(*init, path))
-        elif not self.weights.is_file():
-            raise SystemExit(f"ERROR: {name}: expected one of {', '.join(PRESETS)} or a weight file, found neither")
+        self.weights, self.name = weights(name, head, host_train), Path(name).stem
         try:
             self.module, self.config = network.load(self.weights, tiles.ROWS, tiles.COLS)
         except (ValueError, RuntimeError, SafetensorError) as misfit:

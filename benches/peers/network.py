@@ -1,12 +1,14 @@
-"""The network in PyTorch, for inference: what the peers run. Weights come from `.safetensors` files as `host-train` writes them.
+"""The network in PyTorch: what the peers run, and train. Weights come from `.safetensors` files as `host-train` writes them.
 
     python3 benches/peers/network.py tests/golden/mini/case.safetensors
 
-compares every map of a golden case with the stored one. What any deployment folds is folded when weights are loaded: batch
-norms into convolutions, 1/sqrt(depth) into the query weights, position bias and shift mask into one table per block.
+compares every map of a golden case with the stored one. What any deployment folds is folded by `load`: batch norms into
+convolutions, 1/sqrt(depth) into the query weights, position bias and shift mask into one table per block. `trainable` folds
+nothing.
 """
 import json
 import sys
+from functools import partial
 
 import torch
 import torch.nn.functional as F
@@ -21,12 +23,24 @@ PAYLOAD = ("input.", "trace.", "output", "truth")
 
 
 def image_maps(config):
-    """Brightness, or two components of slope."""
-    return 2 if config.get("illumination") == "given" else 1
+    """Brightness, or the four maps of a guide: slope east and south, relief, uncertainty."""
+    return 4 if config.get("illumination") == "given" else 1
 
 
 def conv(inputs, outputs, kernel, stride=1):
     return nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2)
+
+
+class ConvBn(nn.Module):
+    """A convolution that still has its batch norm behind it."""
+
+    def __init__(self, inputs, outputs, kernel, stride=1, momentum=0.1):
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False)
+        self.bn = nn.BatchNorm2d(outputs, EPSILON, momentum)
+
+    def forward(self, x):
+        return self.bn(self.conv(x))
 
 
 def double(x):
@@ -50,31 +64,49 @@ class Attention(nn.Module):
         self.qkv, self.proj = nn.Linear(dim, 3 * dim), nn.Linear(dim, dim)
         self.relative_position_bias_table = nn.Parameter(torch.zeros((2 * window - 1) ** 2, heads))
         self.register_buffer("bias", None, persistent=False)
+        self.register_buffer("offset", self.offsets(), persistent=False)
+        self.register_buffer("mask", self.apart(), persistent=False)
+
+    def offsets(self):
+        """Row of the bias table for each pair of tokens of a window, [n, n]."""
+        k = self.window
+        y, x = torch.arange(k * k) // k, torch.arange(k * k) % k
+        return (y[:, None] - y + k - 1) * (2 * k - 1) + x[:, None] - x + k - 1
+
+    def apart(self):
+        """What the shift adds to the scores, [windows, 1, n, n]; None without a shift."""
+        k, (rows, cols), (down, right) = self.window, self.padded, self.shift
+        if not (down or right):
+            return None
+        home = region(rows, k, down)[:, None] * 3 + region(cols, k, right)
+        home = home.view(rows // k, k, cols // k, k).transpose(1, 2).reshape(-1, k * k)
+        return APART * (home[:, None, :, None] != home[:, None, None, :])
+
+    def table(self):
+        """What is added to the scores, [1 or windows, heads, n, n]."""
+        bias = self.relative_position_bias_table[self.offset].permute(2, 0, 1)[None]
+        return bias if self.mask is None else bias + self.mask
 
     def settle(self):
-        """Makes `bias`, [1 or windows, heads, n, n], of the table and the shift mask, once the weights are there."""
-        k, (rows, cols), (down, right) = self.window, self.padded, self.shift
-        y, x = torch.arange(k * k) // k, torch.arange(k * k) % k
-        offset = (y[:, None] - y + k - 1) * (2 * k - 1) + x[:, None] - x + k - 1
-        bias = self.relative_position_bias_table.detach()[offset].permute(2, 0, 1)[None]
-        if down or right:
-            home = region(rows, k, down)[:, None] * 3 + region(cols, k, right)
-            home = home.view(rows // k, k, cols // k, k).transpose(1, 2).reshape(-1, k * k)
-            bias = bias + APART * (home[:, None, :, None] != home[:, None, None, :])
-        self.bias = bias.contiguous()
+        """Makes `bias` once the weights are there; the query weights have their scale in them then."""
+        self.bias = self.table().detach().contiguous()
 
     def forward(self, x):
         (height, width), (rows, cols), k = self.tokens, self.padded, self.window
-        channels = x.shape[-1]
+        batch, channels = x.shape[0], x.shape[-1]
         if self.padded != self.tokens:
             x = F.pad(x, (0, 0, 0, cols - width, 0, rows - height))
         if any(self.shift):
             x = torch.roll(x, [-s for s in self.shift], (1, 2))
-        x = x.view(1, rows // k, k, cols // k, k, channels).transpose(2, 3).reshape(-1, k * k, channels)
+        x = x.view(batch, rows // k, k, cols // k, k, channels).transpose(2, 3).reshape(-1, k * k, channels)
         q, key, v = self.qkv(x).view(-1, k * k, 3, self.heads, channels // self.heads).permute(2, 0, 3, 1, 4)
-        scores = q @ key.transpose(-2, -1) + self.bias
+        if self.bias is None:
+            scores = (q * (channels // self.heads) ** -0.5) @ key.transpose(-2, -1)
+            scores = (scores.view(batch, -1, *scores.shape[1:]) + self.table()).view_as(scores)
+        else:
+            scores = q @ key.transpose(-2, -1) + self.bias
         x = (scores.softmax(-1) @ v).transpose(1, 2).reshape(-1, k * k, channels)
-        x = self.proj(x).view(1, rows // k, cols // k, k, k, channels).transpose(2, 3).reshape(1, rows, cols, channels)
+        x = self.proj(x).view(batch, rows // k, cols // k, k, k, channels).transpose(2, 3).reshape(batch, rows, cols, channels)
         if any(self.shift):
             x = torch.roll(x, self.shift, (1, 2))
         return x[:, :height, :width] if self.padded != self.tokens else x
@@ -152,19 +184,19 @@ class Swin(nn.Module):
 
 
 class ImageEncoder(nn.Module):
-    def __init__(self, config, rows, cols):
+    def __init__(self, config, rows, cols, unit):
         super().__init__()
-        self.stem, self.swin = conv(image_maps(config), config["stem"], 7, 2), Swin(config, rows, cols)
+        self.stem, self.swin = unit(image_maps(config), config["stem"], 7, 2), Swin(config, rows, cols)
 
     def forward(self, image):
         return [F.relu(self.stem(image)), *self.swin(image)]
 
 
 class DecoderBlock(nn.Module):
-    def __init__(self, previous, skip, outputs):
+    def __init__(self, previous, skip, outputs, unit):
         super().__init__()
-        self.main = nn.ModuleList([conv(skip + previous, outputs, 5), conv(outputs, outputs, 3)])
-        self.shortcut = conv(previous, outputs, 5)
+        self.main = nn.ModuleList([unit(skip + previous, outputs, 5), unit(outputs, outputs, 3)])
+        self.shortcut = unit(previous, outputs, 5)
 
     def forward(self, x, skip):
         """`x` and `skip` (None in the first block) [1, C, h, w] to [1, C_out, 2h, 2w]."""
@@ -174,19 +206,19 @@ class DecoderBlock(nn.Module):
 
 
 class Network(nn.Module):
-    """`config` as in the weight file's metadata, for tiles of `rows` x `cols`, multiples of 32."""
+    """`config` as in the weight file's metadata, for tiles of `rows` x `cols`, multiples of 32. `unit` makes convolutions."""
 
-    def __init__(self, config, rows, cols):
+    def __init__(self, config, rows, cols, unit=conv):
         super().__init__()
         for switch, value in FIXED.items():
             if config.get(switch, value) != value:
                 raise ValueError(f"configuration: expected {switch} = {value}, found {config[switch]}")
         deep, dtm, decoder = 8 * config["embed"], config["dtm"], config["decoder"]
         skips = [0, deep // 2, deep // 4, deep // 8, config["stem"]]
-        self.image_encoder = ImageEncoder(config, rows, cols)
-        self.dtm_encoder = nn.ModuleList(conv(i, o, k, 2) for i, o, k in zip([1, *dtm], dtm, DTM_KERNELS))
-        self.fusion = conv(deep + dtm[4], deep, 3)
-        self.decoder = nn.ModuleList(DecoderBlock(p, s, o) for p, s, o in zip([deep, *decoder], skips, decoder))
+        self.image_encoder = ImageEncoder(config, rows, cols, unit)
+        self.dtm_encoder = nn.ModuleList(unit(i, o, k, 2) for i, o, k in zip([1, *dtm], dtm, DTM_KERNELS))
+        self.fusion = unit(deep + dtm[4], deep, 3)
+        self.decoder = nn.ModuleList(DecoderBlock(p, s, o, unit) for p, s, o in zip([deep, *decoder], skips, decoder))
         self.head = conv(decoder[4], 1, 3)
         self.residual = config.get("head", "relu") == "residual"
 
@@ -230,19 +262,35 @@ def fold(tensors, config):
     return folded
 
 
-def load(path, rows, cols):
-    """The network with the weights of `path`, for tiles of `rows` x `cols`, and its configuration."""
+def read(path):
+    """Weights and configuration of a file."""
     with safe_open(path, "pt") as file:
         config = json.loads((file.metadata() or {}).get("config", "null"))
         if config is None:
             raise ValueError("expected the network configuration in metadata `config`, found none")
-        tensors = {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PAYLOAD)}
+        return {name: file.get_tensor(name) for name in file.keys() if not name.startswith(PAYLOAD)}, config
+
+
+def load(path, rows, cols):
+    """The network with the weights of `path`, for tiles of `rows` x `cols`, and its configuration."""
+    tensors, config = read(path)
     network = Network(config, rows, cols)
     network.load_state_dict(fold(tensors, config))
     for module in network.modules():
         if isinstance(module, Attention):
             module.settle()
     return network.eval().requires_grad_(False), config
+
+
+def trainable(path, rows, cols):
+    """As `load`, to be trained: nothing is folded, batches are normalised by themselves."""
+    tensors, config = read(path)
+    network = Network(config, rows, cols, partial(ConvBn, momentum=config.get("bn_momentum", 0.1)))
+    misfits = network.load_state_dict(tensors, strict=False)
+    left_out = [name for name in misfits.missing_keys if not name.endswith("num_batches_tracked")]
+    if left_out or misfits.unexpected_keys:
+        raise ValueError(f"expected the network's weights, found {left_out} missing and {misfits.unexpected_keys} besides")
+    return network.train(), config
 
 
 def check(path, tolerance=2e-5):

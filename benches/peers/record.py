@@ -41,7 +41,7 @@ def circumstances(a, load):
         "commit": commit,
         "binaries": str(a.binaries) if a.binaries else None,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
-        "command": shlex.join(["python3", "benches/peers/compare.py", *sys.argv[1:]]),
+        "command": shlex.join(["python3", f"benches/peers/{Path(sys.argv[0]).name}", *sys.argv[1:]]),
     }
 
 

@@ -8,7 +8,7 @@ COARSE_PX = 32  # pixels per side of a coarse one
 PIXEL_M = 2.0
 SLOPE = np.tan(np.radians(8))  # mean of the terrain
 SUN_ELEVATION = np.radians(35)
-SLOPE_UNIT, SLOPE_MAX = 0.1, 1.0  # of images given as slopes
+SLOPE_UNIT, LIMIT = 0.1, 10.0  # of a guide's maps
 
 
 def terrain(random):
@@ -33,9 +33,13 @@ def tile(seed, config):
     z = terrain(np.random.default_rng(seed))
     image = shade(z)
     if config.get("illumination") == "given":
-        # The smallest slope that explains the contrast, its two components alike: the Sun stands in the north-west.
+        # The smallest slope that explains the contrast, its two components alike: the Sun stands in the north-west. The relief
+        # is the true one, of which photoclinometry finds most.
         slope = (image / image.mean() - 1) * np.tan(SUN_ELEVATION) / np.sqrt(2) / SLOPE_UNIT
-        image = np.stack([slope, slope]).clip(-SLOPE_MAX / SLOPE_UNIT, SLOPE_MAX / SLOPE_UNIT)
+        low = F.avg_pool2d(torch.from_numpy(z)[None, None], COARSE_PX)
+        low = F.interpolate(low, size=(ROWS, COLS), mode="bicubic", align_corners=False)[0, 0].numpy()
+        relief = (z - low) / PIXEL_M
+        image = np.stack([slope, slope, relief, np.full_like(z, np.tan(SUN_ELEVATION))]).clip(-LIMIT, LIMIT)
     else:
         image = ((image - image.min()) / np.ptp(image))[None]
     coarse = F.avg_pool2d(torch.from_numpy(z)[None, None], COARSE_PX)

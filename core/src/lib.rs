@@ -46,6 +46,7 @@ pub mod mask;
 pub mod metrics;
 pub mod nn;
 pub mod norm;
+pub mod photoclinometry;
 pub mod quant;
 pub mod terrain;
 pub mod tile;

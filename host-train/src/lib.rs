@@ -11,6 +11,7 @@ pub mod diff;
 pub mod digest;
 pub mod error;
 pub mod evaluate;
+pub mod experiment;
 pub mod export;
 pub mod hillshade;
 pub mod illumination;
@@ -24,10 +25,13 @@ pub mod predict;
 pub mod prepare;
 pub mod quantile;
 pub mod raster;
+pub mod report;
 pub mod sfs;
+pub mod suite;
 pub mod synth;
 #[cfg(test)]
 mod testing;
+pub mod toml_file;
 pub mod train;
 
 pub use error::{Error, Result};

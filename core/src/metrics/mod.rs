@@ -1,13 +1,17 @@
 //! How good a DTM is: streaming accumulators, one pixel or one tile at a time, so that a scene of any size needs no memory.
 //!
 //! [`height`] works in metres (the paper's test metrics: MAE, RMSE, share of |e| below 2, 4 and 10 m), [`relative`] on
-//! normalised elevations (Eq. 11–17), [`slope`] on degrees of slope, which no metric of the paper sees. Every accumulator can
-//! `merge` another, so threads keep their own.
+//! normalised elevations (Eq. 11–17), [`slope`] on degrees of slope and [`gradient`] on slopes as vectors, which no metric of the
+//! paper sees, [`correlation`] on any two maps. Every accumulator can `merge` another, so threads keep their own.
 
+pub mod correlation;
+pub mod gradient;
 pub mod height;
 pub mod relative;
 pub mod slope;
 
+pub use correlation::Correlation;
+pub use gradient::{Facing, GradientErrors};
 pub use height::HeightErrors;
 pub use relative::RelativeErrors;
 pub use slope::SlopeErrors;

@@ -57,7 +57,7 @@ pub mod word {
     pub const SELF_TEST_SEED: usize = 23;
     /// CRC32C of the self test's output.
     pub const SELF_TEST_CRC: usize = 24;
-    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid, 2 as 1 and the image as slopes.
+    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid, 2 as 1 and the image as the four maps of a guide.
     pub const ILLUMINATION: usize = 25;
     /// Schedule entries: offset, then their number.
     pub const SCHEDULE: usize = 26;

@@ -5,7 +5,8 @@ use super::model::{Illumination, TruthRange};
 use super::runner::Runner;
 use crate::error::NormError;
 use crate::mask;
-use crate::norm::{ElevationScale, Light, LightFit, Shading, Turn};
+use crate::norm::{ElevationScale, Light, LightFit, Turn};
+use crate::photoclinometry::{Guide, GuideInput, Photoclinometry};
 use crate::terrain::PixelSize;
 use core::fmt;
 
@@ -67,46 +68,81 @@ pub struct TileScale {
     pub turn: Turn,
 }
 
-/// What the network is given for a pixel of the image.
-enum Brightness {
-    Range { min: f32, span: f32 },
-    Slopes(Shading),
-}
-
 impl Runner<'_, '_> {
+    /// Values of scratch memory that [`Self::begin_metres`] wants; 0 for models that are not given the light. It may be reused as soon as
+    /// that returns.
+    #[must_use]
+    pub fn scratch_len(&self) -> usize {
+        match self.model().illumination() {
+            Illumination::Given => Photoclinometry::new(self.model().tile()).scratch_len(),
+            _ => 0,
+        }
+    }
+
     /// Normalises a tile as the model was trained, pixel by pixel on the way into the arena, mirrored if the model wants its Sun in the
     /// north-west, and stands ready for the first step. Pixels that do not count are fed as 0.
     ///
     /// # Errors
     /// [`TileError`]; then nothing has begun.
-    pub fn begin_metres(&mut self, tile: &TileInput<'_>) -> Result<TileScale, TileError> {
-        let (rows, cols) = self.model().tile();
-        let TileInput { image, coarse_m, valid, .. } = *tile;
-        let lengths = [image.len(), coarse_m.len(), valid.map_or(rows * cols, <[bool]>::len)];
-        if let Some(&found) = lengths.iter().find(|&&len| len != rows * cols) {
-            return Err(TileError::Run(RunError::TileSize { expected: rows * cols, found }));
+    pub fn begin_metres(&mut self, tile: &TileInput<'_>, scratch: &mut [f32]) -> Result<TileScale, TileError> {
+        let shape = self.model().tile();
+        let expected = shape.0 * shape.1;
+        let lengths = [tile.image.len(), tile.coarse_m.len(), tile.valid.map_or(expected, <[bool]>::len)];
+        if let Some(&found) = lengths.iter().find(|&&len| len != expected) {
+            return Err(TileError::Run(RunError::TileSize { expected, found }));
         }
         let elevation = self.elevation_scale(tile)?;
-        let (turn, brightness) = self.brightness(tile)?;
-        let maps = self.model().image_maps();
-        let sample = |i: usize| {
-            let pixel = turn.source(i / maps, (rows, cols));
-            if !mask::counts(image, valid, pixel) {
-                return 0.0;
+        let light = match self.model().illumination() {
+            Illumination::Any => None,
+            _ => Some(tile.light.or_else(|| self.fitted_light(tile)).ok_or(TileError::Light)?),
+        };
+        let turn = light.map_or_else(Turn::default, |light| Turn::from_azimuth_deg(light.azimuth_deg()));
+        match light {
+            Some(light) if self.model().illumination() == Illumination::Given => {
+                self.begin_guided(tile, &elevation, light, turn, scratch)?;
             }
-            match &brightness {
-                Brightness::Range { min, span } => (image[pixel] - min) / span,
-                Brightness::Slopes(shading) => shading.slopes(image[pixel])[i % maps],
-            }
+            _ => self.begin_ranged(tile, &elevation, turn)?,
+        }
+        Ok(TileScale { elevation, turn })
+    }
+
+    fn begin_guided(
+        &mut self,
+        tile: &TileInput<'_>,
+        elevation: &ElevationScale,
+        light: Light,
+        turn: Turn,
+        scratch: &mut [f32],
+    ) -> Result<(), NormError> {
+        let (shape, maps) = (self.model().tile(), self.model().image_maps());
+        let plan = Photoclinometry::new(shape);
+        let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
+        let input = GuideInput { image, coarse_m, valid, turn, coarse_px };
+        let guide = Guide::new(&plan, input, elevation, light.mirrored(turn), scratch)?;
+        self.load(|i| guide.image(i / maps)[i % maps], |i| guide.coarse(i));
+        Ok(())
+    }
+
+    fn begin_ranged(&mut self, tile: &TileInput<'_>, elevation: &ElevationScale, turn: Turn) -> Result<(), NormError> {
+        let TileInput { image, coarse_m, valid, .. } = *tile;
+        let shape = self.model().tile();
+        let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
+        let span = max - min;
+        if !(span.is_finite() && span > 0.0) {
+            return Err(NormError::ConstantImage);
+        }
+        let brightness = |i: usize| {
+            let pixel = turn.source(i, shape);
+            if mask::counts(image, valid, pixel) { (image[pixel] - min) / span } else { 0.0 }
         };
         let height = |i: usize| {
-            let (mut z, pixel) = ([0.0], turn.source(i, (rows, cols)));
+            let (mut z, pixel) = ([0.0], turn.source(i, shape));
             // One sample in, one out: the lengths agree.
             let _ = elevation.normalise(&coarse_m[pixel..=pixel], &mut z);
             z[0]
         };
-        self.load(sample, height);
-        Ok(TileScale { elevation, turn })
+        self.load(brightness, height);
+        Ok(())
     }
 
     fn elevation_scale(&self, tile: &TileInput<'_>) -> Result<ElevationScale, NormError> {
@@ -114,26 +150,6 @@ impl Runner<'_, '_> {
         match self.model().truth_range() {
             TruthRange::Pixel => ElevationScale::from_pixel(tile.coarse_m, tile.valid, tile.pixel_m, nr),
             _ => ElevationScale::from_heights(tile.coarse_m, tile.valid, nr)?.with_margin(margin),
-        }
-    }
-
-    fn brightness(&self, tile: &TileInput<'_>) -> Result<(Turn, Brightness), TileError> {
-        let illumination = self.model().illumination();
-        let light = match illumination {
-            Illumination::Any => None,
-            _ => Some(tile.light.or_else(|| self.fitted_light(tile)).ok_or(TileError::Light)?),
-        };
-        let turn = light.map_or_else(Turn::default, |light| Turn::from_azimuth_deg(light.azimuth_deg()));
-        if let (Illumination::Given, Some(light)) = (illumination, light) {
-            let shading = Shading::new(tile.image, tile.valid, light.mirrored(turn))?;
-            return Ok((turn, Brightness::Slopes(shading)));
-        }
-        let (min, max) = mask::extent(tile.image, tile.valid).map_err(|found| NormError::TooFewValid { found })?;
-        let span = max - min;
-        if span.is_finite() && span > 0.0 {
-            Ok((turn, Brightness::Range { min, span }))
-        } else {
-            Err(NormError::ConstantImage.into())
         }
     }
 

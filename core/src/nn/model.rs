@@ -45,7 +45,7 @@ pub enum Illumination {
     Any,
     /// The Sun in the north-west quadrant of the grid: tiles lit from elsewhere are mirrored, and the heights back.
     Northwest,
-    /// As before, and the image is given as slopes ([`crate::norm::shading`]), two samples in every pixel.
+    /// As before, and the network is guided ([`crate::photoclinometry`]): the image is given as four maps.
     Given,
 }
 
@@ -414,9 +414,9 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Samples of the image in every pixel: brightness, or two components of slope.
+    /// Samples of the image in every pixel: brightness, or the four maps of [`crate::photoclinometry::Guide`].
     pub fn image_maps(&self) -> usize {
-        if self.illumination() == Illumination::Given { crate::norm::shading::MAPS } else { 1 }
+        if self.illumination() == Illumination::Given { crate::photoclinometry::MAPS } else { 1 }
     }
 
     /// Descriptive JSON: name, network configuration.

@@ -103,8 +103,8 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry
     }
 
-    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1] (or slopes, [`Model::image_maps`] samples in
-    /// every pixel), `coarse` in [0, NR] (or pixels), both row-major rows * cols; a tile in progress is dropped.
+    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1] (or a guide's maps, [`Model::image_maps`] samples
+    /// in every pixel), `coarse` in [0, NR] (or pixels), both row-major rows * cols; a tile in progress is dropped.
     ///
     /// # Errors
     /// [`RunError::TileSize`], or [`RunError::NotFinite`]; then nothing has begun.

@@ -2,8 +2,7 @@
 //!
 //! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. Given
 //! to the network as two maps, it says how steep and in which direction the ground may be, whatever the Sun's height and
-//! azimuth; what lies across the light is left for the network to find (our choice; the paper gives the brightness, brought
-//! to [0, 1], and leaves the Sun to be found as well).
+//! azimuth (our choice; the paper gives the brightness, brought to [0, 1], and leaves the Sun to be found as well).
 
 use super::light::Light;
 use crate::error::{NormError, same_length};
@@ -13,15 +12,13 @@ use crate::mask;
 pub const SLOPE_UNIT: f32 = 0.1;
 /// Slopes are cut off here: 45 degrees, steeper than loose ground stands (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
-/// Maps an image becomes.
-pub const MAPS: usize = 2;
 
 /// How a tile's brightness turns into slopes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shading {
     mean: f32,
     /// Slope units per contrast, east and south.
-    per_contrast: [f32; MAPS],
+    per_contrast: [f32; 2],
 }
 
 impl Shading {
@@ -52,23 +49,16 @@ impl Shading {
 
     /// The slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
     #[must_use]
-    pub fn slopes(&self, brightness: f32) -> [f32; MAPS] {
+    pub fn slopes(&self, brightness: f32) -> [f32; 2] {
         let contrast = brightness / self.mean - 1.0;
         let limit = SLOPE_MAX / SLOPE_UNIT;
         self.per_contrast.map(|p| (contrast * p).clamp(-limit, limit))
     }
 
-    /// The whole tile, pixel by pixel, the two maps side by side: `out` has [`MAPS`] values per pixel. Pixels that are not real
-    /// become 0.
-    ///
-    /// # Errors
-    /// [`NormError::Length`] if `out` has another length.
-    pub fn normalise(&self, image: &[f32], out: &mut [f32]) -> Result<(), NormError> {
-        same_length(MAPS * image.len(), out.len())?;
-        for (out, &v) in out.as_chunks_mut::<MAPS>().0.iter_mut().zip(image) {
-            *out = if mask::is_real(v) { self.slopes(v) } else { [0.0; MAPS] };
-        }
-        Ok(())
+    /// The slope along the light of a pixel of this brightness, metres per metre; `strength` is the light's.
+    #[must_use]
+    pub fn along(&self, brightness: f32, strength: f32) -> f32 {
+        ((brightness / self.mean - 1.0) / strength).clamp(-SLOPE_MAX, SLOPE_MAX)
     }
 }
 
@@ -81,23 +71,20 @@ mod tests {
         let light = Light { east: 1.2, south: -0.5 };
         let image = [90.0, 100.0, 110.0, 100.0];
         let shading = Shading::new(&image, None, light).unwrap();
-        let mut out = [9.0; 8];
-        shading.normalise(&image, &mut out).unwrap();
-        for (pair, v) in out.as_chunks::<2>().0.iter().zip(image) {
-            let contrast = (light.east * pair[0] + light.south * pair[1]) * SLOPE_UNIT;
-            assert!((contrast - (v / 100.0 - 1.0)).abs() < 1e-6);
+        for v in image {
+            let ([east, south], contrast) = (shading.slopes(v), v / 100.0 - 1.0);
+            assert!(((light.east * east + light.south * south) * SLOPE_UNIT - contrast).abs() < 1e-6);
             // Along the light, so none is smaller.
-            assert!((pair[0] * light.south - pair[1] * light.east).abs() < 1e-5);
+            assert!((east * light.south - south * light.east).abs() < 1e-5);
+            assert!((shading.along(v, light.strength()) * light.strength() - contrast).abs() < 1e-6);
         }
     }
 
     #[test]
-    fn steep_slopes_are_cut_off_and_gaps_are_level() {
+    fn steep_slopes_are_cut_off() {
         let shading = Shading::new(&[1.0, 3.0, f32::NAN], None, Light { east: 0.1, south: 0.0 }).unwrap();
-        let mut out = [9.0; 6];
-        shading.normalise(&[1.0, 3.0, f32::NAN], &mut out).unwrap();
-        assert_eq!(out, [-10.0, 0.0, 10.0, 0.0, 0.0, 0.0]);
-        assert!(matches!(shading.normalise(&[1.0], &mut out), Err(NormError::Length(_))));
+        assert_eq!([shading.slopes(1.0), shading.slopes(3.0)], [[-10.0, 0.0], [10.0, 0.0]]);
+        assert_eq!([shading.along(1.0, 0.1), shading.along(3.0, 0.1)], [-1.0, 1.0]);
     }
 
     #[test]

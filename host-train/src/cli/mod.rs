@@ -4,6 +4,7 @@ pub mod check;
 pub mod demo;
 pub mod diff;
 pub mod evaluate;
+pub mod experiment;
 pub mod export;
 pub mod hillshade;
 pub mod init;
@@ -14,7 +15,9 @@ pub mod mosaic;
 mod output;
 pub mod predict;
 pub mod prepare;
+pub mod report;
 pub mod sfs;
+pub mod suite;
 pub mod synth;
 pub mod train;
 
@@ -45,6 +48,8 @@ pub enum Command {
     Check(check::Args),
     /// Train a network.
     Train(Box<train::Args>),
+    /// Train experiments from their files, test them, and put them side by side.
+    Experiment(experiment::Args),
     /// Turn weights into the model file of the int8 runner.
     Export(export::Args),
     /// Predict a DTM from an image and a coarse DTM.
@@ -53,6 +58,10 @@ pub enum Command {
     Sfs(Box<sfs::Args>),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
+    /// Judge models on test scenes, with tables and pictures.
+    Suite(suite::Args),
+    /// Make one page of test suites, experiments and training runs.
+    Report(report::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
     /// Subtract one DTM from another, with statistics.
@@ -80,10 +89,13 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Train(args)) => train::run(*args),
+        Some(Command::Experiment(args)) => experiment::run(args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Sfs(args)) => sfs::run(*args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
+        Some(Command::Suite(args)) => suite::run(args),
+        Some(Command::Report(args)) => report::run(args),
         Some(Command::Hillshade(args)) => hillshade::run(args),
         Some(Command::Diff(args)) => diff::run(args),
         Some(Command::Mosaic(args)) => mosaic::run(args),

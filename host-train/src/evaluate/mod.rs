@@ -1,8 +1,13 @@
 //! How good a DTM is, beside what it started from: all candidates are judged on the same pixels.
 
+mod coalign;
+pub mod lowpass;
+mod relief;
 mod report;
 mod scores;
 
+pub use coalign::CoAlignment;
+pub use relief::{Light, ReliefScores, Side, relief};
 pub use report::{json, table};
 pub use scores::Scores;
 
@@ -41,6 +46,8 @@ pub struct Judged {
     pub name: String,
     /// Its scores over the common pixels.
     pub scores: Scores,
+    /// The candidate on the truth's grid, metres; NaN off the common pixels.
+    pub placed: Raster,
     /// Candidate minus truth, metres, on the truth's grid; NaN off the common pixels.
     pub error_m: Raster,
 }
@@ -88,7 +95,8 @@ pub fn compare(truth: Named, candidates: &[Candidate]) -> Result<Comparison> {
         let placed = masked(&placed, &common);
         let samples = placed.samples.iter().zip(&masked_truth.samples).map(|(z, t)| z - t).collect();
         let scores = Scores::of(&masked_truth, &placed, pixel)?;
-        Ok(Judged { name: candidate.dtm.name.into(), scores, error_m: Raster { samples, ..placed } })
+        let error_m = Raster { samples, ..placed.clone() };
+        Ok(Judged { name: candidate.dtm.name.into(), scores, placed, error_m })
     });
     let judged = judged.collect::<Result<_>>()?;
     Ok(Comparison { truth: truth.name.into(), truth_pixels: truth.raster.valid_count(), common_pixels, pixel, judged })

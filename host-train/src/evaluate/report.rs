@@ -83,6 +83,8 @@ pub fn json(comparison: &Comparison) -> String {
 
 fn candidate(judged: &Judged) -> Value {
     let mut object = serde_json::to_value(judged.scores).unwrap_or_default();
+    // Each share gets a name of its own below.
+    object.as_object_mut().map(|object| object.remove("share_within"));
     object["name"] = judged.name.clone().into();
     for (limit_m, share) in LIMITS_M.iter().zip(judged.scores.share_within) {
         object[format!("share_within_{limit_m}_m")] = share.into();

@@ -6,15 +6,14 @@ use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Errors are candidate minus truth.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Pixels judged.
     pub pixels: u64,
     /// Shares, in [0, 1], of |error| below 2, 4 and 10 m (the paper's RE, Sec. V).
-    #[serde(skip)]
     pub share_within: [f64; 3],
     /// Mean absolute error, metres (the paper's MAE).
     pub mae_m: f64,

@@ -7,7 +7,7 @@ use crate::{Error, Result};
 /// One normalised tile: what the network is fed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationTile {
-    /// Image: [0, 1], or slopes, two in every pixel; row-major rows * cols.
+    /// Image: [0, 1], or a guide's four maps in every pixel; row-major rows * cols.
     pub image: Vec<f32>,
     /// Normalised coarse DTM, [0, NR], row-major.
     pub coarse: Vec<f32>,

@@ -5,7 +5,7 @@ use super::compile::Precision;
 use super::graph::{Activation, Graph, NodeId, Operation};
 use super::quantise::{ACCUMULATOR_LIMIT, GELU_MINIMUM};
 use elunar_core::nn::Dtype;
-use elunar_core::norm::shading::{SLOPE_MAX, SLOPE_UNIT};
+use elunar_core::photoclinometry::LIMIT;
 
 /// 16-bit maps keep this much room above what calibration saw; 8-bit maps have none to spare.
 const HEADROOM_16: f64 = 1.25;
@@ -98,7 +98,7 @@ pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f
             return Codes { dtype: Dtype::I16, zero: 0, lo: 0, hi: full, scales: vec![1.0 / full as f64] };
         }
         Operation::Image => {
-            let scale = ((SLOPE_MAX / SLOPE_UNIT) as f64 / full as f64) as f32 as f64;
+            let scale = (LIMIT as f64 / full as f64) as f32 as f64;
             return Codes { dtype: Dtype::I16, zero: 0, lo: -full, hi: full, scales: vec![scale; node.channels] };
         }
         Operation::Coarse => {

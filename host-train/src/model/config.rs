@@ -34,8 +34,8 @@ pub enum Illumination {
     /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice, see
     /// [`crate::illumination`]).
     Northwest,
-    /// As [`Self::Northwest`], and how brightness answers to slope is given: the image enters as the smallest slopes that explain it
-    /// (our choice, see [`elunar_core::norm::shading`]).
+    /// As [`Self::Northwest`], and how brightness answers to slope is given: linear photoclinometry guides the network, which is left to
+    /// correct it (our choice, see [`elunar_core::photoclinometry`]).
     Given,
 }
 
@@ -234,9 +234,9 @@ impl NetConfig {
         }
     }
 
-    /// Maps of which the image consists: brightness, or two components of slope.
+    /// Maps of which the image consists: brightness, or a guide's four.
     pub fn image_maps(&self) -> usize {
-        if self.illumination == Illumination::Given { elunar_core::norm::shading::MAPS } else { 1 }
+        if self.illumination == Illumination::Given { elunar_core::photoclinometry::MAPS } else { 1 }
     }
 
     /// Largest magnitude of a normalised coarse height that the runner must represent.

@@ -1,13 +1,10 @@
-//! The convolution unit every branch is made of, and the x2 upsampling between them.
+//! The convolution unit every branch is made of, on the map itself or on the map upsampled by two.
 
 use super::norm::BatchNorm2d;
-use super::up2_conv5::up2_conv5;
+use super::ops::{conv2d, up2_conv5};
 use burn::module::Module;
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
-use burn::tensor::activation::relu;
-use burn::tensor::module::interpolate;
-use burn::tensor::ops::{InterpolateMode, InterpolateOptions};
 use burn::tensor::{Device, Tensor};
 
 /// Convolution without bias, batch normalisation, optionally ReLU.
@@ -47,7 +44,7 @@ impl ConvBn {
 
     /// `[B, C_in, H, W]` to `[B, C_out, H/stride, W/stride]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        self.finish(self.conv.forward(x))
+        self.finish(convolve(&self.conv, x))
     }
 
     /// The unit on the map upsampled by two: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
@@ -56,8 +53,7 @@ impl ConvBn {
     }
 
     fn finish(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = self.bn.forward(x);
-        if self.relu { relu(x) } else { x }
+        self.bn.forward(x, self.relu)
     }
 }
 
@@ -71,9 +67,11 @@ pub fn conv(input: usize, output: usize, kernel: usize, stride: usize, bias: boo
         .init(device)
 }
 
-/// Bilinear upsampling by two, half-pixel centres (align_corners = false; our choice, the paper is silent).
-pub fn up2(x: Tensor<4>) -> Tensor<4> {
-    let options =
-        InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_scale_factor([2.0, 2.0]);
-    interpolate(x, options)
+/// What `conv`, made by [`conv()`], computes, by the operators of [`super::ops`].
+pub fn convolve(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
+    let y = conv2d(x, conv.weight.val(), conv.stride[0], conv.kernel_size[0] / 2);
+    match &conv.bias {
+        Some(bias) => y.add(bias.val().reshape([1, -1, 1, 1])),
+        None => y,
+    }
 }

@@ -1,7 +1,7 @@
 //! The whole network (Fig. 2).
 
 use super::config::{Head, NetConfig};
-use super::conv::{ConvBn, ConvBnShape, conv};
+use super::conv::{ConvBn, ConvBnShape, conv, convolve};
 use super::decoder::{DecoderBlock, decoder};
 use super::encoder::{ImageEncoder, dtm_encoder};
 use burn::module::Module;
@@ -82,7 +82,7 @@ impl ELunarDtmNet {
             d = block.forward(d, (u > 0).then(|| e[4 - u].clone()));
             note(format!("d{}", u + 1), &d);
         }
-        let z = self.head.forward(d);
+        let z = convolve(&self.head, d);
         if self.residual { z.add(coarse) } else { relu(z) }
     }
 }

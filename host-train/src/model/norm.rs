@@ -1,7 +1,9 @@
 //! Batch normalisation with PyTorch's running statistics.
 
+use super::ops::batch_norm_train;
 use burn::module::{Initializer, Module, Param, RunningState};
-use burn::tensor::module::{batch_norm, batch_norm_train};
+use burn::tensor::activation::relu;
+use burn::tensor::module::batch_norm;
 use burn::tensor::{Device, Tensor};
 
 /// Added to the variance; PyTorch's default.
@@ -33,17 +35,18 @@ impl BatchNorm2d {
         }
     }
 
-    /// `[B, C, H, W]` to the same shape.
-    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+    /// `[B, C, H, W]` to the same shape, through a ReLU if asked.
+    pub fn forward(&self, x: Tensor<4>, with_relu: bool) -> Tensor<4> {
         let device = x.device();
         if !device.is_autodiff() {
             let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
-            return batch_norm(x, self.weight.val(), self.bias.val(), mean, var, EPSILON);
+            let y = batch_norm(x, self.weight.val(), self.bias.val(), mean, var, EPSILON);
+            return if with_relu { relu(y) } else { y };
         }
         let [b, _, h, w] = x.dims();
         let samples = (b * h * w) as f64;
         let unbiased = samples / (samples - 1.0).max(1.0);
-        let out = batch_norm_train(x, self.weight.val(), self.bias.val(), EPSILON);
+        let out = batch_norm_train(x, self.weight.val(), self.bias.val(), EPSILON, with_relu);
         let blend = |old: &RunningState<Tensor<1>>, new: Tensor<1>, scale: f64| {
             let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - self.momentum);
             old.update(kept.add(new.detach().mul_scalar(self.momentum * scale)).detach());

@@ -20,7 +20,7 @@ impl Normalisation {
     /// Samples of the image in every pixel.
     #[must_use]
     pub fn image_maps(&self) -> usize {
-        if self.illumination == Illumination::Given { elunar_core::norm::shading::MAPS } else { 1 }
+        if self.illumination == Illumination::Given { elunar_core::photoclinometry::MAPS } else { 1 }
     }
 }
 
@@ -41,7 +41,7 @@ pub trait Model: Sync {
 
 /// One thread's instance of a model.
 pub trait TileNetwork {
-    /// Predicts one tile. `image` in [0, 1] (or slopes, two in every pixel), `coarse` in [0, NR] (or pixels), `output` in the same
+    /// Predicts one tile. `image` in [0, 1] (or a guide's maps, four in every pixel), `coarse` in [0, NR] (or pixels), `output` in the same
     /// units as `coarse` (a residual head may leave the range slightly); all row-major `rows * cols`.
     ///
     /// # Errors

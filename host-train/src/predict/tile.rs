@@ -8,7 +8,8 @@ use crate::model::config::{Illumination, TargetRange};
 use crate::mosaic::{Blend, OverlapWeights};
 use crate::{Error, Result};
 use elunar_core::error::NormError;
-use elunar_core::norm::{Anchor, ElevationScale, Shading, intensity, shading};
+use elunar_core::norm::{Anchor, ElevationScale, intensity};
+use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use elunar_core::tile::Window;
 
 /// What became of a tile.
@@ -34,6 +35,8 @@ pub(super) struct Rules {
     pub(super) light: Light,
     /// Ground size of a pixel, metres.
     pub(super) pixel_m: f32,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub(super) coarse_px: f32,
     pub(super) blend: Blend,
     pub(super) anchor: Option<Anchor>,
 }
@@ -46,8 +49,8 @@ impl Rules {
         options: &Options,
     ) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
-        let (pixel_m, blend) = (scene.pixel_m, options.blend);
-        Self { normalisation, scene: (scene.rows, scene.cols), turn, light, pixel_m, blend, anchor }
+        let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
+        Self { normalisation, scene: (scene.rows, scene.cols), turn, light, pixel_m, coarse_px, blend, anchor }
     }
 }
 
@@ -86,7 +89,7 @@ impl<'a> TileWorker<'a> {
         let turn = self.rules.turn;
         let back = |map: Vec<f32>| if turn.is_none() { map } else { turned(turn, &map, window.cols) };
         let (image, coarse_m) = (back(image), back(coarse_m));
-        let heights_m = match normalised(&self.rules, &image, &coarse_m)? {
+        let heights_m = match normalised(&self.rules, &image, &coarse_m, window.cols)? {
             Some(tile) => self.predicted(tile, &coarse_m, window)?,
             None => return Ok(Outcome::Coarse { heights_m: back(coarse_m), weights }),
         };
@@ -121,9 +124,9 @@ impl<'a> TileWorker<'a> {
     }
 }
 
-/// Image in [0, 1], coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or slopes and pixels, and the way back
-/// to metres. `None` for a tile without contrast or relief.
-fn normalised(rules: &Rules, image: &[f32], coarse_m: &[f32]) -> Result<Option<Normalised>> {
+/// Image in [0, 1], coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or a guide's maps, and the way back to
+/// metres. `None` for a tile without contrast or relief.
+fn normalised(rules: &Rules, image: &[f32], coarse_m: &[f32], cols: usize) -> Result<Option<Normalised>> {
     let rule = &rules.normalisation;
     let nothing_to_see = |e: NormError| match e {
         NormError::ConstantImage | NormError::Relief { .. } | NormError::TooFewValid { .. } => Ok(None),
@@ -138,25 +141,38 @@ fn normalised(rules: &Rules, image: &[f32], coarse_m: &[f32]) -> Result<Option<N
         Ok(scale) => scale,
         Err(e) => return nothing_to_see(e),
     };
-    let mut coarse = vec![0.0; coarse_m.len()];
-    let bright = match rule.illumination {
-        Illumination::Given => slopes(image, rules.light),
-        _ => {
-            let mut bright = vec![0.0; image.len()];
-            intensity::normalise(image, None, &mut bright).map(|_| bright)
-        }
+    let made = match rule.illumination {
+        Illumination::Given => guided(rules, (image, coarse_m), &scale, cols),
+        _ => ranged(image, coarse_m, &scale),
     };
-    let bright = match bright {
-        Ok(bright) => bright,
-        Err(e) => return nothing_to_see(e),
-    };
-    scale.normalise(coarse_m, &mut coarse).map_err(|e| Error::usage(e.to_string()))?;
-    Ok(Some(Normalised { image: bright, coarse, scale }))
+    match made {
+        Ok((image, coarse)) => Ok(Some(Normalised { image, coarse, scale })),
+        Err(e) => nothing_to_see(e),
+    }
 }
 
-/// The image as the smallest slopes that explain it, two maps side by side.
-fn slopes(image: &[f32], light: Light) -> std::result::Result<Vec<f32>, NormError> {
-    let mut out = vec![0.0; shading::MAPS * image.len()];
-    Shading::new(image, None, light)?.normalise(image, &mut out)?;
-    Ok(out)
+type Maps = (Vec<f32>, Vec<f32>);
+
+fn ranged(image: &[f32], coarse_m: &[f32], scale: &ElevationScale) -> std::result::Result<Maps, NormError> {
+    let (mut bright, mut coarse) = (vec![0.0; image.len()], vec![0.0; coarse_m.len()]);
+    intensity::normalise(image, None, &mut bright)?;
+    scale.normalise(coarse_m, &mut coarse)?;
+    Ok((bright, coarse))
+}
+
+fn guided(
+    rules: &Rules,
+    (image, coarse_m): (&[f32], &[f32]),
+    scale: &ElevationScale,
+    cols: usize,
+) -> std::result::Result<Maps, NormError> {
+    let plan = Photoclinometry::new((image.len() / cols, cols));
+    let mut scratch = vec![0.0; plan.scratch_len()];
+    // Already mirrored.
+    let turn = Turn::default();
+    let input = GuideInput { image, coarse_m, valid: None, turn, coarse_px: rules.coarse_px };
+    let guide = Guide::new(&plan, input, scale, rules.light, &mut scratch)?;
+    let (mut maps, mut coarse) = (vec![0.0; MAPS * image.len()], vec![0.0; coarse_m.len()]);
+    guide.fill(&mut maps, &mut coarse)?;
+    Ok((maps, coarse))
 }

@@ -18,6 +18,7 @@ mod kind;
 mod light;
 mod moon;
 mod options;
+mod photograph;
 pub mod structure;
 
 pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
@@ -25,6 +26,7 @@ pub use files::{Manifest, SceneEntry};
 pub use kind::TerrainKind;
 pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;
+pub use photograph::photograph;
 
 #[cfg(test)]
 mod tests;

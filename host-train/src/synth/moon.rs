@@ -36,6 +36,8 @@ pub struct Moon {
     options: SynthOptions,
     profiles: Profiles,
     tile_shop: Workshop,
+    /// The same Moon with the options' further pixels.
+    others: Vec<Moon>,
 }
 
 /// A training sample: image, coarse DTM and truth on one grid, all row-major.
@@ -132,7 +134,10 @@ impl Moon {
     pub fn new(seed: u64, options: SynthOptions) -> Result<Self> {
         options.validate()?;
         let tile_shop = Workshop::new(options.rows, options.cols, &options);
-        Ok(Self { seed, options, profiles: Profiles::new(), tile_shop })
+        let other =
+            |&pixel_m: &f64| Self::new(seed, SynthOptions { pixel_m, also_pixel_m: Vec::new(), ..options.clone() });
+        let others = options.also_pixel_m.iter().map(other).collect::<Result<_>>()?;
+        Ok(Self { seed, options, profiles: Profiles::new(), tile_shop, others })
     }
 
     /// The options of this Moon.
@@ -142,6 +147,10 @@ impl Moon {
 
     /// Tile number `index`, of the options' size.
     pub fn tile(&self, index: u64) -> SynthTile {
+        let turn = (index % (1 + self.others.len() as u64)) as usize;
+        if let Some(other) = turn.checked_sub(1).and_then(|k| self.others.get(k)) {
+            return other.tile(index);
+        }
         let scene = self.make(index, &self.tile_shop);
         SynthTile {
             coarse_m: scene.coarse_on_image_m(),
@@ -172,8 +181,10 @@ impl Moon {
         let options = &self.options;
         let drawn = if rng.random() { TerrainKind::Mare } else { TerrainKind::Highland };
         let kind = options.kind.unwrap_or(drawn);
-        let sun =
-            Sun { azimuth_deg: rng.random::<f64>() * 360.0, elevation_deg: within(rng, options.sun_elevation_deg) };
+        let sun = Sun {
+            azimuth_deg: within(rng, options.sun_azimuth_deg),
+            elevation_deg: within(rng, options.sun_elevation_deg),
+        };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
         let (heights_m, log_albedo) = self.terrain(rng, kind, shop);

@@ -1,6 +1,6 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
-//! [`run`] is the loop; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
+//! [`run`] is the loop, [`step`] one step of it; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
 //! holds the hyper-parameters; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
 //! how it goes.
 
@@ -15,6 +15,7 @@ pub mod recipe;
 pub mod run;
 pub mod sample;
 pub mod source;
+pub mod step;
 pub mod validate;
 
 #[cfg(test)]

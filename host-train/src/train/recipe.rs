@@ -34,6 +34,13 @@ impl Target {
 pub struct Recipe {
     /// Tiles (or crops) per step.
     pub batch: usize,
+    /// Parts into which the batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
+    /// time. Divides the batch.
+    #[serde(default = "one")]
+    pub accumulate: usize,
+    /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
+    #[serde(default)]
+    pub checkpointing: bool,
     /// Optimiser steps; the cosine ends here.
     pub steps: usize,
     /// Learning rate at the start of the cosine, after warm-up.
@@ -66,11 +73,17 @@ pub struct Recipe {
     pub checkpoint_every: usize,
 }
 
+fn one() -> usize {
+    1
+}
+
 impl Recipe {
     /// The recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
     pub fn preset(preset: Preset) -> Self {
         let paper = Self {
             batch: 4,
+            accumulate: 1,
+            checkpointing: false,
             steps: 60_000,
             learning_rate: 1e-4,
             warm_up: 0,
@@ -149,6 +162,9 @@ impl Recipe {
                 return Err(format!("{name}: expected at least 1, found 0"));
             }
         }
+        if self.accumulate == 0 || !self.batch.is_multiple_of(self.accumulate) {
+            return Err(format!("accumulate: expected a divisor of batch {}, found {}", self.batch, self.accumulate));
+        }
         if !(0.0..=1.0).contains(&self.known_sun) {
             return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
         }
@@ -168,6 +184,12 @@ pub struct RecipeFlags {
     /// Tiles or crops per step [default: the preset's].
     #[arg(long)]
     pub batch: Option<usize>,
+    /// Parts into which the batch is divided to save memory; batch normalisation sees one at a time [default: 1].
+    #[arg(long, value_name = "N")]
+    pub accumulate: Option<usize>,
+    /// Compute cheap operations again for the gradients instead of keeping their results in memory.
+    #[arg(long)]
+    pub checkpointing: bool,
     /// Learning rate at the start of the cosine [default: the preset's].
     #[arg(long)]
     pub learning_rate: Option<f64>,
@@ -214,6 +236,8 @@ impl RecipeFlags {
     pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
         recipe.steps = self.steps.unwrap_or(recipe.steps);
         recipe.batch = self.batch.unwrap_or(recipe.batch);
+        recipe.accumulate = self.accumulate.unwrap_or(recipe.accumulate);
+        recipe.checkpointing |= self.checkpointing;
         recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
         recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
         if let Some([rows, cols]) = self.crop.as_deref() {

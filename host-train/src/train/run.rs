@@ -2,22 +2,18 @@
 
 use super::checkpoint::{self, Checkpoint};
 use super::curves;
-use super::feed::{Batch, Feed, TileSource, tensors};
-use super::journal::{Journal, StepRecord};
-use super::loss::terms;
+use super::feed::{Feed, TileSource, tensors};
+use super::journal::Journal;
 use super::recipe::Recipe;
 use super::source::DataSpec;
+use super::step::Trainer;
 use super::validate::{Validation, ValidationSet};
 use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
-use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::weights::Weights;
 use crate::{Error, Result, interrupt};
-use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
-use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer};
-use burn::tensor::Device;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -94,9 +90,7 @@ pub struct Outcome {
 }
 
 struct Loop {
-    device: Device,
-    net: ELunarDtmNet,
-    optimiser: ModuleOptimizer,
+    trainer: Trainer,
     journal: Journal,
     set: ValidationSet,
     best_rmse: Option<f64>,
@@ -120,7 +114,9 @@ impl Run {
         let (start, mut done) = (Instant::now(), first);
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
             let batch = batches.recv().map_err(|_| Error::usage("the data feed stopped early"))??;
-            let figures = self.step(&mut state, done, &batch)?;
+            let micro = batch.chunks(recipe.batch / recipe.accumulate);
+            let micro = micro.map(|samples| tensors(samples, &state.trainer.device)).collect();
+            let figures = state.trainer.step(recipe, done, micro)?;
             done += 1;
             state.journal.step(&figures)?;
             bar.set_message(format!("loss {:.4}", figures.loss));
@@ -138,7 +134,7 @@ impl Run {
             curves::draw(&self.folder)?;
         }
         bar.abandon();
-        store::save(&self.record.network, &state.net).write(&self.folder.join(LAST))?;
+        store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(LAST))?;
         let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
         Ok(Outcome { steps: done, finished, last: state.last, best: state.best, steps_per_s })
     }
@@ -149,23 +145,18 @@ impl Run {
             Some(_) => self.claim().map(|()| None)?,
             None => Some(self.checkpointed()?),
         };
-        let device = self.record.backend.device()?.autodiff();
         let recipe = &self.record.recipe;
-        let mut optimiser = AdamWConfig::new()
-            .with_weight_decay(recipe.weight_decay)
-            .with_epsilon(1e-8)
-            .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
-            .init();
         let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
         let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
         let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
-        let net = store::load(&self.record.network, weights, &self.folder, &device)?;
+        let device = self.record.backend.device()?;
+        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, device)?;
         if let Some(saved) = &saved {
-            optimiser = saved.restore(optimiser)?;
+            trainer.restore(saved)?;
         }
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
-        let state = Loop { device, net, optimiser, journal, set, best_rmse, best: None, last: None };
+        let state = Loop { trainer, journal, set, best_rmse, best: None, last: None };
         if first == 0 {
             self.checkpoint(&state, 0)?;
         }
@@ -193,33 +184,8 @@ impl Run {
         found.ok_or_else(|| Error::usage(format!("{}: expected a checkpoint, found none", self.folder.display())))
     }
 
-    fn step(&self, state: &mut Loop, step: usize, batch: &Batch) -> Result<StepRecord> {
-        let recipe = &self.record.recipe;
-        let [image, coarse, truth] = tensors(batch, &state.device);
-        let prediction = state.net.forward(image, coarse);
-        let terms = terms(truth, prediction, recipe.elevation);
-        let total = recipe.weights_at(step).total(&terms);
-        let number = |t: &burn::tensor::Tensor<1>| f64::from(t.clone().into_scalar::<f32>());
-        let learning_rate = recipe.learning_rate_at(step);
-        let figures = StepRecord {
-            step: step + 1,
-            learning_rate,
-            loss: number(&total),
-            elevation: number(&terms.elevation),
-            gradient: number(&terms.gradient),
-            normal: number(&terms.normal),
-        };
-        if !figures.loss.is_finite() {
-            let what = "expected a finite loss; lower the learning rate or look at the data";
-            return Err(Error::usage(format!("step {}: {what}, found {}", step + 1, figures.loss)));
-        }
-        let grads = GradientsParams::from_grads(total.backward(), &state.net);
-        state.net = state.optimiser.step(learning_rate, state.net.clone(), grads);
-        Ok(figures)
-    }
-
     fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
-        let found = state.set.run(&state.net.valid(), &state.device.clone().inner())?;
+        let found = state.set.run(&state.trainer.net.valid(), &state.trainer.device.clone().inner())?;
         state.journal.validation(step, &found)?;
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {
@@ -235,15 +201,15 @@ impl Run {
         if best {
             state.best_rmse = Some(found.rmse);
             state.best = Some(found);
-            store::save(&self.record.network, &state.net).write(&self.folder.join(BEST))?;
+            store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(BEST))?;
         }
         state.last = Some(found);
         curves::draw(&self.folder)
     }
 
     fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
-        let weights = store::save(&self.record.network, &state.net);
-        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.optimiser)
+        let weights = store::save(&self.record.network, &state.trainer.net);
+        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.trainer.optimiser)
     }
 }
 

@@ -3,7 +3,8 @@
 use crate::illumination::{self, KnownSun, Light, Turn, turned};
 use crate::model::config::{Illumination, NetConfig, TargetRange};
 use crate::{Error, Result};
-use elunar_core::norm::{Anchor, ElevationScale, Shading, intensity};
+use elunar_core::norm::{Anchor, ElevationScale, intensity};
+use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry};
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]
@@ -100,15 +101,21 @@ impl Sample {
         };
         match (config.illumination, tile.light) {
             (Illumination::Given, Some(light)) => {
-                let shading = Shading::new(&tile.image, None, light).map_err(|e| bad(&e))?;
-                shading.normalise(&tile.image, &mut sample.image).map_err(|e| bad(&e))?;
+                let plan = Photoclinometry::new((tile.rows, tile.cols));
+                let mut scratch = vec![0.0; plan.scratch_len()];
+                let RawTile { image, coarse_m, coarse_px, .. } = tile;
+                // Already mirrored.
+                let turn = Turn::default();
+                let input = GuideInput { image, coarse_m, valid: None, turn, coarse_px: *coarse_px };
+                let guide = Guide::new(&plan, input, &sample.scale, light, &mut scratch);
+                guide.and_then(|guide| guide.fill(&mut sample.image, &mut sample.coarse)).map_err(|e| bad(&e))?;
             }
             (Illumination::Given, None) => return Err(bad(&"expected its light, found none")),
             _ => {
                 intensity::normalise(&tile.image, None, &mut sample.image).map_err(|e| bad(&e))?;
+                sample.scale.normalise(&tile.coarse_m, &mut sample.coarse).map_err(|e| bad(&e))?;
             }
         }
-        sample.scale.normalise(&tile.coarse_m, &mut sample.coarse).map_err(|e| bad(&e))?;
         let truth_scale = match config.target_range {
             TargetRange::Reference | TargetRange::Pixel => sample.scale,
             TargetRange::Own => ElevationScale::from_heights(&tile.truth_m, None, config.nr).map_err(|e| bad(&e))?,

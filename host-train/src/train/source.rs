@@ -35,11 +35,21 @@ pub enum DataSpec {
     },
 }
 
+/// The Moon that networks are trained on: as most NAC DTMs every other tile, finer and coarser ones between them, and a Sun that is
+/// sometimes low (our choice).
+fn training_moon() -> SynthOptions {
+    SynthOptions {
+        also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
+        sun_elevation_deg: (12.0, 64.0),
+        ..SynthOptions::default()
+    }
+}
+
 /// Added to a run's seed to get the seed of its validation Moon.
 pub const VALIDATION_SEED: u64 = 0x5EED_0000_0000;
 
 impl DataSpec {
-    /// `None` or `synth`: the synthetic Moon of `seed` with default options; anything else is a folder: what `prepare` wrote, of which
+    /// `None` or `synth`: the synthetic Moon of `seed`, in several pixel sizes; anything else is a folder: what `prepare` wrote, of which
     /// `split` is taken, if it has such a manifest, else one of triples.
     ///
     /// # Errors
@@ -50,7 +60,7 @@ impl DataSpec {
                 Some(_) => Self::Prepared { path, split },
                 None => Self::Folder { path },
             },
-            _ => Self::Synth { seed, options: SynthOptions::default() },
+            _ => Self::Synth { seed, options: training_moon() },
         })
     }
 

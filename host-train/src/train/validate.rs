@@ -12,10 +12,10 @@ use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
 use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Heights and slopes of one DTM against what training aims at ([`Target`]), over the whole set.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Root mean square height error, metres.
     pub rmse_m: f64,
@@ -26,7 +26,7 @@ pub struct Scores {
 }
 
 /// What a validation found.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
     /// RMSE in normalised units: the figure that chooses the best weights, as in the paper.
     pub rmse: f64,
@@ -34,6 +34,14 @@ pub struct Validation {
     pub rel: f64,
     /// Share of pixels with ratio below 1.25.
     pub a1: f64,
+    /// The same below 1.25².
+    pub a2: f64,
+    /// The same below 1.25³.
+    pub a3: f64,
+    /// Mean |log10 z − log10 z*|.
+    pub log10: f64,
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr_db: f64,
     /// The network, in metres and degrees.
     pub network: Scores,
     /// The interpolated coarse DTM, in metres and degrees.
@@ -114,10 +122,15 @@ impl ValidationSet {
             coarse.add(case, &case.coarse_m)?;
         }
         let none = || Error::usage("validation: the network's output has no finite height");
+        let [a1, a2, a3] = relative.share_within_ratio().ok_or_else(none)?;
         Ok(Validation {
             rmse: relative.rmse().ok_or_else(none)?,
             rel: relative.rel().ok_or_else(none)?,
-            a1: relative.share_within_ratio().ok_or_else(none)?[0],
+            a1,
+            a2,
+            a3,
+            log10: relative.log10().ok_or_else(none)?,
+            psnr_db: relative.psnr_db().ok_or_else(none)?,
             network: network.scores().ok_or_else(none)?,
             coarse: coarse.scores().ok_or_else(none)?,
         })

@@ -1,7 +1,6 @@
 //! Step 6: one page that shows and tells everything, with its pictures inside; the same figures for programs.
 
 mod figures;
-mod html;
 mod page;
 
 use super::console::{StepTime, say};
@@ -14,6 +13,7 @@ use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
 use crate::picture::{Panel, sheet, write_png};
 use crate::raster::atomic_write;
+use crate::report::html::Picture;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -38,14 +38,6 @@ pub(super) struct Story<'a> {
     pub verdict: Verdict,
     /// How long these steps took.
     pub times: Vec<StepTime>,
-}
-
-/// A picture of the report.
-struct Picture {
-    /// File in the tour's folder.
-    file: PathBuf,
-    /// What it shows.
-    caption: String,
 }
 
 /// Pictures by their place in the report.

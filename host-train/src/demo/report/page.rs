@@ -1,6 +1,5 @@
 //! The page itself, section by section.
 
-use super::html::{Cell, escaped, figure, table};
 use super::{Pictures, Story};
 use crate::Result;
 use crate::demo::console::minutes;
@@ -8,6 +7,7 @@ use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL};
 use crate::demo::judge::NAMES;
 use crate::demo::{SHIPPED_MODEL, Start};
 use crate::evaluate::Scores;
+use crate::report::html::{Cell, document, escaped, figure, table};
 
 /// The report as one HTML document.
 ///
@@ -23,13 +23,7 @@ pub(super) fn page(story: &Story, pictures: &Pictures) -> Result<String> {
         commands(story),
         provenance(story),
     ];
-    Ok(format!(
-        "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>ELunarDTM: a tour</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{}</main>\n</body>\n</html>\n",
-        include_str!("style.css"),
-        sections.concat()
-    ))
+    Ok(document("ELunarDTM: a tour", &sections.concat()))
 }
 
 /// Scores of coarse DTM, float and int8.

@@ -6,7 +6,8 @@ use crate::illumination::{Light, Turn, turned};
 use crate::model::config::{Head, Illumination, NetConfig, TargetRange};
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, Progress, RunError, Runner, TileError, TileInput, required};
-use elunar_core::norm::{ElevationScale, Shading};
+use elunar_core::norm::ElevationScale;
+use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use std::path::Path;
 
 /// One tile with steps of `budget_macs`, in an arena full of rubbish.
@@ -97,7 +98,7 @@ fn metres_come_out_as_by_way_of_buffers() {
     let mut runner = Runner::new(model, &mut arena).unwrap();
     let input =
         TileInput { image: &brightness, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light: None };
-    let scale = runner.begin_metres(&input).unwrap();
+    let scale = runner.begin_metres(&input, &mut []).unwrap();
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; n];
     runner.heights(&scale, &mut heights_m).unwrap();
@@ -111,11 +112,11 @@ fn metres_come_out_as_by_way_of_buffers() {
     let mut valid = vec![true; n];
     elunar_core::nn::validity(&brightness, &coarse_m, None, &mut valid);
     assert_eq!(valid.iter().position(|v| !v), Some(100));
-    assert!(runner.begin_metres(&TileInput { image: &vec![3.0; n], ..input }).is_err());
+    assert!(runner.begin_metres(&TileInput { image: &vec![3.0; n], ..input }, &mut []).is_err());
 }
 
 #[test]
-fn slopes_and_pixels_are_mirrored_into_the_models_light_and_back() {
+fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let config = NetConfig {
         head: Head::Residual,
         target_range: TargetRange::Pixel,
@@ -130,12 +131,15 @@ fn slopes_and_pixels_are_mirrored_into_the_models_light_and_back() {
     let light = Light::from_sun(140.0, 35.0).unwrap();
     let turn = Turn { rows: true, cols: true };
     let (image, heights) = (turned(turn, &brightness, shape.1), turned(turn, &coarse_m, shape.1));
-    let mut slopes = vec![0.0; 2 * image.len()];
-    Shading::new(&image, None, light.mirrored(turn)).unwrap().normalise(&image, &mut slopes).unwrap();
     let scale = ElevationScale::from_pixel(&heights, None, 2.0, config.nr).unwrap();
-    let mut pixels = vec![0.0; heights.len()];
-    scale.normalise(&heights, &mut pixels).unwrap();
-    let tile = CalibrationTile { image: slopes, coarse: pixels, ground: None };
+    let plan = Photoclinometry::new(shape);
+    let mut scratch = vec![0.0; plan.scratch_len()];
+    let mirrored =
+        GuideInput { image: &image, coarse_m: &heights, valid: None, turn: Turn::default(), coarse_px: 30.0 };
+    let guide = Guide::new(&plan, mirrored, &scale, light.mirrored(turn), &mut scratch).unwrap();
+    let (mut maps, mut pixels) = (vec![0.0; MAPS * image.len()], vec![0.0; heights.len()]);
+    guide.fill(&mut maps, &mut pixels).unwrap();
+    let tile = CalibrationTile { image: maps, coarse: pixels, ground: None };
     let options = Options { tile: shape, precision: Precision::Mixed, name: "given".into() };
     let weights = random_weights(&config, 12);
     let made = export(&config, &weights, Path::new("given"), std::slice::from_ref(&tile), &options, |_| {}).unwrap();
@@ -147,7 +151,8 @@ fn slopes_and_pixels_are_mirrored_into_the_models_light_and_back() {
     let mut runner = Runner::new(model, &mut arena).unwrap();
     let (image, light) = (brightness.as_slice(), Some(light));
     let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
-    let found = runner.begin_metres(&input).unwrap();
+    assert_eq!(runner.scratch_len(), scratch.len());
+    let found = runner.begin_metres(&input, &mut scratch).unwrap();
     assert_eq!(found.turn, turn);
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; expected_m.len()];
@@ -155,8 +160,8 @@ fn slopes_and_pixels_are_mirrored_into_the_models_light_and_back() {
     assert_eq!(heights_m, turned(turn, &expected_m, shape.1));
     let level = vec![5.0; heights_m.len()];
     let dark = TileInput { coarse_m: &level, light: None, ..input };
-    assert_eq!(runner.begin_metres(&dark), Err(TileError::Light));
-    assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 4096, found: 2048 }));
+    assert_eq!(runner.begin_metres(&dark, &mut scratch), Err(TileError::Light));
+    assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 8192, found: 2048 }));
 }
 
 #[test]

@@ -59,13 +59,13 @@ impl Swin {
         let norm = |i: usize| LayerNormConfig::new(embed << i).init(device);
         let layers = (0..4).map(|i| Stage::new(config, i, device)).collect();
         let patch_embed = PatchEmbed {
-            proj: Conv2dConfig::new([1, embed], [4, 4]).with_stride([4, 4]).init(device),
+            proj: Conv2dConfig::new([config.image_maps(), embed], [4, 4]).with_stride([4, 4]).init(device),
             norm: LayerNormConfig::new(embed).init(device),
         };
         Self { patch_embed, layers, norm0: norm(0), norm1: norm(1), norm2: norm(2), norm3: norm(3) }
     }
 
-    /// `[B, 1, H, W]` to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
+    /// `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 4] {
         let tokens = self.patch_embed.proj.forward(image).permute([0, 2, 3, 1]);
         let mut x = self.patch_embed.norm.forward(tokens);

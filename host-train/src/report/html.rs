@@ -1,11 +1,30 @@
-//! The few pieces of HTML a report is made of.
+//! The few pieces of HTML a page is made of.
 
-use super::Picture;
 use crate::{Error, Result};
 use base64::Engine;
+use std::path::PathBuf;
+
+/// A picture of a page.
+pub(crate) struct Picture {
+    /// The PNG file.
+    pub file: PathBuf,
+    /// What it shows.
+    pub caption: String,
+}
+
+/// A whole document, its style inside.
+pub(crate) fn document(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
+        escaped(title),
+        include_str!("style.css")
+    )
+}
 
 /// Text that may stand in an element or a quoted attribute.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -13,7 +32,7 @@ pub(super) fn escaped(text: &str) -> String {
 ///
 /// # Errors
 /// [`Error::Io`] if the picture cannot be read.
-pub(super) fn figure(picture: &Picture) -> Result<String> {
+pub(crate) fn figure(picture: &Picture) -> Result<String> {
     let bytes = std::fs::read(&picture.file).map_err(Error::io(&picture.file))?;
     let data = base64::engine::general_purpose::STANDARD.encode(bytes);
     let caption = escaped(&picture.caption);
@@ -23,7 +42,7 @@ pub(super) fn figure(picture: &Picture) -> Result<String> {
 }
 
 /// A table; the first cell of a row is its heading. `best` cells are marked. It scrolls where the page is narrower.
-pub(super) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
+pub(crate) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
     let head: String = heading.iter().map(|text| format!("<th>{}</th>", escaped(text))).collect();
     let body: String = rows
         .iter()
@@ -42,7 +61,7 @@ pub(super) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
 }
 
 /// One cell of a table.
-pub(super) struct Cell {
+pub(crate) struct Cell {
     /// What it says.
     pub text: String,
     /// Whether it is the best of its row.
@@ -51,7 +70,7 @@ pub(super) struct Cell {
 
 impl Cell {
     /// A cell that is nothing special.
-    pub(super) fn plain(text: impl Into<String>) -> Self {
+    pub(crate) fn plain(text: impl Into<String>) -> Self {
         Self { text: text.into(), best: false }
     }
 }

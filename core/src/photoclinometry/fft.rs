@@ -1,0 +1,262 @@
+//! Fourier transforms in place, without a second buffer: forward by decimation in frequency, backward by decimation in time, so
+//! that nothing is ever put in order. Between the two, frequency k lies at [`Order::place`].
+//!
+//! Lengths are products of 2, 3, 4 and 5. No crate that needs neither heap nor std has such lengths (powers of two would make
+//! a tile's field half as large again).
+
+use core::f64::consts::TAU;
+
+/// Most factors of a length.
+const MAX_FACTORS: usize = 16;
+
+/// A length and its factors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Order {
+    len: usize,
+    factors: [u8; MAX_FACTORS],
+    count: usize,
+}
+
+impl Order {
+    /// The order of the smallest even length with factors 2, 3, 4 and 5 that is at least `len`.
+    pub(super) fn at_least(len: usize) -> Self {
+        let mut even = len.max(2).next_multiple_of(2);
+        loop {
+            if let Some(order) = Self::of(even) {
+                return order;
+            }
+            even += 2;
+        }
+    }
+
+    fn of(len: usize) -> Option<Self> {
+        let (mut rest, mut factors, mut count) = (len, [1; MAX_FACTORS], 0);
+        for factor in [4, 2, 3, 5] {
+            while rest.is_multiple_of(factor) && rest > 1 {
+                *factors.get_mut(count)? = factor as u8;
+                (rest, count) = (rest / factor, count + 1);
+            }
+        }
+        (rest == 1).then_some(Self { len, factors, count })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Where frequency `k` lies after the forward transform.
+    pub(super) fn place(&self, k: usize) -> usize {
+        let (mut rest, mut span, mut place) = (k, self.len, 0);
+        for &factor in &self.factors[..self.count] {
+            let factor = factor as usize;
+            span /= factor;
+            place += rest % factor * span;
+            rest /= factor;
+        }
+        place
+    }
+
+    /// Fills `table`, two values per entry, with exp(-2 pi i k / len).
+    pub(super) fn roots(&self, table: &mut [f32]) {
+        for (k, root) in table.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            let angle = -TAU * k as f64 / self.len as f64;
+            *root = [libm::cos(angle) as f32, libm::sin(angle) as f32];
+        }
+    }
+}
+
+/// Where the complex numbers of one or several transforms side by side lie in a field: number i of transform l has its real part
+/// at `re + i * stride + l` and its imaginary part at `im + i * stride + l`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lanes {
+    pub(super) re: usize,
+    pub(super) im: usize,
+    pub(super) stride: usize,
+    pub(super) count: usize,
+}
+
+/// Which way a transform goes. Backward is not divided by the length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    Forward,
+    Backward,
+}
+
+/// Transforms all lanes. `roots` is the order's table.
+pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: Lanes, way: Way) {
+    let factors = &order.factors[..order.count];
+    let mut span = order.len;
+    if way == Way::Forward {
+        for &factor in factors {
+            stage(field, order.len, factor as usize, span, roots, lanes, way);
+            span /= factor as usize;
+        }
+    } else {
+        span = 1;
+        for &factor in factors.iter().rev() {
+            span *= factor as usize;
+            stage(field, order.len, factor as usize, span, roots, lanes, way);
+        }
+    }
+}
+
+/// All butterflies of one factor: blocks of `span` numbers, each cut into `factor` parts.
+fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32], lanes: Lanes, way: Way) {
+    let part = span / factor;
+    let root = |k: usize| -> [f32; 2] {
+        let at = 2 * (k % len);
+        let sign = if way == Way::Forward { 1.0 } else { -1.0 };
+        [roots[at], sign * roots[at + 1]]
+    };
+    // exp(-2 pi i p q / factor), and what the parts are turned by.
+    let mut matrix = [[[0.0; 2]; 5]; 5];
+    for (p, line) in matrix.iter_mut().enumerate() {
+        for (q, entry) in line.iter_mut().enumerate() {
+            *entry = root(p * q * (len / factor));
+        }
+    }
+    for j in 0..part {
+        let twiddles: [[f32; 2]; 5] = core::array::from_fn(|p| root(j * p * (len / span)));
+        for block in (0..len).step_by(span) {
+            let first = block + j;
+            match factor {
+                2 => butterflies::<2>(field, lanes, first, part, &matrix, &twiddles, way),
+                3 => butterflies::<3>(field, lanes, first, part, &matrix, &twiddles, way),
+                4 => butterflies::<4>(field, lanes, first, part, &matrix, &twiddles, way),
+                _ => butterflies::<5>(field, lanes, first, part, &matrix, &twiddles, way),
+            }
+        }
+    }
+}
+
+/// Lanes that are computed together.
+const GROUP: usize = 8;
+
+/// One butterfly of every lane.
+fn butterflies<const F: usize>(
+    field: &mut [f32],
+    lanes: Lanes,
+    first: usize,
+    part: usize,
+    matrix: &[[[f32; 2]; 5]; 5],
+    twiddles: &[[f32; 2]; 5],
+    way: Way,
+) {
+    let mut lane = 0;
+    while lane < lanes.count {
+        let at: [usize; F] = core::array::from_fn(|p| (first + p * part) * lanes.stride + lane);
+        if lanes.count - lane >= GROUP {
+            butterfly::<F, GROUP>(field, lanes, at, matrix, twiddles, way);
+            lane += GROUP;
+        } else {
+            butterfly::<F, 1>(field, lanes, at, matrix, twiddles, way);
+            lane += 1;
+        }
+    }
+}
+
+fn butterfly<const F: usize, const G: usize>(
+    field: &mut [f32],
+    lanes: Lanes,
+    at: [usize; F],
+    matrix: &[[[f32; 2]; 5]; 5],
+    twiddles: &[[f32; 2]; 5],
+    way: Way,
+) {
+    let (mut re, mut im) = ([[0.0f32; G]; F], [[0.0f32; G]; F]);
+    for p in 0..F {
+        re[p].copy_from_slice(&field[lanes.re + at[p]..][..G]);
+        im[p].copy_from_slice(&field[lanes.im + at[p]..][..G]);
+        if way == Way::Backward {
+            turn(&mut re[p], &mut im[p], twiddles[p]);
+        }
+    }
+    for p in 0..F {
+        let (mut x, mut y) = (re[0], im[0]);
+        for q in 1..F {
+            let [c, s] = matrix[p][q];
+            for g in 0..G {
+                x[g] += re[q][g] * c - im[q][g] * s;
+                y[g] += re[q][g] * s + im[q][g] * c;
+            }
+        }
+        if way == Way::Forward {
+            turn(&mut x, &mut y, twiddles[p]);
+        }
+        field[lanes.re + at[p]..][..G].copy_from_slice(&x);
+        field[lanes.im + at[p]..][..G].copy_from_slice(&y);
+    }
+}
+
+/// Multiplies by c + i s.
+fn turn<const G: usize>(re: &mut [f32; G], im: &mut [f32; G], [c, s]: [f32; 2]) {
+    for g in 0..G {
+        let (x, y) = (re[g], im[g]);
+        re[g] = x * c - y * s;
+        im[g] = x * s + y * c;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(n: usize) -> Vec<f32> {
+        (0..n as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 23) as f32 - 1.0).collect()
+    }
+
+    /// By definition, in double precision.
+    fn naive(re: &[f32], im: &[f32], k: usize) -> [f64; 2] {
+        let n = re.len();
+        let term = |j: usize| {
+            let (sin, cos) = (-TAU * (j * k % n) as f64 / n as f64).sin_cos();
+            let (x, y) = (f64::from(re[j]), f64::from(im[j]));
+            [x * cos - y * sin, x * sin + y * cos]
+        };
+        (0..n).map(term).fold([0.0; 2], |[a, b], [x, y]| [a + x, b + y])
+    }
+
+    #[test]
+    fn every_factor_transforms_as_defined_and_back() {
+        for (len, lanes) in [(2, 1), (6, 3), (20, 1), (24, 11), (30, 8), (320, 9), (384, 1)] {
+            let order = Order::of(len).unwrap();
+            let mut roots = vec![0.0; 2 * len];
+            order.roots(&mut roots);
+            let input = noise(2 * len * lanes);
+            let mut field = input.clone();
+            let layout = Lanes { re: 0, im: lanes, stride: 2 * lanes, count: lanes };
+            let column = |field: &[f32], start: usize, lane: usize| -> Vec<f32> {
+                (0..len).map(|i| field[i * 2 * lanes + start + lane]).collect()
+            };
+            transform(&mut field, &order, &roots, layout, Way::Forward);
+            for lane in [0, lanes - 1] {
+                let (re, im) = (column(&input, 0, lane), column(&input, lanes, lane));
+                for k in 0..len {
+                    let expected = naive(&re, &im, k);
+                    let at = order.place(k) * 2 * lanes + lane;
+                    let found = [field[at], field[at + lanes]].map(f64::from);
+                    let error = (found[0] - expected[0]).abs().max((found[1] - expected[1]).abs());
+                    assert!(error < 2e-5 * (len as f64).sqrt(), "{len}, {k}: {error}");
+                }
+            }
+            transform(&mut field, &order, &roots, layout, Way::Backward);
+            for (found, expected) in field.iter().zip(&input) {
+                assert!((found / len as f32 - expected).abs() < 1e-5, "{len}");
+            }
+        }
+    }
+
+    #[test]
+    fn lengths_are_rounded_up_to_what_factors() {
+        let len = |n| Order::at_least(n).len();
+        assert_eq!([len(0), len(7), len(304), len(368), len(77)], [2, 8, 320, 384, 80]);
+    }
+
+    #[test]
+    fn places_are_a_permutation() {
+        let order = Order::of(360).unwrap();
+        let mut places: Vec<usize> = (0..360).map(|k| order.place(k)).collect();
+        places.sort_unstable();
+        assert!(places.iter().copied().eq(0..360));
+    }
+}

@@ -1,0 +1,161 @@
+//! Against a naive twin in double precision, and against ground that is known.
+
+use super::*;
+use crate::error::NormError;
+use crate::norm::{ElevationScale, Turn};
+use core::f64::consts::TAU;
+
+/// A complex field, row-major.
+type Field = Vec<[f64; 2]>;
+
+/// The discrete Fourier transform by definition, along one axis after the other.
+fn naive_transform(field: &Field, (rows, cols): (usize, usize), sign: f64) -> Field {
+    let line = |values: &[[f64; 2]]| -> Field {
+        let n = values.len();
+        let one = |k: usize| {
+            values.iter().enumerate().fold([0.0, 0.0], |[x, y], (j, [re, im])| {
+                let (sin, cos) = (sign * TAU * (j * k % n) as f64 / n as f64).sin_cos();
+                [x + re * cos - im * sin, y + re * sin + im * cos]
+            })
+        };
+        (0..n).map(one).collect()
+    };
+    let across: Field = field.chunks(cols).flat_map(line).collect();
+    let mut out = vec![[0.0; 2]; rows * cols];
+    for col in 0..cols {
+        let column: Field = (0..rows).map(|row| across[row * cols + col]).collect();
+        line(&column).into_iter().enumerate().for_each(|(row, v)| out[row * cols + col] = v);
+    }
+    out
+}
+
+/// The relief by the formula, of an unexplained slope that is already there.
+fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], coarse_px: f64) -> Vec<f64> {
+    let ((rows, cols), (height, width)) = (plan.tile, (plan.rows.len(), plan.cols.len()));
+    let (top, left) = plan.corner();
+    // The mirror image of the tile, by reflecting until inside.
+    let inside = |mut i: isize, n: isize| {
+        while !(0..n).contains(&i) {
+            i = if i < 0 { -i } else { 2 * (n - 1) - i };
+        }
+        i as usize
+    };
+    let padded: Field = (0..height * width)
+        .map(|i| {
+            let row = inside((i / width) as isize - top as isize, rows as isize);
+            let col = inside((i % width) as isize - left as isize, cols as isize);
+            [slope[row * cols + col], 0.0]
+        })
+        .collect();
+    let mut spectrum = naive_transform(&padded, (height, width), -1.0);
+    let wave = |k: usize, n: usize| TAU * if 2 * k > n { k as f64 - n as f64 } else { k as f64 } / n as f64;
+    for (i, v) in spectrum.iter_mut().enumerate() {
+        let (m, k) = (i / width, i % width);
+        let (down, across) = (wave(m, height), wave(k, width));
+        let along = east * across + south * down;
+        let all = along * along + f64::from(SMOOTHNESS) * (across * across + down * down) + coarse_px.powi(-2);
+        let gain = if 2 * m == height || 2 * k == width { 0.0 } else { along / all };
+        *v = [v[1] * gain, -v[0] * gain];
+    }
+    let field = naive_transform(&spectrum, (height, width), 1.0);
+    let at = |row: usize, col: usize| field[(top + row) * width + left + col][0] / (height * width) as f64;
+    (0..rows * cols).map(|i| at(i / cols, i % cols)).collect()
+}
+
+/// The relief of maps without gaps.
+fn relief(plan: &Photoclinometry, image: &[f32], coarse: &[f32], light: Light, coarse_px: f32) -> Vec<f32> {
+    let shading = Shading::new(image, None, light).unwrap();
+    let mut scratch = vec![9.0; plan.scratch_len()];
+    let found = plan.relief(|i| Some(image[i]), |i| coarse[i], (&shading, light), coarse_px, &mut scratch).unwrap();
+    (0..image.len()).map(|i| found.at(i)).collect()
+}
+
+fn noise(n: usize) -> Vec<f32> {
+    (0..n as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 23) as f32 - 1.0).collect()
+}
+
+#[test]
+fn the_relief_is_that_of_the_formula() {
+    let (rows, cols) = (20, 29);
+    let plan = Photoclinometry::new((rows, cols));
+    let light = Light { east: 1.5, south: 0.8 };
+    let image: Vec<f32> = noise(rows * cols).iter().map(|v| 100.0 + 20.0 * v).collect();
+    let coarse: Vec<f32> = noise(2 * rows * cols)[rows * cols..].iter().map(|v| 0.1 * v).collect();
+    let found = relief(&plan, &image, &coarse, light, 7.0);
+
+    let mean = image.iter().map(|v| f64::from(*v)).sum::<f64>() / (rows * cols) as f64;
+    let strength = f64::from(light.strength());
+    let direction = [f64::from(light.east) / strength, f64::from(light.south) / strength];
+    let z = |r: usize, c: usize| f64::from(coarse[r * cols + c]);
+    let mut slope: Vec<f64> = (0..rows * cols)
+        .map(|i| {
+            let (r, c) = (i / cols, i % cols);
+            let (r0, r1, c0, c1) =
+                (r.saturating_sub(1), (r + 1).min(rows - 1), c.saturating_sub(1), (c + 1).min(cols - 1));
+            let known = direction[0] * (z(r, c1) - z(r, c0)) / (c1 - c0) as f64
+                + direction[1] * (z(r1, c) - z(r0, c)) / (r1 - r0) as f64;
+            (f64::from(image[i]) / mean - 1.0) / strength - known
+        })
+        .collect();
+    let mean = slope.iter().sum::<f64>() / slope.len() as f64;
+    slope.iter_mut().for_each(|v| *v -= mean);
+    let expected = naive_relief(&slope, &plan, direction, 7.0);
+    let largest = expected.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((f64::from(*found) - expected).abs() < 1e-5 * largest.max(1.0), "{found} for {expected}");
+    }
+    assert!(largest > 0.05, "the relief must not be empty: {largest}");
+}
+
+#[test]
+fn craters_come_back() {
+    let (rows, cols) = (96, 128);
+    let plan = Photoclinometry::new((rows, cols));
+    let light = Light { east: 0.9, south: 0.6 };
+    // Gaussian pits.
+    let pits = [(30.0, 40.0, 6.0, 1.5), (60.0, 90.0, 9.0, 2.0), (70.0, 30.0, 4.0, 1.0f32)];
+    let height = |r: f32, c: f32| -> f32 {
+        let pit = |&(y, x, size, depth): &(f32, f32, f32, f32)| {
+            -depth * (-((r - y).powi(2) + (c - x).powi(2)) / (2.0 * size * size)).exp()
+        };
+        pits.iter().map(pit).sum()
+    };
+    let at = |i: usize| ((i / cols) as f32, (i % cols) as f32);
+    let image: Vec<f32> = (0..rows * cols)
+        .map(|i| {
+            let (r, c) = at(i);
+            let (x, y) = (height(r, c + 0.5) - height(r, c - 0.5), height(r + 0.5, c) - height(r - 0.5, c));
+            500.0 * (1.0 + light.east * x + light.south * y)
+        })
+        .collect();
+    let coarse = vec![-3.0; rows * cols];
+    let found = relief(&plan, &image, &coarse, light, 30.0);
+    let truth: Vec<f32> = (0..rows * cols).map(|i| height(at(i).0, at(i).1)).collect();
+    let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+    let (a, b) = (mean(&found), mean(&truth));
+    let product = |x: &[f32], p: f32, y: &[f32], q: f32| x.iter().zip(y).map(|(x, y)| (x - p) * (y - q)).sum::<f32>();
+    let correlation =
+        product(&found, a, &truth, b) / (product(&found, a, &found, a).sqrt() * product(&truth, b, &truth, b).sqrt());
+    // A twentieth of the misfit's weight lies on slopes across the light: pits come back drawn out along it.
+    assert!(correlation > 0.85, "correlation {correlation}");
+}
+
+#[test]
+fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
+    let plan = Photoclinometry::new((16, 16));
+    let (light, image) = (Light { east: 1.0, south: 0.0 }, vec![1.0, 2.0]);
+    let shading = Shading::new(&image, None, light).unwrap();
+    let mut scratch = vec![f32::NAN; plan.scratch_len()];
+    for coarse_px in [30.0, 0.0, f32::NAN] {
+        let relief = plan.relief(|_| None, |_| 4.0, (&shading, light), coarse_px, &mut scratch).unwrap();
+        assert!((0..300).all(|i| relief.at(i) == 0.0));
+    }
+    let short = plan.relief(|_| None, |_| 4.0, (&shading, light), 30.0, &mut scratch[1..]);
+    assert_eq!(short.unwrap_err().expected, plan.scratch_len());
+    let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
+    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, turn: Turn::default(), coarse_px: 30.0 };
+    assert!(matches!(Guide::new(&plan, tile, &scale, light, &mut scratch), Err(NormError::Length(_))));
+    for (i, n, expected) in [(-1, 5, 1), (5, 5, 3), (8, 5, 0), (-30, 2, 0), (3, 1, 0)] {
+        assert_eq!(mirrored(i, n), expected, "{i} of {n}");
+    }
+}

@@ -1,0 +1,59 @@
+//! `host-train experiment`: experiments from their files to one table.
+
+use crate::experiment::{self, Experiment, Manner, table};
+use crate::suite::list::List;
+use crate::{Error, Result, interrupt};
+use std::path::PathBuf;
+
+/// Options of `experiment`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  host-train experiment host-train/experiments/*.toml --out out/experiments
+  host-train experiment host-train/experiments/full.toml host-train/experiments/no-coarse.toml --steps 200 --out out/short
+
+Trains every experiment, validates it (Table V of the paper), and tests all on the same scenes (Table VI). A finished one is not
+trained again; after Ctrl-C or a kill the same command with --resume goes on. Writes comparison.md, .json and .csv, and the test's
+tables and pictures; `report` makes a page of the folder. How an experiment is written: host-train/docs/experiments.md.")]
+pub struct Args {
+    /// Experiments.
+    #[arg(required = true, value_name = "FILE.toml")]
+    pub files: Vec<PathBuf>,
+    /// Folder to write into; made if absent.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Train so many steps instead of what the files say.
+    #[arg(long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Go on with experiments that were begun.
+    #[arg(long)]
+    pub resume: bool,
+    /// List of test scenes [default: built-in synthetic scenes].
+    #[arg(long, value_name = "LIST.toml")]
+    pub suite: Option<PathBuf>,
+    /// Threads for the test scenes; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading the files, training, testing and writing.
+pub fn run(args: Args) -> Result<()> {
+    let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
+    let read = |path: &PathBuf| {
+        let experiment = Experiment::read(path)?;
+        args.steps.map_or(Ok(experiment.clone()), |steps| experiment.with_steps(steps))
+    };
+    let experiments: Vec<Experiment> = args.files.iter().map(read).collect::<Result<_>>()?;
+    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    interrupt::listen();
+    let manner = Manner { resume: args.resume, threads: args.threads };
+    let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| eprintln!("{line}"))?;
+    print!("{}", table::validation(&found).markdown());
+    println!();
+    print!("{}", crate::suite::tables::sums(&found.test).markdown());
+    let out = args.out.display();
+    println!("\n{out}: comparison.md, .json, .csv and pictures; a page of it: host-train report {out} -o report.html");
+    Ok(())
+}

@@ -1,0 +1,31 @@
+//! `host-train report`: one page of what suites, experiments and training runs found.
+
+use super::output;
+use crate::{Result, report};
+use std::path::PathBuf;
+
+/// Options of `report`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  host-train report out/suite out/experiments runs/nano -o report.html
+
+The page holds its tables and pictures itself: it can be sent and opened anywhere.")]
+pub struct Args {
+    /// Folders that `suite`, `experiment` or `train` wrote into.
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Page to write.
+    #[arg(short, long, value_name = "PAGE.html")]
+    pub output: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If a folder holds nothing to report, or the page cannot be written.
+pub fn run(args: Args) -> Result<()> {
+    output::check(&args.output, &[])?;
+    report::write(&args.folders, &args.output)?;
+    println!("{}", args.output.display());
+    Ok(())
+}

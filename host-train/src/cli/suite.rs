@@ -1,0 +1,115 @@
+//! `host-train suite`: models, and other programs' DTMs, on test scenes.
+
+use super::output;
+use crate::suite::list::List;
+use crate::suite::method::{Method, Usage};
+use crate::suite::{self, SCENES, tables};
+use crate::{Error, Result, interrupt};
+use std::path::{Path, PathBuf};
+
+/// Options of `suite`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  host-train suite --out out/suite
+  host-train suite --suite scenes.toml --model mine.safetensors --model mine.eld --out out/mine
+  host-train suite --out out/sfs --scenes-only     # then run another program on out/sfs/scenes/*
+  host-train suite --out out/suite --against sfs=out/sfs/dtm
+
+Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are judged. All
+are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as GeoTIFFs; `report`
+makes a page of the folder. How a list of scenes is written, and what the figures mean: host-train/docs/suites.md.")]
+pub struct Args {
+    /// Folder to write into; made if absent.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// List of scenes [default: built-in synthetic scenes].
+    #[arg(long, value_name = "LIST.toml")]
+    pub suite: Option<PathBuf>,
+    /// Model to judge, .safetensors or .eld; NAME=FILE gives it a name; several times for several models [default: the shipped ones].
+    #[arg(long, value_name = "[NAME=]FILE")]
+    pub model: Vec<String>,
+    /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.
+    #[arg(long, value_name = "NAME=DIR")]
+    pub against: Vec<String>,
+    /// Do not tell the models where the Sun stands: they estimate it.
+    #[arg(long)]
+    pub hide_sun: bool,
+    /// Let the networks change the low frequencies of the coarse DTM too, as in the paper.
+    #[arg(long)]
+    pub no_anchor: bool,
+    /// Threads; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Write the scenes' files and stop.
+    #[arg(long)]
+    pub scenes_only: bool,
+}
+
+/// Where the shipped models are.
+const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading lists, models and scenes, predicting and writing.
+pub fn run(args: Args) -> Result<()> {
+    let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
+    interrupt::listen();
+    if args.scenes_only {
+        suite::write_scenes(&list, &args.out)?;
+        println!("{}: {} scenes, and a table of them, scenes.csv", args.out.join(SCENES).display(), list.scene.len());
+        return Ok(());
+    }
+    let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
+    let methods = methods(&args, usage)?;
+    let bar = output::progress(list.scene.len(), "scenes");
+    let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    // Scenes of weak truth have no sums.
+    let sums = tables::sums(&results);
+    let shown = if sums.rows.is_empty() { tables::scenes(&results) } else { sums };
+    print!("{}", shown.markdown());
+    println!(
+        "\n{}: results.json, tables.md and pictures; a page of it: host-train report {0} -o report.html",
+        args.out.display()
+    );
+    Ok(())
+}
+
+fn methods(args: &Args, usage: Usage) -> Result<Vec<Method>> {
+    let mut methods = vec![];
+    if args.model.is_empty() && args.against.is_empty() {
+        for path in shipped()? {
+            methods.push(Method::network(&file_name(&path), &path, usage)?);
+        }
+    }
+    for model in &args.model {
+        methods.push(match model.split_once('=') {
+            Some((name, path)) => Method::network(name, Path::new(path), usage)?,
+            None => Method::network(&file_name(Path::new(model)), Path::new(model), usage)?,
+        });
+    }
+    for against in &args.against {
+        let named = against.split_once('=');
+        let (name, path) =
+            named.ok_or_else(|| Error::usage(format!("--against: expected NAME=DIR, found {against:?}")))?;
+        methods.push(Method::folder(name, Path::new(path))?);
+    }
+    Ok(methods)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Every model of the models' folder, in order of name, float before int8.
+fn shipped() -> Result<Vec<PathBuf>> {
+    let folder = Path::new(SHIPPED);
+    let hint = |e: std::io::Error| Error::usage(format!("{SHIPPED}: {e}; name a model with --model"));
+    let entries = std::fs::read_dir(folder).map_err(hint)?;
+    let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    found.retain(|path| path.extension().is_some_and(|e| e == "eld" || e == "safetensors"));
+    // Float before int8.
+    found.sort_by_key(|path| (path.file_stem().map(ToOwned::to_owned), path.extension().is_some_and(|e| e == "eld")));
+    Ok(found)
+}

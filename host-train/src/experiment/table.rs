@@ -1,0 +1,86 @@
+//! All experiments side by side.
+
+use super::Comparison;
+use super::train::TRAINING;
+use crate::Result;
+use crate::picture::{Chart, Series, curves as draw};
+use crate::suite::tables::{Table, cross, scenes, sums};
+use crate::train::curves::History;
+use std::path::Path;
+
+/// The picture of all validations.
+pub const CURVES: &str = "curves.png";
+/// Upper end of the range that normalised figures are given in: the paper's NR.
+const RANGE: f64 = 50.0;
+
+/// The paper's Table V: the validation tiles in normalised units. Every network is judged in the range it was trained in, as in the
+/// paper, brought to [0, 50].
+#[must_use]
+pub fn validation(comparison: &Comparison) -> Table {
+    let heading = [
+        "experiment",
+        "like",
+        "what differs",
+        "a1",
+        "a2",
+        "a3",
+        "REL",
+        "RMSE",
+        "log10",
+        "PSNR, dB",
+        "RMSE, m",
+        "coarse DTM, m",
+        "slope MAE, °",
+        "coarse DTM, °",
+        "parameters",
+        "steps",
+        "steps/s",
+    ];
+    let rows = comparison.trained.iter().map(|one| {
+        let (v, experiment) = (&one.validation, &one.experiment);
+        let rmse = v.rmse * RANGE / f64::from(experiment.network.nr);
+        let ratios = [v.a1, v.a2, v.a3, v.rel, rmse, v.log10].map(|figure| format!("{figure:.3}"));
+        let ground = [v.psnr_db, v.network.rmse_m, v.coarse.rmse_m, v.network.slope_mae_deg, v.coarse.slope_mae_deg];
+        let words = [experiment.name.clone(), experiment.like.clone(), experiment.changes.join("; ")];
+        let run = [one.parameters.to_string(), experiment.recipe.steps.to_string(), format!("{:.2}", one.steps_per_s)];
+        [words.to_vec(), ratios.to_vec(), ground.map(|figure| format!("{figure:.2}")).to_vec(), run.to_vec()].concat()
+    });
+    Table { heading: heading.map(String::from).to_vec(), rows: rows.collect() }
+}
+
+/// The whole comparison in Markdown.
+#[must_use]
+pub fn markdown(comparison: &Comparison) -> String {
+    let answers: String = comparison
+        .trained
+        .iter()
+        .map(|one| format!("- {}: {}\n", one.experiment.name, one.experiment.answers.trim()))
+        .collect();
+    let test = &comparison.test;
+    let two_suns = cross(test).markdown();
+    let two_suns =
+        if two_suns.is_empty() { two_suns } else { format!("\n## The same ground under two Suns\n\n{two_suns}") };
+    format!(
+        "# Experiments\n\n{answers}\n## Validation tiles\n\nIn the range each network was trained in, brought to [0, 50]; heights and \
+         slopes against the truth as it is.\n\n{}\n## Test scenes: {}\n\n{}\n\n{}\n{}{two_suns}",
+        validation(comparison).markdown(),
+        test.suite,
+        test.about.trim(),
+        sums(test).markdown(),
+        scenes(test).markdown()
+    )
+}
+
+/// Draws the validations of all runs over their steps, by slope: the one figure whose unit all share.
+///
+/// # Errors
+/// If a run's journal cannot be read or the picture cannot be written.
+pub fn curves(comparison: &Comparison, out: &Path) -> Result<()> {
+    let series = comparison.trained.iter().map(|one| {
+        let name = one.experiment.name.clone();
+        Ok(Series { points: History::read(&out.join(&name).join(TRAINING))?.slope_deg, name })
+    });
+    let series: Vec<Series> = series.collect::<Result<_>>()?;
+    let chart = Chart { title: "Validation", x: "step", y: "mean |slope error|, degrees", log_y: false };
+    draw(&out.join(CURVES), &chart, &series)
+}

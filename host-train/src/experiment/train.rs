@@ -1,0 +1,128 @@
+//! One experiment from random weights to its figures on the validation tiles.
+
+use super::file::Experiment;
+use crate::model::backend::Backend;
+use crate::model::init::initial_weights;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::raster::atomic_write;
+use crate::train::recipe::Target;
+use crate::train::run::{BEST, RECORD, Record, Run};
+use crate::train::validate::{Validation, ValidationSet};
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Folder of the training run in the experiment's.
+pub const TRAINING: &str = "training";
+/// The experiment and its figures; written when it is finished.
+const FINISHED: &str = "experiment.json";
+
+/// A finished experiment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Trained {
+    /// What was done.
+    pub experiment: Experiment,
+    /// Trainable numbers of the network.
+    pub parameters: usize,
+    /// Its best weights on the validation tiles, judged by the truth as it is, whatever the recipe aims at.
+    pub validation: Validation,
+    /// Seconds of training since it was last started or resumed.
+    pub seconds: f64,
+    /// Steps per second, likewise.
+    pub steps_per_s: f64,
+}
+
+/// The weights an experiment's folder ends with.
+#[must_use]
+pub fn model(folder: &Path) -> PathBuf {
+    folder.join(TRAINING).join(BEST)
+}
+
+/// Trains and validates, unless `folder` holds the finished experiment.
+///
+/// # Errors
+/// [`Error::Usage`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted; from
+/// training itself.
+pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn FnMut(&str)) -> Result<Trained> {
+    let name = &experiment.name;
+    if let Some(found) = finished(folder)? {
+        if !same(&found.experiment, experiment) {
+            return Err(another(folder));
+        }
+        say(&format!("{name}: trained before"));
+        return Ok(found);
+    }
+    let run_folder = folder.join(TRAINING);
+    let begun = run_folder.join(RECORD).exists();
+    let record = record(experiment);
+    if begun && Record::read(&run_folder)? != record {
+        return Err(another(folder));
+    }
+    if begun && !resume {
+        let what =
+            "expected a new folder or a finished experiment, found an unfinished one; add --resume to go on with it";
+        return Err(Error::usage(format!("{}: {what}", folder.display())));
+    }
+    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    say(&format!("{name}: {} steps{}", record.recipe.steps, if begun { ", going on" } else { "" }));
+    let initial = (!begun).then(|| initial_weights(&experiment.network, experiment.seed));
+    let (training, validation) = (record.data.open()?, record.validation_data.open()?);
+    let start = Instant::now();
+    let run = Run { folder: run_folder, record, initial, training, validation: validation.clone(), stop_after: None };
+    let outcome = run.train()?;
+    if !outcome.finished {
+        return Err(Error::usage(format!("{name}: stopped after step {}; add --resume to go on", outcome.steps)));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let path = model(folder);
+    let weights = Weights::read(&path)?;
+    let device = Backend::Flex.device()?;
+    let net = store::load(&experiment.network, &weights, &path, &device)?;
+    let tiles = experiment.recipe.validation_tiles;
+    let found = ValidationSet::new(&*validation, &experiment.network, Target::Truth, tiles)?.run(&net, &device)?;
+    let trainable = weights.tensors.iter().filter(|(name, _)| !name.contains(".running_"));
+    let trained = Trained {
+        experiment: experiment.clone(),
+        parameters: trainable.map(|(_, array)| array.data.len()).sum(),
+        validation: found,
+        seconds,
+        steps_per_s: outcome.steps_per_s,
+    };
+    let path = folder.join(FINISHED);
+    let text = serde_json::to_vec_pretty(&trained).map_err(|e| Error::broken(&path, e.to_string()))?;
+    atomic_write(&path, &text)?;
+    Ok(trained)
+}
+
+fn record(experiment: &Experiment) -> Record {
+    Record {
+        network: experiment.network.clone(),
+        recipe: experiment.recipe.clone(),
+        data: experiment.data.clone(),
+        validation_data: experiment.validation_data.clone(),
+        seed: experiment.seed,
+        backend: Backend::Flex,
+        started_from: format!("random weights, seed {}; experiment {}", experiment.seed, experiment.name),
+    }
+}
+
+fn finished(folder: &Path) -> Result<Option<Trained>> {
+    let path = folder.join(FINISHED);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = std::fs::read(&path).map_err(Error::io(&path))?;
+    serde_json::from_slice(&text).map(Some).map_err(|e| Error::broken(&path, format!("finished experiment: {e}")))
+}
+
+/// Whether training would be the same: words may change, and what is done with the trained network.
+fn same(a: &Experiment, b: &Experiment) -> bool {
+    record(a) == record(b)
+}
+
+fn another(folder: &Path) -> Error {
+    let what = "expected this experiment or nothing, found one of other settings; choose another --out";
+    Error::usage(format!("{}: {what}", folder.display()))
+}

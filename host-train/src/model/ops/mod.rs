@@ -1,0 +1,89 @@
+//! Convolutions of our own for the CPU backend, where training spends its time; other backends get Burn's.
+//!
+//! Burn's flex turns every convolution into a matrix of patches and a product, and its gradients into further convolutions with
+//! kernels as large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]), for all channel counts at
+//! the full width of the processor's vectors. They plug into Burn as a backend extension ([`extension`]), so the rest of the
+//! network does not know. Results do not depend on the number of threads.
+
+#[cfg(feature = "flex")]
+mod batch_norm;
+#[cfg(feature = "flex")]
+mod border;
+#[cfg(feature = "flex")]
+mod conv;
+#[cfg(feature = "flex")]
+mod correlate;
+#[cfg(feature = "flex")]
+mod extension;
+#[cfg(feature = "flex")]
+mod frame;
+#[cfg(feature = "flex")]
+mod product;
+#[cfg(feature = "flex")]
+mod scratch;
+#[cfg(feature = "flex")]
+mod smooth;
+#[cfg(all(test, feature = "flex"))]
+mod tests;
+#[cfg(feature = "flex")]
+mod up2;
+
+use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
+use burn::tensor::module;
+use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
+#[cfg(feature = "flex")]
+use extension::{convolutions, norms, takes};
+
+/// Convolution without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
+/// `[B, O, (H + 2 p - kh) / stride + 1, (W + 2 p - kw) / stride + 1]`, with p = `padding` zeros around `x`.
+pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) -> Tensor<4> {
+    #[cfg(feature = "flex")]
+    if takes(&[&x, &weight]) {
+        return convolutions::run(x, weight, convolutions::Kind::Conv { stride, padding });
+    }
+    module::conv2d(x, weight, None, ConvOptions::new([stride; 2], [padding; 2], [1, 1], 1))
+}
+
+/// Bilinear upsampling by two (half-pixel centres, align_corners = false; our choice, the paper is silent), then a 5x5
+/// convolution with two zeros on every side: `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
+pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
+    #[cfg(feature = "flex")]
+    if takes(&[&x, &weight]) && x.dims()[2].min(x.dims()[3]) >= up2::MIN_SIDE {
+        return convolutions::run(x, weight, convolutions::Kind::Up2);
+    }
+    up2_then_conv5(x, weight)
+}
+
+/// [`up2_conv5`] in two steps.
+fn up2_then_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
+    let options =
+        InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_scale_factor([2.0, 2.0]);
+    conv2d(module::interpolate(x, options), weight, 1, 2)
+}
+
+/// What [`batch_norm_train`] found.
+pub struct Normalised {
+    /// The map.
+    pub output: Tensor<4>,
+    /// Mean of each channel, `[C]`, without gradient.
+    pub mean: Tensor<1>,
+    /// Biased variance of each channel, `[C]`, without gradient.
+    pub variance: Tensor<1>,
+}
+
+/// Batch normalisation of `x` `[B, C, H, W]` by its own statistics over B, H and W, then `weight` and `bias` `[C]`, then
+/// optionally a ReLU.
+pub fn batch_norm_train(x: Tensor<4>, weight: Tensor<1>, bias: Tensor<1>, epsilon: f64, with_relu: bool) -> Normalised {
+    #[cfg(feature = "flex")]
+    if takes(&[&x]) {
+        let channels = x.dims()[1];
+        let options = norms::Options { epsilon: epsilon as f32, relu: with_relu };
+        let (output, statistics) = norms::run(x, weight, bias, options);
+        let figure = |i: usize| statistics.clone().narrow(0, i, 1).reshape([channels]);
+        return Normalised { output, mean: figure(0), variance: figure(1) };
+    }
+    let out = module::batch_norm_train(x, weight, bias, epsilon);
+    let output = if with_relu { relu(out.output) } else { out.output };
+    Normalised { output, mean: out.mean.detach(), variance: out.variance.detach() }
+}

@@ -1,0 +1,180 @@
+//! Bilinear upsampling by two followed by a 5x5 convolution with zero padding, as one operator of the small map.
+//!
+//! Both are linear filters, so they commute: put zeros between the small pixels, convolve, smooth last. The zeros need no
+//! products, which leaves 25 a small pixel where the plain order has 100, and the smoothing runs over output channels alone.
+//! Convolving a map with zeros between its pixels gives four phases, each a convolution of the small map with the weights of
+//! one parity: 3x3, 3x2, 2x3 and 2x2 of them.
+//!
+//! The two steps do not commute where the upsampling repeats the edge while the convolution sees zeros beyond it: two pixels
+//! along each border are computed in the plain order ([`super::border`]).
+
+use super::border::Edge;
+use super::correlate::correlate;
+use super::frame::Frame;
+use super::product::{Area, Taps, multiply};
+use super::scratch::Scratch;
+use super::smooth;
+use pulp::Arch;
+use rayon::prelude::*;
+
+/// Smallest side of the small map: a border strip is made of three rows.
+pub(super) const MIN_SIDE: usize = 3;
+
+/// Numbers of a kernel.
+const KERNEL: usize = 25;
+
+/// Sizes of the operator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    /// Images.
+    pub(super) images: usize,
+    /// Channels in and out.
+    pub(super) channels: [usize; 2],
+    /// Rows and columns of the small map, at least [`MIN_SIDE`].
+    pub(super) small: [usize; 2],
+}
+
+/// Per axis and phase: which small pixel (relative) meets which of the five weights.
+const TAPS: [&[(isize, usize)]; 2] = [&[(-1, 0), (0, 2), (1, 4)], &[(0, 1), (1, 3)]];
+
+/// The four phases as (row, column).
+const PHASES: [[usize; 2]; 4] = [[0, 0], [0, 1], [1, 0], [1, 1]];
+
+/// (dy, dx, position in the kernel) of a phase.
+fn taps(phase: [usize; 2]) -> impl Iterator<Item = (isize, isize, usize)> + Clone {
+    TAPS[phase[0]].iter().flat_map(move |&(dy, ky)| TAPS[phase[1]].iter().map(move |&(dx, kx)| (dy, dx, 5 * ky + kx)))
+}
+
+impl Shape {
+    /// Numbers of the input, the weight and the output.
+    pub(super) fn lengths(&self) -> [usize; 3] {
+        let ([input, output], [rows, cols]) = (self.channels, self.small);
+        let pixels = self.images * rows * cols;
+        [pixels * input, input * output * KERNEL, 4 * pixels * output]
+    }
+
+    /// The small map with its edge repeated once around it: small pixel (y, x) is at (y + 1, x + 1). The last row and column
+    /// are where neighbours over the edge are found, which nothing but zeros of a gradient makes use of.
+    fn frame(&self) -> Frame {
+        Frame::new(self.images, self.small.map(|n| n + 1), [1, 1])
+    }
+
+    /// The small map as lines.
+    fn input_lines(&self, frame: &Frame, x: &[f32]) -> Scratch {
+        let ([channels, _], [rows, cols]) = (self.channels, self.small);
+        let mut lines = Scratch::new(channels * frame.length);
+        frame.fill(&mut lines, |channel, image, y, to| {
+            let y = y.saturating_sub(1).min(rows - 1);
+            let row = &x[((image * channels + channel) * rows + y) * cols..][..cols];
+            to[1..=cols].copy_from_slice(row);
+            (to[0], to[cols + 1]) = (row[0], row[cols - 1]);
+            cols + 2
+        });
+        lines
+    }
+
+    /// What the output's gradient says about the four phases, as lines: those of phase 0 first.
+    fn phase_lines(&self, frame: &Frame, gradient: &[f32]) -> Scratch {
+        let ([_, channels], [rows, cols], arch) = (self.channels, self.small, Arch::new());
+        let mut lines = Scratch::new(4 * channels * frame.length);
+        frame.fill(&mut lines, |line, image, y, to| {
+            if y == 0 || y > rows {
+                return 0;
+            }
+            let (phase, channel) = (PHASES[line / channels], line % channels);
+            let map = &gradient[4 * (image * channels + channel) * rows * cols..][..4 * rows * cols];
+            let mut columns = vec![0.0; 2 * cols + 4];
+            smooth::transposed_row(arch, map, self.small, phase, y - 1, &mut columns, &mut to[1..=cols]);
+            to[0] = 0.0;
+            cols + 1
+        });
+        lines
+    }
+}
+
+/// `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
+pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
+    let ([inputs, outputs], [rows, cols]) = (shape.channels, shape.small);
+    let frame = shape.frame();
+    let lines = shape.input_lines(&frame, x);
+    let plane = rows * cols;
+    let mut phases = Scratch::new(shape.lengths()[2]);
+    for (phase, out) in PHASES.into_iter().zip(phases.chunks_exact_mut(shape.images * outputs * plane)) {
+        let reads = (0..inputs).flat_map(|i| taps(phase).map(move |(dy, dx, k)| (i, dy, dx, k)));
+        let kernel: Vec<usize> = reads.clone().map(|(i, _, _, k)| i * KERNEL + k).collect();
+        let shifts = reads.map(|(i, dy, dx, _)| frame.neighbour(i, dy, dx)).collect();
+        let taps = Taps::new(outputs, shifts, |m, k| weight[m * inputs * KERNEL + kernel[k]]);
+        multiply(&taps, &lines, &frame, Area { origin: [1, 1], size: shape.small }, out);
+    }
+    let mut out = vec![0.0; shape.lengths()[2]];
+    let (phases, arch) = (&*phases, Arch::new());
+    out.par_chunks_mut(4 * plane).enumerate().for_each(|(i, map)| {
+        let phases = std::array::from_fn(|p| &phases[(p * shape.images * outputs + i) * plane..][..plane]);
+        let mut columns = vec![0.0; 2 * cols];
+        for (n, row) in map.chunks_exact_mut(2 * cols).enumerate().skip(2).take(2 * rows - 4) {
+            smooth::row(arch, phases, cols, n, &mut columns, row);
+        }
+    });
+    for edge in Edge::ALL {
+        edge.forward(shape, x, weight, &mut out);
+    }
+    out
+}
+
+/// Gradients of input and weight, each if wanted, from the output's.
+pub(super) fn backward(
+    shape: &Shape,
+    x: &[f32],
+    weight: &[f32],
+    gradient: &[f32],
+    wanted: [bool; 2],
+) -> [Option<Vec<f32>>; 2] {
+    let frame = shape.frame();
+    let lines = shape.phase_lines(&frame, gradient);
+    let mut of_input = wanted[0].then(|| input_gradient(shape, &frame, &lines, weight));
+    let mut of_weight = wanted[1].then(|| weight_gradient(shape, &frame, &lines, x));
+    for edge in Edge::ALL {
+        edge.backward(shape, x, weight, gradient, [of_input.as_deref_mut(), of_weight.as_deref_mut()]);
+    }
+    [of_input, of_weight]
+}
+
+fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -> Vec<f32> {
+    let ([inputs, outputs], [rows, cols]) = (shape.channels, shape.small);
+    let reads = PHASES.into_iter().enumerate().flat_map(|(p, phase)| {
+        (0..outputs).flat_map(move |o| taps(phase).map(move |(dy, dx, k)| (p * outputs + o, -dy, -dx, o, k)))
+    });
+    let kernel: Vec<(usize, usize)> = reads.clone().map(|(.., o, k)| (o, k)).collect();
+    let shifts = reads.map(|(line, dy, dx, ..)| frame.neighbour(line, dy, dx)).collect();
+    let taps = Taps::new(inputs, shifts, |m, k| weight[(kernel[k].0 * inputs + m) * KERNEL + kernel[k].1]);
+    let wide = cols + 2;
+    let mut around = Scratch::new(shape.images * inputs * (rows + 2) * wide);
+    multiply(&taps, lines, frame, Area { origin: [0, 0], size: [rows + 2, wide] }, &mut around);
+    // What fell on the repeated edge belongs to the edge.
+    let mut whole = vec![0.0; shape.lengths()[0]];
+    let around = &*around;
+    whole.par_chunks_mut(rows * cols).enumerate().for_each(|(i, map)| {
+        for (y, from) in around[i * (rows + 2) * wide..][..(rows + 2) * wide].chunks_exact(wide).enumerate() {
+            let to = &mut map[y.saturating_sub(1).min(rows - 1) * cols..][..cols];
+            to.iter_mut().zip(&from[1..=cols]).for_each(|(to, from)| *to += from);
+            to[0] += from[0];
+            to[cols - 1] += from[cols + 1];
+        }
+    });
+    whole
+}
+
+fn weight_gradient(shape: &Shape, frame: &Frame, lines: &[f32], x: &[f32]) -> Vec<f32> {
+    let [inputs, outputs] = shape.channels;
+    let input = shape.input_lines(frame, x);
+    let mut whole = vec![0.0; shape.lengths()[1]];
+    for (phase, gradient) in PHASES.into_iter().zip(lines.chunks_exact(outputs * frame.length)) {
+        let reads = (0..inputs).flat_map(|i| taps(phase).map(move |(dy, dx, k)| (i, dy, dx, k)));
+        let shifts: Vec<usize> = reads.clone().map(|(i, dy, dx, _)| frame.neighbour(i, dy, dx)).collect();
+        let found = correlate(gradient, &input, &shifts, frame);
+        for (whole, found) in whole.chunks_exact_mut(inputs * KERNEL).zip(found.chunks_exact(shifts.len())) {
+            reads.clone().zip(found).for_each(|((i, _, _, k), value)| whole[i * KERNEL + k] += value);
+        }
+    }
+    whole
+}

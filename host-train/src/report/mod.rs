@@ -1,0 +1,82 @@
+//! One page of what suites, experiments and training runs left in their folders: tables, hillshades, error maps, curves, with every
+//! picture inside.
+
+pub(crate) mod html;
+mod sections;
+
+use crate::experiment::{COMPARISON, Comparison};
+use crate::raster::atomic_write;
+use crate::suite::results::{RESULTS, Results};
+use crate::train::run::RECORD;
+use crate::{Error, Result};
+use html::escaped;
+use std::path::{Path, PathBuf};
+
+/// Writes the page of `folders`, each of which a suite, a comparison of experiments or a training run was written into, in their order.
+///
+/// # Errors
+/// [`Error::Usage`] naming a folder that holds none of them; if a file of one is missing or malformed, or the page cannot be written.
+pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
+    let mut body = String::from("<h1>How good the models are</h1>\n");
+    for folder in folders {
+        body += &section(folder)?;
+    }
+    body += &format!("<p class=\"faint\">host-train {}</p>\n", escaped(env!("CARGO_PKG_VERSION")));
+    atomic_write(page, html::document("ELunarDTM: how good the models are", &body).as_bytes())
+}
+
+fn section(folder: &Path) -> Result<String> {
+    if folder.join(COMPARISON).exists() {
+        sections::experiments(folder, &Comparison::read(folder)?)
+    } else if folder.join(RESULTS).exists() {
+        sections::suite(folder, &Results::read(folder)?)
+    } else if folder.join(RECORD).exists() {
+        sections::training(folder)
+    } else {
+        let what = format!("expected a folder with {RESULTS} (suite), {COMPARISON} (experiment) or {RECORD} (train)");
+        Err(Error::usage(format!("{}: {what}, found none of them", folder.display())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::write_png;
+    use crate::suite::summary::tests::results;
+    use image::{GrayImage, Luma};
+
+    #[test]
+    fn a_suite_becomes_a_page_that_needs_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut made = results();
+        made.scenes[0].pictures = vec![("one.png".into(), "view of <one>".into())];
+        made.scenes[0].remarks = "low & behold".into();
+        made.write(folder.path()).unwrap();
+        let page = folder.path().join("page.html");
+        let missing = write(&[folder.path().into()], &page).unwrap_err().to_string();
+        assert!(missing.contains("one.png") && !page.exists(), "{missing}");
+        write_png(&folder.path().join("one.png"), GrayImage::from_pixel(3, 2, Luma([7]))).unwrap();
+        write(&[folder.path().into()], &page).unwrap();
+        let text = std::fs::read_to_string(&page).unwrap();
+        for expected in [
+            "data:image/png;base64,",
+            "view of &lt;one&gt;",
+            "low &amp; behold",
+            "<td class=\"best\">1.50</td>",
+            "About &lt;it&gt;.",
+        ] {
+            assert!(text.contains(expected), "{expected} in {text}");
+        }
+        // Nothing is fetched from elsewhere.
+        assert!(!text.contains("http") && !text.contains("src=\"one"), "{text}");
+        // The best of a group of scenes, not of the column: the coarse DTM of one kind is never best of another.
+        assert!(!text.contains("<td class=\"best\">3.00</td>"));
+    }
+
+    #[test]
+    fn a_folder_of_nothing_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = write(&[folder.path().into()], &folder.path().join("p.html")).unwrap_err().to_string();
+        assert!(refused.contains("results.json") && refused.contains("found none"), "{refused}");
+    }
+}

@@ -1,0 +1,153 @@
+//! All methods on one scene, on the same pixels; and one method on one ground under two Suns.
+
+use super::method::Method;
+use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
+use super::scene::TestScene;
+use crate::evaluate::lowpass::high_pass;
+use crate::evaluate::{Candidate, Comparison, Light, compare, relief};
+use crate::raster::Raster;
+use crate::raster::align::Named;
+use crate::{Error, Result};
+use elunar_core::metrics::HeightErrors;
+
+/// What was found on a scene, with the DTMs for pictures.
+pub struct JudgedScene {
+    /// The figures; no pictures yet.
+    pub result: SceneResult,
+    /// The rasters, coarse DTM first.
+    pub comparison: Comparison,
+}
+
+/// Lets every method work on `scene`, and compares them with the coarse DTM and the truth.
+///
+/// # Errors
+/// From the methods; if no pixel is common to all.
+pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
+    let mut made = Vec::with_capacity(methods.len());
+    for method in methods {
+        made.push(method.dtm(scene).map_err(|e| Error::usage(format!("scene {}: {e}", scene.entry.name)))?);
+    }
+    let truth_name = format!("{}: truth", scene.entry.name);
+    let mut candidates = vec![Candidate::coarse(COARSE, &scene.coarse)];
+    candidates.extend(methods.iter().zip(&made).map(|(method, (dtm, _))| Candidate::fine(&method.name, dtm)));
+    let comparison = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
+    let seconds = std::iter::once(None).chain(made.iter().map(|(_, seconds)| *seconds));
+    let light = scene.sun_deg.0.zip(scene.sun_deg.1);
+    let light = light.map(|(azimuth_deg, elevation_deg)| Light { image: &scene.image, azimuth_deg, elevation_deg });
+    let judged = comparison.judged.iter().zip(seconds).map(|(judged, seconds)| {
+        Ok(MethodScores {
+            method: judged.name.clone(),
+            heights: judged.scores,
+            relief: relief(&comparison, judged, &scene.truth, scene.high_pass_m, light)?,
+            seconds,
+        })
+    });
+    let judged = judged.collect::<Result<Vec<_>>>()?;
+    let entry = &scene.entry;
+    let result = SceneResult {
+        name: entry.name.clone(),
+        kind: entry.kind.clone(),
+        remarks: entry.remarks.clone(),
+        weak_truth: entry.weak_truth,
+        shape: (scene.truth.rows, scene.truth.cols),
+        pixel_m: scene.pixel_m,
+        coarse_m: scene.coarse_m,
+        high_pass_m: scene.high_pass_m,
+        sun_deg: scene.sun_deg,
+        pixels: (comparison.common_pixels, comparison.truth_pixels),
+        judged,
+        pictures: vec![],
+    };
+    Ok(JudgedScene { result, comparison })
+}
+
+/// One scene of a ground: its name, truth, high-pass wavelength and pixel, and the DTMs of all methods.
+pub struct Seen {
+    /// Name of the scene.
+    pub name: String,
+    /// True DTM.
+    pub truth: Raster,
+    /// Where long and short waves part, metres.
+    pub high_pass_m: f64,
+    /// Method and DTM on the truth's grid.
+    pub dtms: Vec<(String, Raster)>,
+}
+
+/// Compares the DTMs of a ground under two Suns (Fig. 14), method by method; the coarse DTM, which knows no Sun, is left out.
+///
+/// # Errors
+/// [`Error::Usage`] if the two scenes are not of one grid.
+pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
+    if (a.truth.rows, a.truth.cols, &a.truth.georef) != (b.truth.rows, b.truth.cols, &b.truth.georef) {
+        let what = format!("expected {} and {} on one grid", a.name, b.name);
+        return Err(Error::usage(format!("ground {ground}: {what}, found two")));
+    }
+    let pixel_m = a.truth.pixel_m().ok_or_else(|| Error::usage(format!("ground {ground}: pixel size unknown")))?;
+    let rms = |x: &[f32], y: &[f32]| -> Result<HeightErrors> {
+        let mut errors = HeightErrors::default();
+        errors.extend(x, y, None).map_err(|e| Error::usage(format!("ground {ground}: {e}")))?;
+        Ok(errors)
+    };
+    let pairs = a.dtms.iter().filter(|(name, _)| name != COARSE);
+    pairs
+        .map(|(method, first)| {
+            let second = b.dtms.iter().find(|(name, _)| name == method).map(|(_, dtm)| dtm);
+            let second =
+                second.ok_or_else(|| Error::usage(format!("{}: expected a DTM of {method}, found none", b.name)))?;
+            let mut both = rms(&a.truth.samples, &first.samples)?;
+            both.merge(&rms(&a.truth.samples, &second.samples)?);
+            let none = || Error::usage(format!("ground {ground}: expected pixels common to both DTMs, found none"));
+            let short = |map: &Raster| high_pass(map, a.high_pass_m, pixel_m);
+            let (short_a, short_b, short_truth) = (short(first), short(second), short(&a.truth));
+            let mut fine = rms(&short_truth, &short_a)?;
+            fine.merge(&rms(&short_truth, &short_b)?);
+            Ok(CrossResult {
+                ground: ground.into(),
+                method: method.clone(),
+                scenes: (a.name.clone(), b.name.clone()),
+                difference_m: rms(&first.samples, &second.samples)?.rmse_m().ok_or_else(none)?,
+                rmse_m: both.rmse_m().ok_or_else(none)?,
+                high_pass_m: (rms(&short_a, &short_b)?.rmse_m(), fine.rmse_m()),
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::{Crs, GeoRef};
+
+    fn raster(height: impl Fn(usize) -> f32) -> Raster {
+        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        Raster { rows: 90, cols: 100, samples: (0..9000).map(height).collect(), georef: Some(georef) }
+    }
+
+    fn seen(name: &str, dtm: Raster) -> Seen {
+        let truth = raster(|i| (i % 100) as f32);
+        Seen {
+            name: name.into(),
+            truth,
+            high_pass_m: 60.0,
+            dtms: vec![(COARSE.into(), raster(|_| 0.0)), ("net".into(), dtm)],
+        }
+    }
+
+    #[test]
+    fn errors_of_both_suns_and_their_difference() {
+        let truth = |i: usize| (i % 100) as f32;
+        // The same error under both Suns, and opposite ones.
+        let same = cross("g", &seen("a", raster(|i| truth(i) + 2.0)), &seen("b", raster(|i| truth(i) + 2.0))).unwrap();
+        assert_eq!((same.len(), same[0].ratio(), same[0].rmse_m), (1, 0.0, 2.0));
+        let apart = cross("g", &seen("a", raster(|i| truth(i) + 2.0)), &seen("b", raster(|i| truth(i) - 2.0))).unwrap();
+        assert_eq!(apart[0].ratio(), 2.0);
+        // An offset is no short wave; stripes are.
+        assert!(apart[0].high_pass_m.0.unwrap() < 1e-3);
+        let stripes = seen("b", raster(|i| truth(i) + 2.0 * (i % 2) as f32));
+        let striped = cross("g", &seen("a", raster(truth)), &stripes).unwrap();
+        assert!((striped[0].high_pass_m.0.unwrap() - 1.0).abs() < 0.05, "{:?}", striped[0]);
+        let mut elsewhere = seen("b", raster(truth));
+        elsewhere.truth.georef.as_mut().unwrap().transform[0] = 50.0;
+        assert!(cross("g", &seen("a", raster(truth)), &elsewhere).is_err());
+    }
+}

@@ -1,0 +1,138 @@
+//! What is judged: networks with the way their output is used, and DTMs that are there already.
+
+use super::list::is_plain;
+use super::results::MethodInfo;
+use super::scene::TestScene;
+use crate::evaluate::CoAlignment;
+use crate::illumination::KnownSun;
+use crate::model::backend::Backend;
+use crate::predict::network::Model;
+use crate::predict::{Options, Prediction, open, predict};
+use crate::raster::align::{Interpolation, Named, onto};
+use crate::raster::{Raster, source};
+use crate::{Error, Result, interrupt};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// A method by its name.
+pub struct Method {
+    /// Name in tables and file names.
+    pub name: String,
+    /// Model with hash, or folder.
+    pub description: String,
+    /// Where its DTMs come from.
+    pub source: DtmSource,
+}
+
+/// Where DTMs come from.
+pub enum DtmSource {
+    /// A network.
+    Network {
+        /// The network.
+        model: Box<dyn Model>,
+        /// How it is used.
+        usage: Usage,
+    },
+    /// Files `SCENE.tif` or `SCENE_dtm.tif` of a folder.
+    Folder(PathBuf),
+}
+
+/// How a network is used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Usage {
+    /// Whether every tile keeps the coarse DTM's low frequencies ([`Options::anchor`]).
+    pub anchor: bool,
+    /// What happens to the finished DTM.
+    pub co_alignment: CoAlignment,
+    /// Whether it is told where the Sun stands; else that is estimated.
+    pub tell_sun: bool,
+    /// Threads; 0 takes as many as the machine offers.
+    pub threads: usize,
+}
+
+impl Default for Usage {
+    fn default() -> Self {
+        Self { anchor: true, co_alignment: CoAlignment::None, tell_sun: true, threads: 0 }
+    }
+}
+
+impl Method {
+    /// A network from a file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or the name cannot be part of a file's name.
+    pub fn network(name: &str, path: &Path, usage: Usage) -> Result<Self> {
+        check(name)?;
+        let model = open(path, Backend::Flex)?;
+        Ok(Self { name: name.into(), description: model.description(), source: DtmSource::Network { model, usage } })
+    }
+
+    /// DTMs of another program, `SCENE.tif` or `SCENE_dtm.tif` each.
+    ///
+    /// # Errors
+    /// If the folder is not there, or the name cannot be part of a file's name.
+    pub fn folder(name: &str, path: &Path) -> Result<Self> {
+        check(name)?;
+        if !path.is_dir() {
+            return Err(Error::usage(format!("{}: expected a folder of DTMs, found none", path.display())));
+        }
+        let description = format!("DTMs of {}", path.display());
+        Ok(Self { name: name.into(), description, source: DtmSource::Folder(path.into()) })
+    }
+
+    /// The DTM of a scene on the truth's grid, and the seconds it took.
+    ///
+    /// # Errors
+    /// From predicting or reading; if the folder lacks the scene.
+    pub fn dtm(&self, scene: &TestScene) -> Result<(Raster, Option<f64>)> {
+        let truth_name = format!("{}: truth", scene.entry.name);
+        let truth = Named::new(&truth_name, &scene.truth);
+        match &self.source {
+            DtmSource::Folder(folder) => {
+                let path = ["", "_dtm"].map(|end| folder.join(format!("{}{end}.tif", scene.entry.name)));
+                let path = path.iter().find(|path| path.exists()).ok_or_else(|| {
+                    Error::usage(format!("{}: expected {}, found no such file", self.name, path[0].display()))
+                })?;
+                let dtm = source::read(path)?;
+                Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
+            }
+            DtmSource::Network { model, usage } => {
+                let overlap_px = Options::overlap_for(model.tile());
+                let (azimuth_deg, elevation_deg) = if usage.tell_sun { scene.sun_deg } else { (None, None) };
+                let sun = KnownSun { azimuth_deg, elevation_deg };
+                let Usage { anchor, threads, .. } = *usage;
+                let options = Options { overlap_px, anchor, threads, sun, ..Options::default() };
+                let start = Instant::now();
+                let progress =
+                    |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+                let Prediction { dtm, .. } = predict(&scene.input, model.as_ref(), &options, &mut { progress })?;
+                let seconds = start.elapsed().as_secs_f64();
+                let image_m = dtm.pixel_m().unwrap_or(scene.pixel_m);
+                let aligned = match usage.co_alignment {
+                    CoAlignment::None => dtm,
+                    how => how.apply(&dtm, &scene.input.coarse_raster()?, image_m, scene.coarse_m)?,
+                };
+                Ok((onto(Named::new(&self.name, &aligned), truth, Interpolation::Bilinear)?, Some(seconds)))
+            }
+        }
+    }
+
+    /// What results keep of it.
+    #[must_use]
+    pub fn info(&self) -> MethodInfo {
+        let (anchor, co_alignment, sun_told) = match &self.source {
+            DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment, usage.tell_sun),
+            DtmSource::Folder(_) => (false, CoAlignment::None, false),
+        };
+        let Self { name, description, .. } = self;
+        MethodInfo { name: name.clone(), description: description.clone(), anchor, co_alignment, sun_told }
+    }
+}
+
+fn check(name: &str) -> Result<()> {
+    if is_plain(name) {
+        return Ok(());
+    }
+    Err(Error::usage(format!("method {name:?}: expected a name of letters, digits, '-', '_' and '.'")))
+}

@@ -1,0 +1,131 @@
+//! Test suites: models and other programs' DTMs on scenes with a truth, beside the coarse DTM, on the same pixels.
+//!
+//! A [`list`] says which scenes; [`scene`] makes or reads them; a [`method`] makes the DTMs; [`judge`] compares; [`summary`] and
+//! [`tables`] sum up, [`pictures`] shows; [`results`] is what is kept. [`run`] does all of it.
+
+pub mod judge;
+pub mod list;
+pub mod method;
+pub mod pictures;
+pub mod results;
+pub mod scene;
+pub mod summary;
+pub mod tables;
+
+use crate::raster::atomic_write;
+use crate::raster::geotiff::{WriteOptions, write};
+use crate::{Error, Result};
+use judge::Seen;
+use list::List;
+use method::Method;
+use results::{COARSE, MethodInfo, Results};
+use scene::TestScene;
+use std::path::Path;
+
+/// Folder of the scenes' files in a suite's.
+pub const SCENES: &str = "scenes";
+/// Folder of the DTMs; one folder per method in it.
+pub const DTMS: &str = "dtm";
+
+/// Judges `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. `progress` hears the
+/// name of every scene before its turn.
+///
+/// # Errors
+/// If two methods share a name; from making scenes, predicting and writing. Results are written last.
+pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut(&str)) -> Result<Results> {
+    for (k, method) in methods.iter().enumerate() {
+        if methods[..k].iter().any(|other| other.name == method.name) {
+            return Err(Error::usage(format!("{}: expected methods of different names, found it twice", method.name)));
+        }
+        let folder = out.join(DTMS).join(&method.name);
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    }
+    for folder in [SCENES, pictures::PICTURES].map(|name| out.join(name)) {
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    }
+    let mut results = empty(list, methods);
+    let mut grounds: Vec<(String, Vec<Seen>)> = vec![];
+    for entry in &list.scene {
+        progress(&entry.name);
+        let scene = TestScene::make(entry)?;
+        scene.write(&out.join(SCENES))?;
+        let judged = judge::judge(&scene, methods)?;
+        for (method, found) in methods.iter().zip(&judged.comparison.judged[1..]) {
+            let path = out.join(DTMS).join(&method.name).join(format!("{}.tif", entry.name));
+            write(
+                &path,
+                &found.placed,
+                &WriteOptions::heights(format!("DTM of a test scene: {}", method.description)),
+            )?;
+        }
+        let mut result = judged.result;
+        result.pictures = pictures::scene(out, &scene, &judged.comparison)?;
+        results.scenes.push(result);
+        if let Some(ground) = &entry.ground {
+            let dtms = judged.comparison.judged.into_iter().map(|j| (j.name, j.placed)).collect();
+            let seen = Seen { name: entry.name.clone(), truth: scene.truth, high_pass_m: scene.high_pass_m, dtms };
+            match grounds.iter_mut().find(|(name, _)| name == ground) {
+                Some((_, all)) => all.push(seen),
+                None => grounds.push((ground.clone(), vec![seen])),
+            }
+        }
+    }
+    for (ground, seen) in &grounds {
+        let pairs = (0..seen.len()).flat_map(|i| (i + 1..seen.len()).map(move |j| (i, j)));
+        for (i, j) in pairs {
+            let found = judge::cross(ground, &seen[i], &seen[j])?;
+            if !found.is_empty() {
+                let picture = pictures::cross(out, ground, &seen[i], &seen[j])?;
+                let scene = results.scenes.iter_mut().find(|scene| scene.name == seen[j].name);
+                scene.into_iter().for_each(|scene| scene.pictures.push(picture.clone()));
+            }
+            results.cross.extend(found);
+        }
+    }
+    for (file, text) in [
+        ("tables.md", tables::markdown(&results)),
+        ("scenes.csv", tables::scenes(&results).csv()),
+        ("sums.csv", tables::sums(&results).csv()),
+        ("cross.csv", tables::cross(&results).csv()),
+    ] {
+        atomic_write(&out.join(file), text.as_bytes())?;
+    }
+    results.write(out)?;
+    Ok(results)
+}
+
+/// Writes the scenes' files, and a table of them for other programs to go through: name and the Sun's direction, degrees.
+///
+/// # Errors
+/// From making scenes and writing.
+pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
+    let folder = out.join(SCENES);
+    std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
+    let mut table = String::from("name,sun_azimuth_deg,sun_elevation_deg\n");
+    for entry in &list.scene {
+        let scene = TestScene::make(entry)?;
+        scene.write(&folder)?;
+        let angle = |deg: Option<f64>| deg.map_or_else(String::new, |deg| format!("{deg:.3}"));
+        table += &format!("{},{},{}\n", entry.name, angle(scene.sun_deg.0), angle(scene.sun_deg.1));
+    }
+    atomic_write(&folder.join("scenes.csv"), table.as_bytes())
+}
+
+fn empty(list: &List, methods: &[Method]) -> Results {
+    let coarse = MethodInfo {
+        name: COARSE.into(),
+        description: "coarse DTM, interpolated bicubically".into(),
+        anchor: false,
+        co_alignment: Default::default(),
+        sun_told: false,
+    };
+    Results {
+        software: concat!("host-train ", env!("CARGO_PKG_VERSION")).into(),
+        suite: list.name.clone(),
+        about: list.about.clone(),
+        list_sha256: list.sha256(),
+        methods: std::iter::once(coarse).chain(methods.iter().map(Method::info)).collect(),
+        scenes: vec![],
+        cross: vec![],
+    }
+}

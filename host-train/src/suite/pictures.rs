@@ -1,0 +1,65 @@
+//! A scene's views on two sheets: hillshades, and errors. A ground's two DTMs and their difference on a third.
+
+use super::judge::Seen;
+use super::results::COARSE;
+use super::scene::TestScene;
+use crate::evaluate::Comparison;
+use crate::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
+use crate::raster::Raster;
+use crate::{Error, Result};
+use elunar_core::terrain::PixelSize;
+use std::path::Path;
+
+/// Folder of the pictures in a suite's.
+pub const PICTURES: &str = "pictures";
+/// Width of a panel, pixels, and panels side by side.
+const PANEL: (u32, usize) = (320, 4);
+
+/// Draws a scene; returns file (relative to `out`) and caption of every sheet.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<Vec<(String, String)>> {
+    let name = &scene.entry.name;
+    let pixel = comparison.pixel;
+    let shade = |map: &Raster| hillshade(&map.samples, map.rows, map.cols, pixel);
+    let mut views = vec![
+        Panel::new("image", stretch(&scene.image.samples, scene.image.rows, scene.image.cols)?),
+        Panel::new("truth", shade(&scene.truth)?),
+    ];
+    let mut errors = vec![];
+    for judged in &comparison.judged {
+        views.push(Panel::new(&judged.name, shade(&judged.placed)?));
+        let rmse = format!("{}: RMSE {:.2} m", judged.name, judged.scores.rmse_m);
+        errors.push(Panel::new(rmse, error_map(&judged.error_m.samples, judged.error_m.rows, judged.error_m.cols)?));
+    }
+    let mut made = vec![];
+    for (what, panels, caption) in
+        [("relief", &views, "image, truth and DTMs, lit from the north-west"), ("errors", &errors, "DTM minus truth")]
+    {
+        let file = format!("{PICTURES}/{name}_{what}.png");
+        write_png(&out.join(&file), sheet(panels, PANEL.1, PANEL.0))?;
+        made.push((file, format!("{name}: {caption}")));
+    }
+    Ok(made)
+}
+
+/// Draws both DTMs of a ground under two Suns, and their difference, a row per method.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn cross(out: &Path, ground: &str, a: &Seen, b: &Seen) -> Result<(String, String)> {
+    let mut panels = vec![];
+    for ((method, first), (_, second)) in a.dtms.iter().zip(&b.dtms).filter(|((name, _), _)| name != COARSE) {
+        let unknown = || Error::usage(format!("ground {ground}: pixel size in metres unknown"));
+        let (row_m, col_m) = first.pixel_m().ok_or_else(unknown)?;
+        let shade = |map: &Raster| hillshade(&map.samples, map.rows, map.cols, PixelSize { row_m, col_m });
+        let difference: Vec<f32> = first.samples.iter().zip(&second.samples).map(|(a, b)| a - b).collect();
+        panels.push(Panel::new(format!("{method} from {}", a.name), shade(first)?));
+        panels.push(Panel::new(format!("{method} from {}", b.name), shade(second)?));
+        panels.push(Panel::new("difference", error_map(&difference, first.rows, first.cols)?));
+    }
+    let file = format!("{PICTURES}/ground_{ground}_{}_{}.png", a.name, b.name);
+    write_png(&out.join(&file), sheet(&panels, 3, PANEL.0))?;
+    Ok((file, format!("{ground} under two Suns: DTMs from {} and {}, and their difference", a.name, b.name)))
+}

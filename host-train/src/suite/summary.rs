@@ -1,0 +1,207 @@
+//! Sums over the scenes of a kind, and over all.
+
+use super::results::{COARSE, MethodScores, Results};
+use serde::Serialize;
+
+/// What all scenes together are called.
+pub const ALL: &str = "all";
+
+/// A method over several scenes; means are over scenes, each with the same weight.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Kind of the scenes, or [`ALL`].
+    pub kind: String,
+    /// The method.
+    pub method: String,
+    /// Scenes.
+    pub scenes: usize,
+    /// Root of the mean square of the scenes' height RMSE, metres.
+    pub rmse_m: f64,
+    /// The same over the coarse DTM's.
+    pub rmse_ratio: f64,
+    /// Mean of the scenes' MAE, metres.
+    pub mae_m: f64,
+    /// Means of the shares, in [0, 1], of |error| below 2, 4 and 10 m.
+    pub share_within: [f64; 3],
+    /// Mean slope error, degrees.
+    pub slope_mae_deg: f64,
+    /// Mean length of the slope's error, metres per metre; `None` here and below if a scene lacks the figure.
+    pub slope_vector_error: Option<f64>,
+    /// The same over the coarse DTM's.
+    pub slope_vector_ratio: Option<f64>,
+    /// Mean correlation of short waves with the truth's.
+    pub high_pass_correlation: Option<f64>,
+    /// Root of the mean square of the long waves' error, metres.
+    pub low_pass_rmse_m: Option<f64>,
+    /// Root of the mean square of the short waves' error, metres.
+    pub high_pass_rmse_m: Option<f64>,
+    /// Mean slope-vector error on bright and on shaded ground, metres per metre.
+    pub sides: Option<(f64, f64)>,
+    /// Mean correlation of hillshade and image.
+    pub shading_correlation: Option<f64>,
+    /// Seconds in all.
+    pub seconds: Option<f64>,
+}
+
+/// Every method over every kind of scene, then over all; scenes of weak truth are left out.
+#[must_use]
+pub fn summaries(results: &Results) -> Vec<Summary> {
+    let scenes: Vec<_> = results.scenes.iter().filter(|scene| !scene.weak_truth).collect();
+    let mut kinds: Vec<&str> = vec![];
+    for scene in &scenes {
+        if !kinds.contains(&scene.kind.as_str()) {
+            kinds.push(&scene.kind);
+        }
+    }
+    if kinds.len() != 1 {
+        kinds.push(ALL);
+    }
+    let mut found = vec![];
+    for kind in kinds {
+        let of_kind = |method: &str| -> Vec<MethodScores> {
+            let scenes = scenes.iter().filter(|scene| kind == ALL || scene.kind == kind);
+            scenes.flat_map(|scene| scene.judged.iter().filter(|judged| judged.method == method)).cloned().collect()
+        };
+        let coarse = of_kind(COARSE);
+        for method in &results.methods {
+            let judged = of_kind(&method.name);
+            if !judged.is_empty() {
+                found.push(summary(kind, &method.name, &judged, &coarse));
+            }
+        }
+    }
+    found
+}
+
+fn summary(kind: &str, method: &str, judged: &[MethodScores], coarse: &[MethodScores]) -> Summary {
+    let rms = |of: &[MethodScores]| mean(of, |j| j.heights.rmse_m.powi(2)).sqrt();
+    let slope = |of: &[MethodScores]| known(of, |j| j.relief.slope_vector_error);
+    let bright = known(judged, |j| j.relief.bright.map(|side| side.slope_vector_error));
+    let shaded = known(judged, |j| j.relief.shaded.map(|side| side.slope_vector_error));
+    let count = judged.len() as f64;
+    Summary {
+        kind: kind.into(),
+        method: method.into(),
+        scenes: judged.len(),
+        rmse_m: rms(judged),
+        rmse_ratio: rms(judged) / rms(coarse),
+        mae_m: mean(judged, |j| j.heights.mae_m),
+        share_within: std::array::from_fn(|k| mean(judged, |j| j.heights.share_within[k])),
+        slope_mae_deg: mean(judged, |j| j.heights.slope_mae_deg),
+        slope_vector_error: slope(judged),
+        slope_vector_ratio: slope(judged).zip(slope(coarse)).map(|(own, coarse)| own / coarse),
+        high_pass_correlation: known(judged, |j| j.relief.high_pass_correlation),
+        low_pass_rmse_m: known(judged, |j| j.relief.low_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
+        high_pass_rmse_m: known(judged, |j| j.relief.high_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
+        sides: bright.zip(shaded),
+        shading_correlation: known(judged, |j| j.relief.shading_correlation),
+        seconds: known(judged, |j| j.seconds).map(|mean| mean * count),
+    }
+}
+
+fn mean(of: &[MethodScores], figure: impl Fn(&MethodScores) -> f64) -> f64 {
+    of.iter().map(figure).sum::<f64>() / of.len() as f64
+}
+
+/// The mean, if every scene has the figure.
+fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> Option<f64> {
+    let figures: Option<Vec<f64>> = of.iter().map(figure).collect();
+    figures.filter(|f| !f.is_empty()).map(|f| f.iter().sum::<f64>() / f.len() as f64)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::evaluate::{CoAlignment, ReliefScores, Scores};
+    use crate::suite::results::{MethodInfo, SceneResult};
+
+    pub(crate) fn scores(method: &str, rmse_m: f64, slope: f64) -> MethodScores {
+        let heights = Scores {
+            pixels: 9,
+            share_within: [0.5, 0.75, 1.0],
+            mae_m: rmse_m / 2.0,
+            rmse_m,
+            bias_m: 0.0,
+            median_m: 0.0,
+            rmse_median_removed_m: rmse_m,
+            largest_m: 9.0,
+            slope_pixels: 4,
+            slope_mae_deg: 10.0 * slope,
+            slope_rmse_deg: 1.0,
+            slope_bias_deg: 0.0,
+        };
+        let relief = ReliefScores {
+            slope_vector_error: Some(slope),
+            low_pass_rmse_m: Some(1.0),
+            high_pass_rmse_m: Some(0.5),
+            high_pass_correlation: Some(0.8),
+            bright: None,
+            shaded: None,
+            shading_correlation: None,
+        };
+        MethodScores { method: method.into(), heights, relief, seconds: None }
+    }
+
+    pub(crate) fn results() -> Results {
+        let scene = |name: &str, kind: &str, weak_truth: bool, judged: Vec<MethodScores>| SceneResult {
+            name: name.into(),
+            kind: kind.into(),
+            remarks: String::new(),
+            weak_truth,
+            shape: (3, 3),
+            pixel_m: (2.0, 2.0),
+            coarse_m: 59.0,
+            high_pass_m: 60.0,
+            sun_deg: (Some(300.0), None),
+            pixels: (9, 9),
+            judged,
+            pictures: vec![],
+        };
+        let info = |name: &str| MethodInfo {
+            name: name.into(),
+            description: format!("{name}, described"),
+            anchor: false,
+            co_alignment: CoAlignment::None,
+            sun_told: true,
+        };
+        Results {
+            software: "test".into(),
+            suite: "made up".into(),
+            about: "About <it>.".into(),
+            list_sha256: String::new(),
+            methods: vec![info(COARSE), info("net")],
+            scenes: vec![
+                scene("one", "mare", false, vec![scores(COARSE, 3.0, 0.1), scores("net", 1.5, 0.06)]),
+                scene("two", "highland", false, vec![scores(COARSE, 4.0, 0.3), scores("net", 2.0, 0.10)]),
+                scene("three", "real", true, vec![scores(COARSE, 400.0, 9.0), scores("net", 900.0, 9.0)]),
+            ],
+            cross: vec![CrossResult {
+                ground: "g".into(),
+                method: "net".into(),
+                scenes: ("one".into(), "two".into()),
+                difference_m: 1.0,
+                rmse_m: 2.0,
+                high_pass_m: (Some(0.2), None),
+            }],
+        }
+    }
+
+    use crate::suite::results::CrossResult;
+
+    #[test]
+    fn kinds_are_summed_apart_and_weak_truths_left_out() {
+        let found = summaries(&results());
+        let kinds: Vec<(&str, &str)> = found.iter().map(|s| (s.kind.as_str(), s.method.as_str())).collect();
+        assert_eq!(
+            kinds,
+            [("mare", COARSE), ("mare", "net"), ("highland", COARSE), ("highland", "net"), (ALL, COARSE), (ALL, "net")]
+        );
+        let all = &found[5];
+        assert!(
+            (all.rmse_m - ((1.5f64.powi(2) + 4.0) / 2.0).sqrt()).abs() < 1e-12 && (all.rmse_ratio - 0.5).abs() < 1e-12
+        );
+        assert!((all.slope_vector_ratio.unwrap() - 0.16 / 0.4).abs() < 1e-12);
+        assert_eq!((all.scenes, all.sides, all.high_pass_rmse_m), (2, None, Some(0.5)));
+        assert_eq!(found[0].rmse_ratio, 1.0);
+    }
+}

@@ -1,0 +1,242 @@
+//! The figures as tables: Markdown to read, CSV to compute with. One definition of every column serves both, and the report.
+
+use super::results::{MethodScores, Results};
+use super::summary::{Summary, summaries};
+
+/// A table of text: heading and rows of the same length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// What the columns are, with units.
+    pub heading: Vec<String>,
+    /// The rows.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// A figure with so many digits; a dash where there is none.
+fn digits(value: Option<f64>, digits: usize) -> String {
+    value.filter(|v| v.is_finite()).map_or_else(|| "–".into(), |v| format!("{v:.digits$}"))
+}
+
+fn heading(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_string()).collect()
+}
+
+/// Every method on every scene: the paper's Table VI, and the relief.
+#[must_use]
+pub fn scenes(results: &Results) -> Table {
+    let names = [
+        "scene",
+        "method",
+        "|e|<2 m, %",
+        "|e|<4 m, %",
+        "|e|<10 m, %",
+        "MAE, m",
+        "RMSE, m",
+        "RMSE / coarse",
+        "slope MAE, °",
+        "slope vector error",
+        "its ratio to coarse",
+        "RMSE long waves, m",
+        "RMSE short waves, m",
+        "correlation short waves",
+        "slope vector error, bright",
+        "slope vector error, shaded",
+        "hillshade–image correlation",
+        "time, s",
+    ];
+    let mut rows = vec![];
+    for scene in &results.scenes {
+        let coarse = scene.judged.first();
+        rows.extend(scene.judged.iter().map(|judged| [vec![scene.name.clone()], scene_row(judged, coarse)].concat()));
+    }
+    Table { heading: heading(&names), rows }
+}
+
+fn scene_row(judged: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
+    let (heights, relief) = (&judged.heights, &judged.relief);
+    let percent = |k: usize| digits(Some(100.0 * heights.share_within[k]), 1);
+    let slope_ratio =
+        relief.slope_vector_error.zip(coarse.and_then(|c| c.relief.slope_vector_error)).map(|(a, b)| a / b);
+    vec![
+        judged.method.clone(),
+        percent(0),
+        percent(1),
+        percent(2),
+        digits(Some(heights.mae_m), 2),
+        digits(Some(heights.rmse_m), 2),
+        digits(coarse.map(|c| heights.rmse_m / c.heights.rmse_m), 3),
+        digits(Some(heights.slope_mae_deg), 2),
+        digits(relief.slope_vector_error, 4),
+        digits(slope_ratio, 3),
+        digits(relief.low_pass_rmse_m, 2),
+        digits(relief.high_pass_rmse_m, 3),
+        digits(relief.high_pass_correlation, 3),
+        digits(relief.bright.map(|side| side.slope_vector_error), 4),
+        digits(relief.shaded.map(|side| side.slope_vector_error), 4),
+        digits(relief.shading_correlation, 3),
+        digits(judged.seconds, 1),
+    ]
+}
+
+/// Every method over every kind of scene, and over all.
+#[must_use]
+pub fn sums(results: &Results) -> Table {
+    let names = [
+        "scenes",
+        "method",
+        "number",
+        "|e|<2 m, %",
+        "|e|<4 m, %",
+        "|e|<10 m, %",
+        "MAE, m",
+        "RMSE, m",
+        "RMSE / coarse",
+        "slope MAE, °",
+        "slope vector error",
+        "its ratio to coarse",
+        "RMSE long waves, m",
+        "RMSE short waves, m",
+        "correlation short waves",
+        "slope vector error, bright",
+        "slope vector error, shaded",
+        "hillshade–image correlation",
+        "time, s",
+    ];
+    Table { heading: heading(&names), rows: summaries(results).iter().map(sum_row).collect() }
+}
+
+fn sum_row(sum: &Summary) -> Vec<String> {
+    let percent = |k: usize| digits(Some(100.0 * sum.share_within[k]), 1);
+    vec![
+        sum.kind.clone(),
+        sum.method.clone(),
+        sum.scenes.to_string(),
+        percent(0),
+        percent(1),
+        percent(2),
+        digits(Some(sum.mae_m), 2),
+        digits(Some(sum.rmse_m), 2),
+        digits(Some(sum.rmse_ratio), 3),
+        digits(Some(sum.slope_mae_deg), 2),
+        digits(sum.slope_vector_error, 4),
+        digits(sum.slope_vector_ratio, 3),
+        digits(sum.low_pass_rmse_m, 2),
+        digits(sum.high_pass_rmse_m, 3),
+        digits(sum.high_pass_correlation, 3),
+        digits(sum.sides.map(|sides| sides.0), 4),
+        digits(sum.sides.map(|sides| sides.1), 4),
+        digits(sum.shading_correlation, 3),
+        digits(sum.seconds, 1),
+    ]
+}
+
+/// Grounds under two Suns (Fig. 14); no rows without any.
+#[must_use]
+pub fn cross(results: &Results) -> Table {
+    let names = [
+        "ground",
+        "method",
+        "scenes",
+        "difference of the two DTMs, m",
+        "RMSE of both, m",
+        "ratio",
+        "difference of short waves, m",
+        "error of short waves, m",
+    ];
+    let row = |found: &super::results::CrossResult| {
+        vec![
+            found.ground.clone(),
+            found.method.clone(),
+            format!("{}, {}", found.scenes.0, found.scenes.1),
+            digits(Some(found.difference_m), 3),
+            digits(Some(found.rmse_m), 3),
+            digits(Some(found.ratio()), 3),
+            digits(found.high_pass_m.0, 3),
+            digits(found.high_pass_m.1, 3),
+        ]
+    };
+    Table { heading: heading(&names), rows: results.cross.iter().map(row).collect() }
+}
+
+impl Table {
+    /// As Markdown; empty without rows.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        if self.rows.is_empty() {
+            return String::new();
+        }
+        let line = |cells: &[String]| {
+            let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+            format!("| {} |\n", cells.join(" | "))
+        };
+        let rule = format!("|{}\n", "---|".repeat(self.heading.len()));
+        let rows: String = self.rows.iter().map(|row| line(row)).collect();
+        format!("{}{rule}{rows}", line(&self.heading))
+    }
+
+    /// As CSV; a dash becomes an empty cell.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let cell = |text: &String| match text.as_str() {
+            "–" => String::new(),
+            text if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
+            text => text.into(),
+        };
+        let line = |cells: &Vec<String>| cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
+        std::iter::once(&self.heading).chain(&self.rows).map(line).collect()
+    }
+}
+
+/// The whole suite in Markdown.
+#[must_use]
+pub fn markdown(results: &Results) -> String {
+    let methods: String = results
+        .methods
+        .iter()
+        .map(|m| format!("- {}: {}{}\n", m.name, m.description, if m.anchor { "; anchored" } else { "" }))
+        .collect();
+    let remarks: String = results
+        .scenes
+        .iter()
+        .filter(|scene| !scene.remarks.is_empty())
+        .map(|scene| format!("- {}: {}\n", scene.name, scene.remarks))
+        .collect();
+    let cross = cross(results).markdown();
+    let cross = if cross.is_empty() { cross } else { format!("\n## The same ground under two Suns\n\n{cross}") };
+    format!(
+        "# Suite {}\n\n{}\n\n{methods}\n## Sums\n\n{}\n## Scenes\n\n{}{cross}\n{remarks}",
+        results.suite,
+        results.about.trim(),
+        sums(results).markdown(),
+        scenes(results).markdown()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::tests::results;
+    use super::*;
+
+    #[test]
+    fn headings_fit_their_rows_and_figures_are_there() {
+        let results = results();
+        for table in [scenes(&results), sums(&results), cross(&results)] {
+            assert!(!table.rows.is_empty());
+            assert!(table.rows.iter().all(|row| row.len() == table.heading.len()), "{table:?}");
+        }
+        let text = markdown(&results);
+        assert!(text.contains("| one | net | 50.0 | 75.0 | 100.0 | 0.75 | 1.50 | 0.500 |"), "{text}");
+        assert!(text.contains("| g | net | one, two | 1.000 | 2.000 | 0.500 | 0.200 | – |"), "{text}");
+        assert!(text.contains("\\|e\\|<2 m"));
+    }
+
+    #[test]
+    fn csv_quotes_what_it_must() {
+        let csv = scenes(&results()).csv();
+        let mut lines = csv.lines();
+        assert!(lines.next().unwrap().contains("\"|e|<2 m, %\""));
+        let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
+        let first = cells(lines.next().unwrap());
+        assert_eq!((first[0].as_str(), first[6].as_str(), first[17].as_str()), ("one", "3.00", ""));
+    }
+}

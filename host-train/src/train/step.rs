@@ -1,0 +1,94 @@
+//! One optimiser step: forward, loss, backward, AdamW.
+
+use super::checkpoint::Checkpoint;
+use super::journal::StepRecord;
+use super::loss::terms;
+use super::recipe::Recipe;
+use crate::model::config::NetConfig;
+use crate::model::elunar::ELunarDtmNet;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::{Error, Result};
+use burn::grad_clipping::GradientClippingConfig;
+use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
+use burn::tensor::{Device, Tensor, TensorData};
+use std::path::Path;
+
+/// A network and its optimiser on a device with automatic differentiation.
+pub struct Trainer {
+    /// Where both are.
+    pub device: Device,
+    /// The network.
+    pub net: ELunarDtmNet,
+    /// AdamW and its moments.
+    pub optimiser: ModuleOptimizer,
+}
+
+impl Trainer {
+    /// A network with these weights, named `path` in messages, and a fresh optimiser on `device`, where `recipe` wants gradients
+    /// to be computed.
+    ///
+    /// # Errors
+    /// If the weights do not fit the configuration.
+    pub fn new(config: &NetConfig, recipe: &Recipe, weights: &Weights, path: &Path, device: Device) -> Result<Self> {
+        let device = device.autodiff();
+        let device = if recipe.checkpointing { device.gradient_checkpointing() } else { device };
+        let optimiser = AdamWConfig::new()
+            .with_weight_decay(recipe.weight_decay)
+            .with_epsilon(1e-8)
+            .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
+            .init();
+        let net = store::load(config, weights, path, &device)?;
+        Ok(Self { device, net, optimiser })
+    }
+
+    /// Goes on with a checkpoint's moments.
+    ///
+    /// # Errors
+    /// If Burn cannot read its record.
+    pub fn restore(&mut self, saved: &Checkpoint) -> Result<()> {
+        self.optimiser = saved.restore(self.optimiser.clone())?;
+        Ok(())
+    }
+
+    /// Image, coarse DTM and truth, each `[B, maps, H, W]` with as many maps as the numbers make, as tensors on the device.
+    ///
+    /// # Panics
+    /// If they make no whole number of maps.
+    pub fn tensors(&self, maps: [Vec<f32>; 3], [batch, rows, cols]: [usize; 3]) -> [Tensor<4>; 3] {
+        maps.map(|map| {
+            let channels = map.len() / (batch * rows * cols);
+            Tensor::from_data(TensorData::new(map, [batch, channels, rows, cols]), &self.device)
+        })
+    }
+
+    /// Step `step` (from 0) of `recipe` on micro-batches of image, coarse DTM and truth, each `[B, maps, H, W]`. Gradients and figures
+    /// are means over the micro-batches; batch normalisation sees one at a time.
+    ///
+    /// # Errors
+    /// If the loss is not finite; nothing has been learnt then.
+    pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<[Tensor<4>; 3]>) -> Result<StepRecord> {
+        let learning_rate = recipe.learning_rate_at(step);
+        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
+        let share = 1.0 / batches.len() as f64;
+        let mut gradients = GradientsAccumulator::new();
+        for [image, coarse, truth] in batches {
+            let prediction = self.net.forward(image, coarse);
+            let terms = terms(truth, prediction, recipe.elevation);
+            let total = recipe.weights_at(step).total(&terms);
+            let number = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
+            loss += number(&total);
+            elevation += number(&terms.elevation);
+            gradient += number(&terms.gradient);
+            normal += number(&terms.normal);
+            if !loss.is_finite() {
+                let what = "expected a finite loss; lower the learning rate or look at the data";
+                return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
+            }
+            let total = if share < 1.0 { total.mul_scalar(share) } else { total };
+            gradients.accumulate(&self.net, GradientsParams::from_grads(total.backward(), &self.net));
+        }
+        self.net = self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
+        Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
+    }
+}

@@ -1,0 +1,59 @@
+//! Test suites from the command line: shipped model and other DTMs, tables, a page.
+
+mod support;
+
+use host_train::raster::source;
+use support::Shell;
+
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.eld");
+const LIST: &str = "name = 'small'\n[[scene]]\nname = 'a'\nkind = 'mare'\n\
+    synth = { seed = 600000, options = { kind = 'mare', rows = 96, cols = 128, sun_azimuth_deg = [300, 300], sun_elevation_deg = [30, 30] } }\n";
+
+#[test]
+fn a_model_and_another_programs_dtms_end_in_tables_and_on_a_page() {
+    let shell = Shell::new();
+    std::fs::write(shell.path("list.toml"), LIST).unwrap();
+    let said = shell.made(&["suite", "--suite", "list.toml", "--out", "out", "--scenes-only"]);
+    assert!(said.contains("1 scenes"), "{said}");
+    let table = std::fs::read_to_string(shell.path("out/scenes/scenes.csv")).unwrap();
+    assert_eq!(table, "name,sun_azimuth_deg,sun_elevation_deg\na,300.000,30.000\n");
+
+    // The other program knows the truth.
+    std::fs::create_dir(shell.path("known")).unwrap();
+    let against = ["suite", "--suite", "list.toml", "--out", "out", "--model", MODEL, "--against", "oracle=known"];
+    let refused = shell.refused(&against);
+    assert!(refused.contains("known/a.tif"), "{refused}");
+    std::fs::copy(shell.path("out/scenes/a_truth.tif"), shell.path("known/a_dtm.tif")).unwrap();
+    let said = shell.made(&against);
+    for name in ["coarse DTM", "nano.eld", "oracle"] {
+        assert!(said.contains(&format!("| mare | {name} | 1 |")), "{said}");
+    }
+    let rows = std::fs::read_to_string(shell.path("out/sums.csv")).unwrap();
+    let rmse = |name: &str| {
+        let row = rows.lines().find(|row| row.contains(name)).unwrap();
+        row.split(',').nth(7).unwrap().parse::<f64>().unwrap()
+    };
+    assert!(rmse("oracle") == 0.0 && rmse("nano.eld") < 1.02 * rmse("coarse DTM") && rmse("nano.eld") > 0.1, "{rows}");
+    let dtm = source::read(&shell.path("out/dtm/nano.eld/a.tif")).unwrap();
+    assert_eq!((dtm.rows, dtm.cols, dtm.valid_count()), (96, 128, 96 * 128));
+
+    shell.made(&["report", "out", "-o", "page.html"]);
+    let page = std::fs::read_to_string(shell.path("page.html")).unwrap();
+    assert!(page.matches("data:image/png").count() == 2 && page.contains("oracle"));
+}
+
+#[test]
+fn mistakes_are_named() {
+    let shell = Shell::new();
+    std::fs::write(shell.path("list.toml"), LIST.replace("kind = 'mare'\n", "sort = 'mare'\n")).unwrap();
+    let refused = shell.refused(&["suite", "--suite", "list.toml", "--out", "out"]);
+    assert!(refused.contains("list.toml") && refused.contains("line 4") && refused.contains("sort"), "{refused}");
+    std::fs::write(shell.path("x.toml"), "name = 'x'\nanswers = '?'\npreset = 'nano'\n[recipe]\nstep = 3\n").unwrap();
+    let refused = shell.refused(&["experiment", "x.toml", "--out", "out"]);
+    assert!(refused.contains("x.toml") && refused.contains("line 5: unknown key recipe.step"), "{refused}");
+    let refused = shell.refused(&["report", ".", "-o", "page.html"]);
+    assert!(refused.contains("found none") && !shell.path("page.html").exists(), "{refused}");
+    let refused = shell.refused(&["suite", "--out", "out", "--against", "known"]);
+    assert!(refused.contains("NAME=DIR"), "{refused}");
+    assert!(!shell.path("out").exists(), "nothing half made");
+}
