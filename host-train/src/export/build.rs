@@ -173,7 +173,7 @@ impl<'a> Builder<'a> {
     fn swin(&mut self, image: NodeId) -> [NodeId; 4] {
         let embed = self.config.embed;
         let name = "image_encoder.swin.patch_embed";
-        let kernel = self.kernel(&format!("{name}.proj"), 1, embed, 4, true);
+        let kernel = self.kernel(&format!("{name}.proj"), self.config.image_maps(), embed, 4, true);
         let patches = self.conv(&format!("{name}.proj"), &[plain(image)], kernel, (4, 0), Activation::None, None, true);
         let mut x = self.layer_norm(&format!("{name}.norm"), patches, 1, true);
         std::array::from_fn(|i| {
