@@ -1,7 +1,7 @@
 //! The ground side of ELunarDTM: makes and reads data, trains the network, exports it for flight, predicts and evaluates.
 //!
 //! In the order data meets the modules: [`raster`] reads files, [`synth`] makes scenes, [`prepare`] makes training sets, [`model`] is the float network,
-//! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene,
+//! [`train`] teaches it, [`export`] turns it into the file the int8 runner executes, [`predict`] runs either over a scene ([`sfs`] needs no network),
 //! [`mosaic`] joins the tiles, [`evaluate`] judges the result by a truth and [`lola`] by laser tracks, [`picture`] shows it, [`demo`]
 //! does all of this once. [`inspect`] says what a file is.
 
@@ -26,6 +26,7 @@ pub mod prepare;
 pub mod quantile;
 pub mod raster;
 pub mod report;
+pub mod sfs;
 pub mod suite;
 pub mod synth;
 #[cfg(test)]

@@ -16,6 +16,7 @@ mod output;
 pub mod predict;
 pub mod prepare;
 pub mod report;
+pub mod sfs;
 pub mod suite;
 pub mod synth;
 pub mod train;
@@ -53,6 +54,8 @@ pub enum Command {
     Export(export::Args),
     /// Predict a DTM from an image and a coarse DTM.
     Predict(predict::Args),
+    /// Make a DTM by shape from shading, for comparison.
+    Sfs(Box<sfs::Args>),
     /// Judge a DTM against a truth.
     Evaluate(evaluate::Args),
     /// Judge models on test scenes, with tables and pictures.
@@ -89,6 +92,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Experiment(args)) => experiment::run(args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Sfs(args)) => sfs::run(*args),
         Some(Command::Evaluate(args)) => evaluate::run(args),
         Some(Command::Suite(args)) => suite::run(args),
         Some(Command::Report(args)) => report::run(args),

@@ -4,7 +4,7 @@ use super::output;
 use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::mosaic::Blend;
-use crate::predict::{DtmWriter, Input, Options, Part, Provenance, Scene, Survey, Tally, open, predict_rows};
+use crate::predict::{DtmWriter, Input, Options, Part, Progress, Provenance, Scene, Survey, Tally, open, predict_rows};
 use crate::raster::stated::{HeightUnit, Statements};
 use crate::raster::{Crs, source};
 use crate::{Error, Result, interrupt};
@@ -88,32 +88,55 @@ pub fn run(args: Args) -> Result<()> {
         threads: args.threads,
         sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
     };
-    let mut part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
-    if part.rows() > 0 {
-        eprintln!("{}: going on after row {} of {}", part.path().display(), part.rows(), scene.rows);
+    let part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
+    let (part, tally) = fill(part, &scene, |from, keep, progress| {
+        predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
+    })?;
+    let model = model.description();
+    let range = finish(part, &args.output, &scene, &model, (&args.image, &args.coarse))?;
+    println!("{}", summary(&args.output, &scene, range, &tally));
+    Ok(())
+}
+
+/// Hears finished rows; see [`predict_rows`].
+pub(super) type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
+
+/// Makes the rows that `part` lacks, from the first of them on, under a bar that counts tiles. A run that stops leaves them for the next.
+pub(super) fn fill(
+    mut part: Part,
+    scene: &Scene,
+    make: impl FnOnce(usize, Keep, Progress) -> Result<Tally>,
+) -> Result<(Part, Tally)> {
+    let from = part.rows();
+    if from > 0 {
+        eprintln!("{}: going on after row {from} of {}", part.path().display(), scene.rows);
     }
     interrupt::listen();
-    let from = part.rows();
-    let tally = with_progress(|progress| {
-        predict_rows(&scene, model.as_ref(), &options, from, &mut |rows| part.append(rows), progress)
-    });
-    let tally = match tally {
-        Ok(tally) => tally,
+    match with_progress(|progress| make(from, &mut |rows| part.append(rows), progress)) {
+        Ok(tally) => Ok((part, tally)),
         Err(error) if part.rows() == 0 => {
             part.remove()?;
-            return Err(error);
+            Err(error)
         }
         Err(error) => {
             let kept = part.path().display();
-            return Err(Error::usage(format!(
-                "{error}; what was made is in {kept}, the same command goes on from there"
-            )));
+            Err(Error::usage(format!("{error}; what was made is in {kept}, the same command goes on from there")))
         }
-    };
+    }
+}
+
+/// Turns finished rows into the DTM and its hillshade; the lowest and highest height, metres.
+pub(super) fn finish(
+    mut part: Part,
+    output: &Path,
+    scene: &Scene,
+    model: &str,
+    (image, coarse): (&Path, &Path),
+) -> Result<(f32, f32)> {
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let (model, image, coarse) = (model.description(), file(&args.image), file(&args.coarse));
-    let from = Provenance { model: &model, image: &image, coarse: &coarse };
-    let mut writer = DtmWriter::create(&args.output, scene.rows, scene.cols, &scene.georef, &from)?;
+    let (image, coarse) = (file(image), file(coarse));
+    let from = Provenance { model, image: &image, coarse: &coarse };
+    let mut writer = DtmWriter::create(output, scene.rows, scene.cols, &scene.georef, &from)?;
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
     part.read(&mut |rows| {
         range = rows.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)));
@@ -121,30 +144,33 @@ pub fn run(args: Args) -> Result<()> {
     })?;
     writer.finish()?;
     part.remove()?;
-    println!("{}", summary(&args.output, &scene, range, &tally));
-    Ok(())
+    Ok(range)
 }
 
 fn scene(args: &Args) -> Result<Scene> {
-    let input = |path: &Path, srs: &Option<Crs>, unit| -> Result<Input> {
-        let name = path.display().to_string();
-        let source = Statements { srs: srs.clone(), unit }.of(&name, source::open(path)?)?;
-        Ok(Input { name, source: source.into() })
-    };
     Scene::new(input(&args.image, &args.image_srs, None)?, input(&args.coarse, &args.coarse_srs, args.coarse_unit)?)
+}
+
+/// Opens a file, with what the command line says of it.
+pub(super) fn input(path: &Path, srs: &Option<Crs>, unit: Option<HeightUnit>) -> Result<Input> {
+    let name = path.display().to_string();
+    let source = Statements { srs: srs.clone(), unit }.of(&name, source::open(path)?)?;
+    Ok(Input { name, source: source.into() })
 }
 
 /// What tells this job from others: a changed input, model or option begins anew.
 fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
-    let file = |path: &Path| -> Result<String> {
-        let known = path.metadata().map_err(Error::io(path))?;
-        Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
-    };
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };
-    let (image, coarse) = (file(&args.image)?, file(&args.coarse)?);
+    let (image, coarse) = (state(&args.image)?, state(&args.coarse)?);
     let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit);
     Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
+}
+
+/// What changes when a file does.
+pub(super) fn state(path: &Path) -> Result<String> {
+    let known = path.metadata().map_err(Error::io(path))?;
+    Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
 }
 
 fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {
@@ -158,7 +184,8 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
     result
 }
 
-fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
+/// One line about a finished DTM.
+pub(super) fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
     let Tally { tiles, tiles_before, tiles_coarse, tiles_empty } = *tally;
     let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
     let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");

@@ -19,8 +19,11 @@ mod tests;
 
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::Part;
+pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
+pub(crate) use scene::Band;
 pub use scene::{Input, Scene, Survey};
+pub(crate) use tile::Outcome;
 
 use crate::model::backend::Backend;
 use crate::{Error, Result};

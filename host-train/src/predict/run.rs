@@ -113,15 +113,60 @@ pub fn predict_rows(
 ) -> Result<Tally> {
     let normalisation = model.normalisation();
     let light = scene.light_for(normalisation.illumination, options.sun)?;
-    let tile = model.tile();
-    let covered = (scene.rows.max(tile.0), scene.cols.max(tile.1));
-    let tiling = Tiling::new(covered, tile, options.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
+    let rules = Rules::new(normalisation, light, scene, options);
+    let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
+    let cut = Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads };
+    make_rows(scene, cut, &makers, from, keep, progress)
+}
+
+/// How a scene is cut into tiles and shared out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Cut {
+    /// Rows and columns of a tile.
+    pub(crate) tile: (usize, usize),
+    /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
+    pub(crate) overlap_px: usize,
+    /// Threads; 0 takes as many as the machine offers.
+    pub(crate) threads: usize,
+}
+
+/// What makes the heights of a tile, with its own scratch memory: one per thread.
+pub(crate) trait TileMaker {
+    /// Makes the heights of `window` of the scene, of which `band` holds the rows.
+    ///
+    /// # Errors
+    /// The maker's own; they end the run.
+    fn make(&mut self, band: &Band, window: Window) -> Result<Outcome>;
+}
+
+impl TileMaker for TileWorker<'_> {
+    fn make(&mut self, band: &Band, window: Window) -> Result<Outcome> {
+        self.run(band, window)
+    }
+}
+
+/// Where each thread gets its maker from.
+pub(crate) type Makers<'a> = dyn Fn() -> Result<Box<dyn TileMaker + 'a>> + Sync + 'a;
+
+/// As [`predict_rows`], whoever makes the tiles.
+///
+/// # Errors
+/// As there, with the makers' errors in place of the model's.
+pub(crate) fn make_rows<'a>(
+    scene: &Scene,
+    cut: Cut,
+    makers: &'a Makers<'a>,
+    from: usize,
+    keep: &mut dyn FnMut(&[f32]) -> Result<()>,
+    progress: Progress,
+) -> Result<Tally> {
+    let covered = (scene.rows.max(cut.tile.0), scene.cols.max(cut.tile.1));
+    let tiling = Tiling::new(covered, cut.tile, cut.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
     let first = tiling.iter().take_while(|window| window.row + window.rows <= from).count();
-    let threads = match options.threads {
+    let threads = match cut.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    let rules = Rules::new(normalisation, light, scene, options);
     let mosaic = Mosaic::from_row(from, scene.rows, scene.cols);
     let tally = Tally { tiles: tiling.len(), tiles_before: first, ..Tally::default() };
     let mut sink = Sink { mosaic, tiling, keep, tally };
@@ -132,7 +177,7 @@ pub fn predict_rows(
         let take = Arc::new(Mutex::new(take));
         for _ in 0..threads.min(tiling.len()) {
             let (take, send, stopped) = (take.clone(), send.clone(), &stopped);
-            scope.spawn(move || work(model, rules, &take, stopped, &send));
+            scope.spawn(move || work(makers, &take, stopped, &send));
         }
         // With the last worker its end of the channel goes, so the reader does not wait for anybody.
         drop(take);
@@ -177,8 +222,8 @@ fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, sen
 }
 
 /// One thread: makes tiles until none is left.
-fn work(model: &dyn Model, rules: Rules, take: &Mutex<Receiver<Job>>, stopped: &AtomicBool, send: &SyncSender<Made>) {
-    let mut worker = model.worker().map(|network| TileWorker::new(network, rules));
+fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &AtomicBool, send: &SyncSender<Made>) {
+    let mut worker = makers();
     while !stopped.load(Ordering::Relaxed) {
         let worker = match &mut worker {
             Ok(worker) => worker,
@@ -187,7 +232,7 @@ fn work(model: &dyn Model, rules: Rules, take: &Mutex<Receiver<Job>>, stopped: &
         // The lock is held while waiting: whoever waits longest gets the next tile.
         let job = take.lock().map(|take| take.recv());
         let Ok(Ok((index, window, band))) = job else { return };
-        if send.send((index, worker.run(&band, window))).is_err() {
+        if send.send((index, worker.make(&band, window))).is_err() {
             return;
         }
     }

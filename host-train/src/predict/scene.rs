@@ -198,7 +198,7 @@ fn place(input: &Input) -> Result<&GeoRef> {
 
 impl Band {
     /// Cuts `window` (of the scene) out of one of the band's maps. Beyond the band its last row and column repeat.
-    pub(super) fn cut(&self, layer: &[f32], window: Window) -> Vec<f32> {
+    pub(crate) fn cut(&self, layer: &[f32], window: Window) -> Vec<f32> {
         let mut out = Vec::with_capacity(window.rows * window.cols);
         for row in window.row - self.first..window.row - self.first + window.rows {
             let line = &layer[row.min(self.rows - 1) * self.cols..][..self.cols];
@@ -208,7 +208,7 @@ impl Band {
     }
 
     /// The valid pixels of `window`; none lie beyond the band.
-    pub(super) fn cut_valid(&self, window: Window) -> Vec<bool> {
+    pub(crate) fn cut_valid(&self, window: Window) -> Vec<bool> {
         let mut out = Vec::with_capacity(window.rows * window.cols);
         for row in window.row - self.first..window.row - self.first + window.rows {
             let inside = |col: usize| row < self.rows && col < self.cols && self.valid[row * self.cols + col];

@@ -13,7 +13,7 @@ use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use elunar_core::tile::Window;
 
 /// What became of a tile.
-pub(super) enum Outcome {
+pub(crate) enum Outcome {
     /// Heights, metres, and their weights in the mosaic.
     Predicted { heights_m: Vec<f32>, weights: Vec<f64> },
     /// The image has no contrast or the coarse DTM no relief here, so there is nothing for the network to work with: the coarse heights

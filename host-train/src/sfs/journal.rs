@@ -1,0 +1,152 @@
+//! What solvers did, tile by tile: time, steps, costs, and errors if a truth is at hand.
+
+use super::level::Level;
+use super::solver::Step;
+use crate::predict::{Input, Scene};
+use crate::raster::align::{Interpolation, Onto};
+use crate::{Error, Result};
+use elunar_core::grid::GridView;
+use elunar_core::metrics::{HeightErrors, SlopeErrors};
+use elunar_core::terrain::PixelSize;
+use elunar_core::tile::Window;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+/// Collects the logs of all threads.
+pub struct Journal {
+    truth: Option<Onto>,
+    /// Rows and columns of the scene.
+    scene: (usize, usize),
+    tiles: Mutex<BTreeMap<(usize, usize), TileLog>>,
+}
+
+/// What became of one tile.
+#[derive(Debug, Clone)]
+pub struct TileLog {
+    /// First row of the tile in the scene.
+    pub row: usize,
+    /// First column of the tile in the scene.
+    pub col: usize,
+    /// Seconds of the one thread that solved it, comparisons with the truth left out.
+    pub seconds: f64,
+    /// Pixels whose brightness counted.
+    pub lit_px: usize,
+    /// The pyramid's levels, coarsest first.
+    pub levels: Vec<LevelLog>,
+}
+
+impl TileLog {
+    /// Whether every level went on until its cost fell no more.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.levels.iter().all(|level| level.converged)
+    }
+}
+
+/// The steps of one level.
+#[derive(Debug, Clone)]
+pub struct LevelLog {
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Whether it went on until the cost fell no more.
+    pub converged: bool,
+    /// Its start and its steps.
+    pub steps: Vec<StepLog>,
+}
+
+/// One Gauss–Newton step. Costs are means over the level's pixels, of brightness relative to its mean, squared.
+#[derive(Debug, Clone, Copy)]
+pub struct StepLog {
+    /// Cost of brightness.
+    pub brightness: f64,
+    /// Cost of roughness.
+    pub smoothness: f64,
+    /// Cost of departing from the coarse DTM.
+    pub dem: f64,
+    /// Relative brightness per unit reflectance.
+    pub exposure: f64,
+    /// Conjugate gradients spent.
+    pub gradients: usize,
+    /// Errors of height (metres) and slope (degrees) against the truth, on the image's grid.
+    pub errors: Option<(HeightErrors, SlopeErrors)>,
+}
+
+impl StepLog {
+    pub(super) fn new(step: &Step, level: &Level, errors: Option<(HeightErrors, SlopeErrors)>) -> Self {
+        let per_px = 1.0 / (level.rows * level.cols) as f64;
+        let Step { cost, gradients } = *step;
+        Self {
+            brightness: cost.brightness * per_px,
+            smoothness: cost.smoothness * per_px,
+            dem: cost.dem * per_px,
+            exposure: cost.exposure,
+            gradients,
+            errors,
+        }
+    }
+
+    /// All terms of the cost.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        self.brightness + self.smoothness + self.dem
+    }
+}
+
+impl Journal {
+    /// An empty journal for a scene; with a truth, every step is judged by it (bilinearly on the image's grid), which takes time that is
+    /// not counted as the tile's.
+    ///
+    /// # Errors
+    /// As [`Onto::new`], for the truth.
+    pub fn new(scene: &Scene, image: &Input, truth: Option<Input>) -> Result<Self> {
+        let onto = |truth: Input| {
+            Onto::new(truth.source, &truth.name, image.source.info(), &image.name, Interpolation::Bilinear)
+        };
+        let truth = truth.map(onto).transpose()?;
+        Ok(Self { truth, scene: (scene.rows, scene.cols), tiles: Mutex::default() })
+    }
+
+    /// The logs so far, in reading order.
+    #[must_use]
+    pub fn tiles(&self) -> Vec<TileLog> {
+        self.tiles.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect()
+    }
+
+    pub(super) fn add(&self, log: TileLog) {
+        self.tiles.lock().unwrap_or_else(PoisonError::into_inner).insert((log.row, log.col), log);
+    }
+
+    /// True heights of a tile, metres, NaN beyond the scene; `None` without a truth.
+    pub(super) fn truth(&self, window: Window) -> Result<Option<Vec<f32>>> {
+        let Some(truth) = &self.truth else { return Ok(None) };
+        let rows = window.rows.min(self.scene.0.saturating_sub(window.row));
+        let cols = window.cols.min(self.scene.1.saturating_sub(window.col));
+        let inside = truth.read(Window { rows, cols, ..window })?;
+        let mut out = vec![f32::NAN; window.rows * window.cols];
+        for (line, from) in out.chunks_exact_mut(window.cols).zip(inside.chunks_exact(cols)) {
+            line[..cols].copy_from_slice(from);
+        }
+        Ok(Some(out))
+    }
+}
+
+/// Errors of a tile's heights.
+///
+/// # Errors
+/// If sizes differ.
+pub(super) fn errors(
+    truth_m: &[f32],
+    heights_m: &[f32],
+    cols: usize,
+    pixel: PixelSize,
+) -> Result<(HeightErrors, SlopeErrors)> {
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("truth of a tile: {e}"));
+    let rows = truth_m.len() / cols;
+    let (mut heights, mut slopes) = (HeightErrors::default(), SlopeErrors::default());
+    heights.extend(truth_m, heights_m, None).map_err(misfit)?;
+    let grid = |samples| GridView::new(samples, rows, cols).map_err(misfit);
+    slopes.extend(grid(truth_m)?, grid(heights_m)?, pixel).map_err(misfit)?;
+    Ok((heights, slopes))
+}

@@ -1,0 +1,67 @@
+//! Shape from shading: heights from one image and a coarse DTM without a network, as the paper's rival does it (Sec. V-B).
+//!
+//! The scene is cut into tiles as for [`crate::predict`]. A tile's heights are those for which a Lunar–Lambert model of the ground,
+//! seen from straight above under a known Sun, looks most like the image, without bending more than needed or leaving the coarse DTM
+//! further than needed (`level` has the cost, in the form of the Ames Stereo Pipeline's `sfs`). It is minimised by Gauss–Newton steps
+//! with conjugate gradients (`solver`), on a pyramid from coarse to fine that starts from the coarse DTM (`pyramid`, `tile`). The albedo
+//! is one number per tile. [`Journal`] keeps what every step did.
+
+mod curve;
+mod journal;
+mod level;
+mod pyramid;
+mod reflectance;
+mod settings;
+mod solver;
+mod tile;
+
+#[cfg(test)]
+mod tests;
+
+pub use curve::{Point, curve, json, seconds_per_tile, write_curve};
+pub use journal::{Journal, LevelLog, StepLog, TileLog};
+pub use reflectance::{Light, Shade};
+pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
+
+use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
+use crate::raster::Raster;
+use crate::{Error, Result};
+
+/// As [`solve_rows`], into memory.
+///
+/// # Errors
+/// As there.
+pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Progress) -> Result<Prediction> {
+    let mut samples = Vec::with_capacity(scene.rows * scene.cols);
+    let mut keep = |rows: &[f32]| {
+        samples.extend_from_slice(rows);
+        Ok(())
+    };
+    let tally = solve_rows(scene, settings, journal, 0, &mut keep, progress)?;
+    let dtm = Raster { rows: scene.rows, cols: scene.cols, samples, georef: Some(scene.georef.clone()) };
+    Ok(Prediction { dtm, tally })
+}
+
+/// Solves `scene` from row `from` on and hands finished rows to `keep`, in order, heights in metres, NaN where image or coarse DTM are
+/// invalid. The result is the same for every number of threads and every `from`.
+///
+/// # Errors
+/// [`Error::Usage`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel
+/// size in metres, and if the run was stopped; the files' and `keep`'s own errors.
+pub fn solve_rows(
+    scene: &Scene,
+    settings: &Settings,
+    journal: &Journal,
+    from: usize,
+    keep: &mut dyn FnMut(&[f32]) -> Result<()>,
+    progress: Progress,
+) -> Result<Tally> {
+    settings.light()?;
+    let unknown = || Error::usage("image: a pixel size in metres expected, none found");
+    let pixel_m = scene.georef.pixel_m(scene.rows, scene.cols).ok_or_else(unknown)?;
+    let makers = || -> Result<Box<dyn TileMaker + '_>> {
+        Ok(Box::new(tile::Solver::new(*settings, (scene.rows, scene.cols), pixel_m, journal)?))
+    };
+    let cut = Cut { tile: settings.tile, overlap_px: settings.overlap_px, threads: settings.threads };
+    make_rows(scene, cut, &makers, from, keep, progress)
+}

@@ -1,0 +1,106 @@
+//! What a caller may choose.
+
+use super::reflectance::Light;
+use crate::mosaic::Blend;
+use crate::{Error, Result};
+use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
+use serde::Serialize;
+
+/// Default weight of second derivatives, in pixels: enlarged ground under enlarged pixels looks the same, so weights go with the pixel.
+pub const SMOOTHNESS_PX: f64 = 0.25;
+/// Default weight of the departure from the coarse DTM, per pixel.
+pub const DEM_CONSTRAINT_PER_PX: f64 = 0.08;
+
+/// Options of shape from shading. The default weights are those that a sweep over synthetic scenes found best (`docs/sfs.md`).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Settings {
+    /// Azimuth of the Sun, degrees clockwise from the grid's up.
+    pub sun_azimuth_deg: f64,
+    /// Elevation of the Sun above the horizontal, degrees, above 0 and at most 90.
+    pub sun_elevation_deg: f64,
+    /// Weight of the heights' second derivatives (per metre) against brightness (relative to the tile's mean), metres.
+    pub smoothness_weight_m: f64,
+    /// Weight of the departure from the coarse DTM (metres) against brightness (relative to the tile's mean), per metre.
+    pub dem_constraint_weight_per_m: f64,
+    /// Pixels at or below this share of the tile's mean brightness are shadow: their brightness counts nothing.
+    pub shadow_threshold: f64,
+    /// Levels of the pyramid, each of half the resolution of the one before; 1 is the image alone.
+    pub levels: usize,
+    /// Most Gauss–Newton steps of a level.
+    pub iterations: usize,
+    /// A level is done when three steps together lower its cost by no more than this share.
+    pub tolerance: f64,
+    /// Rows and columns of a tile.
+    pub tile: (usize, usize),
+    /// Pixels by which neighbouring tiles overlap.
+    pub overlap_px: usize,
+    /// How overlapping tiles are weighed.
+    #[serde(skip)]
+    pub blend: Blend,
+    /// Threads; 0 takes as many as the machine offers. The result is the same.
+    #[serde(skip)]
+    pub threads: usize,
+}
+
+impl Settings {
+    /// The default for a Sun and for pixels of `pixel_m` metres: [`SMOOTHNESS_PX`] and [`DEM_CONSTRAINT_PER_PX`] of them.
+    #[must_use]
+    pub fn new(sun_azimuth_deg: f64, sun_elevation_deg: f64, pixel_m: f64) -> Self {
+        Self {
+            sun_azimuth_deg,
+            sun_elevation_deg,
+            smoothness_weight_m: SMOOTHNESS_PX * pixel_m,
+            dem_constraint_weight_per_m: DEM_CONSTRAINT_PER_PX / pixel_m,
+            shadow_threshold: 0.0,
+            levels: 4,
+            iterations: 40,
+            tolerance: 1e-3,
+            tile: (TILE_ROWS, TILE_COLS),
+            overlap_px: INFERENCE_OVERLAP_PX,
+            blend: Blend::DemMosaic,
+            threads: 0,
+        }
+    }
+
+    /// The light, once all settings have been found legal.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the first setting out of range.
+    pub fn light(&self) -> Result<Light> {
+        let positive = |name: &str, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                return Ok(());
+            }
+            Err(Error::usage(format!("{name}: a finite number above 0 expected, {value} found")))
+        };
+        positive("smoothness weight", self.smoothness_weight_m)?;
+        positive("DEM constraint weight", self.dem_constraint_weight_per_m)?;
+        positive("tolerance", self.tolerance)?;
+        let share = self.shadow_threshold;
+        if !(0.0..1.0).contains(&share) {
+            return Err(Error::usage(format!("shadow threshold: a share from 0 to below 1 expected, {share} found")));
+        }
+        if self.levels == 0 || self.iterations == 0 {
+            let (levels, iterations) = (self.levels, self.iterations);
+            let found = format!("{levels} and {iterations} found");
+            return Err(Error::usage(format!("levels and iterations: at least 1 each expected, {found}")));
+        }
+        Light::new(self.sun_azimuth_deg, self.sun_elevation_deg)
+    }
+
+    /// One line for file metadata.
+    #[must_use]
+    pub fn description(&self) -> String {
+        format!(
+            "shape from shading, Lunar-Lambert, Sun {} deg high from {} deg, smoothness weight {} m, \
+             DEM constraint weight {} /m, shadow threshold {}, {} levels, tolerance {}",
+            self.sun_elevation_deg,
+            self.sun_azimuth_deg,
+            self.smoothness_weight_m,
+            self.dem_constraint_weight_per_m,
+            self.shadow_threshold,
+            self.levels,
+            self.tolerance
+        )
+    }
+}
