@@ -184,7 +184,8 @@ mod tests {
         let ripples = (0.5_f64 * (0.8 * 0.8 + 0.5 * 0.5)).sqrt();
         assert!((found.high_pass_rmse_m.unwrap() / ripples - 1.0).abs() < 0.05, "{found:?}");
         assert!(found.high_pass_correlation.unwrap().abs() < 0.2, "{found:?}");
-        assert!(found.low_pass_rmse_m.unwrap() < 0.05, "{found:?}");
+        // But for the edges, where means are one-sided and ripples do not quite cancel.
+        assert!(found.low_pass_rmse_m.unwrap() < 0.1 * ripples, "{found:?}");
         let inverted = raster(100, 140, |r, c| 2.0 * 6.0 * (r * 0.0157 + c * 0.01).sin() - hills(r, c));
         assert!(judge(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
     }
