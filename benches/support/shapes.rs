@@ -100,10 +100,11 @@ fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
     let (channels, stride) = (out.channels, conv.stride_cols * source.channels);
     if conv.fold {
         // Inner filters have four taps in both directions; two rows and two columns of phases make four sets.
-        let taps = PHASE_TAPS[2];
+        let taps = PHASE_TAPS[0];
         let samples = taps * source.channels;
-        let pixels = out.cols / 2 - 2;
-        return Shape { channels, sets: 4, lines: 1, line_step: 1, pixels, stride, rows: taps, samples, read: samples };
+        let pixels = out.cols / 2;
+        let lines = conv.block.min(out.rows / 2);
+        return Shape { channels, sets: 4, lines, line_step: 1, pixels, stride, rows: taps, samples, read: samples };
     }
     let samples = conv.kernel_cols * source.channels;
     // Columns computed as channels of one pixel read the kernel of all of them, each its own part.

@@ -51,9 +51,9 @@ impl Correlation {
         let (n, m) = (self.count as f64, other.count as f64);
         let apart = [other.mean[0] - self.mean[0], other.mean[1] - self.mean[1]];
         let share = n * m / (n + m);
-        for k in 0..2 {
-            self.square[k] += other.square[k] + apart[k] * apart[k] * share;
-            self.mean[k] += apart[k] * m / (n + m);
+        for (k, apart) in apart.iter().enumerate() {
+            self.square[k] += other.square[k] + apart * apart * share;
+            self.mean[k] += apart * m / (n + m);
         }
         self.product += other.product + apart[0] * apart[1] * share;
         self.count += other.count;

@@ -13,7 +13,7 @@ use super::error::ModelError;
 /// First eight bytes; as in PNG, transfers that change line ends or strip bit 7 destroy it.
 pub const MAGIC: [u8; 8] = *b"\x89ELD\r\n\x1a\n";
 /// Version of the format.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 128;
 /// Bytes under one checksum.

@@ -3,7 +3,7 @@
 use super::arena::OVERREAD;
 use super::error::{ModelError, OperatorFault};
 use super::format::{NONE, RawModel, i32_at, word};
-use super::kernels::{panel_count, panelled, panels};
+use super::kernels::{PANEL, panel_count, panelled, panels};
 use super::ops::window_attention;
 use super::program::*;
 use super::schedule;
@@ -179,7 +179,6 @@ impl<'a> Model<'a> {
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
             && [conv.stride, conv.stride_cols].iter().all(|s| (1..=MAX_KERNEL).contains(s))
             && (1..=MAX_BLOCK).contains(&conv.block)
-            && (conv.block == 1 || !conv.fold)
             && conv.add_shift <= MAX_ADD_SHIFT
             && (!conv.fold || (sides == [5, 5] && (conv.stride, conv.stride_cols) == (1, 1) && conv.pad == 2));
         if !legal {
@@ -196,7 +195,7 @@ impl<'a> Model<'a> {
         };
         let fits = conv.sources().all(|s| {
             let t = self.tensor(s);
-            let margin = if conv.fold { (1, Edge::Nearest) } else { (conv.pad, Edge::Zero) };
+            let margin = if conv.fold { (2, Edge::Nearest) } else { (conv.pad, Edge::Zero) };
             (t.rows, t.cols) == (first.rows, first.cols)
                 && (margin.0 == 0 || (t.margin >= margin.0 && t.edge == margin.1))
         }) && extent(first.rows, conv.kernel_rows, conv.stride) == Some(out.rows)
@@ -207,7 +206,10 @@ impl<'a> Model<'a> {
         }
         self.check_conv_finish(conv, &out)?;
         self.check_conv_weights(conv, &out)?;
-        // A row of zero codes, as long as what the kernel reads of a row.
+        if conv.pad == 0 || conv.fold {
+            return Ok(0);
+        }
+        // A row of zero codes for the padding, as long as what the kernel reads of a row.
         let line = |t: Tensor| t.plane_bytes() + conv.kernel_cols * t.channels + OVERREAD;
         Ok(conv.sources().map(|s| line(self.tensor(s))).max().unwrap_or(0))
     }
@@ -262,46 +264,66 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// The K limit, exactly: with the weights as they are, no finished sum can leave i32. Filling must be 0.
+    /// The K limit: with the weights as they are, no finished sum can leave i32. Filling must be 0.
     fn check_conv_weights(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
         let bias = self.constant_slice(conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
         let mut at = conv.weights;
-        for variant in 0..conv.variants() {
-            let (rows, cols) = conv.extent(variant);
-            for (first, width) in panels(out.channels) {
+        for (first, width) in panels(out.channels) {
+            // Largest sum of each kind; a pixel at a corner adds one of every kind.
+            let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
+            for variant in 0..conv.variants() {
                 // Largest sum of products, and what zero codes contribute.
-                let (mut sums, mut zeros) = ([0u64; 32], [0i64; 32]);
+                let (mut sums, mut zeros) = ([0u64; PANEL], [0i64; PANEL]);
                 for source in conv.sources() {
                     let t = self.tensor(source);
-                    let used = cols * t.channels;
-                    let zero = if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero };
-                    let row_bytes = 4 * width * groups(used);
-                    let weights = self.constant_slice(at, rows, row_bytes)?;
-                    at += weights.len();
-                    for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
-                        let (channel, group) = (i % width, i / width % groups(used));
-                        for (b, &w) in four.iter().enumerate() {
-                            let w = w as i8;
-                            let filling = 4 * group + b >= used || first + channel >= out.channels;
-                            if w == i8::MIN || (filling && w != 0) {
-                                return Err(OperatorFault::Constants);
-                            }
-                            sums[channel] += w.unsigned_abs() as u64 * t.magnitude() as u64;
-                            zeros[channel] += w as i64 * zero as i64;
-                        }
-                    }
+                    at += self.add_weights(
+                        conv.extent(variant),
+                        &t,
+                        (at, first, width, out.channels),
+                        (&mut sums, &mut zeros),
+                    )?;
                 }
+                let largest = &mut largest[conv.variant_kind(variant)];
                 for channel in 0..width.min(out.channels - first) {
                     let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
                     // Sums wrap, so the stored bias may have wrapped too.
                     let bias = ((bias as i64 + zeros[channel]) as i32).unsigned_abs() as u64;
-                    if sums[channel] + bias > i32::MAX as u64 {
-                        return Err(OperatorFault::Overflow);
-                    }
+                    largest[channel] = largest[channel].max(sums[channel] + bias);
+                }
+            }
+            for channel in 0..PANEL {
+                if largest.iter().map(|kind| kind[channel]).sum::<u64>() > i32::MAX as u64 {
+                    return Err(OperatorFault::Overflow);
                 }
             }
         }
         Ok(())
+    }
+
+    /// Adds a set of filters of one source and one panel; returns its bytes.
+    fn add_weights(
+        &self,
+        (rows, cols): (usize, usize),
+        t: &Tensor,
+        (at, first, width, channels): (usize, usize, usize, usize),
+        (sums, zeros): (&mut [u64; PANEL], &mut [i64; PANEL]),
+    ) -> Result<usize, OperatorFault> {
+        let used = cols * t.channels;
+        let (magnitude, zero) = (t.magnitude() as u64, if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 });
+        let weights = self.constant_slice(at, rows, 4 * width * groups(used))?;
+        for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
+            let (channel, group) = (i % width, i / width % groups(used));
+            for (b, &w) in four.iter().enumerate() {
+                let w = w as i8;
+                let filling = 4 * group + b >= used || first + channel >= channels;
+                if w == i8::MIN || (filling && w != 0) {
+                    return Err(OperatorFault::Constants);
+                }
+                sums[channel] += w.unsigned_abs() as u64 * magnitude;
+                zeros[channel] += w as i64 * zero;
+            }
+        }
+        Ok(weights.len())
     }
 
     fn check_layer_norm(&self, norm: &LayerNorm) -> Result<usize, OperatorFault> {
@@ -546,14 +568,9 @@ impl<'a> Model<'a> {
         let out = self.tensor(operator.output());
         let steps = operator.steps(&out);
         match operator {
-            Operator::Conv(conv) if !conv.fold => {
+            Operator::Conv(conv) => {
                 let all = Conv { block: out.rows, ..*conv };
                 self.taps(&all, &out, 0).saturating_mul(out.channels as u64)
-            }
-            Operator::Conv(conv) => {
-                // Inner steps are alike.
-                let of = |step: usize| self.taps(conv, &out, step) * out.channels as u64;
-                of(0) + of(steps - 1) + of(1).saturating_mul(steps as u64 - 2)
             }
             Operator::Attention(_) => (0..steps)
                 .map(|step| (0..self.units(operator)).map(|unit| self.unit_macs(operator, step, unit)).sum::<u64>())
@@ -565,15 +582,16 @@ impl<'a> Model<'a> {
     /// Products per output channel in one step.
     fn taps(&self, conv: &Conv, out: &Tensor, step: usize) -> u64 {
         let channels: usize = conv.sources().map(|s| self.tensor(s).channels).sum();
+        let first = (conv.step_rows() * step).min(out.rows);
+        let rows = first..(first + conv.step_rows()).min(out.rows);
         let taps = if conv.fold {
-            let (rows, cols) = (out.rows / 2, out.cols / 2);
-            let down = Phase::of(2 * step, rows).taps + Phase::of(2 * step + 1, rows).taps;
-            down * (2 * (2 + 3) + 2 * 4 * (cols - 2))
+            // Four samples along each axis, and one more for the two outermost outputs on each side.
+            let corrected = rows.clone().filter(|row| Phase::of(*row, out.rows / 2).correction.is_some()).count();
+            (4 * rows.len() + corrected) as u64 * (4 * out.cols + 4) as u64
         } else {
-            let rows = conv.block.min(out.rows - (conv.block * step).min(out.rows));
-            conv.kernel_rows * conv.kernel_cols * out.cols * rows
+            (conv.kernel_rows * conv.kernel_cols) as u64 * (out.cols * rows.len()) as u64
         };
-        (taps * channels) as u64
+        taps * channels as u64
     }
 
     /// Bytes that the packed weights of a convolution take.

@@ -57,12 +57,14 @@ impl Entry {
 /// value; or through a table; or, if the output is F32, `acc * m[o] + r * scale` in floats. The bias contains `-Σ zero*w`, and for a
 /// 16-bit source `-32768 Σ w`, so that kernels multiply codes as they are.
 ///
-/// Weights are i8, not -128, `[variant][panel][source][kernel row][group][channel of the panel][4]`: a group is four
+/// Weights are i8, not -128, `[panel][variant][source][kernel row][group][channel of the panel][4]`: a group is four
 /// consecutive samples of a kernel row (`kernel columns * channels`, filled up with zeros), a panel some output channels
 /// (see [`super::panels`]), filled up with zeros.
 ///
 /// With `fold` the operator is "enlarge twofold by bilinear interpolation, then convolve 5x5 with zero padding", computed on the
-/// small map: a row of the small map gives two rows of the output, and every output phase has a filter of its own ([`Phase`]).
+/// small map: a row of the small map gives two rows of the output, and every output phase has a filter of its own ([`Phase`]). A pixel
+/// whose row or column has a correction adds up to four variants, weights and biases: (filter, filter), (correction, filter),
+/// (filter, correction), (correction, correction).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conv {
     /// Output tensor.
@@ -82,7 +84,8 @@ pub struct Conv {
     pub stride_cols: usize,
     /// Zero padding on all four sides (2 with `fold`).
     pub pad: usize,
-    /// Output rows per step (1 with `fold`): with several, weights that no cache holds are fetched once for all of them.
+    /// Output rows per step (with `fold`, rows of the small map): with several, weights that no cache holds are fetched once for all
+    /// of them.
     pub block: usize,
     /// Twofold enlargement contained in the weights.
     pub fold: bool,
@@ -108,39 +111,40 @@ pub struct Conv {
     pub relu: bool,
 }
 
-/// Filter of one output row (or column) of a folded convolution: which rows of the small map it reads.
+/// What one output row (or column) of a folded convolution reads of the small map.
 ///
 /// The enlarged map's sample 2i is 3/4 of sample i and 1/4 of its predecessor, sample 2i+1 is 3/4 of i and 1/4 of its successor.
-/// Five of them are four samples of the small map. The two outermost outputs on each side lose taps to the zero padding; all others
-/// follow the rule, the small map's border repeated.
+/// Five of them are four samples of the small map, its border repeated. So even outputs have one filter and odd ones another. At
+/// the border they see the border sample where the 5x5 convolution has its zero padding: the two outermost outputs on each side
+/// take that off again by a correction of one tap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Phase {
-    /// Number of the filter, 0..[`PHASES`].
+    /// Number of the filter: 0 for even, 1 for odd outputs.
     pub filter: usize,
-    /// First sample of the small map; -1 stands for a repeated border.
+    /// First of its [`PHASE_TAPS`] samples of the small map; outside it the border repeats.
     pub first: isize,
-    /// Samples.
-    pub taps: usize,
+    /// For the two outermost outputs on each side: number of the correction, 2..[`PHASES`], and the border sample.
+    pub correction: Option<(usize, usize)>,
 }
 
-/// Filters along one axis of a folded convolution.
+/// Filters and corrections along one axis of a folded convolution.
 pub const PHASES: usize = 6;
-/// Samples of the small map that each filter reads.
-pub const PHASE_TAPS: [usize; PHASES] = [2, 3, 4, 4, 3, 2];
+/// Filters, corrections of columns, of rows, and of both: no pixel needs more than one set of each kind.
+pub(crate) const VARIANT_KINDS: usize = 4;
+/// Samples of the small map that each of them reads.
+pub const PHASE_TAPS: [usize; PHASES] = [4, 4, 1, 1, 1, 1];
 
 impl Phase {
     /// Of output `index` on a small map of `len` samples, at least 4.
     #[inline]
     pub const fn of(index: usize, len: usize) -> Self {
-        let (filter, back) = match index {
-            0 => (0, 0),
-            1 => (1, 0),
-            _ if index + 1 == 2 * len => (5, 1),
-            _ if index + 2 == 2 * len => (4, 2),
-            _ if index.is_multiple_of(2) => (2, 2),
-            _ => (3, 1),
+        let filter = index % 2;
+        let correction = match index {
+            0 | 1 => Some((2 + filter, 0)),
+            _ if index + 2 >= 2 * len => Some((4 + filter, len - 1)),
+            _ => None,
         };
-        Self { filter, first: (index / 2) as isize - back, taps: PHASE_TAPS[filter] }
+        Self { filter, first: (index / 2 + filter) as isize - 2, correction }
     }
 }
 
@@ -395,14 +399,13 @@ impl Operator {
         }
     }
 
-    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an enlargement, contained or not; a row
-    /// of windows for an attention.
+    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an enlargement, or twice a
+    /// block for one that a convolution contains; a row of windows for an attention.
     #[inline]
     pub const fn steps(&self, out: &Tensor) -> usize {
         match self {
-            Self::Conv(c) if c.fold => out.rows / 2,
             Self::Enlarge(_) => out.rows / 2,
-            Self::Conv(c) => out.rows.div_ceil(if c.block == 0 { 1 } else { c.block }),
+            Self::Conv(c) => out.rows.div_ceil(c.step_rows()),
             Self::LayerNorm(_) => out.rows,
             Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
         }
@@ -412,9 +415,8 @@ impl Operator {
     #[inline]
     pub const fn rows_after(&self, out: &Tensor, steps: usize) -> usize {
         match self {
-            Self::Conv(c) if c.fold => 2 * steps,
             Self::Enlarge(_) => 2 * steps,
-            Self::Conv(c) => min(c.block * steps, out.rows),
+            Self::Conv(c) => min(c.step_rows() * steps, out.rows),
             Self::LayerNorm(_) => steps,
             Self::Attention(_) if steps == 0 => 0,
             Self::Attention(a) => min(a.piece(out.rows, a.shift_rows, steps - 1).1, out.rows),
@@ -425,7 +427,10 @@ impl Operator {
     pub fn rows_read(&self, out: &Tensor, slot: usize, rows: usize, step: usize) -> Range<usize> {
         match self {
             Self::Conv(_) if slot == 2 => self.rows_after(out, step)..self.rows_after(out, step + 1),
-            Self::Conv(c) if c.fold => step.saturating_sub(2)..min(step + 3, rows),
+            Self::Conv(c) if c.fold => {
+                let block = c.step_rows() / 2;
+                (block * step).saturating_sub(2)..min(block * (step + 1) + 2, rows)
+            }
             Self::Conv(c) => {
                 let made = self.rows_after(out, step)..self.rows_after(out, step + 1);
                 let first = (made.start * c.stride).saturating_sub(c.pad);
@@ -453,9 +458,21 @@ impl Conv {
         core::iter::once(self.first).chain(self.second)
     }
 
-    /// Sets of filters: one, or one per pair of phases.
+    /// Output rows of a step; the last step may make fewer.
+    #[inline]
+    pub const fn step_rows(&self) -> usize {
+        let block = if self.block == 0 { 1 } else { self.block };
+        if self.fold { 2 * block } else { block }
+    }
+
+    /// Sets of filters: one, or one per pair of phases and corrections.
     pub const fn variants(&self) -> usize {
         if self.fold { PHASES * PHASES } else { 1 }
+    }
+
+    /// Which of [`VARIANT_KINDS`] a set of filters is.
+    pub(crate) const fn variant_kind(&self, variant: usize) -> usize {
+        2 * (variant / PHASES > 1) as usize + (variant % PHASES > 1) as usize
     }
 
     /// Kernel rows and columns of a set of filters.

@@ -147,14 +147,18 @@ impl<'a, 'm> Runner<'a, 'm> {
             let to = Row::of(&tensor, row);
             let (line, mut at) = (tensor.cols * tensor.channels, 0);
             while at < line {
-                let mut codes = [0; 64];
-                let count = codes.len().min(line - at);
-                for (i, code) in codes[..count].iter_mut().enumerate() {
-                    let value = sample(row * line + at + i);
-                    let (kept, clamped) = quantise(value, inverse, tensor.zero, tensor.lo, tensor.hi);
-                    *code = kept;
-                    self.telemetry.inputs_clamped += clamped as u64;
+                // Samples first: a loop over constants that asks for nothing becomes vectors.
+                const TOGETHER: usize = 64;
+                let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
+                let count = TOGETHER.min(line - at);
+                for (i, value) in values[..count].iter_mut().enumerate() {
+                    *value = sample(row * line + at + i);
                 }
+                for i in 0..TOGETHER {
+                    let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
+                    (codes[i], clamps[i]) = (kept, clamped as u32);
+                }
+                self.telemetry.inputs_clamped += clamps[..count].iter().sum::<u32>() as u64;
                 to.store(self.arena.bytes, at, &codes[..count]);
                 at += count;
             }

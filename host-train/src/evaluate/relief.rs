@@ -161,7 +161,7 @@ mod tests {
 
     /// Ripples of 24 m on a slope that changes over 800 m.
     fn hills(r: f64, c: f64) -> f64 {
-        6.0 * (r * 0.0157 + c * 0.01).sin() + 0.8 * (c * 0.5236).sin() + 0.5 * (r * 0.6).cos()
+        6.0 * (r * 0.0157 + c * 0.01).sin() + 0.8 * (c * 0.52).sin() + 0.5 * (r * 0.6).cos()
     }
 
     #[test]

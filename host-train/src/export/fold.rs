@@ -1,13 +1,17 @@
 //! "Enlarge twofold by bilinear interpolation, then convolve 5x5 with zero padding" as filters on the small map.
 //!
 //! Both steps are linear. Along one axis, output 2i sees five samples of the enlarged map, each 3/4 of one and 1/4 of another sample
-//! of the small map: together four. So does output 2i+1, with other weights. The two outermost outputs on each side lose
-//! taps to the padding and get filters of their own; in two dimensions that makes 6 x 6 sets of filters, 16 products
-//! instead of 25 inside.
+//! of the small map: together four. So does output 2i+1, with other weights; in two dimensions that makes four sets of filters with 16
+//! products instead of 25.
+//!
+//! They see the border repeated where the convolution has zeros: beyond the border, the enlarged map would be the border sample. What
+//! the two outermost outputs on each side see of it is one product with that sample, and a correction takes it off again: along
+//! an axis (filter - correction), in two dimensions (filter - correction) x (filter - correction). That makes 12 x 12 weights instead of
+//! 25.
 
 use super::graph::Kernel;
 use super::pack::Filter;
-use elunar_core::nn::{PHASE_TAPS, PHASES};
+use elunar_core::nn::{PHASE_TAPS, PHASES, Phase};
 
 /// Side of the kernels that can be folded.
 const SIDE: usize = 5;
@@ -15,13 +19,14 @@ const SIDE: usize = 5;
 /// Weights of the small map's samples for each tap of a 5-tap filter: `[phase][sample][tap]`.
 type Axis = [[[f64; SIDE]; 4]; PHASES];
 
-/// All sets of filters, `[row phase][column phase]`, see [`elunar_core::nn::Phase`].
+/// All sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::Phase`].
 pub(super) fn fold(kernel: &Kernel) -> Vec<Filter> {
     let axis = axis();
     let mut filters = Vec::new();
-    for (down, rows) in axis.iter().zip(PHASE_TAPS) {
-        for (across, cols) in axis.iter().zip(PHASE_TAPS) {
-            filters.push(folded(kernel, &down[..rows], &across[..cols]));
+    for (row_phase, (down, rows)) in axis.iter().zip(PHASE_TAPS).enumerate() {
+        for (col_phase, (across, cols)) in axis.iter().zip(PHASE_TAPS).enumerate() {
+            let filter = folded(kernel, &down[..rows], &across[..cols]);
+            filters.push(Filter { correction: row_phase > 1 || col_phase > 1, ..filter });
         }
     }
     filters
@@ -44,28 +49,29 @@ fn folded(kernel: &Kernel, down: &[[f64; SIDE]], across: &[[f64; SIDE]]) -> Filt
             }
         }
     }
-    Filter { extent: (down.len(), across.len()), weights }
+    Filter { extent: (down.len(), across.len()), weights, correction: false }
 }
 
 /// The filters along an axis, found on a small map long enough that its borders do not meet.
 fn axis() -> Axis {
     const LEN: isize = 8;
     let mut axis = [[[0.0; SIDE]; 4]; PHASES];
-    // One output of each phase.
-    for index in [0, 1, LEN, LEN + 1, 2 * LEN - 2, 2 * LEN - 1] {
-        let phase = elunar_core::nn::Phase::of(index as usize, LEN as usize);
+    for index in [LEN, LEN + 1] {
+        let phase = Phase::of(index as usize, LEN as usize);
         for tap in 0..SIDE as isize {
             let at = index + tap - 2;
-            if !(0..2 * LEN).contains(&at) {
-                continue; // zero padding
-            }
             let near = at / 2;
             let far = if at % 2 == 0 { near - 1 } else { near + 1 };
             for (sample, share) in [(near, 0.75), (far, 0.25)] {
-                // Beyond the border the border sample repeats; inner filters never see it here.
-                let sample = sample.clamp(0, LEN - 1) - phase.first;
-                axis[phase.filter][sample as usize][tap as usize] += share;
+                axis[phase.filter][(sample - phase.first) as usize][tap as usize] += share;
             }
+        }
+    }
+    for index in [0, 1, 2 * LEN - 2, 2 * LEN - 1] {
+        let Some((number, _)) = Phase::of(index as usize, LEN as usize).correction else { continue };
+        for tap in 0..SIDE as isize {
+            let padding = !(0..2 * LEN).contains(&(index + tap - 2));
+            axis[number][0][tap as usize] = if padding { -1.0 } else { 0.0 };
         }
     }
     axis
@@ -74,7 +80,6 @@ fn axis() -> Axis {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_core::nn::Phase;
 
     /// Samples of a one-channel map, enlarged as the network does.
     fn enlarge(map: &[f64], rows: usize, cols: usize) -> Vec<f64> {
@@ -94,6 +99,15 @@ mod tests {
         out
     }
 
+    /// Phases of an output along an axis, and the samples that each of them reads.
+    fn parts(index: usize, len: usize) -> Vec<(usize, Vec<usize>)> {
+        let phase = Phase::of(index, len);
+        let taps = PHASE_TAPS[phase.filter] as isize;
+        let samples = (phase.first..phase.first + taps).map(|s| s.clamp(0, len as isize - 1) as usize).collect();
+        let correction = phase.correction.map(|(number, at)| (number, vec![at]));
+        std::iter::once((phase.filter, samples)).chain(correction).collect()
+    }
+
     #[test]
     fn filters_equal_enlargement_and_convolution_at_every_pixel() {
         for (rows, cols) in [(4, 4), (5, 9), (8, 6)] {
@@ -110,14 +124,17 @@ mod tests {
                             expected += large[r * 2 * cols + c] * *w as f64;
                         }
                     }
-                    let (down, across) = (Phase::of(row, rows), Phase::of(col, cols));
-                    let filter = &filters[down.filter * PHASES + across.filter];
-                    assert_eq!(filter.extent, (down.taps, across.taps));
                     let mut found = 0.0;
-                    for (i, w) in filter.weights.iter().enumerate() {
-                        let r = (down.first + (i / across.taps) as isize).clamp(0, rows as isize - 1) as usize;
-                        let c = (across.first + (i % across.taps) as isize).clamp(0, cols as isize - 1) as usize;
-                        found += map[r * cols + c] * w;
+                    for ((row_phase, down), (col_phase, across)) in parts(row, rows)
+                        .into_iter()
+                        .flat_map(|down| parts(col, cols).into_iter().map(move |across| (down.clone(), across)))
+                    {
+                        let filter = &filters[row_phase * PHASES + col_phase];
+                        assert_eq!(filter.extent, (down.len(), across.len()));
+                        assert_eq!(filter.correction, row_phase > 1 || col_phase > 1);
+                        for (i, w) in filter.weights.iter().enumerate() {
+                            found += map[down[i / across.len()] * cols + across[i % across.len()]] * w;
+                        }
                     }
                     assert!((found - expected).abs() < 1e-9, "{row} {col} of {rows} x {cols}: {found} {expected}");
                 }

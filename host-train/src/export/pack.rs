@@ -1,7 +1,7 @@
 //! Weights in the order in which kernels read them.
 
 use super::graph::Kernel;
-use super::quantise::Integers;
+use super::quantise::{IntegerFilter, Integers};
 use elunar_core::nn::kernels::panels;
 use elunar_core::nn::{Dtype, Tensor, groups};
 
@@ -12,19 +12,21 @@ pub(crate) struct Filter {
     pub(crate) extent: (usize, usize),
     /// `[output][rows][cols][input]`.
     pub(crate) weights: Vec<f64>,
+    /// Whether its sums are added to those of another filter, which has the bias.
+    pub(crate) correction: bool,
 }
 
 impl Filter {
     /// A kernel as it is.
     pub(crate) fn whole(kernel: &Kernel) -> Self {
         let weights = kernel.weights.iter().map(|w| *w as f64).collect();
-        Self { extent: (kernel.side, kernel.side), weights }
+        Self { extent: (kernel.side, kernel.side), weights, correction: false }
     }
 }
 
 /// Constants of a convolution.
 pub(crate) struct Packed {
-    /// i8 `[variant][panel][source][kernel row][group][channel of the panel][4]`.
+    /// i8 `[panel][variant][source][kernel row][group][channel of the panel][4]`.
     pub(crate) weights: Vec<u8>,
     /// `[variant][output]`, with what the sources' zero codes contribute taken off (it may wrap).
     pub(crate) bias: Vec<i32>,
@@ -34,43 +36,51 @@ pub(crate) struct Packed {
 pub(crate) fn pack(integers: &Integers, output: usize, sources: &[Tensor]) -> Packed {
     let input: usize = sources.iter().map(|t| t.channels).sum();
     let mut packed = Packed { weights: Vec::new(), bias: Vec::new() };
-    for filter in &integers.filters {
-        let (rows, cols) = filter.extent;
-        let weight = |o: usize, row: usize, col: usize, channel: usize| {
-            filter.weights[((o * rows + row) * cols + col) * input + channel]
-        };
-        for (first, width) in panels(output) {
-            let mut skipped = 0;
-            for source in sources {
-                let samples = cols * source.channels;
-                for row in 0..rows {
-                    for group in 0..groups(samples) {
-                        for o in first..first + width {
-                            packed.weights.extend((4 * group..4 * group + 4).map(|k| {
-                                let inside = o < output && k < samples;
-                                let channel = skipped + k % source.channels;
-                                if inside { weight(o, row, k / source.channels, channel) as u8 } else { 0 }
-                            }));
-                        }
-                    }
-                }
-                skipped += source.channels;
-            }
+    for panel in panels(output) {
+        for filter in &integers.filters {
+            pack_panel(filter, (output, input), panel, sources, &mut packed.weights);
         }
-        for (o, bias) in filter.bias.iter().enumerate() {
+    }
+    for filter in &integers.filters {
+        let taps = filter.weights.len() / output;
+        for (weights, bias) in filter.weights.chunks_exact(taps).zip(&filter.bias) {
             let mut zeros = 0i64;
-            let mut skipped = 0;
-            for source in sources {
-                // The planes of a 16-bit code 0 are 0 and 128.
-                let zero = if source.dtype == Dtype::I16 { 128 * 256 } else { source.zero as i64 };
-                for (row, col) in (0..rows * cols).map(|i| (i / cols, i % cols)) {
-                    let sum: i64 = (0..source.channels).map(|c| weight(o, row, col, skipped + c) as i64).sum();
-                    zeros += zero * sum;
+            for pixel in weights.chunks_exact(input) {
+                let mut skipped = 0;
+                for source in sources {
+                    // The planes of a 16-bit code 0 are 0 and 128.
+                    let zero = if source.dtype == Dtype::I16 { 128 * 256 } else { source.zero as i64 };
+                    zeros += zero * pixel[skipped..skipped + source.channels].iter().map(|w| *w as i64).sum::<i64>();
+                    skipped += source.channels;
                 }
-                skipped += source.channels;
             }
             packed.bias.push((*bias as i64 - zeros) as i32);
         }
     }
     packed
+}
+
+/// One panel (first channel and width) of one set of filters.
+fn pack_panel(
+    filter: &IntegerFilter,
+    (output, input): (usize, usize),
+    (first, width): (usize, usize),
+    sources: &[Tensor],
+    packed: &mut Vec<u8>,
+) {
+    let (rows, cols) = filter.extent;
+    let mut skipped = 0;
+    for source in sources {
+        let samples = cols * source.channels;
+        for (row, group) in (0..rows).flat_map(|row| (0..groups(samples)).map(move |group| (row, group))) {
+            for o in first..first + width {
+                packed.extend((4 * group..4 * group + 4).map(|k| {
+                    let inside = o < output && k < samples;
+                    let (col, channel) = (k / source.channels, skipped + k % source.channels);
+                    if inside { filter.weights[((o * rows + row) * cols + col) * input + channel] as u8 } else { 0 }
+                }));
+            }
+        }
+        skipped += source.channels;
+    }
 }

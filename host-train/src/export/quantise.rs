@@ -25,7 +25,9 @@ const COLUMNS_AT_ONCE: usize = 8;
 const BLOCK_WEIGHT_BYTES: usize = 1 << 20;
 const BLOCK_PIXELS: usize = 80;
 /// Smallest map whose enlargement is folded into the convolution behind it.
-const FOLD_ROWS: usize = 32;
+const FOLD_ROWS: usize = 16;
+/// Weights of all filters and corrections of a folded 5x5 convolution, per channel in and out.
+const FOLDED_TAPS: usize = 12 * 12;
 /// GELU of anything below is 0 within a code step.
 const GELU_FLOOR: f64 = -4.0;
 /// The smallest value GELU takes.
@@ -211,9 +213,10 @@ impl Quantiser<'_> {
             first: read[0],
             second: read.get(1).copied(),
             block: if folds {
-                1
+                // Four filters of 16 taps; the corrections are met at the border only.
+                block(weight_bytes * 4 * 16 / FOLDED_TAPS, tensors[0].cols)
             } else {
-                block(weight_bytes, &self.program.tensors[self.program.tensor_of[id] as usize])
+                block(weight_bytes, self.graph.nodes[id].cols)
             },
             fold: folds,
             kernel_rows: kernel.side,
@@ -335,8 +338,8 @@ impl Quantiser<'_> {
     }
 }
 
-/// Whether the enlargement before a convolution is folded into its weights: they grow 13-fold, so only where maps are
-/// large and filters few (our choice: small maps of 32 rows or more); and no source may need another margin.
+/// Whether the enlargement before a convolution is folded into its weights: they grow 6-fold, so only where many pixels share them
+/// (our choice: small maps of 16 rows or more); and no source may need another margin.
 pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
     let Operation::Conv { sources, kernel, stride, pad, .. } = &node.operation else { return false };
     let padded_elsewhere = |id: NodeId| {
@@ -349,9 +352,10 @@ pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
         && sources.iter().all(|s| s.up && graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
 }
 
-/// Output rows per step: several where a row is short and the weights are more than a second-level cache holds.
-fn block(weight_bytes: usize, out: &Tensor) -> usize {
-    if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / out.cols).clamp(1, nn::MAX_BLOCK) }
+/// Output rows per step (folded, rows of the small map): several where a row of `cols` pixels is short and the weights are more than
+/// a second-level cache holds.
+fn block(weight_bytes: usize, cols: usize) -> usize {
+    if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / cols).clamp(1, nn::MAX_BLOCK) }
 }
 
 /// A filter with one output as `columns` outputs, each one column to the right of the one before.
@@ -366,7 +370,7 @@ fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
         }
     }
     let bias = vec![kernel.bias[0]; columns];
-    (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights })
+    (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights, correction: false })
 }
 
 /// The part of a convolution that is not weights.
@@ -419,21 +423,22 @@ pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales:
                 shift_of_mean += (rounded * scale - w) / read_scales[i % kernel.input] * means[i % kernel.input];
                 out.weights.push(rounded as i8);
             }
-            out.bias.push(((kernel.bias[o] as f64 - shift_of_mean) / scale).round() as i32);
+            let bias = if filter.correction { 0.0 } else { kernel.bias[o] as f64 };
+            out.bias.push(((bias - shift_of_mean) / scale).round() as i32);
         }
         out
     };
     Integers { filters: filters.iter().map(round).collect(), scales }
 }
 
-/// Margins as wide as the widest padding of a tensor's readers, or one repeated column where an enlargement is folded.
+/// Margins as wide as the widest padding of a tensor's readers, or two repeated columns where an enlargement is folded.
 fn set_margins(tensors: &mut [Tensor], operators: &[Operator]) {
     for operator in operators {
         let Operator::Conv(conv) = operator else { continue };
         for source in conv.sources() {
             let t = &mut tensors[source as usize];
             if conv.fold {
-                (t.margin, t.edge) = (1, Edge::Nearest);
+                (t.margin, t.edge) = (2, Edge::Nearest);
             } else {
                 t.margin = t.margin.max(conv.pad);
             }

@@ -7,7 +7,7 @@ use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::Filter;
 use super::quantise::{folds, gelu_table, quantise_weights};
-use elunar_core::nn::{PHASES, Phase};
+use elunar_core::nn::{PHASE_TAPS, PHASES, Phase};
 use rayon::prelude::*;
 
 /// What rounding needs to know of the network.
@@ -70,8 +70,7 @@ impl Rounder<'_> {
             })
             .collect();
         if folded {
-            let extents: Vec<(usize, usize)> = integers.filters.iter().map(|filter| filter.extent).collect();
-            let mut map = self.folded(node, sources, &rounded, &extents, maps);
+            let mut map = self.folded(node, sources, &rounded, maps);
             float::finish(&mut map, add.map(maps), *activation);
             return Some(map);
         }
@@ -81,41 +80,45 @@ impl Rounder<'_> {
         Some(float::compute(self.graph, &Node { operation, ..node.clone() }, maps))
     }
 
-    /// A convolution that contains the enlargement, without what follows it: every output phase has filters of its own.
-    fn folded(
-        &self,
-        node: &Node,
-        sources: &[Source],
-        filters: &[Kernel],
-        extents: &[(usize, usize)],
-        maps: Maps<'_, '_>,
-    ) -> Vec<f32> {
+    /// A convolution that contains the enlargement, without what follows it: every output phase has filters of its own, and borders
+    /// their corrections.
+    fn folded(&self, node: &Node, sources: &[Source], filters: &[Kernel], maps: Maps<'_, '_>) -> Vec<f32> {
         let (rows, cols) = (node.rows / 2, node.cols / 2);
         let mut map = vec![0.0; node.len()];
         map.par_chunks_exact_mut(node.cols * node.channels).enumerate().for_each(|(row, line)| {
-            let down = Phase::of(row, rows);
+            let downs = parts(row, rows);
             let mut patch = Vec::new();
             for (col, sums) in line.chunks_exact_mut(node.channels).enumerate() {
-                let across = Phase::of(col, cols);
-                let variant = down.filter * PHASES + across.filter;
-                let (kernel, (high, wide)) = (&filters[variant], extents[variant]);
-                patch.clear();
-                for (r, c) in (0..high * wide).map(|i| (i / wide, i % wide)) {
-                    let r = (down.first + r as isize).clamp(0, rows as isize - 1) as usize;
-                    let c = (across.first + c as isize).clamp(0, cols as isize - 1) as usize;
-                    for source in sources {
-                        let channels = self.graph.nodes[source.node].channels;
-                        patch.extend_from_slice(&maps(source.node)[(r * cols + c) * channels..][..channels]);
+                let across = parts(col, cols);
+                let pairs = downs.iter().flatten().flat_map(|down| across.iter().flatten().map(move |a| (down, a)));
+                for ((row_phase, down), (col_phase, across)) in pairs {
+                    let kernel = &filters[row_phase * PHASES + col_phase];
+                    patch.clear();
+                    for (r, c) in down.clone().flat_map(|r| across.clone().map(move |c| (r, c))) {
+                        let r = r.clamp(0, rows as isize - 1) as usize;
+                        let c = c.clamp(0, cols as isize - 1) as usize;
+                        for source in sources {
+                            let channels = self.graph.nodes[source.node].channels;
+                            patch.extend_from_slice(&maps(source.node)[(r * cols + c) * channels..][..channels]);
+                        }
                     }
-                }
-                let weights = kernel.weights.chunks_exact(patch.len());
-                for ((sum, bias), weights) in sums.iter_mut().zip(&kernel.bias).zip(weights) {
-                    *sum = bias + weights.iter().zip(&patch).map(|(w, x)| w * x).sum::<f32>();
+                    let weights = kernel.weights.chunks_exact(patch.len());
+                    for ((sum, bias), weights) in sums.iter_mut().zip(&kernel.bias).zip(weights) {
+                        *sum += bias + weights.iter().zip(&patch).map(|(w, x)| w * x).sum::<f32>();
+                    }
                 }
             }
         });
         map
     }
+}
+
+/// What an output reads along an axis of `len` small samples: number of the filter or correction, and samples.
+fn parts(index: usize, len: usize) -> [Option<(usize, std::ops::Range<isize>)>; 2] {
+    let phase = Phase::of(index, len);
+    let taps = PHASE_TAPS[phase.filter] as isize;
+    let correction = phase.correction.map(|(number, at)| (number, at as isize..at as isize + 1));
+    [Some((phase.filter, phase.first..phase.first + taps)), correction]
 }
 
 /// To the nearest code and back; returns how many samples were beyond the codes.

@@ -126,6 +126,13 @@ pub(crate) trait Isa {
     /// is unspecified, but memory stays whole.
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize);
 
+    /// As [`Self::gemm`], with the sums set to the products whatever they were.
+    #[inline(always)]
+    fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        acc[..pixels * width].fill(0);
+        Self::gemm(acc, pixels, patch, weights, width);
+    }
+
     /// Turns accumulators into codes and stores them in the arena; returns how many were cut. As [`Finish::portable`].
     #[inline(always)]
     fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {

@@ -1,20 +1,24 @@
 //! Convolution: one panel of output channels of one step.
 //!
 //! ```text
-//! for every stretch of output pixels with the same filter            one stretch; 2 x 6 with a folded enlargement
+//! for every stretch of output pixels with the same filter            a row; with a folded enlargement, every second pixel of it
 //!     for as many pixels as the kernel takes at once
-//!         acc = 0
-//!         for every 16-bit source:  acc += high plane * weights
-//!         acc *= 256
-//!         for every source:         acc += low plane (or u8 codes) * weights
+//!         acc = products of the filter                                  [and of the row's correction]
+//!         [at the first and the last pixel: += products of the corrections for the column]
 //!         round acc, add, clamp, look up, store                        finish.rs
+//!
+//! products of some filters:
+//!     acc = 0
+//!     for every 16-bit source:  acc += high plane * weights
+//!     acc *= 256
+//!     for every source:         acc += low plane (or u8 codes) * weights
 //! ```
 //! Nothing is copied: kernels read the rows where they lie. Rows above and below the map are a row of zero codes in scratch (or,
 //! folded, the border row); columns left and right are the tensor's margin.
 
 use super::finish::{Finish, Target};
 use crate::nn::arena::{Arena, zero_code};
-use crate::nn::kernels::{ACCUMULATORS, Isa, Patch, panel, panelled, pixels_at_once};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, panel, pixels_at_once};
 use crate::nn::model::{MAX_KERNEL, Model};
 use crate::nn::program::{Conv, Dtype, PHASE_TAPS, PHASES, Phase, Tensor, groups};
 
@@ -27,25 +31,35 @@ struct Job<'a, 'm> {
     /// First channel and width of the panel.
     first: usize,
     width: usize,
+    /// Whether a source has 16 bits.
+    wide: bool,
+}
+
+/// A set of filters, and where its first patch lies.
+#[derive(Clone, Copy)]
+struct Filter<'m> {
+    variant: usize,
+    /// First row and column of the patch, in the input; outside is padding.
+    row: isize,
+    col: isize,
+    /// Kernel rows and columns.
+    rows: usize,
+    cols: usize,
+    /// Of each source.
+    weights: [&'m [u8]; 2],
 }
 
 /// Output pixels of one row that use the same filters.
 #[derive(Clone, Copy)]
-struct Stretch {
+struct Stretch<'m> {
     /// Output row, first column, step between columns, pixels.
     row: usize,
     col: usize,
     col_step: usize,
     count: usize,
-    /// First row and column of the first patch, in the input; outside is padding.
-    input_row: isize,
-    input_col: isize,
     /// Input columns from one patch to the next.
     input_step: usize,
-    /// Set of filters and its kernel.
-    variant: usize,
-    kernel_rows: usize,
-    kernel_cols: usize,
+    filters: [Option<Filter<'m>>; 2],
 }
 
 /// Runs unit `unit` (the number of the panel) of step `step`.
@@ -54,12 +68,23 @@ pub(crate) fn run<I: Isa>(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>,
     let out = model.tensor(conv.out);
     let (first, width) = panel(out.channels, unit);
     let sources = [Some(model.tensor(conv.first)), conv.second.map(|t| model.tensor(t))];
-    let job = Job { model, conv, sources, first, width, out };
+    let wide = sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
+    let job = Job { model, conv, sources, first, width, wide, out };
+    let (begin, made) = (conv.step_rows() * step, conv.step_rows());
+    let rows = begin..(begin + made).min(job.out.rows);
     let mut cut = 0;
-    let rows =
-        if conv.fold { 2 * step..2 * step + 2 } else { conv.block * step..(conv.block * (step + 1)).min(job.out.rows) };
-    for row in rows.clone() {
-        cut += if conv.fold { job.folded_row::<I>(arena, row) } else { job.run::<I>(arena, &job.plain_row(row)) };
+    if conv.fold {
+        // All rows with the same filter before the next one: its weights stay in the cache.
+        for (down, across) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            for row in rows.clone().skip(down).step_by(2) {
+                cut += job.run::<I>(arena, &job.folded(row, across));
+            }
+        }
+    } else {
+        let filter = job.filter(0, 0, 0);
+        for row in rows.clone() {
+            cut += job.run::<I>(arena, &job.plain(row, filter));
+        }
     }
     if first + width >= out.channels && out.margin > 0 {
         for row in rows {
@@ -69,76 +94,67 @@ pub(crate) fn run<I: Isa>(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>,
     cut
 }
 
-impl Job<'_, '_> {
+impl<'m> Job<'_, 'm> {
+    /// A whole row.
     #[inline(always)]
-    fn plain_row(&self, row: usize) -> Stretch {
+    fn plain(&self, row: usize, filter: Filter<'m>) -> Stretch<'m> {
+        let (conv, pad) = (self.conv, self.conv.pad as isize);
+        let filter = Filter { row: (row * conv.stride) as isize - pad, col: -pad, ..filter };
+        let (count, input_step) = (self.out.cols, conv.stride_cols);
+        Stretch { row, col: 0, col_step: 1, count, input_step, filters: [Some(filter), None] }
+    }
+
+    /// Every second pixel of a row, from the first or (`odd` 1) second on.
+    #[inline(always)]
+    fn folded(&self, row: usize, odd: usize) -> Stretch<'m> {
+        let (down, across) = (Phase::of(row, self.out.rows / 2), Phase::of(odd, self.out.cols / 2));
+        let filter = self.filter(down.filter * PHASES + odd, down.first, across.first);
+        let correction =
+            down.correction.map(|(number, at)| self.filter(number * PHASES + odd, at as isize, across.first));
+        let filters = [Some(filter), correction];
+        Stretch { row, col: odd, col_step: 2, count: self.out.cols / 2, input_step: 1, filters }
+    }
+
+    /// The corrections for a column of a row.
+    #[inline(always)]
+    fn corrections(&self, row: usize, col: usize) -> [Option<Filter<'m>>; 2] {
+        let (down, across) = (Phase::of(row, self.out.rows / 2), Phase::of(col, self.out.cols / 2));
+        let Some((number, left)) = across.correction else { return [None; 2] };
+        let filter = self.filter(down.filter * PHASES + number, down.first, left as isize);
+        let corner =
+            down.correction.map(|(above, top)| self.filter(above * PHASES + number, top as isize, left as isize));
+        [Some(filter), corner]
+    }
+
+    /// A set of filters whose first patch begins at a row and column.
+    #[inline(always)]
+    fn filter(&self, variant: usize, row: isize, col: isize) -> Filter<'m> {
         let conv = self.conv;
-        Stretch {
-            row,
-            col: 0,
-            col_step: 1,
-            count: self.out.cols,
-            input_row: (row * conv.stride) as isize - conv.pad as isize,
-            input_col: -(conv.pad as isize),
-            input_step: conv.stride_cols,
-            variant: 0,
-            kernel_rows: conv.kernel_rows,
-            kernel_cols: conv.kernel_cols,
-        }
-    }
-
-    /// Six stretches: two columns at each border, and the even and the odd ones between.
-    #[inline(always)]
-    fn folded_row<I: Isa>(&self, arena: &mut Arena<'_>, row: usize) -> u64 {
-        let (rows, cols) = (self.out.rows / 2, self.out.cols / 2);
-        let down = Phase::of(row, rows);
-        let mut cut = 0;
-        for (col, count) in [(0, 1), (1, 1), (2, cols - 2), (3, cols - 2), (2 * cols - 2, 1), (2 * cols - 1, 1)] {
-            let across = Phase::of(col, cols);
-            let stretch = Stretch {
-                row,
-                col,
-                col_step: 2,
-                count,
-                input_row: down.first,
-                input_col: across.first,
-                input_step: 1,
-                variant: down.filter * PHASES + across.filter,
-                kernel_rows: down.taps,
-                kernel_cols: across.taps,
-            };
-            cut += self.run::<I>(arena, &stretch);
-        }
-        cut
-    }
-
-    /// Weights of one source for this panel: offset among the constants, and bytes.
-    #[inline(always)]
-    fn weights(&self, stretch: &Stretch, source: usize) -> &[u8] {
-        // Groups of one source in a kernel row of so many columns.
-        let of = |s: usize, cols: usize| self.sources[s].map_or(0, |t| groups(cols * t.channels));
+        let (rows, cols) = conv.extent(variant);
+        // Groups of one source, or both, in a kernel row of so many columns.
+        let of = |source: usize, cols: usize| self.sources[source].map_or(0, |t| groups(cols * t.channels));
         let both = |cols: usize| of(0, cols) + of(1, cols);
-        let mut start = self.conv.weights;
-        if self.conv.fold {
-            // Groups of the filters before this one: whole rows of filters, then those of this row.
-            let (down, across) = (stretch.variant / PHASES, stretch.variant % PHASES);
-            let rows: usize = PHASE_TAPS[..down].iter().sum();
-            let row: usize = PHASE_TAPS.iter().map(|&cols| both(cols)).sum();
-            let before: usize = PHASE_TAPS[..across].iter().map(|&cols| both(cols)).sum();
-            start += 4 * panelled(self.out.channels) * (rows * row + stretch.kernel_rows * before);
-        }
+        // Groups of the sets before this one, and of all: whole rows of sets, then those of this row.
+        let (before, all) = if conv.fold {
+            let (down, across) = (variant / PHASES, variant % PHASES);
+            let sum = |taps: &[usize]| taps.iter().map(|&cols| both(cols)).sum::<usize>();
+            let row = sum(&PHASE_TAPS);
+            let above: usize = PHASE_TAPS[..down].iter().sum();
+            (above * row + rows * sum(&PHASE_TAPS[..across]), PHASE_TAPS.iter().sum::<usize>() * row)
+        } else {
+            (0, rows * both(cols))
+        };
         // Panels before this one hold `first` channels; the first source comes first.
-        start += 4 * self.first * stretch.kernel_rows * both(stretch.kernel_cols);
-        start += source * 4 * self.width * stretch.kernel_rows * of(0, stretch.kernel_cols);
-        let mine = 4 * self.width * stretch.kernel_rows * of(source, stretch.kernel_cols);
-        self.model.constants(start, mine)
+        let start = conv.weights + 4 * (self.first * all + self.width * before);
+        let bytes = |source: usize| 4 * self.width * rows * of(source, cols);
+        let weights = [self.model.constants(start, bytes(0)), self.model.constants(start + bytes(0), bytes(1))];
+        Filter { variant, row, col, rows, cols, weights }
     }
 
     #[inline(always)]
-    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch) -> u64 {
-        let finish = Finish::new(self.model, self.conv, &self.out, (self.first, self.width), stretch.variant);
-        let weights = [self.weights(stretch, 0), self.weights(stretch, 1)];
-        let wide = self.sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
+    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
+        let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
+        let finish = Finish::new(self.model, self.conv, &self.out, (self.first, self.width), variants);
         let mut acc = [0; ACCUMULATORS];
         let mut cut = 0;
         let mut done = 0;
@@ -146,18 +162,12 @@ impl Job<'_, '_> {
             // Blocks of nearly one size: small ones leave registers idle.
             let left = stretch.count - done;
             let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)));
-            acc[..now * self.width].fill(0);
-            if wide {
-                for (source, t) in self.sources.iter().enumerate() {
-                    if let Some(t) = t.as_ref().filter(|t| t.dtype == Dtype::I16) {
-                        self.add::<I>(arena, &mut acc, stretch, (done, now), (t, 1), weights[source]);
+            self.products::<I>(arena, &mut acc, &stretch.filters, (done * stretch.input_step, now), stretch.input_step);
+            if self.conv.fold {
+                for pixel in [0, stretch.count - 1] {
+                    if (done..done + now).contains(&pixel) {
+                        self.correct::<I>(arena, &mut acc, pixel - done, (stretch.row, stretch.col + 2 * pixel));
                     }
-                }
-                acc[..now * self.width].iter_mut().for_each(|a| *a = a.wrapping_shl(8));
-            }
-            for (source, t) in self.sources.iter().enumerate() {
-                if let Some(t) = t {
-                    self.add::<I>(arena, &mut acc, stretch, (done, now), (t, 0), weights[source]);
                 }
             }
             let col = stretch.col + done * stretch.col_step;
@@ -168,35 +178,81 @@ impl Job<'_, '_> {
         cut
     }
 
-    /// Adds the products of one plane of one source.
+    /// Adds the corrections for an output pixel to its sums, `acc[pixel]`.
     #[inline(always)]
-    fn add<I: Isa>(
+    fn correct<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, pixel: usize, (row, col): (usize, usize)) {
+        let corrections = self.corrections(row, col);
+        let mut more = [0; ACCUMULATORS];
+        self.products::<I>(arena, &mut more, &corrections, (0, 1), 1);
+        for filter in corrections.iter().flatten() {
+            let first = filter.variant * self.out.channels + self.first;
+            let channels = self.width.min(self.out.channels - self.first);
+            for (c, more) in more[..channels].iter_mut().enumerate() {
+                *more = more.wrapping_add(self.model.constant_i32(self.conv.bias, first + c));
+            }
+        }
+        for (acc, more) in acc[pixel * self.width..][..self.width].iter_mut().zip(&more) {
+            *acc = acc.wrapping_add(*more);
+        }
+    }
+
+    /// Sets `acc` to the products of the filters with `now` patches, the first of them `skip` columns further right.
+    #[inline(always)]
+    fn products<I: Isa>(
         &self,
         arena: &mut Arena<'_>,
-        acc: &mut [i32; ACCUMULATORS],
-        stretch: &Stretch,
-        (done, now): (usize, usize),
-        (t, plane): (&Tensor, usize),
-        weights: &[u8],
+        acc: &mut Accumulators,
+        filters: &[Option<Filter<'m>>; 2],
+        (skip, now): (usize, usize),
+        input_step: usize,
     ) {
-        let groups = groups(stretch.kernel_cols * t.channels);
-        let stride = stretch.input_step * t.channels;
-        let col = stretch.input_col + ((done * stretch.input_step + t.margin) as isize);
-        // Margins are at least as wide as the padding.
-        let col = col.max(0) as usize * t.channels + plane * t.plane_bytes();
-        let mut starts = [0; MAX_KERNEL];
-        for (k, start) in starts[..stretch.kernel_rows].iter_mut().enumerate() {
-            let row = stretch.input_row + k as isize;
-            let inside = row.clamp(0, t.rows as isize - 1);
-            *start = if row == inside || self.conv.fold {
-                t.row_offset(inside as usize) + col
-            } else {
-                let len = (now - 1) * stride + 4 * groups;
-                arena.bytes[arena.scratch..arena.scratch + len].fill(zero_code(t, plane));
-                arena.scratch
-            };
+        let mut begun = false;
+        if self.wide {
+            self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 1), &mut begun);
+            acc[..now * self.width].iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
-        let patch = Patch { bytes: arena.bytes, starts: &starts[..stretch.kernel_rows], stride, groups };
-        I::gemm(acc, now, &patch, weights, self.width);
+        self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 0), &mut begun);
+    }
+
+    /// Adds the products of one plane of all sources; the first ones begin the sums.
+    #[inline(always)]
+    fn plane<I: Isa>(
+        &self,
+        arena: &mut Arena<'_>,
+        acc: &mut Accumulators,
+        filters: &[Option<Filter<'m>>; 2],
+        (skip, now): (usize, usize),
+        (input_step, plane): (usize, usize),
+        begun: &mut bool,
+    ) {
+        for filter in filters.iter().flatten() {
+            for (source, t) in self.sources.iter().enumerate() {
+                let Some(t) = t.as_ref().filter(|t| plane == 0 || t.dtype == Dtype::I16) else { continue };
+                let groups = groups(filter.cols * t.channels);
+                let stride = input_step * t.channels;
+                // Margins are at least as wide as the padding.
+                let col = (filter.col + (skip + t.margin) as isize).max(0) as usize * t.channels;
+                let col = col + plane * t.plane_bytes();
+                let mut starts = [0; MAX_KERNEL];
+                for (k, start) in starts[..filter.rows].iter_mut().enumerate() {
+                    let row = filter.row + k as isize;
+                    let inside = row.clamp(0, t.rows as isize - 1);
+                    *start = if row == inside || self.conv.fold {
+                        t.row_offset(inside as usize) + col
+                    } else {
+                        let len = (now - 1) * stride + 4 * groups;
+                        arena.bytes[arena.scratch..arena.scratch + len].fill(zero_code(t, plane));
+                        arena.scratch
+                    };
+                }
+                let patch = Patch { bytes: arena.bytes, starts: &starts[..filter.rows], stride, groups };
+                if *begun {
+                    I::gemm(acc, now, &patch, filter.weights[source], self.width);
+                } else {
+                    I::gemm_from_zero(acc, now, &patch, filter.weights[source], self.width);
+                }
+                *begun = true;
+            }
+        }
     }
 }

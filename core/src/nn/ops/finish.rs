@@ -54,7 +54,7 @@ impl<'a> Finish<'a> {
         conv: &Conv,
         out: &'a Tensor,
         (first, width): (usize, usize),
-        variant: usize,
+        variants: [Option<usize>; 2],
     ) -> Self {
         let channels = (out.channels - first).min(width);
         let list = |offset: usize, skip: usize| {
@@ -65,6 +65,13 @@ impl<'a> Finish<'a> {
             }
             values
         };
+        let mut bias = [0; PANEL];
+        for variant in variants.into_iter().flatten() {
+            let one: [i32; PANEL] = list(conv.bias, variant * out.channels);
+            for c in 0..PANEL {
+                bias[c] = i32::wrapping_add(bias[c], one[c]);
+            }
+        }
         let added = conv.add.is_some() && out.dtype != Dtype::F32;
         let table = conv.table.map(|table| model.constants(table, CODE_TABLE_LEN));
         let (zero, lo, hi) = match table {
@@ -76,7 +83,7 @@ impl<'a> Finish<'a> {
             first,
             channels,
             width,
-            bias: list(conv.bias, variant * out.channels),
+            bias,
             multiplier: list(conv.multipliers, 0),
             add: conv.add.map(|t| model.tensor(t)),
             add_multiplier: if added { list(conv.add_multipliers, 0) } else { [0; PANEL] },

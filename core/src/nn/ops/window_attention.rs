@@ -71,12 +71,43 @@ impl Window<'_> {
         self.width() * (self.rows.1 - self.rows.0)
     }
 
-    /// Place in the arena of sample `channel` of a token, or `None` in the padding.
+    /// Places in the arena of sample `channel` of every token, from the first on.
     #[inline(always)]
-    fn place(&self, token: usize, channel: usize) -> Option<usize> {
-        let (row, col) = (self.rows.0 + token / self.width(), self.cols.0 + token % self.width());
-        let t = self.input;
-        (row < t.rows && col < t.cols).then(|| t.row_offset(row) + (t.margin + col) * t.channels + channel)
+    fn walk(&self, channel: usize) -> Walk<'_> {
+        let mut walk = Walk { window: self, channel, row: self.rows.0, col: self.cols.0, at: 0 };
+        walk.begin_row();
+        walk
+    }
+}
+
+/// A walk over the tokens of a window, without a division for each.
+struct Walk<'a> {
+    window: &'a Window<'a>,
+    channel: usize,
+    row: usize,
+    col: usize,
+    /// Place of the token at (row, col), if that lies in the map.
+    at: usize,
+}
+
+impl Walk<'_> {
+    #[inline(always)]
+    fn begin_row(&mut self) {
+        let t = self.window.input;
+        self.at = t.row_offset(self.row.min(t.rows - 1)) + (t.margin + self.col) * t.channels + self.channel;
+    }
+
+    /// Place of the next token, or `None` in the padding.
+    #[inline(always)]
+    fn next_place(&mut self) -> Option<usize> {
+        let t = self.window.input;
+        let place = (self.row < t.rows && self.col < t.cols).then_some(self.at);
+        (self.col, self.at) = (self.col + 1, self.at + t.channels);
+        if self.col == self.window.cols.1 {
+            (self.row, self.col) = (self.row + 1, self.window.cols.0);
+            self.begin_row();
+        }
+        place
     }
 }
 
@@ -116,15 +147,17 @@ fn pack(
     let (tensors, scratch) = arena.bytes.split_at_mut(arena.scratch);
     let (keys, rest) = scratch.split_at_mut(layout.keys);
     let values = &mut rest[..layout.values];
-    keys.fill(0);
-    values.fill(0);
     let pad = model.constants(window.a.pad_codes, window.input.channels);
     let mut offsets = [0; MAX_TOKENS];
+    let from = out.channels + head * channels;
+    let mut walk = window.walk(from);
     for (first, width) in panels(tokens) {
         let panel = &mut keys[4 * first * groups(channels)..][..4 * width * groups(channels)];
+        if tokens < first + width || !channels.is_multiple_of(4) {
+            panel.fill(0);
+        }
         for token in first..tokens.min(first + width) {
-            let from = out.channels + head * channels;
-            let codes = match window.place(token, from) {
+            let codes = match walk.next_place() {
                 Some(at) => &tensors[at..at + channels],
                 None => &pad[from..from + channels],
             };
@@ -148,7 +181,11 @@ fn pack(
     for (first, width) in panels(channels) {
         let panel = &mut values[4 * first * groups(tokens)..][..4 * width * groups(tokens)];
         let count = (channels - first).min(width);
+        if count < width {
+            panel.fill(0);
+        }
         let from = 2 * out.channels + head * channels + first;
+        let mut walk = window.walk(from);
         for (group, to) in panel.chunks_exact_mut(4 * width).enumerate() {
             // Behind the last token stand zeros: the code 128.
             const NOTHING: [u8; PANEL] = [128; PANEL];
@@ -156,7 +193,7 @@ fn pack(
             for (b, codes) in four.iter_mut().enumerate() {
                 let token = 4 * group + b;
                 if token < tokens {
-                    *codes = match window.place(token, from) {
+                    *codes = match walk.next_place() {
                         Some(at) => &tensors[at..at + count],
                         None => &pad[from..from + count],
                     };
@@ -196,39 +233,60 @@ impl Head<'_, '_> {
         }
         let multiplier = self.model.constant_i32(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
-        let mut cut = 0;
+        let (mut cut, mut acc): (u64, Accumulators) = (0, [0; ACCUMULATORS]);
         for (first, width) in panels(channels) {
-            let mut acc: Accumulators = [0; ACCUMULATORS];
             let groups = groups(self.window.tokens());
             let start = arena.scratch + self.layout.keys + 4 * first * groups;
             let weights = &arena.bytes[start..start + 4 * width * groups];
             for plane in [1, 0] {
                 let starts = [exp + plane * self.layout.row];
                 let patch = Patch { bytes: arena.bytes, starts: &starts, stride: 2 * self.layout.row, groups };
-                I::gemm(&mut acc, cols.len(), &patch, weights, width);
                 if plane == 1 {
+                    I::gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
                     acc[..cols.len() * width].iter_mut().for_each(|a| *a <<= 8);
+                } else {
+                    I::gemm(&mut acc, cols.len(), &patch, weights, width);
                 }
             }
-            let to = Row::of(out, row);
+            let channel = self.head * channels + first;
             let count = (channels - first).min(width);
-            let (lo, hi, zero) = (out.lo as i64, out.hi as i64, out.zero as i64);
             for (q, col) in cols.clone().enumerate() {
-                let mut weighted = [0i32; PANEL];
-                weighted[..width].copy_from_slice(&acc[q * width..(q + 1) * width]);
-                let (mut codes, mut cuts) = ([0i32; PANEL], [0i64; PANEL]);
-                for c in 0..PANEL {
-                    let mean = round_shift(weighted[c] as i64 * reciprocals[q] as i64, RECIPROCAL_BITS - FRACTION_BITS);
-                    let code = round_shift(mean as i32 as i64 * multiplier as i64, a.shift) + zero;
-                    cuts[c] = (code > hi) as i64 + (code < lo) as i64;
-                    codes[c] = code.clamp(lo, hi) as i32;
-                }
-                for &one in &cuts[..count] {
-                    cut += one as u64;
-                }
-                to.store(arena.bytes, col * out.channels + self.head * channels + first, &codes[..count]);
+                let (scale, place) = ((reciprocals[q], multiplier), (row, col * out.channels + channel));
+                cut += match width {
+                    32 => self.means(arena.bytes, &acc.as_chunks::<32>().0[q], scale, place, count),
+                    16 => self.means(arena.bytes, &acc.as_chunks::<16>().0[q], scale, place, count),
+                    _ => self.means(arena.bytes, &acc.as_chunks::<8>().0[q], scale, place, count),
+                };
             }
         }
+        cut
+    }
+
+    /// Turns sums of v into codes and stores `count` of them in a row of the output, from a sample on; returns how many were cut.
+    /// `W` is the panel's width, known to the compiler.
+    #[inline(always)]
+    fn means<const W: usize>(
+        &self,
+        bytes: &mut [u8],
+        weighted: &[i32; W],
+        (reciprocal, multiplier): (i32, i32),
+        (row, sample): (usize, usize),
+        count: usize,
+    ) -> u64 {
+        let (out, shift) = (self.out, self.window.a.shift);
+        let (lo, hi, zero) = (out.lo as i64, out.hi as i64, out.zero as i64);
+        let (mut codes, mut cuts) = ([0i32; W], [0i64; W]);
+        for c in 0..W {
+            let mean = round_shift(weighted[c] as i64 * reciprocal as i64, RECIPROCAL_BITS - FRACTION_BITS);
+            let code = round_shift(mean as i32 as i64 * multiplier as i64, shift) + zero;
+            cuts[c] = (code > hi) as i64 + (code < lo) as i64;
+            codes[c] = code.clamp(lo, hi) as i32;
+        }
+        let mut cut = 0;
+        for &one in &cuts[..count] {
+            cut += one as u64;
+        }
+        Row::of(out, row).store(bytes, sample, &codes[..count]);
         cut
     }
 
@@ -242,12 +300,11 @@ impl Head<'_, '_> {
         let q = t.row_offset(row) + (t.margin + self.window.cols.0) * t.channels + self.head * channels;
         let starts = [q];
         let patch = Patch { bytes: arena.bytes, starts: &starts, stride: t.channels, groups };
-        let mut logits = [[0; MAX_TOKENS]; MAX_WINDOW];
+        let (mut logits, mut acc): (_, Accumulators) = ([[0; MAX_TOKENS]; MAX_WINDOW], [0; ACCUMULATORS]);
         for (first, width) in panels(tokens) {
-            let mut acc: Accumulators = [0; ACCUMULATORS];
             let start = arena.scratch + 4 * first * groups;
             let weights = &arena.bytes[start..start + 4 * width * groups];
-            I::gemm(&mut acc, queries, &patch, weights, width);
+            I::gemm_from_zero(&mut acc, queries, &patch, weights, width);
             let count = (tokens - first).min(width);
             for (q, logits) in logits[..queries].iter_mut().enumerate() {
                 let acc = &acc[q * width..q * width + count];

@@ -60,7 +60,7 @@ impl Case {
         for dtype in dtypes {
             let channels = channels(r);
             let mut t = random_tensor(r, dtype, size, channels);
-            let (margin, edge) = if fold { (1, Edge::Nearest) } else { (pad, Edge::Zero) };
+            let (margin, edge) = if fold { (2, Edge::Nearest) } else { (pad, Edge::Zero) };
             if margin > 0 {
                 (t.margin, t.edge) = (margin + r.size(0, 1), edge);
             }
@@ -76,7 +76,7 @@ impl Case {
             kernel_cols: cols,
             stride,
             stride_cols,
-            block: if fold { 1 } else { r.size(1, 4.min(out_size.0)) },
+            block: r.size(1, 4.min(out_size.0)),
             pad,
             fold,
             ..EMPTY
@@ -88,8 +88,8 @@ impl Case {
         if dtype == Dtype::F32 {
             out = map(dtype, out_size, out_channels);
         }
-        // A step of a folded convolution makes two rows.
-        out.ring = r.size(conv.block.max(1 + fold as usize), out.rows);
+        // A step of a folded convolution makes two rows for one of the block.
+        out.ring = r.size(out.rows.min(conv.block * (1 + fold as usize)), out.rows);
         let add_dtype = r.pick(&[Dtype::U8, Dtype::I16]);
         let add = r.one_in(2).then(|| random_tensor(r, add_dtype, out_size, out_channels));
         let mut case = Self {
@@ -160,13 +160,13 @@ impl Case {
         extent(&self.conv, variant)
     }
 
-    /// `[variant][panel][source][kernel row][group][channel of the panel][4]`.
+    /// `[panel][variant][source][kernel row][group][channel of the panel][4]`.
     fn packed(&self) -> Vec<u8> {
         let input: usize = self.sources.iter().map(|(t, _)| t.channels).sum();
         let mut bytes = Vec::new();
-        for (variant, weights) in self.weights.iter().enumerate() {
-            let (rows, cols) = self.extent(variant);
-            for (first, width) in panels_of(self.out.channels) {
+        for (first, width) in panels_of(self.out.channels) {
+            for (variant, weights) in self.weights.iter().enumerate() {
+                let (rows, cols) = self.extent(variant);
                 let mut skipped = 0;
                 for (t, _) in &self.sources {
                     for row in 0..rows {
@@ -210,36 +210,46 @@ impl Case {
         if inside { map[(row as usize * t.cols + col as usize) * t.channels + k] } else { 0 }
     }
 
-    /// The filter for an output pixel, and the places it reads.
-    fn taps(&self, row: usize, col: usize) -> (usize, Vec<(isize, isize)>) {
+    /// The filters for an output pixel, and the places that each of them reads.
+    fn taps(&self, row: usize, col: usize) -> Vec<(usize, Vec<(isize, isize)>)> {
         if !self.conv.fold {
             let corner = |at: usize, stride: usize| (at * stride) as isize - self.conv.pad as isize;
             let (top, left) = (corner(row, self.conv.stride), corner(col, self.conv.stride_cols));
             let (rows, cols) = (self.conv.kernel_rows as isize, self.conv.kernel_cols as isize);
             let places = (0..rows).flat_map(|r| (0..cols).map(move |c| (top + r, left + c)));
-            return (0, places.collect());
+            return vec![(0, places.collect())];
         }
         let t = &self.sources[0].0;
-        let (down, across) = (phase(row, t.rows), phase(col, t.cols));
         let place = |r: isize, c: isize| (r.clamp(0, t.rows as isize - 1), c.clamp(0, t.cols as isize - 1));
-        let places = down.1.iter().flat_map(|&r| across.1.iter().map(move |&c| place(r, c)));
-        (PHASES * down.0 + across.0, places.collect())
+        let (downs, acrosses) = (phases(row, t.rows), phases(col, t.cols));
+        let mut all = Vec::new();
+        for down in &downs {
+            for across in &acrosses {
+                let places = down.1.iter().flat_map(|&r| across.1.iter().map(move |&c| place(r, c)));
+                all.push((PHASES * down.0 + across.0, places.collect()));
+            }
+        }
+        all
     }
 
     fn expected(&self) -> Expected {
         let (mut map, mut cut) = (Vec::new(), 0);
         for (row, col) in (0..self.out.rows).flat_map(|r| (0..self.out.cols).map(move |c| (r, c))) {
-            let (variant, places) = self.taps(row, col);
-            let mut patch = Vec::new();
-            for &(r, c) in &places {
-                for (source, (t, _)) in self.sources.iter().enumerate() {
-                    patch.extend((0..t.channels).map(|k| self.value(source, r, c, k)));
+            let mut sums = vec![0; self.out.channels];
+            for (variant, places) in self.taps(row, col) {
+                let mut patch = Vec::new();
+                for &(r, c) in &places {
+                    for (source, (t, _)) in self.sources.iter().enumerate() {
+                        patch.extend((0..t.channels).map(|k| self.value(source, r, c, k)));
+                    }
+                }
+                for (o, sum) in sums.iter_mut().enumerate() {
+                    let filter = &self.weights[variant][o * patch.len()..(o + 1) * patch.len()];
+                    *sum += filter.iter().zip(&patch).map(|(w, x)| w * x).sum::<i64>();
+                    *sum += self.bias[variant * self.out.channels + o];
                 }
             }
-            for o in 0..self.out.channels {
-                let filter = &self.weights[variant][o * patch.len()..(o + 1) * patch.len()];
-                let sum: i64 = filter.iter().zip(&patch).map(|(w, x)| w * x).sum();
-                let sum = sum + self.bias[variant * self.out.channels + o];
+            for (o, sum) in sums.into_iter().enumerate() {
                 let added = self.add.as_ref().map(|(_, map)| map[(row * self.out.cols + col) * self.out.channels + o]);
                 map.push(self.finish(sum, added, o, &mut cut));
             }
@@ -301,8 +311,9 @@ fn random_weights(r: &mut Random, conv: &Conv, sources: &mut [Tensor]) -> (usize
     let extents: Vec<(usize, usize)> = (0..variants).map(|v| extent(conv, v)).collect();
     let weights: Vec<Vec<i64>> =
         extents.iter().map(|(rows, cols)| r.list(output * rows * cols * input, -127, 127)).collect();
-    let taps = extents.iter().map(|(rows, cols)| rows * cols * input).max().unwrap_or(0) as i64;
-    let limit = ((i32::MAX as i64 - (1 << 20)) / (127 * taps)).min(32767) as i32;
+    // A corner of a folded convolution adds filters of 4 x 4, 4 x 1, 1 x 4 and 1 x 1 taps, and as many biases.
+    let taps = if conv.fold { 25 } else { conv.kernel_rows * conv.kernel_cols } * input;
+    let limit = ((i32::MAX as i64 - (1 << 22)) / (127 * taps as i64)).min(32767) as i32;
     for t in sources.iter_mut().filter(|t| t.dtype == Dtype::I16) {
         (t.lo, t.hi) = (t.lo.max(-limit), if r.one_in(2) { limit } else { t.hi.min(limit) });
     }
@@ -323,16 +334,19 @@ fn panels_of(channels: usize) -> Vec<(usize, usize)> {
     panels
 }
 
-/// Number of the filter for output `index`, and the samples of the small map that it reads.
-pub(super) fn phase(index: usize, len: usize) -> (usize, Vec<isize>) {
-    let middle = (index / 2) as isize;
-    match index {
-        0 => (0, (0..2).collect()),
-        1 => (1, (0..3).collect()),
-        _ if index + 1 == 2 * len => (5, (middle - 1..middle + 1).collect()),
-        _ if index + 2 == 2 * len => (4, (middle - 2..middle + 1).collect()),
-        _ if index.is_multiple_of(2) => (2, (middle - 2..middle + 2).collect()),
-        _ => (3, (middle - 1..middle + 3).collect()),
+/// Numbers of the filter and of the correction for output `index`, and the samples of the small map that they read.
+pub(super) fn phases(index: usize, len: usize) -> Vec<(usize, Vec<isize>)> {
+    let (middle, last) = ((index / 2) as isize, len as isize - 1);
+    let filter = match index.is_multiple_of(2) {
+        true => (0, (middle - 2..middle + 2).collect()),
+        false => (1, (middle - 1..middle + 3).collect()),
+    };
+    match 2 * len - 1 - index {
+        _ if index == 0 => vec![filter, (2, vec![0])],
+        _ if index == 1 => vec![filter, (3, vec![0])],
+        0 => vec![filter, (5, vec![last])],
+        1 => vec![filter, (4, vec![last])],
+        _ => vec![filter],
     }
 }
 

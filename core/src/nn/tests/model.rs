@@ -108,6 +108,16 @@ fn memory_asked_for_is_that_of_tensors_and_one_row_of_padding() {
         needed >= model.scratch_offset() + model.scratch_bytes() && needed < model.scratch_offset() + 64,
         "{needed}"
     );
+    assert_eq!(model.scratch_bytes(), 0, "without padding there is no such row");
+    let mut draft = Draft::new((8, 8));
+    (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
+    draft.output = draft.place(map(Dtype::F32, (8, 8), 1));
+    let conv = draft.silent(0, draft.output, (3, 1, 1));
+    draft.operator(Operator::Conv(conv));
+    draft.in_order();
+    let file = draft.file();
+    let scratch = Model::new(&file).unwrap().scratch_bytes();
+    assert!((10..32).contains(&scratch), "{scratch}");
 }
 
 #[test]

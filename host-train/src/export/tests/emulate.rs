@@ -23,32 +23,29 @@ pub(crate) struct Emulator<'a> {
     pub(crate) maps: Vec<Map>,
 }
 
-/// Where a filter lies on an axis of the small map: its number, and the samples that it reads, border repeated.
+/// Where a filter or correction lies on an axis of the small map: its number, and the samples that it reads, border repeated.
 struct Place {
     filter: usize,
     samples: Vec<usize>,
 }
 
 impl Place {
-    /// Output `index` sees five samples of the enlarged map; those outside are lost, and how many are lost on which side makes
-    /// the filter's number.
-    fn of(index: usize, len: usize) -> Self {
+    /// Output `index` sees five samples of the enlarged map, as if the small one went on behind its border; how many of them are
+    /// padding, and on which side, makes the number of the correction.
+    fn all_of(index: usize, len: usize) -> Vec<Self> {
         let seen = (index as isize - 2)..=(index as isize + 2);
-        let inside = 0..2 * len as isize;
-        let before = seen.clone().filter(|p| *p < inside.start).count();
-        let behind = seen.clone().filter(|p| *p >= inside.end).count();
-        let filter = match (before, behind) {
-            (0, 0) => 2 + index % 2,
-            (lost, 0) => 2 - lost,
-            (_, lost) => 3 + lost,
-        };
-        let whole = before + behind == 0;
-        let clamp = |at: f64| if whole { at } else { at.clamp(0.0, (len - 1) as f64) };
-        let centres = seen.filter(|p| inside.contains(p)).map(|p| clamp((p as f64 + 0.5) / 2.0 - 0.5));
+        let before = seen.clone().filter(|p| *p < 0).count();
+        let behind = seen.clone().filter(|p| *p >= 2 * len as isize).count();
         let (mut low, mut high) = (f64::MAX, f64::MIN);
-        centres.for_each(|c| (low, high) = (low.min(c.floor()), high.max(c.ceil())));
+        seen.map(|p| (p as f64 + 0.5) / 2.0 - 0.5).for_each(|c| (low, high) = (low.min(c.floor()), high.max(c.ceil())));
         let samples = (low as isize..=high as isize).map(|s| s.clamp(0, len as isize - 1) as usize).collect();
-        Self { filter, samples }
+        let mut all = vec![Self { filter: index % 2, samples }];
+        match (before, behind) {
+            (0, 0) => {}
+            (lost, 0) => all.push(Self { filter: 4 - lost, samples: vec![0] }),
+            (_, lost) => all.push(Self { filter: 3 + lost, samples: vec![len - 1] }),
+        }
+        all
     }
 }
 
@@ -124,19 +121,21 @@ impl Emulator<'_> {
 
     /// The same with the enlargement in the filter.
     fn folded_sums(sources: &[Read], filters: &[IntegerFilter], (row, col): (usize, usize), sums: &mut [f64]) {
-        let (down, across) = (Place::of(row, sources[0].rows), Place::of(col, sources[0].cols));
-        let filter = &filters[6 * down.filter + across.filter];
-        assert_eq!(filter.extent, (down.samples.len(), across.samples.len()), "output {row}, {col}");
-        let mut patch = Vec::new();
-        for (&r, &c) in down.samples.iter().flat_map(|r| across.samples.iter().map(move |c| (r, c))) {
-            for source in sources {
-                let at = (r * source.cols + c) * source.channels;
-                patch.extend(source.map[at..at + source.channels].iter().map(|x| x - source.zero));
+        let (downs, acrosses) = (Place::all_of(row, sources[0].rows), Place::all_of(col, sources[0].cols));
+        for (down, across) in downs.iter().flat_map(|down| acrosses.iter().map(move |across| (down, across))) {
+            let filter = &filters[6 * down.filter + across.filter];
+            assert_eq!(filter.extent, (down.samples.len(), across.samples.len()), "output {row}, {col}");
+            let mut patch = Vec::new();
+            for (&r, &c) in down.samples.iter().flat_map(|r| across.samples.iter().map(move |c| (r, c))) {
+                for source in sources {
+                    let at = (r * source.cols + c) * source.channels;
+                    patch.extend(source.map[at..at + source.channels].iter().map(|x| x - source.zero));
+                }
             }
+            multiply(filter, &patch, sums);
+            let bias = sums.iter_mut().zip(&filter.bias);
+            bias.for_each(|(sum, b)| *sum += *b as f64);
         }
-        multiply(filter, &patch, sums);
-        let bias = sums.iter_mut().zip(&filter.bias);
-        bias.for_each(|(sum, b)| *sum += *b as f64);
     }
 
     fn conv(&self, id: NodeId) -> Map {

@@ -5,8 +5,8 @@
 //!     for every pixel (or two):
 //!         even, odd = (acc + bias) * multiplier + half  64-bit products of every second lane
 //!         [       += added * its multiplier << its shift]
-//!         v = even >> shift, odd >> shift, side by side again, + zero
-//!         count v outside the limits; cut v to the codes; [look up]; store 16 bytes [and 16 high bytes]
+//!         v = even >> shift, odd >> shift, side by side again (with the zero code, which half contains)
+//!         cut v to the codes; [count what that has changed]; [look up]; store 16 bytes [and 16 high bytes]
 //! ```
 
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, PANEL};
@@ -15,6 +15,10 @@ use crate::nn::program::{Dtype, Tensor};
 use core::arch::x86_64::*;
 
 const LANES: usize = 16;
+/// Which results count as cut: none (a table goes on as it ends), those above the largest code (a ReLU), or on both sides.
+const NOTHING: u8 = 0;
+const ABOVE: u8 = 1;
+const BOTH: u8 = 2;
 
 /// # Safety
 /// AVX-512 with VBMI.
@@ -73,22 +77,39 @@ unsafe fn any(
     target: &Target,
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
-    // With a shift of 31 or more results have 31 bits, as sums have 31 and multipliers 30 and what is added is half as large.
+    // Up to 53, the zero code fits beside sums of 2^61, their multiplied additions of 2^60 and half before the shift.
+    if finish.shift > 53 {
+        return None;
+    }
+    let count = match (finish.ceiling > finish.hi, finish.floor < finish.lo) {
+        (true, true) => NOTHING,
+        (false, true) => ABOVE,
+        _ => BOTH,
+    };
     // SAFETY: as the caller says.
     unsafe {
-        match (finish.add.is_some(), finish.shift < 31) {
-            (false, false) => round::<false, false>(finish, bytes, acc, target, look_up),
-            (false, true) => round::<false, true>(finish, bytes, acc, target, look_up),
-            (true, false) => round::<true, false>(finish, bytes, acc, target, look_up),
-            (true, true) => round::<true, true>(finish, bytes, acc, target, look_up),
+        match (finish.add.is_some(), finish.shift < 32, count) {
+            (false, false, NOTHING) => round::<false, false, NOTHING>(finish, bytes, acc, target, look_up),
+            (false, false, ABOVE) => round::<false, false, ABOVE>(finish, bytes, acc, target, look_up),
+            (false, false, _) => round::<false, false, BOTH>(finish, bytes, acc, target, look_up),
+            (false, true, ABOVE) => round::<false, true, ABOVE>(finish, bytes, acc, target, look_up),
+            (false, true, BOTH) => round::<false, true, BOTH>(finish, bytes, acc, target, look_up),
+            (true, false, ABOVE) => round::<true, false, ABOVE>(finish, bytes, acc, target, look_up),
+            (true, false, BOTH) => round::<true, false, BOTH>(finish, bytes, acc, target, look_up),
+            (true, true, ABOVE) => round::<true, true, ABOVE>(finish, bytes, acc, target, look_up),
+            (true, true, BOTH) => round::<true, true, BOTH>(finish, bytes, acc, target, look_up),
+            // No network has a sum through a table, or a table behind so short a shift.
+            (_, _, _) => None,
         }
     }
 }
 
+/// With a shift of 32 or more results have 31 bits; with less (`LONG`) they may have more, and are cut in 64 bits first.
+///
 /// # Safety
 /// AVX-512.
 #[inline(always)] // Into functions that have the target features.
-unsafe fn round<const ADD: bool, const LONG: bool>(
+unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     finish: &Finish<'_>,
     bytes: &mut [u8],
     acc: &Accumulators,
@@ -111,13 +132,12 @@ unsafe fn round<const ADD: bool, const LONG: bool>(
     let at = bytes.as_mut_ptr();
     // SAFETY: the caller has the instructions, here and below.
     unsafe {
-        let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
-        let half = _mm512_set1_epi64(finish.half);
-        // Limits beyond 32 bits stand for "never".
-        let narrow = |v: i64| _mm512_set1_epi32(v.clamp(i32::MIN as i64, i32::MAX as i64) as i32);
-        let (zero, lo, hi) = (narrow(finish.zero), narrow(finish.lo), narrow(finish.hi));
-        let (floor, ceiling) = (narrow(finish.floor), narrow(finish.ceiling));
+        let half = _mm512_set1_epi64(finish.half + (finish.zero << finish.shift));
+        let (lo, hi) = (_mm512_set1_epi32(finish.lo as i32), _mm512_set1_epi32(finish.hi as i32));
         let shift = _mm_cvtsi64_si128(finish.shift as i64);
+        // Leaves odd lanes where they are wanted, in the upper half.
+        let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(finish.shift as i64 - 32) };
+        let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
         let add_shift = _mm_cvtsi64_si128(finish.add_shift as i64);
         // With eight channels a vector holds two pixels.
         let together = if finish.width == 8 { 2 } else { 1 };
@@ -157,17 +177,20 @@ unsafe fn round<const ADD: bool, const LONG: bool>(
                         let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), add_multiplier_odd);
                         odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
                     }
-                    (even, odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, shift));
+                    (even, odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, odd_shift));
                     if LONG {
                         even = _mm512_min_epi64(_mm512_max_epi64(even, bottom), top);
-                        odd = _mm512_min_epi64(_mm512_max_epi64(odd, bottom), top);
+                        odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(odd, bottom), top));
                     }
-                    odd = _mm512_slli_epi64::<32>(odd);
-                    let v = _mm512_add_epi32(_mm512_mask_blend_epi32(0xaaaa, even, odd), zero);
-                    let over = _mm512_mask_cmpgt_epi32_mask(there, v, ceiling);
-                    let under = _mm512_mask_cmplt_epi32_mask(there, v, floor);
-                    cuts = _mm512_mask_add_epi32(cuts, over | under, cuts, one);
+                    let v = _mm512_mask_blend_epi32(0xaaaa, even, odd);
                     let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
+                    if COUNT != NOTHING {
+                        let cut = match COUNT {
+                            ABOVE => _mm512_mask_cmpgt_epi32_mask(there, v, hi),
+                            _ => _mm512_mask_cmpneq_epi32_mask(there, v, code),
+                        };
+                        cuts = _mm512_mask_add_epi32(cuts, cut, cuts, one);
+                    }
                     let to = at.add(start + p * pitch + first);
                     store(to, pitch, channels, now, look_up(_mm512_cvtepi32_epi8(code)));
                     if out.dtype == Dtype::I16 {
@@ -187,20 +210,20 @@ unsafe fn round<const ADD: bool, const LONG: bool>(
 ///
 /// # Safety
 /// AVX-512; `first` is 0 or 16.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+#[inline(always)] // Into functions that have the target features.
 unsafe fn list(values: &[i32; PANEL], first: usize, together: usize) -> __m512i {
-    // SAFETY: 16 of 32 entries.
-    let all = unsafe { _mm512_loadu_si512(values.as_ptr().add(first.min(LANES)).cast()) };
-    if together == 2 { _mm512_shuffle_i64x2::<0b01_00_01_00>(all, all) } else { all }
+    // SAFETY: 16 of 32 entries; the caller has the instructions.
+    unsafe {
+        let all = _mm512_loadu_si512(values.as_ptr().add(first.min(LANES)).cast());
+        if together == 2 { _mm512_shuffle_i64x2::<0b01_00_01_00>(all, all) } else { all }
+    }
 }
 
 /// Values of the added map for one or two pixels.
 ///
 /// # Safety
 /// AVX-512; readable bytes where the mask says so.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+#[inline(always)] // Into functions that have the target features.
 unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m512i {
     // SAFETY: handed on.
     unsafe {
@@ -215,8 +238,7 @@ unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels:
 
 /// # Safety
 /// AVX-512; readable bytes where the mask says so.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+#[inline(always)] // Into functions that have the target features.
 unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m128i {
     // SAFETY: handed on.
     unsafe {
@@ -232,8 +254,7 @@ unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m12
 ///
 /// # Safety
 /// AVX-512; `channels` writable bytes per pixel.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+#[inline(always)] // Into functions that have the target features.
 unsafe fn store(to: *mut u8, pitch: usize, channels: usize, pixels: usize, codes: __m128i) {
     // SAFETY: handed on.
     unsafe {

@@ -1,18 +1,19 @@
-//! Layer norm of 16-bit maps: eight channels at a time in 64-bit lanes.
+//! Layer norm of 16-bit maps: sixteen channels at a time, products in the even and the odd 64-bit lanes.
 //!
 //! ```text
 //! for every pixel:
 //!     S, Q = sums of x and x² over its channels
 //!     root = 1/√(C·Q − S² + C²ε)                          scalar, quant/rsqrt.rs
-//!     for every eight channels:
+//! for every sixteen channels:                             gains, biases in registers
+//!     for every pixel:
 //!         y = (C·x − S) * root;  v = (y * gain + bias) >> shift, + zero;  count, cut, store
 //! ```
 
-use crate::nn::ops::layer_norm::Job;
+use crate::nn::ops::layer_norm::{Job, PIXELS};
 use crate::quant::rsqrt::ReciprocalRoot;
 use core::arch::x86_64::*;
 
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// # Safety
 /// AVX-512.
@@ -24,7 +25,8 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
     let biases = job.model.constants(norm.biases, 8 * channels);
     // Behind the last sample of each row that is read or written.
     let end = (col + pixels) * m * part;
-    let fits = part % LANES == 0
+    let fits = part % 8 == 0
+        && pixels <= PIXELS
         && m * m * part == channels
         && job.rows[0].high != 0
         && (gains.len(), biases.len()) == (4 * channels, 8 * channels)
@@ -34,68 +36,116 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
         return job.portable(bytes, col, pixels);
     }
     let at = bytes.as_mut_ptr();
+    let (mut sums, mut roots) = ([0i32; PIXELS], [ReciprocalRoot::of(1); PIXELS]);
+    for p in 0..pixels {
+        // SAFETY: `fits` bounds every address of this function.
+        let (sum, square) = unsafe { statistics(job, at, col + p) };
+        sums[p] = sum;
+        let sum = sum as i64;
+        roots[p] = ReciprocalRoot::of(channels as i64 * square - sum * sum + norm.epsilon);
+    }
     let half = _mm512_set1_epi64(1 << (norm.shift.max(1) - 1));
-    let (zero, shift) = (_mm512_set1_epi64(out.zero as i64), _mm_cvtsi64_si128((norm.shift & 63) as i64));
-    let (lo, hi) = (_mm512_set1_epi64(out.lo as i64), _mm512_set1_epi64(out.hi as i64));
-    let floor = if out.lo == out.zero { _mm512_set1_epi64(i64::MIN) } else { lo };
-    let count = _mm512_set1_epi64(channels as i64);
-    let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi64(1));
-    for p in col..col + pixels {
-        let (mut sums, mut squares) = (_mm512_setzero_si512(), _mm512_setzero_si512());
-        for place in 0..m * m {
-            let row = job.rows[place % m];
-            let from = row.at + (p * m + place / m) * part;
-            for first in (0..part).step_by(LANES) {
-                // SAFETY: `fits` bounds every address of this function.
-                let x = unsafe { values(at.add(from + first), row.high) };
-                sums = _mm512_add_epi64(sums, x);
-                squares = _mm512_add_epi64(squares, _mm512_mul_epi32(x, x));
-            }
-        }
-        let (sum, square) = (_mm512_reduce_add_epi64(sums), _mm512_reduce_add_epi64(squares));
-        let root = ReciprocalRoot::of(channels as i64 * square - sum * sum + norm.epsilon);
-        let (sum, value) = (_mm512_set1_epi64(sum), _mm512_set1_epi64(root.value as i64));
-        let root_half = _mm512_set1_epi64((1i64 << root.shift) >> 1);
-        let root_shift = _mm_cvtsi64_si128(root.shift as i64);
-        for place in 0..m * m {
-            let row = job.rows[place % m];
-            let from = row.at + (p * m + place / m) * part;
-            for first in (0..part).step_by(LANES) {
-                let channel = place * part + first;
-                // SAFETY: as above.
-                unsafe {
-                    let x = values(at.add(from + first), row.high);
-                    let d = _mm512_sub_epi64(_mm512_mul_epi32(x, count), sum);
-                    let y = _mm512_add_epi64(_mm512_mul_epi32(d, value), root_half);
+    let shift = _mm_cvtsi64_si128((norm.shift & 63) as i64);
+    // Far beyond any code, and far from the ends of 32 bits.
+    let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
+    let (zero, count) = (_mm512_set1_epi32(out.zero), _mm512_set1_epi32(channels as i32));
+    let (lo, hi) = (_mm512_set1_epi32(out.lo), _mm512_set1_epi32(out.hi));
+    let floor = if out.lo == out.zero { _mm512_set1_epi32(i32::MIN) } else { lo };
+    let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi32(1));
+    for place in 0..m * m {
+        let row = job.rows[place % m];
+        for first in (0..part).step_by(LANES) {
+            let (channel, lanes) = (place * part + first, (part - first).min(LANES));
+            let mask = (0xffffu32 >> (LANES - lanes)) as u16;
+            // SAFETY: as above; what lies behind the last channel is masked.
+            unsafe {
+                let gain = _mm512_maskz_loadu_epi32(mask, gains.as_ptr().add(4 * channel).cast());
+                let gain_odd = _mm512_srli_epi64::<32>(gain);
+                let bias = biases.as_ptr().add(8 * channel).cast::<i64>();
+                let upper = _mm512_maskz_loadu_epi64((mask >> 8) as u8, bias.wrapping_add(8));
+                let bias = _mm512_loadu_si512(bias.cast());
+                let even = _mm512_setr_epi64(0, 2, 4, 6, 8, 10, 12, 14);
+                let odd = _mm512_setr_epi64(1, 3, 5, 7, 9, 11, 13, 15);
+                let bias_even = _mm512_add_epi64(_mm512_permutex2var_epi64(bias, even, upper), half);
+                let bias_odd = _mm512_add_epi64(_mm512_permutex2var_epi64(bias, odd, upper), half);
+                for p in 0..pixels {
+                    let from = at.add(row.at + ((col + p) * m + place / m) * part + first);
+                    let x = _mm512_cvtepi16_epi32(values(from, row.high, mask));
+                    let d = _mm512_sub_epi32(_mm512_mullo_epi32(x, count), _mm512_set1_epi32(sums[p]));
+                    let root = _mm512_set1_epi64(roots[p].value as i64);
+                    let root_half = _mm512_set1_epi64((1i64 << roots[p].shift) >> 1);
+                    let root_shift = _mm_cvtsi64_si128(roots[p].shift as i64);
+                    let y = _mm512_add_epi64(_mm512_mul_epi32(d, root), root_half);
                     let y = _mm512_sra_epi64(y, root_shift);
-                    let gain = _mm512_cvtepi32_epi64(_mm256_loadu_si256(gains.as_ptr().add(4 * channel).cast()));
-                    let bias = _mm512_loadu_si512(biases.as_ptr().add(8 * channel).cast());
-                    let v = _mm512_add_epi64(_mm512_mul_epi32(y, gain), _mm512_add_epi64(bias, half));
-                    let v = _mm512_add_epi64(_mm512_sra_epi64(v, shift), zero);
-                    let (over, under) = (_mm512_cmpgt_epi64_mask(v, hi), _mm512_cmplt_epi64_mask(v, floor));
-                    cuts = _mm512_mask_add_epi64(cuts, over | under, cuts, one);
-                    let code = _mm512_min_epi64(_mm512_max_epi64(v, lo), hi);
-                    let to = at.add(job.to.at + p * channels + channel);
-                    _mm_storel_epi64(to.cast(), _mm512_cvtepi64_epi8(code));
+                    let y_odd = _mm512_mul_epi32(_mm512_srli_epi64::<32>(d), root);
+                    let y_odd = _mm512_sra_epi64(_mm512_add_epi64(y_odd, root_half), root_shift);
+                    let v = _mm512_add_epi64(_mm512_mul_epi32(y, gain), bias_even);
+                    let v_odd = _mm512_add_epi64(_mm512_mul_epi32(y_odd, gain_odd), bias_odd);
+                    let (v, v_odd) = (_mm512_sra_epi64(v, shift), _mm512_sra_epi64(v_odd, shift));
+                    let v = _mm512_min_epi64(_mm512_max_epi64(v, bottom), top);
+                    let v_odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(v_odd, bottom), top));
+                    let v = _mm512_add_epi32(_mm512_mask_blend_epi32(0xaaaa, v, v_odd), zero);
+                    let over = _mm512_mask_cmpgt_epi32_mask(mask, v, hi);
+                    let under = _mm512_mask_cmplt_epi32_mask(mask, v, floor);
+                    cuts = _mm512_mask_add_epi32(cuts, over | under, cuts, one);
+                    let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
+                    let to = at.add(job.to.at + (col + p) * channels + channel);
+                    store(to, lanes, _mm512_cvtepi32_epi8(code));
                     if job.to.high != 0 {
-                        let high = _mm512_add_epi64(_mm512_srai_epi64::<8>(code), _mm512_set1_epi64(128));
-                        _mm_storel_epi64(to.add(job.to.high).cast(), _mm512_cvtepi64_epi8(high));
+                        let high = _mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128));
+                        store(to.add(job.to.high), lanes, _mm512_cvtepi32_epi8(high));
                     }
                 }
             }
         }
     }
-    _mm512_reduce_add_epi64(cuts) as u64
+    _mm512_reduce_add_epi32(cuts) as u64
 }
 
-/// Eight 16-bit samples from their two planes.
+/// Sums of a pixel's samples, at most 8192 of them, and of their squares.
 ///
 /// # Safety
-/// AVX-512; eight readable bytes at `low` and at `low + high`.
+/// AVX-512; the pixel's samples can be read.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn values(low: *const u8, high: usize) -> __m512i {
+unsafe fn statistics(job: &Job<'_, '_>, at: *const u8, col: usize) -> (i32, i64) {
+    let (m, part) = (job.norm.merge, job.input.channels);
+    let (mut sums, mut squares) = (_mm256_setzero_si256(), _mm512_setzero_si512());
+    for place in 0..m * m {
+        let row = job.rows[place % m];
+        for first in (0..part).step_by(LANES) {
+            let mask = (0xffffu32 >> (LANES - (part - first).min(LANES))) as u16;
+            // SAFETY: as the caller says.
+            let x = unsafe { values(at.add(row.at + (col * m + place / m) * part + first), row.high, mask) };
+            sums = _mm256_add_epi32(sums, _mm256_madd_epi16(x, _mm256_set1_epi16(1)));
+            // Two squares of 15 bits: an i32.
+            squares = _mm512_add_epi64(squares, _mm512_cvtepu32_epi64(_mm256_madd_epi16(x, x)));
+        }
+    }
+    (_mm512_reduce_add_epi32(_mm512_zextsi256_si512(sums)), _mm512_reduce_add_epi64(squares))
+}
+
+/// Sixteen 16-bit samples from their two planes, or eight, by the mask; the rest is 0.
+///
+/// # Safety
+/// AVX-512; readable bytes at `low` and at `low + high` where the mask says so.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn values(low: *const u8, high: usize, mask: u16) -> __m256i {
     // SAFETY: as the caller says.
-    let (low, high) = unsafe { (_mm_loadl_epi64(low.cast()), _mm_loadl_epi64(low.add(high).cast())) };
-    let high = _mm512_slli_epi64::<8>(_mm512_cvtepu8_epi64(high));
-    _mm512_sub_epi64(_mm512_add_epi64(_mm512_cvtepu8_epi64(low), high), _mm512_set1_epi64(128 * 256))
+    let (low, high) =
+        unsafe { (_mm_maskz_loadu_epi8(mask, low.cast()), _mm_maskz_loadu_epi8(mask, low.add(high).cast())) };
+    let high = _mm256_slli_epi16::<8>(_mm256_cvtepu8_epi16(high));
+    let joined = _mm256_or_si256(_mm256_cvtepu8_epi16(low), high);
+    _mm256_maskz_mov_epi16(mask, _mm256_xor_si256(joined, _mm256_set1_epi16(i16::MIN)))
+}
+
+/// Sixteen or eight bytes.
+///
+/// # Safety
+/// AVX-512; as many writable bytes.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn store(to: *mut u8, lanes: usize, codes: __m128i) {
+    // SAFETY: as the caller says.
+    unsafe { if lanes == LANES { _mm_storeu_si128(to.cast(), codes) } else { _mm_storel_epi64(to.cast(), codes) } }
 }

@@ -8,7 +8,7 @@
 //!         x = four codes of the pixel, in all lanes  a broadcast load
 //!         sum[p] = vpdpbusd(sum[p], x, w)
 //! ```
-//! A panel of 8 channels uses half vectors (AVX-512VL), of which this hardware does two at a time.
+//! A single pixel has several sums instead, of every fourth group each. A panel of 8 channels uses half vectors (AVX-512VL), of which this hardware does two at a time.
 #![allow(unsafe_code)]
 // Whatever is called instead of inlined keeps the sums in memory: plain loops.
 #![allow(clippy::needless_range_loop)]
@@ -43,21 +43,14 @@ pub(super) const KERNEL_VBMI: super::Kernel = super::instantiate::instantiate!(
 impl<const VBMI: bool> Isa for Avx512<VBMI> {
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        if !patch.fits(pixels, weights, width) {
-            return;
-        }
-        let (mut first, at) = (0, acc.as_mut_ptr());
-        // SAFETY: the processor has the instructions (see `KERNEL`), and `fits` has bounded every read and write.
-        unsafe {
-            while first < pixels {
-                let left = pixels - first;
-                first += match width {
-                    32 => wide(at.add(32 * first), first, left, patch, weights),
-                    16 => single::<false>(at.add(16 * first), first, left, patch, weights),
-                    _ => single::<true>(at.add(8 * first), first, left, patch, weights),
-                }
-            }
-        }
+        // SAFETY: the processor has the instructions (see `KERNEL`).
+        unsafe { product::<true>(acc, pixels, patch, weights, width) }
+    }
+
+    #[inline(always)]
+    fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        // SAFETY: as above.
+        unsafe { product::<false>(acc, pixels, patch, weights, width) }
     }
 
     #[inline(always)]
@@ -81,23 +74,31 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
     }
 }
 
+/// The product, added to what `acc` holds or (`ADD` false) in its place.
+///
 /// # Safety
-/// AVX-512; [`Patch::fits`].
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn wide(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
-    // SAFETY: handed on.
+/// AVX-512.
+#[inline(always)]
+unsafe fn product<const ADD: bool>(
+    acc: &mut Accumulators,
+    pixels: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+    width: usize,
+) {
+    if !patch.fits(pixels, weights, width) {
+        return;
+    }
+    let (mut first, at) = (0, acc.as_mut_ptr());
+    // SAFETY: the processor has the instructions, and `fits` has bounded every read and write.
     unsafe {
-        match left {
-            9 => two_vectors::<9>(acc, first, patch, weights),
-            8 => two_vectors::<8>(acc, first, patch, weights),
-            7 => two_vectors::<7>(acc, first, patch, weights),
-            6 => two_vectors::<6>(acc, first, patch, weights),
-            5 => two_vectors::<5>(acc, first, patch, weights),
-            4 => two_vectors::<4>(acc, first, patch, weights),
-            3 => two_vectors::<3>(acc, first, patch, weights),
-            2 => two_vectors::<2>(acc, first, patch, weights),
-            1 => two_vectors::<1>(acc, first, patch, weights),
-            _ => two_vectors::<10>(acc, first, patch, weights),
+        while first < pixels {
+            let left = pixels - first;
+            first += match width {
+                32 => wide::<ADD>(at.add(32 * first), first, left, patch, weights),
+                16 => single::<false, ADD>(at.add(16 * first), first, left, patch, weights),
+                _ => single::<true, ADD>(at.add(8 * first), first, left, patch, weights),
+            }
         }
     }
 }
@@ -105,7 +106,28 @@ unsafe fn wide(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weig
 /// # Safety
 /// AVX-512; [`Patch::fits`].
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn single<const HALF: bool>(
+unsafe fn wide<const ADD: bool>(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
+    // SAFETY: handed on.
+    unsafe {
+        match left {
+            9 => two_vectors::<9, ADD>(acc, first, patch, weights),
+            8 => two_vectors::<8, ADD>(acc, first, patch, weights),
+            7 => two_vectors::<7, ADD>(acc, first, patch, weights),
+            6 => two_vectors::<6, ADD>(acc, first, patch, weights),
+            5 => two_vectors::<5, ADD>(acc, first, patch, weights),
+            4 => two_vectors::<4, ADD>(acc, first, patch, weights),
+            3 => two_vectors::<3, ADD>(acc, first, patch, weights),
+            2 => two_vectors::<2, ADD>(acc, first, patch, weights),
+            1 => one_pixel::<2, ADD>(acc, first, patch, weights),
+            _ => two_vectors::<10, ADD>(acc, first, patch, weights),
+        }
+    }
+}
+
+/// # Safety
+/// AVX-512; [`Patch::fits`].
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn single<const HALF: bool, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     left: usize,
@@ -115,26 +137,27 @@ unsafe fn single<const HALF: bool>(
     // SAFETY: handed on.
     unsafe {
         match left {
-            19 => one_vector::<19, HALF>(acc, first, patch, weights),
-            18 => one_vector::<18, HALF>(acc, first, patch, weights),
-            17 => one_vector::<17, HALF>(acc, first, patch, weights),
-            16 => one_vector::<16, HALF>(acc, first, patch, weights),
-            15 => one_vector::<15, HALF>(acc, first, patch, weights),
-            14 => one_vector::<14, HALF>(acc, first, patch, weights),
-            13 => one_vector::<13, HALF>(acc, first, patch, weights),
-            12 => one_vector::<12, HALF>(acc, first, patch, weights),
-            11 => one_vector::<11, HALF>(acc, first, patch, weights),
-            10 => one_vector::<10, HALF>(acc, first, patch, weights),
-            9 => one_vector::<9, HALF>(acc, first, patch, weights),
-            8 => one_vector::<8, HALF>(acc, first, patch, weights),
-            7 => one_vector::<7, HALF>(acc, first, patch, weights),
-            6 => one_vector::<6, HALF>(acc, first, patch, weights),
-            5 => one_vector::<5, HALF>(acc, first, patch, weights),
-            4 => one_vector::<4, HALF>(acc, first, patch, weights),
-            3 => one_vector::<3, HALF>(acc, first, patch, weights),
-            2 => one_vector::<2, HALF>(acc, first, patch, weights),
-            1 => one_vector::<1, HALF>(acc, first, patch, weights),
-            _ => one_vector::<20, HALF>(acc, first, patch, weights),
+            19 => one_vector::<19, HALF, ADD>(acc, first, patch, weights),
+            18 => one_vector::<18, HALF, ADD>(acc, first, patch, weights),
+            17 => one_vector::<17, HALF, ADD>(acc, first, patch, weights),
+            16 => one_vector::<16, HALF, ADD>(acc, first, patch, weights),
+            15 => one_vector::<15, HALF, ADD>(acc, first, patch, weights),
+            14 => one_vector::<14, HALF, ADD>(acc, first, patch, weights),
+            13 => one_vector::<13, HALF, ADD>(acc, first, patch, weights),
+            12 => one_vector::<12, HALF, ADD>(acc, first, patch, weights),
+            11 => one_vector::<11, HALF, ADD>(acc, first, patch, weights),
+            10 => one_vector::<10, HALF, ADD>(acc, first, patch, weights),
+            9 => one_vector::<9, HALF, ADD>(acc, first, patch, weights),
+            8 => one_vector::<8, HALF, ADD>(acc, first, patch, weights),
+            7 => one_vector::<7, HALF, ADD>(acc, first, patch, weights),
+            6 => one_vector::<6, HALF, ADD>(acc, first, patch, weights),
+            5 => one_vector::<5, HALF, ADD>(acc, first, patch, weights),
+            4 => one_vector::<4, HALF, ADD>(acc, first, patch, weights),
+            3 => one_vector::<3, HALF, ADD>(acc, first, patch, weights),
+            2 => one_vector::<2, HALF, ADD>(acc, first, patch, weights),
+            1 if !HALF => one_pixel::<1, ADD>(acc, first, patch, weights),
+            1 => one_vector::<1, HALF, ADD>(acc, first, patch, weights),
+            _ => one_vector::<20, HALF, ADD>(acc, first, patch, weights),
         }
     }
 }
@@ -152,15 +175,22 @@ unsafe fn codes(at: *const u8) -> i32 {
 /// # Safety
 /// AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn two_vectors<const P: usize>(acc: *mut i32, first: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
+unsafe fn two_vectors<const P: usize, const ADD: bool>(
+    acc: *mut i32,
+    first: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
     let stride = patch.stride;
     let mut w = weights.as_ptr();
     let mut sums = [[_mm512_setzero_si512(); 2]; P];
     // SAFETY: `fits` bounds every address below.
     unsafe {
-        for p in 0..P {
-            sums[p][0] = _mm512_loadu_si512(acc.add(32 * p).cast());
-            sums[p][1] = _mm512_loadu_si512(acc.add(32 * p + 16).cast());
+        if ADD {
+            for p in 0..P {
+                sums[p][0] = _mm512_loadu_si512(acc.add(32 * p).cast());
+                sums[p][1] = _mm512_loadu_si512(acc.add(32 * p + 16).cast());
+            }
         }
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);
@@ -188,7 +218,7 @@ unsafe fn two_vectors<const P: usize>(acc: *mut i32, first: usize, patch: &Patch
 /// # Safety
 /// AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn one_vector<const P: usize, const HALF: bool>(
+unsafe fn one_vector<const P: usize, const HALF: bool, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
@@ -200,8 +230,10 @@ unsafe fn one_vector<const P: usize, const HALF: bool>(
     unsafe {
         if HALF {
             let mut sums = [_mm256_setzero_si256(); P];
-            for p in 0..P {
-                sums[p] = _mm256_loadu_si256(acc.add(8 * p).cast());
+            if ADD {
+                for p in 0..P {
+                    sums[p] = _mm256_loadu_si256(acc.add(8 * p).cast());
+                }
             }
             for &start in patch.starts {
                 let mut x = patch.bytes.as_ptr().add(start + first * stride);
@@ -220,8 +252,10 @@ unsafe fn one_vector<const P: usize, const HALF: bool>(
             return P;
         }
         let mut sums = [_mm512_setzero_si512(); P];
-        for p in 0..P {
-            sums[p] = _mm512_loadu_si512(acc.add(16 * p).cast());
+        if ADD {
+            for p in 0..P {
+                sums[p] = _mm512_loadu_si512(acc.add(16 * p).cast());
+            }
         }
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);
@@ -239,4 +273,56 @@ unsafe fn one_vector<const P: usize, const HALF: bool>(
         }
     }
     P
+}
+
+/// One pixel against `V` vectors of 16 channels. An instruction waits four cycles for the sum of the one before it, so groups take
+/// turns with four sums each.
+///
+/// # Safety
+/// AVX-512; [`Patch::fits`] for `first + 1` pixels.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn one_pixel<const V: usize, const ADD: bool>(
+    acc: *mut i32,
+    first: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
+    const TURNS: usize = 4;
+    let mut w = weights.as_ptr();
+    let mut sums = [[_mm512_setzero_si512(); V]; TURNS];
+    // SAFETY: `fits` bounds every address below.
+    unsafe {
+        for &start in patch.starts {
+            let mut x = patch.bytes.as_ptr().add(start + first * patch.stride);
+            for _ in 0..patch.groups / TURNS {
+                for t in 0..TURNS {
+                    let codes = _mm512_set1_epi32(codes(x.add(4 * t)));
+                    for v in 0..V {
+                        let w = _mm512_loadu_si512(w.add(64 * (V * t + v)).cast());
+                        sums[t][v] = _mm512_dpbusd_epi32(sums[t][v], codes, w);
+                    }
+                }
+                x = x.add(4 * TURNS);
+                w = w.add(64 * V * TURNS);
+            }
+            for _ in 0..patch.groups % TURNS {
+                let codes = _mm512_set1_epi32(codes(x));
+                for v in 0..V {
+                    sums[0][v] = _mm512_dpbusd_epi32(sums[0][v], codes, _mm512_loadu_si512(w.add(64 * v).cast()));
+                }
+                x = x.add(4);
+                w = w.add(64 * V);
+            }
+        }
+        for v in 0..V {
+            let to = acc.add(16 * v);
+            let pairs = [_mm512_add_epi32(sums[0][v], sums[1][v]), _mm512_add_epi32(sums[2][v], sums[3][v])];
+            let mut sum = _mm512_add_epi32(pairs[0], pairs[1]);
+            if ADD {
+                sum = _mm512_add_epi32(sum, _mm512_loadu_si512(to.cast()));
+            }
+            _mm512_storeu_si512(to.cast(), sum);
+        }
+    }
+    1
 }

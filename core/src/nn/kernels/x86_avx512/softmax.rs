@@ -17,6 +17,7 @@ pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u
         && s.bias.len() >= (rows.max(1) - 1) * s.bias_pitch + width
         && (s.coarse.len(), s.fine.len()) == (64, 32)
         && low.len() == high.len()
+        && low.len().is_multiple_of(4)
         && (tokens..=MAX_TOKENS).contains(&low.len());
     if !fits {
         return s.portable(low, high);
@@ -61,10 +62,11 @@ pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u
             let kept = _mm512_mask_cmplt_epu16_mask(there, d, _mm512_set1_epi16(2048));
             let e = _mm512_maskz_mov_epi16(kept, e);
             sums = _mm512_add_epi32(sums, _mm512_madd_epi16(e, _mm512_set1_epi16(1)));
-            let bytes = ((1u64 << (low.len() - first).min(32)) - 1) as u32;
-            _mm256_mask_storeu_epi8(low.as_mut_ptr().add(first).cast(), bytes, _mm512_cvtepi16_epi8(e));
+            // Words: masked stores of bytes are slow on some processors.
+            let words = ((1u32 << ((low.len() - first) / 4).min(8)) - 1) as u8;
+            _mm256_mask_storeu_epi32(low.as_mut_ptr().add(first).cast(), words, _mm512_cvtepi16_epi8(e));
             let e = _mm512_cvtepi16_epi8(_mm512_srli_epi16::<8>(e));
-            _mm256_mask_storeu_epi8(high.as_mut_ptr().add(first).cast(), bytes, e);
+            _mm256_mask_storeu_epi32(high.as_mut_ptr().add(first).cast(), words, e);
         }
         _mm512_reduce_add_epi32(sums) as i64
     }
