@@ -37,7 +37,7 @@ pub struct Args {
     /// Weight of second derivatives against relative brightness, metres [default: a quarter of a pixel].
     #[arg(long, value_name = "M")]
     pub smoothness_weight: Option<f64>,
-    /// Weight of the departure from the coarse DTM against relative brightness, per metre [default: 0.08 per pixel].
+    /// Weight of the departure from the coarse DTM against relative brightness, per metre [default: 0.06 per pixel].
     #[arg(long, value_name = "PER_M")]
     pub dem_constraint_weight: Option<f64>,
     /// Pixels at or below this share of the tile's mean brightness are shadow and count nothing [default: 0].
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!((dtm.rows, dtm.cols, dtm.valid_count()), (60, 70, 60 * 70));
         let text = std::fs::read(folder.path().join("dtm.tif")).unwrap();
         let said = |what: &str| text.windows(what.len()).any(|bytes| bytes == what.as_bytes());
-        assert!(said("shape from shading") && said("smoothness weight 0.5 m") && said("0.04 /m"));
+        assert!(said("shape from shading") && said("smoothness weight 0.5 m") && said("0.03 /m"));
         assert!(folder.path().join("dtm_hillshade.png").exists() && !folder.path().join("dtm.tif.part").exists());
         let curve = std::fs::read_to_string(curve).unwrap();
         assert!(curve.lines().count() > 5 && !curve.lines().last().unwrap().ends_with(','), "{curve}");

@@ -9,7 +9,7 @@ use serde::Serialize;
 /// Default weight of second derivatives, in pixels: enlarged ground under enlarged pixels looks the same, so weights go with the pixel.
 pub const SMOOTHNESS_PX: f64 = 0.25;
 /// Default weight of the departure from the coarse DTM, per pixel.
-pub const DEM_CONSTRAINT_PER_PX: f64 = 0.08;
+pub const DEM_CONSTRAINT_PER_PX: f64 = 0.06;
 
 /// Options of shape from shading. The default weights are those that a sweep over synthetic scenes found best (`docs/sfs.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
