@@ -9,7 +9,7 @@ use crate::error::LengthError;
 /// use elunar_core::metrics::Correlation;
 /// let mut found = Correlation::default();
 /// found.extend(&[1.0, 2.0, 3.0], &[10.0, 20.0, 30.0], None)?;
-/// assert_eq!(found.coefficient(), Some(1.0));
+/// assert!(found.coefficient().is_some_and(|r| r > 0.999_999));
 /// # Ok::<(), elunar_core::error::LengthError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

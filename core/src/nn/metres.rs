@@ -1,7 +1,7 @@
 //! A tile in physical units through the runner: brightness and metres in, metres out, without a buffer in between.
 
 use super::error::RunError;
-use super::model::{Illumination, TruthRange};
+use super::input::{Illumination, TruthRange};
 use super::runner::Runner;
 use crate::error::NormError;
 use crate::mask;

@@ -17,6 +17,7 @@ mod arena;
 mod crc;
 mod error;
 pub mod format;
+mod input;
 pub mod kernels;
 mod metres;
 mod model;
@@ -29,11 +30,9 @@ mod tensor;
 
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
+pub use input::{Illumination, TruthRange};
 pub use metres::{TileError, TileInput, TileScale, validity};
-pub use model::{
-    Illumination, MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model,
-    TruthRange,
-};
+pub use model::{MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model};
 pub use program::{
     Attention, Conv, Dtype, ENTRY_BYTES, Edge, Enlarge, Entry, LayerNorm, MAX_ADD_SHIFT, MAX_MARGIN, OPERATOR_BYTES,
     Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,

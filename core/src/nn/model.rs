@@ -3,6 +3,7 @@
 use super::arena::OVERREAD;
 use super::error::{ModelError, OperatorFault};
 use super::format::{NONE, RawModel, i32_at, word};
+use super::input::{Illumination, TruthRange};
 use super::kernels::{PANEL, panel_count, panelled, panels};
 use super::ops::window_attention;
 use super::program::*;
@@ -26,28 +27,6 @@ pub const MAX_BLOCK: usize = 16;
 pub const MAX_WINDOW: usize = 8;
 /// Largest bias of a layer norm, before its shift.
 const MAX_NORM_BIAS: i64 = 1 << 60;
-
-/// Whose minimum and relief normalised the truth in training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TruthRange {
-    /// The truth's own.
-    Own,
-    /// The coarse tile's.
-    Reference,
-    /// None: heights are counted in pixels about the mean of the coarse tile.
-    Pixel,
-}
-
-/// Which light the network knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Illumination {
-    /// The Sun anywhere.
-    Any,
-    /// The Sun in the north-west quadrant of the grid: tiles lit from elsewhere are mirrored, and the heights back.
-    Northwest,
-    /// As before, and the network is guided ([`crate::photoclinometry`]): the image is given as four maps.
-    Given,
-}
 
 /// A validated model, borrowing the file's bytes. Holding one proves that every operator stays inside its tensors, constants
 /// and accumulators, and that no tensor is read before it is written or after it is overwritten.
@@ -420,25 +399,17 @@ impl<'a> Model<'a> {
 
     /// Whose range normalised the truth.
     pub fn truth_range(&self) -> TruthRange {
-        match self.raw.word(word::TARGET_RANGE) {
-            0 => TruthRange::Own,
-            1 => TruthRange::Reference,
-            _ => TruthRange::Pixel,
-        }
+        TruthRange::of(self.raw.word(word::TARGET_RANGE))
     }
 
     /// Which light the network knows.
     pub fn illumination(&self) -> Illumination {
-        match self.raw.word(word::ILLUMINATION) {
-            0 => Illumination::Any,
-            1 => Illumination::Northwest,
-            _ => Illumination::Given,
-        }
+        Illumination::of(self.raw.word(word::ILLUMINATION))
     }
 
     /// Samples of the image in every pixel: brightness, or the four maps of [`crate::photoclinometry::Guide`].
     pub fn image_maps(&self) -> usize {
-        if self.illumination() == Illumination::Given { crate::photoclinometry::MAPS } else { 1 }
+        self.illumination().image_maps()
     }
 
     /// Descriptive JSON: name, network configuration.

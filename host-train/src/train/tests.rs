@@ -28,7 +28,7 @@ impl TileSource for Ripples {
             rows,
             cols,
             pixel_m: 2.0,
-            image: map(&|r, c| height(r, c + 1.0) - height(r, c)),
+            image: map(&|r, c| 3.0 + height(r, c + 1.0) - height(r, c)),
             coarse_m: map(&|r, _| 10.0 * (r * 0.05 + phase).sin()),
             truth_m: map(&height),
             coarse_px: 30.0,

@@ -18,7 +18,7 @@ pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec
     runner.begin(&tile.image, &tile.coarse).unwrap();
     while runner.step(budget_macs).unwrap() == Progress::Running {}
     assert_eq!(runner.telemetry().macs, model.macs());
-    let mut out = vec![0.0; tile.image.len()];
+    let mut out = vec![0.0; tile.coarse.len()];
     runner.output(&mut out).unwrap();
     out
 }

@@ -1,0 +1,47 @@
+//! How a model wants its tiles, as the header says it.
+
+/// Whose minimum and relief normalised the truth in training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TruthRange {
+    /// The truth's own.
+    Own,
+    /// The coarse tile's.
+    Reference,
+    /// None: heights are counted in pixels about the mean of the coarse tile.
+    Pixel,
+}
+
+/// Which light the network knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Illumination {
+    /// The Sun anywhere.
+    Any,
+    /// The Sun in the north-west quadrant of the grid: tiles lit from elsewhere are mirrored, and the heights back.
+    Northwest,
+    /// As before, and the network is guided ([`crate::photoclinometry`]): the image is given as four maps.
+    Given,
+}
+
+impl TruthRange {
+    pub(super) fn of(word: u32) -> Self {
+        match word {
+            0 => Self::Own,
+            1 => Self::Reference,
+            _ => Self::Pixel,
+        }
+    }
+}
+
+impl Illumination {
+    pub(super) fn of(word: u32) -> Self {
+        match word {
+            0 => Self::Any,
+            1 => Self::Northwest,
+            _ => Self::Given,
+        }
+    }
+
+    pub(super) fn image_maps(self) -> usize {
+        if self == Self::Given { crate::photoclinometry::MAPS } else { 1 }
+    }
+}
