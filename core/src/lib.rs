@@ -6,7 +6,8 @@
 //! 2. [`mask`] says which of those pixels are real: PDS3 specials, nodata and NaN are not.
 //! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, overlapping at inference.
 //! 4. [`norm`] brings the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] it makes
-//!    is the only thing that can bring heights back.
+//!    is the only thing that can bring heights back. A network that is given the light sees slopes and pixels instead, with the
+//!    relief that [`photoclinometry`] finds.
 //! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight ([`nn`], with the
 //!    rounding rule of [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).

@@ -20,13 +20,16 @@ pub struct KnownSun {
     pub elevation_deg: Option<f64>,
 }
 
-/// A light for scenes that show none (our choice): from the north-west, 40 degrees high.
+/// Elevation of the Sun where neither it nor the light is known, degrees: the middle of the paper's training images (our choice).
+const FALLBACK_ELEVATION_DEG: f64 = 40.0;
+
+/// A light for scenes that show none (our choice): from the north-west.
 fn fallback() -> Light {
-    Light::from_sun(315.0, 40.0).expect("a Sun above the horizon")
+    Light::from_sun(315.0, FALLBACK_ELEVATION_DEG).expect("a Sun above the horizon")
 }
 
-/// The light of a scene, and how it is mirrored for a network that knows `illumination`.
-pub fn prepare(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> (Turn, Light) {
+/// How a scene is mirrored for a network that knows `illumination`, and its light then (which means nothing to one that knows any).
+pub fn light_for(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> (Turn, Light) {
     let light = match illumination {
         Illumination::Any => return (Turn::default(), fallback()),
         Illumination::Northwest => fit.with_sun(sun.azimuth_deg, None).or(sun.azimuth_deg.and_then(lit_from)),
@@ -37,8 +40,9 @@ pub fn prepare(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> (Tu
     (turn, light.mirrored(turn))
 }
 
+/// The light of a Sun of which only the azimuth is known, where image and coarse DTM do not bear it out.
 fn lit_from(azimuth_deg: f64) -> Option<Light> {
-    Light::from_sun(azimuth_deg, 40.0)
+    Light::from_sun(azimuth_deg, FALLBACK_ELEVATION_DEG)
 }
 
 /// A row-major map of `cols` pixels a row, mirrored.
@@ -94,14 +98,14 @@ mod tests {
         let none = (Turn::default(), fallback());
         let nothing = LightFit::default();
         for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given] {
-            assert_eq!(prepare(illumination, KnownSun::default(), &nothing), none);
+            assert_eq!(light_for(illumination, KnownSun::default(), &nothing), none);
         }
         let sun = KnownSun { azimuth_deg: Some(100.0), elevation_deg: Some(25.0) };
-        let (turn, light) = prepare(Illumination::Given, sun, &nothing);
+        let (turn, light) = light_for(Illumination::Given, sun, &nothing);
         assert_eq!(turn, Turn { rows: true, cols: true });
         assert!((light.azimuth_deg() - 280.0).abs() < 1e-3);
         assert_eq!(light.strength(), Light::from_sun(100.0, 25.0).unwrap().strength());
         let azimuth_alone = KnownSun { elevation_deg: None, ..sun };
-        assert_eq!(prepare(Illumination::Northwest, azimuth_alone, &nothing).0, turn);
+        assert_eq!(light_for(Illumination::Northwest, azimuth_alone, &nothing).0, turn);
     }
 }

@@ -162,7 +162,7 @@ impl Scene {
             Illumination::Given => sun.azimuth_deg.is_some() && sun.elevation_deg.is_some(),
         };
         let fit = if told { LightFit::default() } else { self.survey()?.light };
-        Ok(illumination::prepare(illumination, sun, &fit))
+        Ok(illumination::light_for(illumination, sun, &fit))
     }
 
     /// Looks at all of a small scene, at evenly spread rows of a long one.

@@ -87,13 +87,13 @@ impl<'a> TileWorker<'a> {
         let (image, coarse_m) = (band.cut(&band.image, window), band.cut(&band.coarse_m, window));
         let weights = self.weights(&valid, window);
         let turn = self.rules.turn;
-        let back = |map: Vec<f32>| if turn.is_none() { map } else { turned(turn, &map, window.cols) };
-        let (image, coarse_m) = (back(image), back(coarse_m));
+        let mirrored = |map: Vec<f32>| if turn.is_none() { map } else { turned(turn, &map, window.cols) };
+        let (image, coarse_m) = (mirrored(image), mirrored(coarse_m));
         let heights_m = match normalised(&self.rules, &image, &coarse_m, window.cols)? {
             Some(tile) => self.predicted(tile, &coarse_m, window)?,
-            None => return Ok(Outcome::Coarse { heights_m: back(coarse_m), weights }),
+            None => return Ok(Outcome::Coarse { heights_m: mirrored(coarse_m), weights }),
         };
-        Ok(Outcome::Predicted { heights_m: back(heights_m), weights })
+        Ok(Outcome::Predicted { heights_m: mirrored(heights_m), weights })
     }
 
     /// Heights of a normalised tile, metres.

@@ -76,7 +76,7 @@ impl LossWeights {
 
     /// Weights for heights in pixels with the plain L1 term (our choice): gradients are slopes then, and count for most; the shape
     /// of the ground is what an image shows.
-    pub const SHORT: Self = Self { elevation: 0.1, gradient: 4.0, normal: 4.0 };
+    pub const PIXELS: Self = Self { elevation: 0.1, gradient: 4.0, normal: 4.0 };
 
     /// The weighted sum (Eq. 5).
     pub fn total(&self, terms: &Terms) -> Tensor<1> {

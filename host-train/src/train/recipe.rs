@@ -108,7 +108,7 @@ impl Recipe {
                 learning_rate: 1e-3,
                 warm_up: 100,
                 elevation_only: 0.0,
-                weights: LossWeights::SHORT,
+                weights: LossWeights::PIXELS,
                 elevation: Elevation::L1,
                 target: Target::Anchored,
                 crop: [128, 160],

@@ -52,7 +52,7 @@ impl RawTile {
         }
         let pixel_m = f64::from(self.pixel_m);
         let fit = illumination::fit_of(&self.image, &self.coarse_m, self.cols, pixel_m, self.coarse_px);
-        let (turn, light) = illumination::prepare(illumination, self.sun, &fit);
+        let (turn, light) = illumination::light_for(illumination, self.sun, &fit);
         let apply = |map: &[f32]| turned(turn, map, self.cols);
         Self {
             image: apply(&self.image),
