@@ -98,8 +98,10 @@ pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f
             return Codes { dtype: Dtype::I16, zero: 0, lo: 0, hi: full, scales: vec![1.0 / full as f64] };
         }
         Operation::Image => {
-            let scale = (LIMIT as f64 / full as f64) as f32 as f64;
-            return Codes { dtype: Dtype::I16, zero: 0, lo: -full, hi: full, scales: vec![scale; node.channels] };
+            // Four maps of a tile are most of the arena: 8 bits, steps of 0.45 degrees of slope. What finer slopes there are, the coarse
+            // DTM with the relief has.
+            let scale = (LIMIT as f64 / 127.0) as f32 as f64;
+            return Codes { dtype: Dtype::U8, zero: 128, lo: 1, hi: 255, scales: vec![scale; node.channels] };
         }
         Operation::Coarse => {
             let scales = vec![(coarse_limit as f64 / full as f64) as f32 as f64];

@@ -4,9 +4,8 @@ use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
 use super::codes::wide_by_rule;
 use super::graph::{Graph, Operation};
-use super::plan::plan;
+use super::plan::order_and_plan;
 use super::quantise::{Program, quantise};
-use super::schedule::schedule;
 use super::write::{Content, file_bytes};
 use crate::model::config::NetConfig;
 use crate::model::weights::Weights;
@@ -18,8 +17,8 @@ use std::path::Path;
 /// Seed of every self-test tile.
 const SELF_TEST_SEED: u32 = 0x454c_4431;
 
-/// How many bits maps keep. Weights and what attention reads always have 8, the residual stream of the transformer and the inputs
-/// always 16.
+/// How many bits maps keep. Weights, what attention reads and the image of networks that are given the light always have 8, the residual
+/// stream of the transformer and the other inputs always 16.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Precision {
     /// 8 wherever possible: least memory.
@@ -80,8 +79,7 @@ pub fn export(
 pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
     let mut program = quantise(&graph, ranges, config.coarse_limit(), wide)?;
     let roles = roles(&graph, &program);
-    let schedule = schedule(&program.tensors, &program.operators);
-    plan(&mut program.tensors, &program.operators, &schedule, &roles[..2], roles[2]);
+    let schedule = order_and_plan(&mut program.tensors, &program.operators, &roles[..2], roles[2]);
     let by_rule = wide == wide_by_rule(&graph, options.precision);
     let precision = if by_rule { format!("{:?}", options.precision).to_lowercase() } else { "chosen".into() };
     let text = text(config, &program, &options.name, &precision);

@@ -1,15 +1,41 @@
 //! Memory: how many rows of every tensor are kept, and where in the arena they lie. Two tensors may share bytes if they are never
 //! alive together, and a sum may take the place of what was added.
 
-use super::schedule::Play;
+use super::schedule::{Play, schedule};
 use elunar_core::nn::{Entry, Operator, Tensor};
 
 /// Alignment of tensors, bytes: not needed by the runner, kind to caches.
 const ALIGNMENT: usize = 64;
 
+/// Orders the steps and places the tensors, as tightly as milestones make it: every operator is tried as one, and whichever saves most memory
+/// is kept, until none saves any.
+pub fn order_and_plan(tensors: &mut [Tensor], operators: &[Operator], inputs: &[u32], output: u32) -> Vec<Entry> {
+    let attempt = |milestones: &[usize]| {
+        let (mut placed, schedule) = (tensors.to_vec(), schedule(tensors, operators, milestones));
+        (plan(&mut placed, operators, &schedule, inputs, output), placed, schedule)
+    };
+    let (mut milestones, mut best) = (Vec::new(), attempt(&[]));
+    loop {
+        let mut found = None;
+        for operator in 0..operators.len() {
+            let mut more = milestones.clone();
+            more.push(operator);
+            more.sort_unstable();
+            let attempt = attempt(&more);
+            if attempt.0 < best.0 {
+                (best, found) = (attempt, Some(more));
+            }
+        }
+        let Some(more) = found else { break };
+        milestones = more;
+    }
+    tensors.clone_from_slice(&best.1);
+    best.2
+}
+
 /// Sets every tensor's ring and offset; returns the bytes they take together. `inputs` are written before the first step and
 /// `output` is read after the last: both keep all rows.
-pub fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
+fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
     let mut homes = find_homes(tensors, operators, schedule);
     let mut rings = vec![1; tensors.len()];
     play(tensors, operators, schedule, |play, tensor, rows| {

@@ -3,6 +3,9 @@
 //! The output is made row by row; every step first asks the operators before it for the rows it reads. Only a layer norm whose
 //! input is read by other layer norms runs as soon as it can: its 8-bit output takes less memory than the 16-bit input that
 //! would have to wait for it.
+//!
+//! Before that come milestones: operators that are run to their end, one after the other, so that what they read may go. A map that many
+//! rows of the output wait for is kept whole anyway; made first, it does not share the arena with what is made of it.
 
 use elunar_core::nn::{Dtype, Entry, Operator, Tensor};
 
@@ -50,11 +53,11 @@ impl<'a> Play<'a> {
     }
 }
 
-/// The schedule of a program whose last operator makes the output.
-pub fn schedule(tensors: &[Tensor], operators: &[Operator]) -> Vec<Entry> {
+/// The schedule of a program whose last operator makes the output; `milestones` are operators that come first, in this order.
+pub fn schedule(tensors: &[Tensor], operators: &[Operator], milestones: &[usize]) -> Vec<Entry> {
     let mut scheduler = Scheduler { play: Play::new(tensors, operators), entries: Vec::new(), eager: eager(operators) };
-    // The last operator first; what nobody asked for at the end.
-    for operator in (0..operators.len()).rev() {
+    // Then the last operator; what nobody asked for at the end.
+    for operator in milestones.iter().copied().chain((0..operators.len()).rev()) {
         while scheduler.play.done[operator] < scheduler.play.steps(operator) {
             scheduler.run(operator);
         }

@@ -159,7 +159,7 @@ impl Scene {
         let told = match illumination {
             Illumination::Any => true,
             Illumination::Northwest => sun.azimuth_deg.is_some(),
-            Illumination::Given => sun.azimuth_deg.is_some() && sun.elevation_deg.is_some(),
+            Illumination::Given => false,
         };
         let fit = if told { LightFit::default() } else { self.survey()?.light };
         Ok(illumination::light_for(illumination, sun, &fit))

@@ -40,7 +40,7 @@ pub enum DataSpec {
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
-        sun_elevation_deg: (12.0, 64.0),
+        sun_elevation_deg: (7.0, 64.0),
         ..SynthOptions::default()
     }
 }
