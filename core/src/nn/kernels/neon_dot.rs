@@ -17,8 +17,12 @@ use core::arch::aarch64::*;
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel =
-    Kernel { name: "neondot-u8i8-4x16", unit: crate::nn::ops::run::<NeonDot>, gemm: <NeonDot as Isa>::gemm };
+pub(super) const KERNEL: Kernel = Kernel {
+    name: "neondot-u8i8-4x16",
+    unit: crate::nn::ops::run::<NeonDot>,
+    sum: crate::nn::sum::sum,
+    gemm: <NeonDot as Isa>::gemm,
+};
 
 /// NEON with `sdot`.
 struct NeonDot;

@@ -62,7 +62,7 @@ fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Wr
 /// Runs and judges the self test; returns the output's CRC.
 fn tile(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> Result<u32, RunError> {
     let mut runner = Runner::with_kernel(kernel, model, arena)?;
-    runner.begin_self_test();
+    runner.begin_self_test()?;
     if cfg!(feature = "per_operator") {
         work_by_entries(&mut runner, console)?;
     } else {
