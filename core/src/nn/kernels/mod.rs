@@ -42,6 +42,7 @@ use super::ops::layer_norm;
 use super::ops::window_attention::Softmax;
 use super::prepared::Prepared;
 use super::sum::sum;
+use crate::part::head_mut;
 
 /// Accumulators of one call: pixels times panel width.
 pub(crate) const ACCUMULATORS: usize = 320;
@@ -130,7 +131,7 @@ pub(crate) trait Isa {
     /// As [`Self::gemm`], with the sums set to the products whatever they were.
     #[inline(always)]
     fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        acc[..pixels * width].fill(0);
+        head_mut(acc, pixels * width).fill(0);
         Self::gemm(acc, pixels, patch, weights, width);
     }
 
