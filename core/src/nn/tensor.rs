@@ -239,7 +239,7 @@ impl Tensor {
     pub fn overwritten_by(&self, later: &Self) -> Option<isize> {
         let whole = self.ring == self.rows && later.ring == later.rows && self.pitch == later.pitch;
         let end = (later.offset + later.row_bytes()) as isize - self.offset as isize;
-        let pitch = self.pitch.max(1) as isize;
+        let pitch = isize::try_from(self.pitch).unwrap_or(isize::MAX).max(1);
         let rows = end.div_euclid(pitch) + (end.rem_euclid(pitch) != 0) as isize;
         whole.then_some(rows - 1)
     }

@@ -45,7 +45,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     unsafe {
         let excess = excess(patch, weights, width);
         let step = width.min(16);
-        for channel in (0..width).step_by(step) {
+        for channel in (0..width).step_by(step.max(1)) {
             let mut first = 0;
             while first < pixels {
                 let (to, left) = (at.add(width * first + channel), pixels - first);
