@@ -67,6 +67,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
 
 /// `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "lists of one known length side by side")]
 fn block<const P: usize>(
     acc: &mut Accumulators,
     first: usize,

@@ -69,6 +69,11 @@ fn a_step_overruns_its_budget_by_less_than_one_unit() {
     let (mut before, budget) = (0, 10_000);
     while runner.step(budget).unwrap() == Progress::Running {
         let spent = runner.telemetry().macs - before;
+        if runner.position() == Some(model.entry_count()) {
+            // Some of this step's budget went into the model's checksums.
+            assert!(spent < budget + largest, "{spent}");
+            break;
+        }
         assert!((budget..budget + largest).contains(&spent), "{spent}");
         before += spent;
     }
