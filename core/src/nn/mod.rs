@@ -26,6 +26,7 @@ mod program;
 mod runner;
 mod schedule;
 mod self_test;
+mod suspend;
 mod tensor;
 
 pub use crc::{Crc32c, crc32c};
@@ -38,6 +39,7 @@ pub use program::{
     Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,
 };
 pub use runner::{Progress, Runner, Telemetry, required};
+pub use suspend::{Suspended, Verdict};
 
 /// Fraction bits of a normalised value before a layer norm's gain.
 pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;

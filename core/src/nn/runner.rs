@@ -48,7 +48,7 @@ pub struct Telemetry {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+pub(super) enum State {
     Idle,
     At { entry: usize, step: usize, unit: usize },
     Done,
@@ -60,9 +60,9 @@ pub struct Runner<'a, 'm> {
     kernel: Kernel,
     model: Model<'a>,
     arena: Arena<'m>,
-    state: State,
-    scrub: Scrub,
-    telemetry: Telemetry,
+    pub(super) state: State,
+    pub(super) scrub: Scrub,
+    pub(super) telemetry: Telemetry,
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
