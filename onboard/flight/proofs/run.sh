@@ -8,7 +8,7 @@
 #   stack    the stack of every call of the library has a bound: no recursion, no unlisted call through a pointer; and what the demo
 #            painted stays below it (after ../boards/run.sh, which leaves its log)
 #   heap     neither the demo nor the archive contains an allocator, `alloc` or `std`
-#   archive  the archive wants nothing from outside but what every C library offers (list below)
+#   archive  linked into one object, all that the archive offers wants nothing from outside but what every C library has (list below)
 #   floats   between quantise and dequantise there is no floating point (boards without floating-point unit)
 #   steps    every step takes as many instructions for one tile as for another (boards named in STEPS; ten seconds to two minutes each)
 #   panics   no panic is reachable: an image of the archive in which a panic would be an undefined symbol links
@@ -58,6 +58,13 @@ link() {
 
 symbols() { "llvm-nm-$llvm" "$1" 2>/dev/null; }
 
+# Sets `roots`: what makes a linker take all that the archive offers.
+roots() {
+    local one
+    for one in $(symbols "$(archive)" | awk '$2 == "T" { print $NF }' | grep -E "$ROOT" | sort -u); do roots+=(-u "$one"); done
+    [ ${#roots[@]} -gt 0 ] || { echo "expected functions in the archive, found none"; return 1; }
+}
+
 prove_stack() {
     local log="$build/$board.log"
     [ "$log" -nt "$(built elunar-demo)" ] || { echo "expected the log of this program, found none: run ../boards/run.sh $board first"; return 1; }
@@ -76,11 +83,13 @@ prove_heap() {
 }
 
 prove_archive() {
-    local all="$work/$board.o" wanted more
-    link -r -o "$all" --whole-archive "$(archive)" 2>&1 || return 1
-    wanted="$("llvm-nm-$llvm" -u "$all" | awk '{ print $NF }' | sort -u)"
+    local all="$work/$board.o" roots=() wanted more
+    roots || return 1
+    link -r --gc-sections "${roots[@]}" -o "$all" "$(archive)" 2>&1 || return 1
+    # Undefined, and still referred to: what was left out leaves its names behind.
+    wanted="$(comm -12 <("llvm-nm-$llvm" -u "$all" | awk '{ print $NF }' | sort -u) \
+        <("llvm-readelf-$llvm" -r "$all" | awk 'NF >= 5 { print $5 }' | sort -u))"
     more="$(grep -vxE "$C_LIBRARY|$PROBE" <<<"$wanted" || true)"
-    rm -f "$all"
     [ -z "$more" ] || { echo "undefined: $(tr '\n' ' ' <<<"$more")"; return 1; }
     wanted="$(grep -vx "$PROBE" <<<"$wanted" | tr '\n' ' ' || true)"
     echo "undefined: ${wanted:-nothing}"
@@ -91,25 +100,31 @@ prove_floats() { python3 "$proofs_dir/floats.py" "$(built elunar-demo)"; }
 prove_steps() {
     local model="$root/host-train/models/nano.eld" program="$work/$board.steps" status=0 reason half
     compile elunar-demo --features two_tiles >"$work/$board.log" 2>&1 || { echo "the demo does not build with two tiles"; return 1; }
-    mv "$(built elunar-demo)" "$program"
+    cp "$(built elunar-demo)" "$program"
     run_counted "$program" "$model" "$work/$board.log" "$work/$board.counts" || status=$?
     reason="$(verdict "$status" "$work/$board.log")"
     [ -z "$reason" ] || { echo "$reason"; return 1; }
     half=$(($(wc -l <"$work/$board.counts") / 2))
     [ "$half" -gt 100 ] || { echo "expected hundreds of steps, counted $half"; return 1; }
-    paste <(head -n "$half" "$work/$board.counts") <(tail -n "+$((half + 1))" "$work/$board.counts") | awk '
-        { a += $1; b += $2; if ($1 > most) most = $1; if ($1 != $2) { differ++; d = ($1 > $2 ? $1 - $2 : $2 - $1); if (d > worst) worst = d } }
+    # The first tile's counts, the second's, and where in the program they began.
+    paste <(head -n "$half" "$work/$board.counts") <(tail -n "+$((half + 1))" "$work/$board.counts") \
+        <(tr -d '\r' <"$work/$board.log" | awk '$1 == "at" { print $2 }' | tail -n "$half") | awk '
+        { a += $1; b += $2; if ($1 > most) most = $1 }
+        $1 != $2 {
+            differ++
+            d = 100 * ($1 > $2 ? $1 - $2 : $2 - $1) / $1
+            if (d > worst) { worst = d; place = $3 }
+        }
         END {
-            if (differ) printf("%d of %d steps differ, by up to %d instructions; tiles: %.0f and %.0f\n", differ, NR, worst, a, b)
+            if (differ) printf("%d of %d steps differ, by up to %.2f %% (operator %d); tiles: %.0f and %.0f\n", differ, NR, worst, place, a, b)
             else printf("%d steps of two tiles, instruction for instruction the same; the longest %d\n", NR, most)
             exit differ > 0
         }'
 }
 
 prove_panics() {
-    local image="$build/$board.image" roots=() one
-    for one in $(symbols "$(archive)" | awk '$2 == "T" { print $NF }' | grep -E "$ROOT" | sort -u); do roots+=(-u "$one"); done
-    [ ${#roots[@]} -gt 0 ] || { echo "expected functions in the archive, found none"; return 1; }
+    local image="$build/$board.image" roots=()
+    roots || return 1
     # Once with the probe left open, for what still refers to it; the verdict is whether that has to be.
     link --gc-sections -e "${roots[1]}" "${roots[@]}" --unresolved-symbols=ignore-all -o "$image" "$(archive)" >"$work/$board.link" 2>&1 ||
         { head -3 "$work/$board.link"; return 1; }

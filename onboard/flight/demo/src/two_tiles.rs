@@ -23,7 +23,7 @@ pub(crate) fn begin_other(runner: &mut Runner<'_, '_>, values: &mut [f32]) -> Re
     runner.begin(image, coarse)
 }
 
-/// Steps until the tile is done, and prints how many steps that were and how many numbers had to be cut.
+/// Steps until the tile is done; prints at which operator each step began, how many steps there were and how many results were cut.
 pub(crate) fn steps(
     runner: &mut Runner<'_, '_>,
     macs: u64,
@@ -32,9 +32,11 @@ pub(crate) fn steps(
 ) -> Result<(), RunError> {
     let (before, mut progress) = (runner.telemetry(), Progress::Running);
     while progress == Progress::Running {
+        let at = runner.position().and_then(|index| runner.model().entry(index)).map_or(0, |entry| entry.operator);
         elunar_count_start();
         progress = elunar_call_step(runner, macs)?;
         elunar_count_stop();
+        let _ = writeln!(console, "at {at}");
     }
     let after = runner.telemetry();
     let (steps, cut) = (after.steps - before.steps, after.saturated - before.saturated);
