@@ -8,6 +8,7 @@
 //!
 //! [`Light`] is that b, the *contrast of a unit slope*. It points away from the Sun, and is the longer the lower the Sun stands.
 
+use crate::part::item;
 use crate::terrain::PixelSize;
 
 /// Contrast of a unit slope along columns and along rows.
@@ -157,15 +158,15 @@ impl LightFit {
     }
 
     fn cell(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, [top, left, side]: [usize; 3]) {
-        let z = |i: usize| coarse_m[i];
+        let z = |i: usize| item(coarse_m, i);
         let (mut mean, mut real) = ([0.0f64; 3], true);
         let pixels = (top..top + side).flat_map(|row| row * cols + left..row * cols + left + side);
         for i in pixels {
-            let all = [image[i], z(i - 1), z(i + 1), z(i - cols), z(i + cols)];
+            let all = [item(image, i), z(i.wrapping_sub(1)), z(i + 1), z(i.wrapping_sub(cols)), z(i + cols)];
             real &= all.iter().all(|&v| crate::mask::is_real(v));
-            mean[0] += f64::from(image[i]);
-            mean[1] += f64::from(z(i + 1)) - f64::from(z(i - 1));
-            mean[2] += f64::from(z(i + cols)) - f64::from(z(i - cols));
+            mean[0] += f64::from(all[0]);
+            mean[1] += f64::from(all[2]) - f64::from(all[1]);
+            mean[2] += f64::from(all[4]) - f64::from(all[3]);
         }
         if !real {
             return;

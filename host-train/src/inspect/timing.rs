@@ -33,7 +33,7 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
     let mut measured = vec![Vec::with_capacity(tiles); model.operator_count()];
     for tile in 0..=tiles {
         let mut seconds = vec![0.0; model.operator_count()];
-        runner.begin_self_test();
+        runner.begin_self_test().map_err(fault)?;
         let mut before = Instant::now();
         while let Some(entry) = runner.position().and_then(|at| model.entry(at).map(|entry| (at, entry))) {
             let (at, entry) = entry;

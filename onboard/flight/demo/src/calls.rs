@@ -18,8 +18,8 @@ pub(crate) fn elunar_call_open(memory: &[u8]) -> Result<Model<'_>, ModelError> {
 /// Quantises the tile of the self test.
 #[inline(never)]
 #[unsafe(no_mangle)]
-pub(crate) fn elunar_call_begin(runner: &mut Runner<'_, '_>) {
-    runner.begin_self_test();
+pub(crate) fn elunar_call_begin(runner: &mut Runner<'_, '_>) -> Result<(), RunError> {
+    runner.begin_self_test()
 }
 
 /// Works for about `macs` multiply-accumulates.

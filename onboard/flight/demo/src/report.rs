@@ -77,7 +77,9 @@ fn tile(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl W
         crate::two_tiles::begin_other(&mut runner, crate::arch::floats(_rest))?;
         crate::two_tiles::steps(&mut runner, STEP_MACS, "other", console)?;
     }
-    let begin = depth(|| elunar_call_begin(&mut runner));
+    let mut begun = Ok(());
+    let begin = depth(|| begun = elunar_call_begin(&mut runner));
+    begun?;
     #[cfg(all(bare, feature = "two_tiles"))]
     crate::two_tiles::steps(&mut runner, STEP_MACS, "own", console)?;
     let (step, done) = if cfg!(feature = "per_operator") {

@@ -43,7 +43,7 @@ root! {
     }
     elunar_root_begin_metres(runner: &mut Runner<'_, '_>, tile: &TileInput<'_>, scratch: &mut [f32])
         -> Result<TileScale, TileError> { runner.begin_metres(tile, scratch) }
-    elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> () { runner.begin_self_test() }
+    elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> Result<(), RunError> { runner.begin_self_test() }
     elunar_root_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result<Progress, RunError> { runner.step(macs) }
     elunar_root_output(runner: &Runner<'_, '_>, out: &mut [f32]) -> Result<(), RunError> { runner.output(out) }
     elunar_root_heights(runner: &Runner<'_, '_>, scale: &TileScale, out_m: &mut [f32]) -> Result<(), RunError> {
