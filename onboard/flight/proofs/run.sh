@@ -5,8 +5,8 @@
 #   ./run.sh an500 rv32               on these
 #   ./run.sh --proof panics [BOARD..] only this one (may be given several times)
 #
-#   stack    the stack of every call of the library has a bound: no recursion, no unlisted call through a pointer; and what the demo
-#            painted stays below it (after ../boards/run.sh, which leaves its log)
+#   stack    the stack of every call of the library has a bound, in the demo and in the archive: no recursion, no unlisted call through a
+#            pointer; and what the demo painted stays below it (after ../boards/run.sh, which leaves its log)
 #   heap     neither the demo nor the archive contains an allocator, `alloc` or `std`
 #   archive  linked into one object, all that the archive offers wants nothing from outside but what every C library has (list below)
 #   floats   between quantise and dequantise there is no floating point (boards without floating-point unit)
@@ -70,10 +70,19 @@ roots() {
     [ ${#roots[@]} -gt 0 ] || { echo "expected functions in the archive, found none"; return 1; }
 }
 
+# Links what the archive offers, and what that needs, into a program of its own that leaves the panic handler's probe open.
+link_image() {
+    link --gc-sections -e "${roots[1]}" "${roots[@]}" --unresolved-symbols=ignore-all -o "$1" "$(archive)" >"$work/$board.link" 2>&1 ||
+        { head -3 "$work/$board.link"; return 1; }
+}
+
 prove_stack() {
-    local log="$build/$board.log"
+    local log="$build/$board.log" image="$build/$board.image" roots=() demo library
     [ "$log" -nt "$(built elunar-demo)" ] || { echo "expected the log of this program, found none: run ../boards/run.sh $board first"; return 1; }
-    python3 "$proofs_dir/stack.py" "$(built elunar-demo)" "$log" 2>/dev/null
+    demo="$(python3 "$proofs_dir/stack.py" "$(built elunar-demo)" "$log" 2>/dev/null)" || { echo "demo: $demo"; return 1; }
+    roots && link_image "$image" || return 1
+    library="$(python3 "$proofs_dir/stack.py" "$image" 2>/dev/null)" || { echo "archive: $library"; return 1; }
+    echo "demo $demo; archive $library"
 }
 
 prove_heap() {
@@ -133,14 +142,13 @@ prove_steps() {
 prove_panics() {
     local image="$build/$board.image" roots=()
     roots || return 1
-    # Once with the probe left open, for what still refers to it; the verdict is whether that has to be.
-    link --gc-sections -e "${roots[1]}" "${roots[@]}" --unresolved-symbols=ignore-all -o "$image" "$(archive)" >"$work/$board.link" 2>&1 ||
-        { head -3 "$work/$board.link"; return 1; }
     if link --gc-sections -e "${roots[1]}" "${roots[@]}" -o "$work/$board.image" "$(archive)" >"$work/$board.link" 2>&1; then
         echo "$((${#roots[@]} / 2)) functions link without a panic"
         return
     fi
     grep -q "$PROBE" "$work/$board.link" || { head -3 "$work/$board.link"; return 1; }
+    # What still refers to it is found in a program with the probe left open.
+    link_image "$image" || return 1
     echo "reachable from $(python3 "$proofs_dir/panic_sites.py" "$image" | wc -l) places; list them with panic_sites.py $image"
     return 1
 }
@@ -156,8 +164,8 @@ applies() {
 # Builds what a proof looks at.
 needs() {
     case "$1" in
-    stack | floats) compile elunar-demo ;;
-    heap) compile elunar-demo && compile elunar-staticlib --features proof ;;
+    floats) compile elunar-demo ;;
+    stack | heap) compile elunar-demo && compile elunar-staticlib --features proof ;;
     archive | panics) compile elunar-staticlib --features proof ;;
     esac
 }
