@@ -50,7 +50,7 @@ impl Moments {
         let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
         let mut fit = LightFit::default();
         let pixel = PixelSize::square(tile.pixel_m);
-        fit.add(&tile.image, &tile.coarse_m, None, cols, pixel, LightFit::cell_px(coarse_px));
+        fit.add(&tile.image, &tile.coarse_m, cols, pixel, LightFit::cell_px(coarse_px));
         let light = fit.with_sun(Some(tile.sun_azimuth_deg), Some(tile.sun_elevation_deg));
         let input = TileInput {
             image: &tile.image,

@@ -2,7 +2,7 @@
 
 use super::injection::{Injection, Target};
 use super::moments::{Moments, STEP_MACS};
-use super::outcome::{Counts, LIMIT_M, Outcome};
+use super::outcome::{LIMIT_M, Outcome};
 use super::table::Results;
 use crate::predict::int8::Int8Model;
 use crate::{Error, Result, interrupt};
