@@ -4,6 +4,7 @@
     budget.py compare BUDGET ELF LOG ROWS    prints what is above the budget; nothing if all is below
     budget.py record BUDGET ELF LOG ROWS     writes the budget anew: what was measured, and a margin
     budget.py print BUDGET ELF LOG ROWS      prints what was measured
+    budget.py table instructions.csv         prints what is recorded of all boards, as the table of README.md
 
 ELF is the linked demo, LOG what it printed, ROWS the instruction counts of ../boards/run.sh, the fastest kernel first."""
 import os
@@ -56,29 +57,58 @@ def record(path, used):
         "# The most that this board's demo may use; ./run.sh fails above it. Written by ./run.sh --record: what was measured, plus the",
         f"# margin, rounded up to {STEP['flash_bytes']} bytes of memory, {STEP['stack_bytes']} of stack and a million instructions.",
         f"margin_percent = {MARGIN_PERCENT}",
+        "",
+        "[limit]",
     ]
     for name, what in WHAT.items():
-        lines += ["", f"# {what[0].upper()}{what[1:]}; measured: {used[name]}.", f"{name} = {limit(name, used[name])}"]
+        lines += [f"# {what[0].upper()}{what[1:]}.", f"{name} = {limit(name, used[name])}"]
+    lines += ["", "[measured]"] + [f"{name} = {used[name]}" for name in WHAT]
     with open(path + ".new", "w", encoding="utf-8") as file:
         file.write("\n".join(lines) + "\n")
     os.replace(path + ".new", path)
 
 
-def compare(path, used):
-    """Complaints, one line each."""
+def read(path):
+    """The budget's tables; ends the program if it is not there or not whole."""
     try:
         with open(path, "rb") as file:
             budget = tomllib.load(file)
-    except FileNotFoundError:
-        return [f"{path}: expected a budget, found none"]
-    missing = [f"{path}: expected {name}, found none" for name in WHAT if name not in budget]
-    return missing or [f"{name} {used[name]}, above its budget of {budget[name]}" for name in WHAT if used[name] > budget[name]]
+    except (FileNotFoundError, tomllib.TOMLDecodeError) as error:
+        sys.exit(f"{path}: expected a budget, found none: {error}")
+    for part in ("limit", "measured"):
+        for name in WHAT:
+            if name not in budget.get(part, {}):
+                sys.exit(f"{path}: expected {name} in [{part}], found none")
+    return budget
+
+
+def compare(path, used):
+    """Complaints, one line each."""
+    limits = read(path)["limit"]
+    return [f"{name} {used[name]}, above its budget of {limits[name]}" for name in WHAT if used[name] > limits[name]]
+
+
+def table(counts_path):
+    """Rows of the table in README.md: a board's fastest kernel, and what was measured."""
+    rows, boards = [], os.path.dirname(os.path.abspath(counts_path))
+    with open(counts_path, encoding="utf-8") as file:
+        for line in file.read().splitlines()[1:]:
+            board, kernel, _, _, _, per_mac = line.split(",")
+            if any(f"`{board}`" in row for row in rows):
+                continue
+            used = read(os.path.join(boards, board, "budget.toml"))["measured"]
+            kilo = [round(used[name] / 1000) for name in ("flash_bytes", "ram_bytes")]
+            rows.append(f"| `{board}` | `{kernel}` | {float(per_mac):.2f} | {kilo[0]} | {kilo[1]} | {used['stack_bytes']} |")
+    return rows
 
 
 def main(arguments):
     """See the top."""
+    if len(arguments) == 2 and arguments[0] == "table":
+        print("\n".join(table(arguments[1])))
+        return
     if len(arguments) != 5 or arguments[0] not in ("compare", "record", "print"):
-        sys.exit("ERROR: expected budget.py compare|record|print BUDGET ELF LOG ROWS")
+        sys.exit("ERROR: expected budget.py compare|record|print BUDGET ELF LOG ROWS, or budget.py table COUNTS")
     action, path, *measured = arguments
     used = measure(*measured)
     if action == "record":

@@ -60,7 +60,8 @@ class Program:
         ends = sorted((address, end) for address, (_, end) in typed.items())
         inside = lambda address: any(start <= address < end for start, end in ends)
         typed.update({address: found for address, found in other.items() if not inside(address)})
-        plain = tool("llvm-cxxfilt", text="\n".join(name for name, _ in typed.values())).splitlines()
+        # The compiler numbers copies of a function behind its name.
+        plain = tool("llvm-cxxfilt", text="\n".join(name.split(".")[0] for name, _ in typed.values())).splitlines()
         starts, found = sorted(typed), {}
         names = dict(zip(typed, plain))
         for address, following in zip(starts, starts[1:] + [1 << 64]):
