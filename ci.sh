@@ -62,6 +62,8 @@ no_std() {
     command -v nm >/dev/null || fail "expected nm (Debian package binutils)"
     cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight"
     inspect "$target/flight/release/libelunar.a"
+    # C and C++ programs against the archive itself, with no other library.
+    ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
         cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight" --target "$bare"
         inspect "$target/flight/$bare/release/libelunar.a"

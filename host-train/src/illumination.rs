@@ -20,29 +20,16 @@ pub struct KnownSun {
     pub elevation_deg: Option<f64>,
 }
 
-/// Elevation of the Sun where neither it nor the light is known, degrees: the middle of the paper's training images (our choice).
-const FALLBACK_ELEVATION_DEG: f64 = 40.0;
-
-/// A light for scenes that show none (our choice): from the north-west.
-fn fallback() -> Light {
-    Light::from_sun(315.0, FALLBACK_ELEVATION_DEG).expect("a Sun above the horizon")
-}
-
 /// How a scene is mirrored for a network that knows `illumination`, and its light then (which means nothing to one that knows any).
 pub fn light_for(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> (Turn, Light) {
     let light = match illumination {
-        Illumination::Any => return (Turn::default(), fallback()),
-        Illumination::Northwest => fit.with_sun(sun.azimuth_deg, None).or(sun.azimuth_deg.and_then(lit_from)),
-        Illumination::Given => fit.with_sun(sun.azimuth_deg, sun.elevation_deg).or(sun.azimuth_deg.and_then(lit_from)),
+        Illumination::Any => return (Turn::default(), Light::assumed(None)),
+        Illumination::Northwest => fit.with_sun(sun.azimuth_deg, None),
+        Illumination::Given => fit.with_sun(sun.azimuth_deg, sun.elevation_deg),
     };
-    let light = light.unwrap_or_else(fallback);
+    let light = light.unwrap_or_else(|| Light::assumed(sun.azimuth_deg));
     let turn = Turn::from_azimuth_deg(light.azimuth_deg());
     (turn, light.mirrored(turn))
-}
-
-/// The light of a Sun of which only the azimuth is known, where image and coarse DTM do not bear it out.
-fn lit_from(azimuth_deg: f64) -> Option<Light> {
-    Light::from_sun(azimuth_deg, FALLBACK_ELEVATION_DEG)
 }
 
 /// A row-major map of `cols` pixels a row, mirrored.
@@ -95,7 +82,7 @@ mod tests {
 
     #[test]
     fn scenes_without_light_are_taken_as_lit_from_the_north_west() {
-        let none = (Turn::default(), fallback());
+        let none = (Turn::default(), Light::assumed(None));
         let nothing = LightFit::default();
         for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given] {
             assert_eq!(light_for(illumination, KnownSun::default(), &nothing), none);

@@ -6,7 +6,7 @@ use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{ENTRY_BYTES, Model, OPERATOR_BYTES, Progress, RunError, Runner, TENSOR_BYTES, required};
 use host_train::export::build::manifest;
 use host_train::export::{CalibrationTile, Options, Precision, export};
-use host_train::model::config::{Head, NetConfig, Preset};
+use host_train::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
 use host_train::model::weights::{Array, Weights};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -20,17 +20,17 @@ const LARGEST_ARENA: usize = 1 << 24;
 const BUDGET_MACS: u64 = 1 << 22;
 
 /// Reads numbers off the front of some bytes; zeros when they are used up.
-struct Reader<'a>(&'a [u8]);
+pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
 impl Reader<'_> {
-    fn byte(&mut self) -> u8 {
+    pub(crate) fn byte(&mut self) -> u8 {
         let Some((first, rest)) = self.0.split_first() else { return 0 };
         self.0 = rest;
         *first
     }
 
     /// Mostly small, sometimes as large as numbers get.
-    fn size(&mut self, limit: usize) -> usize {
+    pub(crate) fn size(&mut self, limit: usize) -> usize {
         match (self.byte() as usize, self.byte() as usize) {
             (255, n) => usize::MAX - n,
             (254, n) => (usize::MAX >> 1) - n,
@@ -39,7 +39,7 @@ impl Reader<'_> {
         }
     }
 
-    fn word(&mut self) -> u32 {
+    pub(crate) fn word(&mut self) -> u32 {
         u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
 }
@@ -94,6 +94,11 @@ pub fn raw_model(bytes: &[u8]) -> bool {
 /// # Panics
 /// If kernels differ, or memory that was not lent has changed.
 pub fn mutated_model(patches: &[u8]) -> bool {
+    run(&mutated(patches))
+}
+
+/// The model that [`mutated_model`] judges.
+pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
     let mut reader = Reader(patches);
     let models = sound_models();
     let sound = &models[reader.byte() as usize % models.len()];
@@ -110,7 +115,7 @@ pub fn mutated_model(patches: &[u8]) -> bool {
         }
     }
     seal_file(&mut bytes);
-    run(&bytes)
+    bytes
 }
 
 /// First byte and bytes of the header, and of the sections that are records or constants.
@@ -170,19 +175,27 @@ fn run(bytes: &[u8]) -> bool {
 }
 
 /// Models of the smallest networks that have every operator, made once.
-fn sound_models() -> &'static [Vec<u8>] {
+pub(crate) fn sound_models() -> &'static [Vec<u8>] {
     static MODELS: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
     MODELS.get_or_init(|| {
         // The taller tile is large enough for enlargements to be folded into filters.
-        [((32, 32), Precision::Mixed), ((64, 32), Precision::Int8), ((64, 32), Precision::Int16)]
-            .into_iter()
-            .map(|(tile, precision)| small_model(tile, precision))
-            .collect()
+        [
+            ((32, 32), Precision::Mixed, Illumination::Any),
+            ((64, 32), Precision::Int8, Illumination::Any),
+            ((64, 32), Precision::Int16, Illumination::Northwest),
+            ((32, 64), Precision::Mixed, Illumination::Given),
+        ]
+        .into_iter()
+        .map(|(tile, precision, illumination)| small_model(tile, precision, illumination))
+        .collect()
     })
 }
 
-fn small_model(tile: (usize, usize), precision: Precision) -> Vec<u8> {
+fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumination) -> Vec<u8> {
+    let given = illumination == Illumination::Given;
     let config = NetConfig {
+        illumination,
+        target_range: if given { TargetRange::Pixel } else { TargetRange::Own },
         embed: 2,
         depths: [2, 1, 1, 1],
         heads: [1, 1, 2, 1],
@@ -207,7 +220,8 @@ fn small_model(tile: (usize, usize), precision: Precision) -> Vec<u8> {
         weights.tensors.insert(name.clone(), Array { shape, data });
     }
     let samples = tile.0 * tile.1;
-    let image = (0..samples).map(|_| 0.5 + 0.25 * random.sample()).collect();
+    let maps = if given { elunar_core::photoclinometry::MAPS } else { 1 };
+    let image = (0..maps * samples).map(|_| 0.5 + 0.25 * random.sample()).collect();
     let coarse = (0..samples).map(|i| 25.0 + 20.0 * (i as f32 / 97.0).sin()).collect();
     let tiles = [CalibrationTile { image, coarse, ground: None }];
     let options = Options { tile, precision, name: "provoked".into() };

@@ -34,6 +34,11 @@ impl Crc32c {
         self.0 = bytes.iter().fold(self.0, |crc, &b| TABLE[(crc as u8 ^ b) as usize] ^ (crc >> 8));
     }
 
+    /// One that has taken in something whose checksum is `value`.
+    pub(super) fn after(value: u32) -> Self {
+        Self(!value)
+    }
+
     /// The checksum of everything taken in.
     pub fn value(self) -> u32 {
         !self.0

@@ -258,6 +258,17 @@ pub struct Scrub {
 }
 
 impl Scrub {
+    /// The chunk it has reached, bytes read of it, and their checksum.
+    pub(super) fn position(&self) -> (u32, usize, u32) {
+        (self.chunk, self.offset, self.crc.value())
+    }
+
+    /// A check that stands there, if the file has such a place.
+    pub(super) fn at(raw: &RawModel<'_>, chunk: u32, offset: usize, crc: u32) -> Option<Self> {
+        let exists = chunk < raw.chunks().max(1) && offset <= raw.chunk(chunk).len();
+        exists.then(|| Self { chunk, offset, crc: Crc32c::after(crc) })
+    }
+
     /// Checks up to `max_bytes` further bytes. Returns how many were read, and whether this completed a pass.
     ///
     /// # Errors

@@ -30,6 +30,7 @@ mod runner;
 mod schedule;
 mod self_test;
 mod sum;
+mod suspend;
 mod tensor;
 
 pub use crc::{Crc32c, crc32c};
@@ -43,6 +44,7 @@ pub use program::{
     Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,
 };
 pub use runner::{Progress, Runner, Telemetry, required};
+pub use suspend::{Suspended, Verdict};
 
 /// Fraction bits of a normalised value before a layer norm's gain.
 pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;

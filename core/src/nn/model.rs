@@ -34,16 +34,16 @@ const MAX_NORM_BIAS: i64 = 1 << 60;
 /// and accumulators, and that no tensor is read before it is written or after it is overwritten.
 #[derive(Debug, Clone, Copy)]
 pub struct Model<'a> {
-    raw: RawModel<'a>,
+    pub(super) raw: RawModel<'a>,
     text: &'a str,
     tensors: &'a [[u8; TENSOR_BYTES]],
     operators: &'a [[u8; OPERATOR_BYTES]],
     schedule: &'a [[u8; ENTRY_BYTES]],
     constants: &'a [u8],
-    scratch_offset: usize,
-    scratch_bytes: usize,
-    sum_count: usize,
-    macs: u64,
+    pub(super) scratch_offset: usize,
+    pub(super) scratch_bytes: usize,
+    pub(super) sum_count: usize,
+    pub(super) macs: u64,
 }
 
 impl<'a> Model<'a> {
@@ -54,24 +54,7 @@ impl<'a> Model<'a> {
     pub fn new(bytes: &'a [u8]) -> Result<Self, ModelError> {
         let raw = RawModel::new(bytes)?;
         raw.verify()?;
-        let count = |index: usize| raw.word(index) as usize;
-        if count(word::TENSORS + 1) > MAX_RECORDS || !(1..=MAX_RECORDS).contains(&count(word::OPERATORS + 1)) {
-            return Err(ModelError::Header);
-        }
-        let section = |index: usize, size: usize| raw.section(index, raw.word(index + 1) as u64 * size as u64);
-        let text = core::str::from_utf8(section(word::TEXT, 1)?).map_err(|_| ModelError::Header)?;
-        let mut model = Self {
-            raw,
-            text,
-            tensors: section(word::TENSORS, TENSOR_BYTES)?.as_chunks().0,
-            operators: section(word::OPERATORS, OPERATOR_BYTES)?.as_chunks().0,
-            schedule: section(word::SCHEDULE, ENTRY_BYTES)?.as_chunks().0,
-            constants: section(word::CONSTANTS, 1)?,
-            scratch_offset: 0,
-            scratch_bytes: 0,
-            sum_count: 0,
-            macs: 0,
-        };
+        let mut model = Self::open(raw)?;
         model.check_tensors()?;
         model.check_inputs()?;
         for index in 0..model.operators.len() {
@@ -84,6 +67,28 @@ impl<'a> Model<'a> {
         model.check_output()?;
         schedule::check(&model)?;
         Ok(model)
+    }
+
+    /// Finds the sections, and judges nothing in them.
+    pub(super) fn open(raw: RawModel<'a>) -> Result<Self, ModelError> {
+        let count = |index: usize| raw.word(index) as usize;
+        if count(word::TENSORS + 1) > MAX_RECORDS || !(1..=MAX_RECORDS).contains(&count(word::OPERATORS + 1)) {
+            return Err(ModelError::Header);
+        }
+        let section = |index: usize, size: usize| raw.section(index, raw.word(index + 1) as u64 * size as u64);
+        let text = core::str::from_utf8(section(word::TEXT, 1)?).map_err(|_| ModelError::Header)?;
+        Ok(Self {
+            raw,
+            text,
+            tensors: section(word::TENSORS, TENSOR_BYTES)?.as_chunks().0,
+            operators: section(word::OPERATORS, OPERATOR_BYTES)?.as_chunks().0,
+            schedule: section(word::SCHEDULE, ENTRY_BYTES)?.as_chunks().0,
+            constants: section(word::CONSTANTS, 1)?,
+            scratch_offset: 0,
+            scratch_bytes: 0,
+            sum_count: 0,
+            macs: 0,
+        })
     }
 
     fn check_tensors(&mut self) -> Result<(), ModelError> {

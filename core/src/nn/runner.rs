@@ -57,7 +57,7 @@ pub struct Telemetry {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+pub(super) enum State {
     Idle,
     At {
         entry: usize,
@@ -77,10 +77,10 @@ pub struct Runner<'a, 'm> {
     kernel: Kernel,
     model: Model<'a>,
     arena: Arena<'m>,
-    state: State,
-    protected: bool,
-    scrub: Scrub,
-    telemetry: Telemetry,
+    pub(super) state: State,
+    pub(super) protected: bool,
+    pub(super) scrub: Scrub,
+    pub(super) telemetry: Telemetry,
 }
 
 impl<'a, 'm> Runner<'a, 'm> {

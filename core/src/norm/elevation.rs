@@ -100,6 +100,21 @@ impl ElevationScale {
         Ok(Self { min_m: (sum / count as f64) as f32, relief_m: check_relief(nr * pixel_m)?, nr })
     }
 
+    /// The scale whose parts were written down before ([`Self::min_m`], [`Self::relief_m`], [`Self::nr`]): the same again.
+    ///
+    /// # Errors
+    /// [`NormError::Range`] or [`NormError::Relief`] for parts that no scale has.
+    pub fn from_parts(min_m: f32, relief_m: f32, nr: f32) -> Result<Self, NormError> {
+        if !(nr.is_finite() && nr > 0.0) {
+            return Err(NormError::Range { nr });
+        }
+        if min_m.is_finite() {
+            Ok(Self { min_m, relief_m: check_relief(relief_m)?, nr })
+        } else {
+            Err(NormError::Relief { relief_m: min_m })
+        }
+    }
+
     /// Normalises heights in metres (Eq. 2): z* = NR (Z − Z_min) / ΔZ.
     ///
     /// Linear, without clamping: heights outside the tile's own range leave [0, NR]. Pixels that are not real (see
@@ -218,6 +233,17 @@ mod tests {
         assert!(good.with_margin(3e38).is_err());
         assert!(matches!(good.normalise(&[1.0], &mut []), Err(NormError::Length(_))));
         assert!(matches!(good.recover(&[], &mut [1.0]), Err(NormError::Length(_))));
+    }
+
+    #[test]
+    fn parts_make_the_same_scale_again() {
+        let scale = scale(&[100.0, 140.0]).with_margin(0.25).unwrap();
+        assert_eq!(ElevationScale::from_parts(scale.min_m(), scale.relief_m(), scale.nr()), Ok(scale));
+        for (min_m, relief_m, nr) in
+            [(f32::NAN, 60.0, NR), (90.0, 0.0, NR), (90.0, f32::INFINITY, NR), (90.0, 60.0, -1.0)]
+        {
+            assert!(ElevationScale::from_parts(min_m, relief_m, nr).is_err(), "{min_m} {relief_m} {nr}");
+        }
     }
 
     #[test]

@@ -37,6 +37,10 @@ const TOLD_SPREAD: f64 = 0.3;
 const FITTED_SPREAD: f64 = 0.1;
 /// Above this strength the ground would be shadows: a Sun of 3 degrees makes 17.
 const STRENGTH_MAX: f64 = 20.0;
+/// Where the Sun is taken to stand if nothing tells: in the north-west, as high as in the middle of the paper's training images (our
+/// choice).
+const ASSUMED_AZIMUTH_DEG: f64 = 315.0;
+const ASSUMED_ELEVATION_DEG: f64 = 40.0;
 
 impl Light {
     /// A light, if it is one: finite, and of a strength between that of a Sun near the zenith and one at the horizon.
@@ -60,6 +64,16 @@ impl Light {
         let level = 2.0 * lunar * sin / (sin + 1.0) + (1.0 - lunar) * sin;
         let by_cosine = 2.0 * lunar / ((sin + 1.0) * (sin + 1.0)) + (1.0 - lunar);
         Self::of(azimuth_deg, by_cosine * cos / level)
+    }
+
+    /// The light of ground that does not show any ([`LightFit::with_sun`] found none): a Sun 40 degrees high at the azimuth that is known
+    /// (degrees clockwise from up), else in the north-west (our choice).
+    #[must_use]
+    pub fn assumed(azimuth_deg: Option<f64>) -> Self {
+        let lit_from = |azimuth_deg: f64| Self::from_sun(azimuth_deg, ASSUMED_ELEVATION_DEG);
+        let light = azimuth_deg.and_then(lit_from).or_else(|| lit_from(ASSUMED_AZIMUTH_DEG));
+        // A Sun above the horizon is a light.
+        light.unwrap_or(Self { east: 1.0, south: 1.0 })
     }
 
     /// The light of a Sun at `azimuth_deg`, of a given strength.
@@ -145,6 +159,19 @@ impl LightFit {
     /// Shows it a rectangle: `image` (brightness of any unit) and `coarse_m` (metres), row-major, `cols` wide; a rest of rows or
     /// columns that fills no cell is left out. Does nothing if the maps differ in length.
     pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
+        self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
+    }
+
+    /// As [`Self::add`], without the cells in which a pixel does not count ([`crate::mask`]).
+    pub fn add_masked(
+        &mut self,
+        image: &[f32],
+        coarse_m: &[f32],
+        valid: Option<&[bool]>,
+        cols: usize,
+        pixel: PixelSize,
+        cell_px: usize,
+    ) {
         let rows = image.len().checked_div(cols).unwrap_or(0);
         if coarse_m.len() != image.len() || cell_px == 0 || rows < 3 || cols < 3 {
             return;
@@ -152,21 +179,28 @@ impl LightFit {
         // A pixel's slope needs its neighbours.
         for top in (1..rows - 1).step_by(cell_px).take_while(|top| top + cell_px < rows) {
             for left in (1..cols - 1).step_by(cell_px).take_while(|left| left + cell_px < cols) {
-                self.cell(image, coarse_m, cols, pixel, [top, left, cell_px]);
+                self.cell((image, coarse_m, valid), cols, pixel, [top, left, cell_px]);
             }
         }
     }
 
-    fn cell(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, [top, left, side]: [usize; 3]) {
+    fn cell(
+        &mut self,
+        (image, coarse_m, valid): (&[f32], &[f32], Option<&[bool]>),
+        cols: usize,
+        pixel: PixelSize,
+        [top, left, side]: [usize; 3],
+    ) {
         let z = |i: usize| item(coarse_m, i);
         let (mut mean, mut real) = ([0.0f64; 3], true);
         let pixels = (top..top + side).flat_map(|row| row * cols + left..row * cols + left + side);
         for i in pixels {
-            let all = [item(image, i), z(i.wrapping_sub(1)), z(i + 1), z(i.wrapping_sub(cols)), z(i + cols)];
-            real &= all.iter().all(|&v| crate::mask::is_real(v));
-            mean[0] += f64::from(all[0]);
-            mean[1] += f64::from(all[2]) - f64::from(all[1]);
-            mean[2] += f64::from(all[4]) - f64::from(all[3]);
+            let [west, east, north, south] = [z(i.wrapping_sub(1)), z(i + 1), z(i.wrapping_sub(cols)), z(i + cols)];
+            real &= crate::mask::counts(image, valid, i)
+                && [west, east, north, south].into_iter().all(crate::mask::is_real);
+            mean[0] += f64::from(item(image, i));
+            mean[1] += f64::from(east) - f64::from(west);
+            mean[2] += f64::from(south) - f64::from(north);
         }
         if !real {
             return;
@@ -306,6 +340,31 @@ mod tests {
             assert_eq!(Light::from_sun(10.0, out), None);
         }
         assert_eq!(Light::from_sun(f64::NAN, 30.0), None);
+    }
+
+    #[test]
+    fn cells_with_masked_pixels_are_left_out() {
+        let light = Light::of(300.0, 1.0).unwrap();
+        let (mut image, heights) = scene(light, 7.0);
+        let clean = fit(&image, &heights);
+        // Rubbish under the mask, in one cell.
+        let valid: Vec<bool> = (0..image.len()).map(|i| i != 20 * COLS + 20).collect();
+        image[20 * COLS + 20] = 1e6;
+        let masked = |valid| {
+            let mut fit = LightFit::default();
+            fit.add_masked(&image, &heights, valid, COLS, PixelSize::square(2.0), 5);
+            fit
+        };
+        assert_eq!(masked(Some(&valid)).cells, clean.cells - 1.0);
+        assert!((masked(Some(&valid)).light().unwrap().east - light.east).abs() < 0.02);
+        assert_eq!(masked(None).cells, clean.cells);
+    }
+
+    #[test]
+    fn ground_without_light_is_lit_from_the_north_west() {
+        assert_eq!(Light::assumed(None), Light::from_sun(315.0, 40.0).unwrap());
+        assert_eq!(Light::assumed(Some(f64::NAN)), Light::assumed(None));
+        assert_eq!(Light::assumed(Some(100.0)), Light::from_sun(100.0, 40.0).unwrap());
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod random;
 mod rows;
 mod schedule;
 mod shadow;
+mod suspend;
 mod unit;
 
 pub(crate) use random::Random;

@@ -1,0 +1,164 @@
+//! A run put aside as plain integers and taken up again, and a model opened again without being judged anew.
+//!
+//! For callers that keep nothing of ours between two calls but numbers, as a C interface does whose context may be hit by radiation:
+//! every bit pattern of a [`Suspended`] or a [`Verdict`] can be read, and what is made of them is judged first.
+//!
+//! ```text
+//! Model::new -> verdict()              judged once: time proportional to the file
+//! Model::again(bytes, verdict)         header checksum, length and sections only
+//! Runner::resume(.., suspended) -> step ... -> suspend()
+//! ```
+
+use super::error::{ModelError, RunError};
+use super::format::{RawModel, Scrub, word};
+use super::kernels::Kernel;
+use super::model::Model;
+use super::runner::{Runner, State, Telemetry};
+
+/// What judging a model file found, and what binds it to that file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Verdict {
+    /// Checksum of the header, which holds that of the list of checksums, which holds those of all other bytes.
+    pub header_crc: u32,
+    /// Bytes of the file.
+    pub file_bytes: u32,
+    /// First byte of the arena behind the tensors.
+    pub scratch_offset: u32,
+    /// Bytes of scratch memory.
+    pub scratch_bytes: u32,
+    /// Checksums of rows in the arena.
+    pub sum_count: u32,
+    /// Multiply-accumulates of a tile.
+    pub macs: u64,
+}
+
+/// Where a runner stands; the default is a new one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Suspended {
+    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::JUDGING`].
+    pub phase: u32,
+    /// 1 for a runner that trusts its memory, 0 for any other.
+    pub trusting: u32,
+    /// Entry of the schedule at work, or the chunk of the model to be compared next; else 0, as the next two unless at work.
+    pub entry: u32,
+    /// Step of that entry.
+    pub step: u32,
+    /// Unit of that step.
+    pub unit: u32,
+    /// Chunk that scrubbing has reached.
+    pub scrub_chunk: u32,
+    /// Bytes of that chunk that are read.
+    pub scrub_offset: u32,
+    /// CRC32C of those.
+    pub scrub_crc: u32,
+    /// The counters.
+    pub telemetry: Telemetry,
+}
+
+impl Suspended {
+    /// No tile was begun.
+    pub const IDLE: u32 = 0;
+    /// A tile is at work.
+    pub const AT_WORK: u32 = 1;
+    /// A tile is finished and its output there.
+    pub const DONE: u32 = 2;
+    /// All of a tile is computed; the model is being compared.
+    pub const JUDGING: u32 = 3;
+}
+
+impl<'a> Model<'a> {
+    /// What [`Self::new`] found, for [`Self::again`].
+    pub fn verdict(&self) -> Verdict {
+        Verdict {
+            header_crc: self.raw.word(word::HEADER_CRC),
+            file_bytes: self.raw.bytes().len() as u32,
+            scratch_offset: self.scratch_offset as u32,
+            scratch_bytes: self.scratch_bytes as u32,
+            sum_count: self.sum_count as u32,
+            macs: self.macs,
+        }
+    }
+
+    /// The model of a file that was judged before. Reads its header, not its body: bytes that have changed there since are found by
+    /// [`Runner::scrub`], and kernels bound their accesses themselves.
+    ///
+    /// # Errors
+    /// As [`Self::new`], of the header; [`ModelError::HeaderChecksum`] if it is not the one that was judged.
+    pub fn again(bytes: &'a [u8], verdict: &Verdict) -> Result<Self, ModelError> {
+        let mut model = Self::open(RawModel::new(bytes)?)?;
+        model.scratch_offset = verdict.scratch_offset as usize;
+        model.scratch_bytes = verdict.scratch_bytes as usize;
+        model.sum_count = verdict.sum_count as usize;
+        model.macs = verdict.macs;
+        // Room for what `required` adds, on machines of 32 bits, too.
+        let parts =
+            [verdict.scratch_offset, verdict.scratch_bytes, verdict.sum_count, verdict.sum_count].map(u64::from);
+        let sane = parts.into_iter().sum::<u64>() + 2 * u64::from(verdict.sum_count) < 1 << 31;
+        if sane && model.verdict() == *verdict { Ok(model) } else { Err(ModelError::HeaderChecksum) }
+    }
+}
+
+impl<'a, 'm> Runner<'a, 'm> {
+    /// Where the runner stands. The arena keeps the rest; it must be as it is now when the run is resumed.
+    pub fn suspend(&self) -> Suspended {
+        let (phase, entry, step, unit) = match self.state {
+            State::Idle => (Suspended::IDLE, 0, 0, 0),
+            State::At { entry, step, unit } => (Suspended::AT_WORK, entry, step, unit),
+            State::Judging { chunk } => (Suspended::JUDGING, chunk as usize, 0, 0),
+            State::Done => (Suspended::DONE, 0, 0, 0),
+        };
+        let (scrub_chunk, scrub_offset, scrub_crc) = self.scrub.position();
+        Suspended {
+            phase,
+            trusting: !self.protected as u32,
+            entry: entry as u32,
+            step: step as u32,
+            unit: unit as u32,
+            scrub_chunk,
+            scrub_offset: scrub_offset as u32,
+            scrub_crc,
+            telemetry: self.telemetry,
+        }
+    }
+
+    /// The runner that was suspended, in the arena it left.
+    ///
+    /// # Errors
+    /// [`RunError::ArenaTooSmall`]; [`RunError::State`] if the model has no such place in its schedule or among its chunks.
+    pub fn resume(
+        kernel: Kernel,
+        model: Model<'a>,
+        arena: &'m mut [u8],
+        suspended: &Suspended,
+    ) -> Result<Self, RunError> {
+        let mut runner = Self::with_kernel(kernel, model, arena)?;
+        runner.state = state(&model, suspended).ok_or(RunError::State)?;
+        runner.protected = match suspended.trusting {
+            0 => true,
+            1 => false,
+            _ => return Err(RunError::State),
+        };
+        let Suspended { scrub_chunk, scrub_offset, scrub_crc, telemetry, .. } = *suspended;
+        runner.scrub = Scrub::at(&model.raw, scrub_chunk, scrub_offset as usize, scrub_crc).ok_or(RunError::State)?;
+        runner.telemetry = telemetry;
+        Ok(runner)
+    }
+}
+
+/// The state, if the model has such a place.
+fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
+    let (entry, step, unit) = (at.entry as usize, at.step as usize, at.unit as usize);
+    match at.phase {
+        Suspended::AT_WORK => {
+            let now = model.entry(entry)?;
+            let operator = model.operator(now.operator)?;
+            (step < now.count && unit < model.units(&operator)).then_some(State::At { entry, step, unit })
+        }
+        Suspended::JUDGING if step == 0 && unit == 0 => {
+            (at.entry < model.raw.chunks()).then_some(State::Judging { chunk: at.entry })
+        }
+        phase if at.entry != 0 || at.step != 0 || at.unit != 0 || phase > Suspended::DONE => None,
+        Suspended::DONE => Some(State::Done),
+        _ => Some(State::Idle),
+    }
+}

@@ -1,0 +1,122 @@
+//! Runs put aside after every unit of work and taken up again, and places that no run has.
+
+use super::draft::{Draft, map};
+use crate::nn::format::word;
+use crate::nn::kernels::Kernel;
+use crate::nn::{Dtype, Model, ModelError, Progress, RunError, Runner, Suspended, Tensor, Verdict, required};
+
+/// Three operators over a small tile, with panels and steps enough to stop between.
+fn file() -> Vec<u8> {
+    let tile = (12, 10);
+    let mut draft = Draft::new(tile);
+    for channels in [70, 40] {
+        draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, tile, channels) });
+    }
+    draft.finish();
+    draft.in_order();
+    draft.file()
+}
+
+#[test]
+fn a_run_resumed_after_every_unit_is_the_same_run() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let image: Vec<f32> = (0..120).map(|i| i as f32 / 120.0).collect();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::with_kernel(Kernel::SCALAR, model, &mut arena).unwrap();
+    runner.begin(&image, &image).unwrap();
+    while runner.step(1).unwrap() == Progress::Running {
+        runner.scrub(100).unwrap();
+    }
+    let expected = (runner.output_crc().unwrap(), runner.telemetry());
+
+    let (mut arena, verdict) = (vec![7; required(&model)], model.verdict());
+    let mut suspended = {
+        let mut runner = Runner::with_kernel(Kernel::SCALAR, model, &mut arena).unwrap();
+        assert_eq!(runner.suspend(), Suspended::default());
+        runner.begin(&image, &image).unwrap();
+        runner.suspend()
+    };
+    let mut resumed = 0;
+    loop {
+        let model = Model::again(&file, &verdict).unwrap();
+        let mut runner = Runner::resume(Kernel::SCALAR, model, &mut arena, &suspended).unwrap();
+        assert_eq!(runner.suspend(), suspended, "nothing is lost on the way");
+        let progress = runner.step(1).unwrap();
+        if progress == Progress::Running {
+            runner.scrub(100).unwrap();
+        }
+        suspended = runner.suspend();
+        resumed += 1;
+        if progress == Progress::Done {
+            assert_eq!((runner.output_crc().unwrap(), runner.telemetry()), expected);
+            break;
+        }
+    }
+    assert!(resumed > 20, "{resumed} steps");
+    assert_eq!(suspended.phase, Suspended::DONE);
+}
+
+#[test]
+fn places_that_no_run_has_are_refused() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let at_work = Suspended { phase: Suspended::AT_WORK, ..Suspended::default() };
+    let entries = model.entry_count() as u32;
+    let operator = model.operator(0).unwrap();
+    let (steps, units) = (model.entry(0).unwrap().count as u32, model.units(&operator) as u32);
+    let mut resume = |at: Suspended| Runner::resume(Kernel::SCALAR, model, &mut arena, &at).map(|r| r.suspend());
+    for good in [
+        Suspended::default(),
+        at_work,
+        Suspended { entry: entries - 1, ..at_work },
+        Suspended { step: steps - 1, unit: units - 1, ..at_work },
+        Suspended { phase: Suspended::JUDGING, ..at_work },
+        Suspended { phase: Suspended::DONE, ..at_work },
+        Suspended { trusting: 1, ..at_work },
+    ] {
+        assert_eq!(resume(good), Ok(good));
+    }
+    for bad in [
+        Suspended { phase: 4, ..at_work },
+        Suspended { trusting: 2, ..at_work },
+        Suspended { phase: Suspended::JUDGING, entry: model.raw().chunks(), ..at_work },
+        Suspended { phase: Suspended::JUDGING, step: 1, ..at_work },
+        Suspended { entry: 1, ..Suspended::default() },
+        Suspended { phase: Suspended::DONE, unit: 1, ..at_work },
+        Suspended { entry: entries, ..at_work },
+        Suspended { entry: u32::MAX, ..at_work },
+        Suspended { step: steps, ..at_work },
+        Suspended { unit: units, ..at_work },
+        Suspended { scrub_chunk: model.raw().chunks(), ..at_work },
+        Suspended { scrub_offset: model.raw().chunk(0).len() as u32 + 1, ..at_work },
+    ] {
+        assert_eq!(resume(bad), Err(RunError::State), "{bad:?}");
+    }
+    let short = arena.len() - 1;
+    let refused = Runner::resume(Kernel::SCALAR, model, &mut arena[..short], &at_work).map(|r| r.suspend());
+    assert!(matches!(refused, Err(RunError::ArenaTooSmall { .. })));
+}
+
+#[test]
+fn only_the_model_that_was_judged_is_opened_again() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let verdict = model.verdict();
+    let again = Model::again(&file, &verdict).unwrap();
+    assert_eq!((again.verdict(), required(&again), again.macs()), (verdict, required(&model), model.macs()));
+    for other in [
+        Verdict { header_crc: verdict.header_crc ^ 1, ..verdict },
+        Verdict { file_bytes: verdict.file_bytes + 1, ..verdict },
+        Verdict { scratch_offset: u32::MAX, ..verdict },
+    ] {
+        assert_eq!(Model::again(&file, &other).map(|m| m.verdict()), Err(ModelError::HeaderChecksum), "{other:?}");
+    }
+    for bit in 0..8 * 4 * (word::HEADER_CRC + 1) {
+        let mut flipped = file.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        assert!(Model::again(&flipped, &verdict).is_err(), "bit {bit} of the header");
+    }
+    assert!(Model::again(&file[..file.len() - 1], &verdict).is_err());
+}

@@ -1,0 +1,479 @@
+/* ELunarDTM, the flight runner: one orbiter image and a coarse DTM in, a DTM at the image's resolution out.
+ *
+ *     eld_model_check -> eld_init -> eld_begin -> eld_step ... eld_step -> eld_output
+ *                                        eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *
+ * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
+ *
+ * The library allocates nothing, has no globals and takes no locks: all memory is the caller's, and contexts are independent. Every function
+ * returns a status. Refused means: nothing has changed. NULL, misaligned pointers, lengths that wrap, overlapping buffers and calls out of
+ * order are refused. What the caller promises:
+ *
+ * - a pointer with its length names memory that exists, and that nobody else writes during the call (nor reads, if the library writes it);
+ * - the memory lent to eld_init, and the model, live at their places as long as the context is used;
+ * - a pointer given as a context came from eld_init, or points at 1 KiB that may be read and written;
+ * - one thread at a time uses a context.
+ */
+
+#ifndef ELUNAR_H
+#define ELUNAR_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* A status: severity, unit and code.
+ *
+ *  31 30 29         24 23             16 15                              0
+ * +-----+-------------+-----------------+---------------------------------+
+ * | sev |  0 (unused) |      unit       |              code               |
+ * +-----+-------------+-----------------+---------------------------------+
+ * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
+ */
+/** ELD_GOOD, ELD_NOTICE, ELD_REFUSED or ELD_FAULT. */
+#define ELD_SEVERITY(status) ((uint32_t)(status) >> 30)
+/** Whether the call did its work: good or notice. */
+#define ELD_WORKED(status) (ELD_SEVERITY(status) <= ELD_NOTICE)
+
+#define ELD_GOOD    0u /**< severity: done */
+#define ELD_NOTICE  1u /**< severity: done, and there is something to know */
+#define ELD_REFUSED 2u /**< severity: not done, and nothing has changed */
+#define ELD_FAULT   3u /**< severity: memory has changed or a result is wrong: what the context or the model holds cannot be trusted */
+#define ELD_OK                            UINT32_C(0x00000000) /**< done */
+
+#define ELD_RUNNING                       UINT32_C(0x40050001) /**< the tile needs more steps */
+#define ELD_NOTICE_DROPPED                UINT32_C(0x40050002) /**< begun; the tile before was dropped unfinished */
+
+#define ELD_NOTICE_LIGHT_ASSUMED          UINT32_C(0x40040001) /**< begun; the tile does not show its light, so the light is assumed */
+
+#define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
+
+#define ELD_REFUSED_NULL                  UINT32_C(0x80010001) /**< a pointer is NULL */
+#define ELD_REFUSED_ALIGNMENT             UINT32_C(0x80010002) /**< a pointer is not aligned as its type demands */
+#define ELD_REFUSED_LENGTH                UINT32_C(0x80010003) /**< a length reaches beyond the address space */
+#define ELD_REFUSED_STRUCT_BYTES          UINT32_C(0x80010004) /**< struct_bytes is not the size of the structure this library knows */
+#define ELD_REFUSED_OVERLAP               UINT32_C(0x80010005) /**< a buffer overlaps another one, the lent memory or the model */
+#define ELD_REFUSED_BUFFER                UINT32_C(0x80010006) /**< a buffer is too short, or not of rows * cols samples */
+#define ELD_REFUSED_NO_TILE               UINT32_C(0x80010007) /**< no tile was begun */
+#define ELD_REFUSED_NOT_DONE              UINT32_C(0x80010008) /**< the tile is not finished */
+#define ELD_REFUSED_OTHER_TILE            UINT32_C(0x80010009) /**< the tile is the self test's where the caller's is asked for, or the other way round */
+
+#define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
+#define ELD_REFUSED_MEMORY_ALIGNMENT      UINT32_C(0x80020002) /**< the lent memory is not aligned as eld_model_check says */
+
+#define ELD_REFUSED_MODEL_MAGIC           UINT32_C(0x80030001) /**< not a model file */
+#define ELD_REFUSED_MODEL_VERSION         UINT32_C(0x80030002) /**< a model file of another format version */
+#define ELD_REFUSED_MODEL_ENDIANNESS      UINT32_C(0x80030003) /**< a model file whose words have their bytes swapped */
+#define ELD_REFUSED_MODEL_LENGTH          UINT32_C(0x80030004) /**< the model's length is not what its header says */
+#define ELD_REFUSED_MODEL_HEADER_CHECKSUM UINT32_C(0x80030005) /**< the checksum of the model's header does not match */
+#define ELD_REFUSED_MODEL_CHECKSUM        UINT32_C(0x80030006) /**< a checksum of the model's body does not match */
+#define ELD_REFUSED_MODEL_HEADER          UINT32_C(0x80030007) /**< a field of the model's header is out of range */
+#define ELD_REFUSED_MODEL_TENSOR          UINT32_C(0x80030008) /**< a tensor of the model is not legal */
+#define ELD_REFUSED_MODEL_OPERATOR        UINT32_C(0x80030009) /**< an operator of the model is not legal */
+#define ELD_REFUSED_MODEL_SCHEDULE        UINT32_C(0x8003000a) /**< the model's schedule is not legal */
+#define ELD_REFUSED_MODEL_SIZE            UINT32_C(0x8003000b) /**< the model needs more memory than this machine can address */
+
+#define ELD_REFUSED_TILE_SIZE             UINT32_C(0x80040001) /**< a map of the tile does not have rows * cols samples */
+#define ELD_REFUSED_TILE_MASK             UINT32_C(0x80040002) /**< a byte of the mask is neither 0 nor 1 */
+#define ELD_REFUSED_TILE_PIXEL            UINT32_C(0x80040003) /**< pixel_m or coarse_px is not finite and above 0 */
+#define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
+#define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< too few pixels of the tile count */
+#define ELD_REFUSED_TILE_CONSTANT_IMAGE   UINT32_C(0x80040006) /**< the image has no contrast, or no light */
+#define ELD_REFUSED_TILE_NO_RELIEF        UINT32_C(0x80040007) /**< the coarse DTM has no relief to scale the heights by */
+
+#define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
+
+#define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the tile's validity bits have changed in memory; the tile is lost */
+
+#define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
+#define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
+#define ELD_FAULT_DATA_CHANGED            UINT32_C(0xc0050004) /**< a map of the tile has changed in memory; the tile is lost: begin it again */
+#define ELD_FAULT_INTERRUPTED             UINT32_C(0xc0050003) /**< the call before did not return; the tile is lost */
+
+#define ELD_FAULT_CONTEXT_LOST            UINT32_C(0xc0060001) /**< no context there, or both its copies are damaged: call eld_init again */
+#define ELD_FAULT_CONTEXT_MOVED           UINT32_C(0xc0060002) /**< the context is not where it was made: call eld_init again */
+
+
+/**
+ * Version of this interface, major << 16 | minor << 8 | patch: the header's. Compare with `eld_version()`.
+ */
+#define ELD_VERSION 65536
+
+/**
+ * Light: the network takes the image as it is.
+ */
+#define ELD_LIGHT_ANY 0
+
+/**
+ * Light: the network knows the Sun in the north-west; tiles lit from elsewhere are mirrored and the heights back.
+ */
+#define ELD_LIGHT_NORTHWEST 1
+
+/**
+ * Light: as before, and the network is told how brightness answers to slope.
+ */
+#define ELD_LIGHT_GIVEN 2
+
+/**
+ * Heights: scaled by the relief of the tile's own truth, for which the coarse DTM's stands in.
+ */
+#define ELD_HEIGHTS_OWN_RELIEF 0
+
+/**
+ * Heights: scaled by the coarse DTM's relief.
+ */
+#define ELD_HEIGHTS_COARSE_RELIEF 1
+
+/**
+ * Heights: counted in pixels about the coarse DTM's mean; level ground is legal.
+ */
+#define ELD_HEIGHTS_PIXELS 2
+
+/**
+ * Phase: no tile was begun.
+ */
+#define ELD_PHASE_EMPTY 0
+
+/**
+ * Phase: a tile is at work.
+ */
+#define ELD_PHASE_TILE 1
+
+/**
+ * Phase: a tile is finished, its heights can be read.
+ */
+#define ELD_PHASE_TILE_DONE 2
+
+/**
+ * Phase: the self test is at work.
+ */
+#define ELD_PHASE_SELF_TEST 3
+
+/**
+ * Phase: the self test is finished and can be judged.
+ */
+#define ELD_PHASE_SELF_TEST_DONE 4
+
+/**
+ * A model's working memory and everything known of its tile. It lives at the start of the memory lent to `eld_init`, must not be moved,
+ * copied or looked into, and ends with that memory: there is nothing to close. One thread at a time may use it; different contexts are
+ * independent.
+ */
+typedef struct eld_context_t eld_context_t;
+
+/**
+ * How a call went: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
+ */
+typedef uint32_t eld_status_t;
+
+/**
+ * What a model is and needs. All sizes are exact.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_model_info_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Version of the file's format.
+     */
+    uint32_t format_version;
+    /**
+     * Rows of a tile.
+     */
+    uint32_t tile_rows;
+    /**
+     * Columns of a tile.
+     */
+    uint32_t tile_cols;
+    /**
+     * Maps the network sees in place of the image: 1, or 4 if it is given the light.
+     */
+    uint32_t image_maps;
+    /**
+     * Which light the network knows: one of `ELD_LIGHT_*`.
+     */
+    uint32_t light;
+    /**
+     * How heights are scaled: one of `ELD_HEIGHTS_*`.
+     */
+    uint32_t heights;
+    /**
+     * Alignment of the memory that `eld_init` wants, bytes.
+     */
+    uint32_t memory_align;
+    /**
+     * Bytes of memory that `eld_init` wants; one less is refused.
+     */
+    uint64_t memory_bytes;
+    /**
+     * Bytes of that which are the arena of the network's tensors.
+     */
+    uint64_t arena_bytes;
+    /**
+     * Bytes of the file.
+     */
+    uint64_t file_bytes;
+    /**
+     * Multiply-accumulates of a tile.
+     */
+    uint64_t tile_macs;
+    /**
+     * Largest unit of work, multiply-accumulates: a step overruns its budget by less than this.
+     */
+    uint64_t largest_unit_macs;
+    /**
+     * CRC32C of the header, which binds all other bytes: the model's identity.
+     */
+    uint32_t header_crc;
+    /**
+     * CRC32C of the self test's output.
+     */
+    uint32_t self_test_crc;
+    /**
+     * Upper end of the normalised elevation range.
+     */
+    float nr;
+    /**
+     * Share by which the coarse DTM's relief is widened below and above.
+     */
+    float range_margin;
+} eld_model_info_t;
+
+/**
+ * A tile in physical units. Maps are row-major, tile_rows * tile_cols samples, first row first; they are read during `eld_begin` only.
+ * Samples that are not real (NaN, infinite, PDS3 and ISIS specials) are masked pixels.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_tile_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Ground size of a pixel, metres.
+     */
+    float pixel_m;
+    /**
+     * Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+     */
+    float coarse_px;
+    /**
+     * Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN: unknown.
+     */
+    float sun_azimuth_deg;
+    /**
+     * Elevation of the Sun above the horizon, degrees; NaN: unknown.
+     */
+    float sun_elevation_deg;
+    /**
+     * Must be 0.
+     */
+    uint32_t reserved;
+    /**
+     * Relative brightness.
+     */
+    const float *image;
+    /**
+     * Samples of the image.
+     */
+    size_t image_len;
+    /**
+     * Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
+     */
+    const float *coarse_m;
+    /**
+     * Samples of the coarse DTM.
+     */
+    size_t coarse_len;
+    /**
+     * Which pixels count, 1 or 0 each; NULL: all that are real.
+     */
+    const uint8_t *valid;
+    /**
+     * Bytes of the mask; 0 with NULL.
+     */
+    size_t valid_len;
+} eld_tile_t;
+
+/**
+ * Counters of a context since `eld_init`; they wrap never in a mission's time.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_telemetry_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * One of `ELD_PHASE_*`.
+     */
+    uint32_t phase;
+    /**
+     * Entry of the schedule at work; 0 unless a tile is at work.
+     */
+    uint32_t entry;
+    /**
+     * Pixels of the tile whose heights mean something.
+     */
+    uint32_t valid_px;
+    /**
+     * The latest fault; 0: there was none.
+     */
+    eld_status_t last_fault;
+    /**
+     * CRC32C of the model's header.
+     */
+    uint32_t header_crc;
+    /**
+     * Calls with this context.
+     */
+    uint64_t calls;
+    /**
+     * Calls that ended with a fault.
+     */
+    uint64_t faults;
+    /**
+     * Damaged copies of the context that were repaired.
+     */
+    uint64_t context_repairs;
+    /**
+     * Tiles begun under a light that was assumed.
+     */
+    uint64_t lights_assumed;
+    /**
+     * Tiles dropped before they were finished, or lost.
+     */
+    uint64_t tiles_dropped;
+    /**
+     * Tiles finished, self tests included.
+     */
+    uint64_t tiles;
+    /**
+     * Steps.
+     */
+    uint64_t steps;
+    /**
+     * Multiply-accumulates.
+     */
+    uint64_t macs;
+    /**
+     * Input samples outside the range the model was calibrated for.
+     */
+    uint64_t inputs_clamped;
+    /**
+     * Intermediate results cut to their tensor's range.
+     */
+    uint64_t saturated;
+    /**
+     * Model bytes re-checked.
+     */
+    uint64_t scrubbed_bytes;
+    /**
+     * Complete passes over the model.
+     */
+    uint64_t scrub_passes;
+    /**
+     * Chunks of the model found changed.
+     */
+    uint64_t scrub_faults;
+    /**
+     * Self tests that failed.
+     */
+    uint64_t self_test_faults;
+    /**
+     * Tiles given up because the model or a map had changed in memory.
+     */
+    uint64_t tile_faults;
+} eld_telemetry_t;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/**
+ * Version of this library's interface, major << 16 | minor << 8 | patch. Another major number than the header's `ELD_VERSION`: do not
+ * call on.
+ */
+uint32_t eld_version(void);
+
+/**
+ * Version of the model files this library reads.
+ */
+uint32_t eld_format_version(void);
+
+/**
+ * What a status means, one line of ASCII; never NULL, and never to be freed.
+ */
+const char *eld_status_text(eld_status_t status);
+
+/**
+ * Writes the name of the kernel that computes on this processor, ended by NUL, into `name` of `name_bytes` bytes; 64 are enough.
+ */
+eld_status_t eld_kernel_name(char *name,
+                             size_t name_bytes);
+
+/**
+ * Judges a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
+ */
+eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_info_t *info);
+
+/**
+ * Judges a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
+ * more; the model is read in place, and lent as long. Writes the context to `*context`; NULL if refused, and then `memory` is as it was.
+ */
+eld_status_t eld_init(void *memory,
+                      size_t memory_bytes,
+                      const void *model,
+                      size_t model_bytes,
+                      eld_context_t **context);
+
+/**
+ * Judges and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
+ * when this returns. A tile in progress is dropped, with a notice; if the new one is refused, the old one goes on.
+ */
+eld_status_t eld_begin(eld_context_t *context,
+                       const eld_tile_t *tile);
+
+/**
+ * Works until `budget_macs` multiply-accumulates are spent or the tile is done: at least one unit of work, and less than one unit
+ * (`largest_unit_macs`) more than the budget. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is done.
+ */
+eld_status_t eld_step(eld_context_t *context,
+                      uint64_t budget_macs);
+
+/**
+ * Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each 1 where it means something, 0 where image or coarse DTM
+ * do not count. `valid` may be NULL with length 0. May be called again until the next tile begins.
+ */
+eld_status_t eld_output(eld_context_t *context,
+                        float *heights_m,
+                        size_t heights_len,
+                        uint8_t *valid,
+                        size_t valid_len);
+
+/**
+ * Looks over up to `max_bytes` of the model against its checksums, going round and round over calls, at any time between others. A fault names
+ * a chunk that has changed since it was loaded; the next call goes on behind it.
+ */
+eld_status_t eld_scrub(eld_context_t *context,
+                       size_t max_bytes);
+
+/**
+ * Begins the built-in tile; `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
+ */
+eld_status_t eld_self_test_begin(eld_context_t *context);
+
+/**
+ * Compares the finished self test with the result stored in the model, byte for byte.
+ */
+eld_status_t eld_self_test_check(eld_context_t *context);
+
+/**
+ * Copies the counters. `out->struct_bytes` must be set. Reads nothing but the context, so it works while the model is damaged.
+ */
+eld_status_t eld_telemetry(eld_context_t *context,
+                           eld_telemetry_t *out);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* ELUNAR_H */

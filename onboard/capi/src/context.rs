@@ -1,0 +1,103 @@
+//! A context for the length of a call: opened, judged and repaired at its start, written back at its end.
+
+use crate::record::{EMPTY, Record};
+use crate::sealed::{self, Head};
+use crate::status::*;
+use crate::types::eld_status_t;
+use elunar_core::nn::{Model, Suspended};
+
+/// How a piece of work went; both are statuses, and an error ends it.
+pub(crate) type Outcome = Result<eld_status_t, eld_status_t>;
+
+/// The parts of the lent memory behind the context (see [`crate::layout`]).
+pub(crate) struct Lent<'m> {
+    pub(crate) validity: &'m mut [u8],
+    pub(crate) scratch: &'m mut [f32],
+    pub(crate) arena: &'m mut [u8],
+}
+
+/// An open context.
+pub(crate) struct Context<'h> {
+    head: &'h mut Head,
+    pub(crate) record: Record,
+}
+
+impl<'h> Context<'h> {
+    /// Writes a new one.
+    pub(crate) fn make(head: &'h mut Head, record: Record) {
+        sealed::write(head, &record);
+    }
+
+    /// Reads the one at address `home`.
+    ///
+    /// # Errors
+    /// The status that the call ends with.
+    pub(crate) fn open(head: &'h mut Head, home: usize) -> Result<Self, eld_status_t> {
+        let (mut record, damaged) = sealed::read(head).ok_or(ELD_FAULT_CONTEXT_LOST)?;
+        if record.home != home as u64 {
+            return Err(ELD_FAULT_CONTEXT_MOVED);
+        }
+        record.calls = record.calls.wrapping_add(1);
+        record.repairs = record.repairs.wrapping_add(u64::from(damaged));
+        record.repairs_untold = record.repairs_untold.saturating_add(u32::from(damaged));
+        let context = Self { head, record };
+        if context.record.busy != 0 { Err(context.close(Err(ELD_FAULT_INTERRUPTED))) } else { Ok(context) }
+    }
+
+    /// The model, if it is still the one that was judged.
+    pub(crate) fn model<'m>(&self, bytes: &'m [u8]) -> Result<Model<'m>, eld_status_t> {
+        Model::again(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
+    }
+
+    /// Says in the lent memory that the arena is about to change: should the call never end, the next one knows.
+    pub(crate) fn start(&mut self) {
+        self.record.busy = 1;
+        sealed::write(self.head, &self.record);
+    }
+
+    /// Ends the call: counts, writes both copies, and says how it went.
+    pub(crate) fn close(mut self, outcome: Outcome) -> eld_status_t {
+        let status = match outcome {
+            Ok(status) | Err(status) => status,
+        };
+        let record = &mut self.record;
+        record.busy = 0;
+        if severity(status) == FAULT {
+            record.faults = record.faults.wrapping_add(1);
+            record.last_fault = status;
+        }
+        // The runner itself gives a tile up when it finds the model changed under it.
+        let given_up = severity(status) == FAULT && record.suspended.phase == Suspended::IDLE;
+        if given_up
+            || matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED)
+        {
+            record.lose_tile();
+        }
+        // A repair is told once, by the first call that has nothing else to say.
+        let tells = status == ELD_OK && record.repairs_untold > 0;
+        if tells {
+            record.repairs_untold = 0;
+        }
+        sealed::write(self.head, record);
+        if tells { ELD_NOTICE_REPAIRED } else { status }
+    }
+
+    /// Whether a tile is at work.
+    pub(crate) fn at_work(&self) -> bool {
+        let phase = self.record.suspended.phase;
+        self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::JUDGING)
+    }
+
+    /// Whether the tile `whose` is finished.
+    ///
+    /// # Errors
+    /// The status of asking for it too early, or for the other one's.
+    pub(crate) fn finished(&self, whose: u32) -> Result<(), eld_status_t> {
+        match self.record.tile {
+            EMPTY => Err(ELD_REFUSED_NO_TILE),
+            tile if tile != whose => Err(ELD_REFUSED_OTHER_TILE),
+            _ if self.record.suspended.phase != Suspended::DONE => Err(ELD_REFUSED_NOT_DONE),
+            _ => Ok(()),
+        }
+    }
+}

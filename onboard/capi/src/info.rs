@@ -1,0 +1,81 @@
+//! What a model is and needs, and why a file is none.
+
+use crate::layout::{ALIGN_BYTES, Layout};
+use crate::status::*;
+use crate::types::{
+    ELD_HEIGHTS_COARSE_RELIEF, ELD_HEIGHTS_OWN_RELIEF, ELD_HEIGHTS_PIXELS, ELD_LIGHT_ANY, ELD_LIGHT_GIVEN,
+    ELD_LIGHT_NORTHWEST, eld_model_info_t, eld_status_t,
+};
+use elunar_core::nn::format::{VERSION, u32_at, word};
+use elunar_core::nn::{Illumination, Model, ModelError, Operator, TruthRange};
+
+/// Judges a file.
+///
+/// # Errors
+/// The status of the first thing wrong with it.
+pub(crate) fn open(bytes: &[u8]) -> Result<(Model<'_>, Layout), eld_status_t> {
+    let model = Model::new(bytes).map_err(|error| model_status(error, bytes))?;
+    let layout = Layout::of(&model).ok_or(ELD_REFUSED_MODEL_SIZE)?;
+    Ok((model, layout))
+}
+
+/// What a judged model is and needs.
+pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld_model_info_t {
+    let ((rows, cols), (_, self_test_crc)) = (model.tile(), model.self_test());
+    eld_model_info_t {
+        struct_bytes,
+        format_version: VERSION,
+        tile_rows: rows as u32,
+        tile_cols: cols as u32,
+        image_maps: model.image_maps() as u32,
+        light: match model.illumination() {
+            Illumination::Any => ELD_LIGHT_ANY,
+            Illumination::Northwest => ELD_LIGHT_NORTHWEST,
+            Illumination::Given => ELD_LIGHT_GIVEN,
+        },
+        heights: match model.truth_range() {
+            TruthRange::Own => ELD_HEIGHTS_OWN_RELIEF,
+            TruthRange::Reference => ELD_HEIGHTS_COARSE_RELIEF,
+            TruthRange::Pixel => ELD_HEIGHTS_PIXELS,
+        },
+        memory_align: ALIGN_BYTES as u32,
+        memory_bytes: layout.bytes() as u64,
+        arena_bytes: layout.arena.len() as u64,
+        file_bytes: model.raw().bytes().len() as u64,
+        tile_macs: model.macs(),
+        largest_unit_macs: largest_unit_macs(model),
+        header_crc: model.verdict().header_crc,
+        self_test_crc,
+        nr: model.nr(),
+        range_margin: model.range_margin(),
+    }
+}
+
+/// Multiply-accumulates of a model's largest unit of work.
+fn largest_unit_macs(model: &Model<'_>) -> u64 {
+    let largest = |operator: Operator| {
+        let steps = operator.steps(&model.tensor(operator.output()));
+        let units = model.units(&operator);
+        // A unit's cost is a product of what its step and its number bring, so the largest of each make the largest.
+        let step = (0..steps).max_by_key(|&step| model.unit_macs(&operator, step, 0)).unwrap_or(0);
+        (0..units).map(|unit| model.unit_macs(&operator, step, unit)).max().unwrap_or(0)
+    };
+    (0..model.operator_count()).filter_map(|index| model.operator(index)).map(largest).max().unwrap_or(0)
+}
+
+fn model_status(error: ModelError, bytes: &[u8]) -> eld_status_t {
+    match error {
+        ModelError::Magic => ELD_REFUSED_MODEL_MAGIC,
+        ModelError::Version { .. } if u32_at(bytes, 4 * word::VERSION).swap_bytes() == VERSION => {
+            ELD_REFUSED_MODEL_ENDIANNESS
+        }
+        ModelError::Version { .. } => ELD_REFUSED_MODEL_VERSION,
+        ModelError::Length { .. } => ELD_REFUSED_MODEL_LENGTH,
+        ModelError::HeaderChecksum => ELD_REFUSED_MODEL_HEADER_CHECKSUM,
+        ModelError::ChunkChecksum { .. } => ELD_REFUSED_MODEL_CHECKSUM,
+        ModelError::Header => ELD_REFUSED_MODEL_HEADER,
+        ModelError::Tensor { .. } => ELD_REFUSED_MODEL_TENSOR,
+        ModelError::Operator { .. } => ELD_REFUSED_MODEL_OPERATOR,
+        ModelError::Schedule { .. } => ELD_REFUSED_MODEL_SCHEDULE,
+    }
+}

@@ -1,0 +1,51 @@
+//! Where things lie in the lent memory.
+//!
+//! ```text
+//! | context, twice | validity, 1 bit a pixel | scratch of begin, f32 | arena of the network |
+//! ```
+
+use crate::sealed::HEAD_BYTES;
+use core::ops::Range;
+use elunar_core::nn::{Illumination, Model, required};
+use elunar_core::photoclinometry::Photoclinometry;
+
+/// Alignment of the lent memory, bytes: an array of `uint64_t` has it everywhere.
+pub(crate) const ALIGN_BYTES: usize = 8;
+/// Parts begin at multiples of this (a cache line) if the memory does.
+const LINE_BYTES: usize = 64;
+
+/// Byte ranges within the lent memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Layout {
+    /// Which heights mean something, one bit a pixel.
+    pub(crate) validity: Range<usize>,
+    /// `f32` values that beginning a tile works in; empty for models that are not given the light.
+    pub(crate) scratch: Range<usize>,
+    /// Tensors.
+    pub(crate) arena: Range<usize>,
+}
+
+impl Layout {
+    /// The layout for a model, unless this machine cannot address it.
+    pub(crate) fn of(model: &Model<'_>) -> Option<Self> {
+        let (rows, cols) = model.tile();
+        let scratch_len = match model.illumination() {
+            Illumination::Given => Photoclinometry::new((rows, cols)).scratch_len(),
+            _ => 0,
+        };
+        let behind = |end: usize, bytes: usize| {
+            let start = end.checked_next_multiple_of(LINE_BYTES)?;
+            let end = start.checked_add(bytes).filter(|end| *end <= isize::MAX as usize)?;
+            Some(start..end)
+        };
+        let validity = behind(HEAD_BYTES, rows.checked_mul(cols)?.div_ceil(8))?;
+        let scratch = behind(validity.end, scratch_len.checked_mul(4)?)?;
+        let arena = behind(scratch.end, required(model))?;
+        Some(Self { validity, scratch, arena })
+    }
+
+    /// Bytes of all of it.
+    pub(crate) fn bytes(&self) -> usize {
+        self.arena.end
+    }
+}

@@ -1,0 +1,202 @@
+//! What a context remembers between two calls: plain numbers, so that any bit pattern of them is legal to read.
+
+use elunar_core::nn::{Suspended, Telemetry, Verdict};
+
+/// Eight-byte words of a record.
+pub(crate) const WORDS: usize = 32;
+
+/// No tile was begun.
+pub(crate) const EMPTY: u32 = 0;
+/// The tile in the arena is the caller's.
+pub(crate) const TILE: u32 = 1;
+/// The tile in the arena is the self test's.
+pub(crate) const SELF_TEST: u32 = 2;
+
+/// What a context remembers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Record {
+    /// Address of the lent memory, and its bytes.
+    pub(crate) home: u64,
+    pub(crate) home_bytes: u64,
+    /// Address of the model; its bytes are the verdict's.
+    pub(crate) model: u64,
+    pub(crate) verdict: Verdict,
+    /// Whose tile is in the arena: [`EMPTY`], [`TILE`] or [`SELF_TEST`].
+    pub(crate) tile: u32,
+    /// 1 while a call changes the arena: to be found at a call's start only if the one before did not return.
+    pub(crate) busy: u32,
+    /// Where the runner stands.
+    pub(crate) suspended: Suspended,
+    /// The way back to metres: bits of the lowest height, the relief and NR; mirrored rows (1) and columns (2).
+    pub(crate) scale_bits: [u32; 3],
+    pub(crate) turn: u32,
+    /// Pixels whose heights mean something, and the checksum of the bits that say which.
+    pub(crate) valid_px: u32,
+    pub(crate) validity_crc: u32,
+    /// Counters: see [`crate::types::eld_telemetry_t`].
+    pub(crate) calls: u64,
+    pub(crate) faults: u64,
+    pub(crate) repairs: u64,
+    /// Repairs that no status has told yet.
+    pub(crate) repairs_untold: u32,
+    pub(crate) last_fault: u32,
+    pub(crate) lights_assumed: u64,
+    pub(crate) tiles_dropped: u64,
+}
+
+/// Two numbers in a word.
+const fn pair(low: u32, high: u32) -> u64 {
+    low as u64 | (high as u64) << 32
+}
+
+/// The numbers of [`pair`].
+const fn halves(word: u64) -> [u32; 2] {
+    [word as u32, (word >> 32) as u32]
+}
+
+impl Record {
+    /// As words, in a fixed order.
+    pub(crate) fn words(&self) -> [u64; WORDS] {
+        let (at, t) = (&self.suspended, &self.suspended.telemetry);
+        let [min, relief, nr] = self.scale_bits;
+        [
+            self.home,
+            self.home_bytes,
+            self.model,
+            pair(self.verdict.header_crc, self.verdict.file_bytes),
+            pair(self.verdict.scratch_offset, self.verdict.scratch_bytes),
+            self.verdict.macs,
+            pair(self.tile, self.busy),
+            pair(at.phase, at.entry),
+            pair(at.step, at.unit),
+            pair(at.scrub_chunk, at.scrub_offset),
+            pair(at.scrub_crc, self.turn),
+            pair(min, relief),
+            pair(nr, self.valid_px),
+            pair(self.validity_crc, self.repairs_untold),
+            t.tiles,
+            t.steps,
+            t.macs,
+            t.inputs_clamped,
+            t.saturated,
+            t.scrubbed_bytes,
+            t.scrub_passes,
+            t.scrub_faults,
+            t.self_test_faults,
+            self.calls,
+            self.faults,
+            self.repairs,
+            self.lights_assumed,
+            self.tiles_dropped,
+            self.last_fault as u64,
+            pair(self.verdict.sum_count, at.trusting),
+            t.tile_faults,
+            0,
+        ]
+    }
+
+    /// The record of these words.
+    pub(crate) fn of(words: &[u64; WORDS]) -> Self {
+        let [
+            home,
+            home_bytes,
+            model,
+            identity,
+            scratch,
+            model_macs,
+            tile,
+            place,
+            step,
+            chunk,
+            crc,
+            range,
+            nr,
+            validity,
+            rest @ ..,
+        ] = *words;
+        let [
+            tiles,
+            steps,
+            macs,
+            inputs_clamped,
+            saturated,
+            scrubbed_bytes,
+            scrub_passes,
+            scrub_faults,
+            self_test_faults,
+            rest @ ..,
+        ] = rest;
+        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, ..] = rest;
+        let ([header_crc, file_bytes], [scratch_offset, scratch_bytes]) = (halves(identity), halves(scratch));
+        let ([tile, busy], [phase, entry], [step, unit]) = (halves(tile), halves(place), halves(step));
+        let ([scrub_chunk, scrub_offset], [scrub_crc, turn]) = (halves(chunk), halves(crc));
+        let ([min, relief], [nr, valid_px], [validity_crc, repairs_untold]) =
+            (halves(range), halves(nr), halves(validity));
+        let telemetry = Telemetry {
+            tiles,
+            steps,
+            macs,
+            inputs_clamped,
+            saturated,
+            scrubbed_bytes,
+            scrub_passes,
+            scrub_faults,
+            self_test_faults,
+            tile_faults,
+        };
+        let [sum_count, trusting] = halves(sums);
+        Self {
+            home,
+            home_bytes,
+            model,
+            verdict: Verdict { header_crc, file_bytes, scratch_offset, scratch_bytes, sum_count, macs: model_macs },
+            tile,
+            busy,
+            suspended: Suspended {
+                phase,
+                trusting,
+                entry,
+                step,
+                unit,
+                scrub_chunk,
+                scrub_offset,
+                scrub_crc,
+                telemetry,
+            },
+            scale_bits: [min, relief, nr],
+            turn,
+            valid_px,
+            validity_crc,
+            calls,
+            faults,
+            repairs,
+            repairs_untold,
+            last_fault: last_fault as u32,
+            lights_assumed,
+            tiles_dropped,
+        }
+    }
+
+    /// Forgets the tile, which is counted; the other counters stay.
+    pub(crate) fn lose_tile(&mut self) {
+        self.tiles_dropped = self.tiles_dropped.wrapping_add(u64::from(self.tile != EMPTY));
+        (self.tile, self.valid_px) = (EMPTY, 0);
+        self.suspended = Suspended { phase: Suspended::IDLE, entry: 0, step: 0, unit: 0, ..self.suspended };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_come_back_as_they_were() {
+        let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
+        let back = Record::of(&words).words();
+        // The last fault is one half, and one word is spare.
+        assert_eq!(back[..28], words[..28]);
+        assert_eq!(back[28..], [words[28] & 0xffff_ffff, words[29], words[30], 0]);
+        let all_ones = Record::of(&[u64::MAX; WORDS]);
+        assert_eq!(Record::of(&all_ones.words()), all_ones);
+    }
+}

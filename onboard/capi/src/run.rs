@@ -1,0 +1,132 @@
+//! Working on a tile, reading it, judging the self test, and looking the model over.
+
+use crate::context::{Context, Lent, Outcome};
+use crate::record::{EMPTY, Record, SELF_TEST, TILE};
+use crate::status::*;
+use crate::types::{
+    ELD_PHASE_EMPTY, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_status_t,
+    eld_telemetry_t,
+};
+use crate::validity;
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{Model, Progress, RunError, Runner, Suspended, TileScale, crc32c};
+use elunar_core::norm::{ElevationScale, Turn};
+
+/// The runner as the record left it.
+///
+/// # Errors
+/// [`ELD_FAULT_RUN`] if the model has no such place.
+pub(crate) fn runner<'a, 'm>(
+    record: &Record,
+    model: Model<'a>,
+    arena: &'m mut [u8],
+) -> Result<Runner<'a, 'm>, eld_status_t> {
+    Runner::resume(Kernel::best(), model, arena, &record.suspended).map_err(|_| ELD_FAULT_RUN)
+}
+
+/// Works for `budget_macs`.
+pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, budget_macs: u64) -> Outcome {
+    if context.record.tile == EMPTY {
+        return Err(ELD_REFUSED_NO_TILE);
+    }
+    if context.record.suspended.phase == Suspended::DONE {
+        return Ok(ELD_OK);
+    }
+    context.start();
+    let mut runner = runner(&context.record, model, lent.arena)?;
+    let worked = runner.step(budget_macs);
+    context.record.suspended = runner.suspend();
+    let progress = worked.map_err(run_status)?;
+    Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING })
+}
+
+/// Hands out the finished tile; `valid` may be empty.
+pub(crate) fn output(
+    context: &Context<'_>,
+    model: Model<'_>,
+    lent: Lent<'_>,
+    heights_m: &mut [f32],
+    valid: Option<&mut [u8]>,
+) -> Outcome {
+    context.finished(TILE)?;
+    if crc32c(lent.validity) != context.record.validity_crc {
+        return Err(ELD_FAULT_VALIDITY);
+    }
+    let [min_m, relief_m, nr] = context.record.scale_bits.map(f32::from_bits);
+    let elevation = ElevationScale::from_parts(min_m, relief_m, nr).map_err(|_| ELD_FAULT_RUN)?;
+    let turn = Turn { rows: context.record.turn & 1 != 0, cols: context.record.turn & 2 != 0 };
+    let runner = runner(&context.record, model, lent.arena)?;
+    runner.heights(&TileScale { elevation, turn }, heights_m).map_err(run_status)?;
+    if let Some(valid) = valid {
+        validity::unpack(lent.validity, valid);
+    }
+    Ok(ELD_OK)
+}
+
+/// Judges the finished self test.
+pub(crate) fn check_self_test(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>) -> Outcome {
+    context.finished(SELF_TEST)?;
+    let mut runner = runner(&context.record, model, lent.arena)?;
+    let judged = runner.check_self_test();
+    context.record.suspended = runner.suspend();
+    judged.map(|()| ELD_OK).map_err(run_status)
+}
+
+/// Looks over `max_bytes` of the model, whatever the tile's place in it has become.
+pub(crate) fn scrub(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, max_bytes: usize) -> Outcome {
+    let record = &mut context.record;
+    let Suspended { phase, entry, step, unit, .. } = record.suspended;
+    let aside = Suspended { phase: Suspended::IDLE, entry: 0, step: 0, unit: 0, ..record.suspended };
+    let mut runner = Runner::resume(Kernel::best(), model, lent.arena, &aside).map_err(|_| ELD_FAULT_RUN)?;
+    let found = runner.scrub(max_bytes);
+    record.suspended = Suspended { phase, entry, step, unit, ..runner.suspend() };
+    found.map(|()| ELD_OK).map_err(run_status)
+}
+
+/// The counters.
+pub(crate) fn telemetry(record: &Record, struct_bytes: u32) -> eld_telemetry_t {
+    let (at, t) = (&record.suspended, &record.suspended.telemetry);
+    let done = at.phase == Suspended::DONE;
+    let phase = match record.tile {
+        EMPTY => ELD_PHASE_EMPTY,
+        TILE if done => ELD_PHASE_TILE_DONE,
+        TILE => ELD_PHASE_TILE,
+        _ if done => ELD_PHASE_SELF_TEST_DONE,
+        _ => ELD_PHASE_SELF_TEST,
+    };
+    eld_telemetry_t {
+        struct_bytes,
+        phase,
+        entry: at.entry,
+        valid_px: record.valid_px,
+        last_fault: record.last_fault,
+        header_crc: record.verdict.header_crc,
+        calls: record.calls,
+        faults: record.faults,
+        context_repairs: record.repairs,
+        lights_assumed: record.lights_assumed,
+        tiles_dropped: record.tiles_dropped,
+        tiles: t.tiles,
+        steps: t.steps,
+        macs: t.macs,
+        inputs_clamped: t.inputs_clamped,
+        saturated: t.saturated,
+        scrubbed_bytes: t.scrubbed_bytes,
+        scrub_passes: t.scrub_passes,
+        scrub_faults: t.scrub_faults,
+        self_test_faults: t.self_test_faults,
+        tile_faults: t.tile_faults,
+    }
+}
+
+/// What a runner's error is called here.
+pub(crate) fn run_status(error: RunError) -> eld_status_t {
+    match error {
+        RunError::TileSize { .. } => ELD_REFUSED_BUFFER,
+        RunError::SelfTest { .. } => ELD_FAULT_SELF_TEST,
+        RunError::ModelChanged { .. } | RunError::ProgramChanged { .. } => ELD_FAULT_MODEL_CHANGED,
+        RunError::DataChanged { .. } => ELD_FAULT_DATA_CHANGED,
+        // Memory, samples and order are judged before the runner is asked.
+        RunError::ArenaTooSmall { .. } | RunError::NotFinite { .. } | RunError::State => ELD_FAULT_RUN,
+    }
+}

@@ -1,0 +1,163 @@
+//! The status word that every function returns, and all values it has.
+//!
+//! ```text
+//!  31 30 29         24 23             16 15                              0
+//! +-----+-------------+-----------------+---------------------------------+
+//! | sev |  0 (unused) |      unit       |              code               |
+//! +-----+-------------+-----------------+---------------------------------+
+//! sev   0 good      done
+//!       1 notice    done, and there is something to know
+//!       2 refused   not done, and nothing has changed
+//!       3 fault     memory has changed or a result is wrong: what the context or the model holds cannot be trusted
+//! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
+//! ```
+//! (The idea of severity, unit and code in one word is cFE's.) Values never change their meaning.
+
+use crate::types::eld_status_t;
+use core::ffi::CStr;
+
+/// Done.
+pub const GOOD: u32 = 0;
+/// Done, with something to know.
+pub const NOTICE: u32 = 1;
+/// Not done; nothing has changed.
+pub const REFUSED: u32 = 2;
+/// Something cannot be trusted.
+pub const FAULT: u32 = 3;
+
+const NOTHING: u32 = 0;
+const CALL: u32 = 1;
+const MEMORY: u32 = 2;
+const MODEL: u32 = 3;
+const TILE: u32 = 4;
+const RUN: u32 = 5;
+const CONTEXT: u32 = 6;
+
+/// The word of a severity, a unit and a code.
+const fn word(severity: u32, unit: u32, code: u32) -> eld_status_t {
+    severity << 30 | unit << 16 | code
+}
+
+/// Severity of a status: [`GOOD`], [`NOTICE`], [`REFUSED`] or [`FAULT`].
+pub const fn severity(status: eld_status_t) -> u32 {
+    status >> 30
+}
+
+/// Whether the call did its work: good or notice.
+pub const fn worked(status: eld_status_t) -> bool {
+    severity(status) <= NOTICE
+}
+
+/// A status and what it means.
+#[derive(Debug, Clone, Copy)]
+pub struct Known {
+    /// The word.
+    pub status: eld_status_t,
+    /// Its name in C.
+    pub name: &'static str,
+    /// One line on what it means, as C reads it.
+    pub text: &'static CStr,
+}
+
+/// The text of a literal that ends with NUL; judged by the compiler.
+const fn c_text(text: &'static str) -> &'static CStr {
+    match CStr::from_bytes_with_nul(text.as_bytes()) {
+        Ok(text) => text,
+        Err(_) => c"",
+    }
+}
+
+macro_rules! statuses {
+    ($($name:ident = $severity:ident, $unit:ident, $code:literal, $text:literal;)*) => {
+        $(#[doc = $text] pub const $name: eld_status_t = word($severity, $unit, $code);)*
+
+        /// Every status there is.
+        pub static STATUSES: &[Known] =
+            &[$(Known { status: $name, name: stringify!($name), text: c_text(concat!($text, "\0")) },)*];
+    };
+}
+
+statuses! {
+    ELD_OK = GOOD, NOTHING, 0, "done";
+
+    ELD_RUNNING = NOTICE, RUN, 1, "the tile needs more steps";
+    ELD_NOTICE_DROPPED = NOTICE, RUN, 2, "begun; the tile before was dropped unfinished";
+    ELD_NOTICE_LIGHT_ASSUMED = NOTICE, TILE, 1, "begun; the tile does not show its light, so the light is assumed";
+    ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
+
+    ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
+    ELD_REFUSED_ALIGNMENT = REFUSED, CALL, 2, "a pointer is not aligned as its type demands";
+    ELD_REFUSED_LENGTH = REFUSED, CALL, 3, "a length reaches beyond the address space";
+    ELD_REFUSED_STRUCT_BYTES = REFUSED, CALL, 4, "struct_bytes is not the size of the structure this library knows";
+    ELD_REFUSED_OVERLAP = REFUSED, CALL, 5, "a buffer overlaps another one, the lent memory or the model";
+    ELD_REFUSED_BUFFER = REFUSED, CALL, 6, "a buffer is too short, or not of rows * cols samples";
+    ELD_REFUSED_NO_TILE = REFUSED, CALL, 7, "no tile was begun";
+    ELD_REFUSED_NOT_DONE = REFUSED, CALL, 8, "the tile is not finished";
+    ELD_REFUSED_OTHER_TILE = REFUSED, CALL, 9, "the tile is the self test's where the caller's is asked for, or the other way round";
+
+    ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
+    ELD_REFUSED_MEMORY_ALIGNMENT = REFUSED, MEMORY, 2, "the lent memory is not aligned as eld_model_check says";
+
+    ELD_REFUSED_MODEL_MAGIC = REFUSED, MODEL, 1, "not a model file";
+    ELD_REFUSED_MODEL_VERSION = REFUSED, MODEL, 2, "a model file of another format version";
+    ELD_REFUSED_MODEL_ENDIANNESS = REFUSED, MODEL, 3, "a model file whose words have their bytes swapped";
+    ELD_REFUSED_MODEL_LENGTH = REFUSED, MODEL, 4, "the model's length is not what its header says";
+    ELD_REFUSED_MODEL_HEADER_CHECKSUM = REFUSED, MODEL, 5, "the checksum of the model's header does not match";
+    ELD_REFUSED_MODEL_CHECKSUM = REFUSED, MODEL, 6, "a checksum of the model's body does not match";
+    ELD_REFUSED_MODEL_HEADER = REFUSED, MODEL, 7, "a field of the model's header is out of range";
+    ELD_REFUSED_MODEL_TENSOR = REFUSED, MODEL, 8, "a tensor of the model is not legal";
+    ELD_REFUSED_MODEL_OPERATOR = REFUSED, MODEL, 9, "an operator of the model is not legal";
+    ELD_REFUSED_MODEL_SCHEDULE = REFUSED, MODEL, 10, "the model's schedule is not legal";
+    ELD_REFUSED_MODEL_SIZE = REFUSED, MODEL, 11, "the model needs more memory than this machine can address";
+
+    ELD_REFUSED_TILE_SIZE = REFUSED, TILE, 1, "a map of the tile does not have rows * cols samples";
+    ELD_REFUSED_TILE_MASK = REFUSED, TILE, 2, "a byte of the mask is neither 0 nor 1";
+    ELD_REFUSED_TILE_PIXEL = REFUSED, TILE, 3, "pixel_m or coarse_px is not finite and above 0";
+    ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
+    ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "too few pixels of the tile count";
+    ELD_REFUSED_TILE_CONSTANT_IMAGE = REFUSED, TILE, 6, "the image has no contrast, or no light";
+    ELD_REFUSED_TILE_NO_RELIEF = REFUSED, TILE, 7, "the coarse DTM has no relief to scale the heights by";
+
+    ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
+    ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";
+    ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
+    ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
+    ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";
+    ELD_FAULT_INTERRUPTED = FAULT, RUN, 3, "the call before did not return; the tile is lost";
+    ELD_FAULT_CONTEXT_LOST = FAULT, CONTEXT, 1, "no context there, or both its copies are damaged: call eld_init again";
+    ELD_FAULT_CONTEXT_MOVED = FAULT, CONTEXT, 2, "the context is not where it was made: call eld_init again";
+}
+
+/// What a status means; for a word that is none, says so.
+pub fn text(status: eld_status_t) -> &'static CStr {
+    STATUSES.iter().find(|known| known.status == status).map_or(c"not a status of this library", |known| known.text)
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn words_are_unique_and_laid_out_as_drawn() {
+        let mut words = BTreeSet::new();
+        for known in STATUSES {
+            assert!(words.insert(known.status), "{}: {:#x} twice", known.name, known.status);
+            assert_eq!(known.status & 0x3f00_0000, 0, "{}", known.name);
+            let expected = match known.name {
+                "ELD_OK" => GOOD,
+                "ELD_RUNNING" => NOTICE,
+                name if name.starts_with("ELD_NOTICE_") => NOTICE,
+                name if name.starts_with("ELD_REFUSED_") => REFUSED,
+                _ => FAULT,
+            };
+            assert_eq!(severity(known.status), expected, "{}", known.name);
+            assert_eq!(worked(known.status), expected < REFUSED);
+            assert!(!known.text.is_empty() && text(known.status) == known.text, "{}", known.name);
+        }
+        assert!(words.len() > 40);
+        assert_eq!((ELD_OK, ELD_RUNNING, ELD_REFUSED_NULL), (0, 0x4005_0001, 0x8001_0001));
+        assert_eq!(text(0x1234_5678), c"not a status of this library");
+    }
+}

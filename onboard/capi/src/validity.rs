@@ -1,0 +1,73 @@
+//! Which heights mean something, one bit a pixel: images are not kept, so this is found out when the tile begins.
+
+use elunar_core::nn::validity;
+
+/// Pixels looked at together.
+const GROUP: usize = 64;
+
+/// Writes the bits (lowest first, 1: the height means something); returns how many are 1. `bits` is long enough for the maps.
+pub(crate) fn pack(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, bits: &mut [u8]) -> u32 {
+    bits.fill(0);
+    let mut masks = valid.map(|mask| mask.chunks(GROUP));
+    let groups = image.chunks(GROUP).zip(coarse_m.chunks(GROUP)).zip(bits.chunks_mut(GROUP / 8));
+    let mut count = 0;
+    for ((image, coarse_m), bits) in groups {
+        let mut each = [false; GROUP];
+        // A mask that ends early masks the rest.
+        let mask = masks.as_mut().map(|masks| masks.next().unwrap_or(&[]));
+        validity(image, coarse_m, mask, &mut each);
+        for (byte, eight) in bits.iter_mut().zip(each.as_chunks::<8>().0) {
+            *byte = eight.iter().rev().fold(0, |byte, &bit| byte << 1 | bit as u8);
+            count += byte.count_ones();
+        }
+    }
+    count
+}
+
+/// How many heights of such a tile mean something.
+pub(crate) fn count(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>) -> u32 {
+    let mut masks = valid.map(|mask| mask.chunks(GROUP));
+    let mut count = 0;
+    for (image, coarse_m) in image.chunks(GROUP).zip(coarse_m.chunks(GROUP)) {
+        let mut bits = [0; GROUP / 8];
+        let mask = masks.as_mut().map(|masks| masks.next().unwrap_or(&[]));
+        count += pack(image, coarse_m, mask, &mut bits);
+    }
+    count
+}
+
+/// Turns the bits into bytes, 1 or 0 each.
+pub(crate) fn unpack(bits: &[u8], out: &mut [u8]) {
+    for (eight, &byte) in out.chunks_mut(8).zip(bits) {
+        for (bit, out) in eight.iter_mut().enumerate() {
+            *out = byte >> bit & 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::vec::Vec;
+
+    #[test]
+    fn bits_say_what_the_core_says() {
+        for len in [1, 7, 8, 64, 65, 200] {
+            let image: Vec<f32> = (0..len).map(|i| if i % 5 == 1 { f32::NAN } else { i as f32 }).collect();
+            let coarse_m: Vec<f32> = (0..len).map(|i| if i % 7 == 2 { -3.4028227e38 } else { -1900.0 }).collect();
+            let mask: Vec<bool> = (0..len).map(|i| i % 3 != 0).collect();
+            for valid in [None, Some(&mask[..])] {
+                let mut expected = std::vec![false; len];
+                validity(&image, &coarse_m, valid, &mut expected);
+                let mut bits = std::vec![0xff; len.div_ceil(8)];
+                let mut bytes = std::vec![9; len];
+                let found = pack(&image, &coarse_m, valid, &mut bits);
+                unpack(&bits, &mut bytes);
+                assert_eq!(bytes, expected.iter().map(|&v| v as u8).collect::<Vec<_>>(), "{len}");
+                assert_eq!(found as usize, expected.iter().filter(|v| **v).count());
+                assert_eq!(found, count(&image, &coarse_m, valid));
+            }
+        }
+    }
+}

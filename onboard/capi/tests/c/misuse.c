@@ -1,0 +1,47 @@
+/* What a C caller may get wrong without a model: every one has a status. C99 and C++17. */
+#include "elunar.h"
+#include "elunar.h" /* twice does no harm */
+
+#include <stdio.h>
+#include <string.h>
+
+static int wrong = 0;
+
+static void expect(const char *what, eld_status_t found, eld_status_t expected) {
+    if (found != expected) {
+        printf("%s: expected %08lx (%s), found %08lx (%s)\n", what, (unsigned long)expected, eld_status_text(expected),
+               (unsigned long)found, eld_status_text(found));
+        wrong++;
+    }
+}
+
+int main(void) {
+    static uint64_t memory[512];
+    static const uint8_t no_model[64] = {0x89, 'P', 'N', 'G'};
+    eld_context_t *context = (eld_context_t *)memory;
+    eld_model_info_t info;
+    eld_telemetry_t telemetry;
+    char name[4];
+
+    memset(&info, 0, sizeof info);
+    expect("info of no size", eld_model_check(no_model, sizeof no_model, &info), ELD_REFUSED_STRUCT_BYTES);
+    info.struct_bytes = sizeof info;
+    expect("no model", eld_model_check(no_model, sizeof no_model, &info), ELD_REFUSED_MODEL_MAGIC);
+    expect("model NULL", eld_model_check(NULL, 0, &info), ELD_REFUSED_NULL);
+    expect("init without model", eld_init(memory, sizeof memory, no_model, sizeof no_model, &context), ELD_REFUSED_MODEL_MAGIC);
+    if (context != NULL) wrong++;
+    expect("after a refused init", eld_step(context, 1), ELD_REFUSED_NULL);
+    context = (eld_context_t *)memory;
+    expect("memory without context", eld_step(context, 1), ELD_FAULT_CONTEXT_LOST);
+    expect("begin nothing", eld_begin(context, NULL), ELD_FAULT_CONTEXT_LOST);
+    telemetry.struct_bytes = sizeof telemetry;
+    expect("telemetry of nothing", eld_telemetry(context, &telemetry), ELD_FAULT_CONTEXT_LOST);
+    expect("a short name", eld_kernel_name(name, sizeof name), ELD_REFUSED_BUFFER);
+
+    if (ELD_SEVERITY(ELD_OK) != ELD_GOOD || ELD_SEVERITY(ELD_RUNNING) != ELD_NOTICE) wrong++;
+    if (ELD_SEVERITY(ELD_REFUSED_NULL) != ELD_REFUSED || ELD_SEVERITY(ELD_FAULT_RUN) != ELD_FAULT) wrong++;
+    if (!ELD_WORKED(ELD_RUNNING) || ELD_WORKED(ELD_REFUSED_NULL) || ELD_WORKED(ELD_FAULT_SELF_TEST)) wrong++;
+    if (strcmp(eld_status_text(ELD_OK), "done") != 0) wrong++;
+    printf("%d wrong\n", wrong);
+    return wrong != 0;
+}

@@ -1,0 +1,121 @@
+/* Two tiles through two contexts, step by step in turn: tile MODEL FOLDER OUT
+ *
+ * FOLDER holds image.f32, coarse_m.f32 and valid.u8 (see tests/golden/flight_tile); OUT gets the heights of the first tile, then its
+ * validity bytes, then the heights of the second, which is the first one upside down. C99 and C++17.
+ */
+#include "elunar.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void fail(const char *what, const char *why) {
+    fprintf(stderr, "ERROR: %s: %s\n", what, why);
+    exit(1);
+}
+
+static void check(const char *what, eld_status_t status) {
+    if (!ELD_WORKED(status)) fail(what, eld_status_text(status));
+}
+
+static void *read_file(const char *folder, const char *name, size_t *bytes) {
+    char path[4096];
+    long end;
+    void *data;
+    FILE *file;
+    snprintf(path, sizeof path, "%s%s", folder, name);
+    file = fopen(path, "rb");
+    if (file == NULL || fseek(file, 0, SEEK_END) != 0 || (end = ftell(file)) < 0) fail(path, "cannot be read");
+    rewind(file);
+    *bytes = (size_t)end;
+    data = malloc(*bytes + 1);
+    if (data == NULL || fread(data, 1, *bytes, file) != *bytes) fail(path, "cannot be read");
+    fclose(file);
+    return data;
+}
+
+static void *reversed(const void *map, size_t samples) {
+    float *turned = (float *)malloc(samples * sizeof *turned);
+    size_t i;
+    for (i = 0; i < samples; i++) turned[i] = ((const float *)map)[samples - 1 - i];
+    return turned;
+}
+
+int main(int argc, char **argv) {
+    size_t model_bytes, bytes, px, i, passes = 0;
+    const void *model;
+    eld_model_info_t info;
+    eld_tile_t tiles[2];
+    eld_context_t *contexts[2];
+    void *memory[2];
+    float *heights_m[2];
+    uint8_t *valid;
+    eld_telemetry_t telemetry;
+    char kernel[64];
+    FILE *out;
+
+    if (argc != 4) fail("usage", "tile MODEL FOLDER OUT");
+    if (eld_version() >> 16 != ELD_VERSION >> 16) fail("version", "of another library");
+    model = read_file("", argv[1], &model_bytes);
+    info.struct_bytes = sizeof info;
+    check("model", eld_model_check(model, model_bytes, &info));
+    px = (size_t)info.tile_rows * info.tile_cols;
+
+    memset(tiles, 0, sizeof tiles);
+    tiles[0].struct_bytes = sizeof tiles[0];
+    tiles[0].pixel_m = 2.0f;
+    tiles[0].coarse_px = 29.61f;
+    tiles[0].sun_azimuth_deg = 189.48853f;
+    tiles[0].sun_elevation_deg = 25.614722f;
+    tiles[0].image = (const float *)read_file(argv[2], "/image.f32", &bytes);
+    tiles[0].image_len = bytes / sizeof(float);
+    tiles[0].coarse_m = (const float *)read_file(argv[2], "/coarse_m.f32", &bytes);
+    tiles[0].coarse_len = bytes / sizeof(float);
+    tiles[0].valid = (const uint8_t *)read_file(argv[2], "/valid.u8", &tiles[0].valid_len);
+    tiles[1] = tiles[0];
+    tiles[1].image = (const float *)reversed(tiles[0].image, px);
+    tiles[1].coarse_m = (const float *)reversed(tiles[0].coarse_m, px);
+    tiles[1].valid = NULL;
+    tiles[1].valid_len = 0;
+    tiles[1].sun_azimuth_deg = 9.0f;
+    tiles[1].sun_elevation_deg = NAN;
+
+    for (i = 0; i < 2; i++) {
+        memory[i] = malloc((size_t)info.memory_bytes);
+        heights_m[i] = (float *)malloc(px * sizeof(float));
+        check("init", eld_init(memory[i], (size_t)info.memory_bytes, model, model_bytes, &contexts[i]));
+        check("self test", eld_self_test_begin(contexts[i]));
+        while (eld_step(contexts[i], info.tile_macs / 4) == ELD_RUNNING) {
+        }
+        check("self test", eld_self_test_check(contexts[i]));
+        check("begin", eld_begin(contexts[i], &tiles[i]));
+    }
+    for (;;) {
+        eld_status_t first = eld_step(contexts[0], info.largest_unit_macs);
+        eld_status_t second = eld_step(contexts[1], 3 * info.largest_unit_macs);
+        check("step", first);
+        check("step", second);
+        check("scrub", eld_scrub(contexts[0], 4096));
+        passes++;
+        if (first != ELD_RUNNING && second != ELD_RUNNING) break;
+    }
+    valid = (uint8_t *)malloc(px);
+    check("output", eld_output(contexts[0], heights_m[0], px, valid, px));
+    check("output", eld_output(contexts[1], heights_m[1], px, NULL, 0));
+
+    telemetry.struct_bytes = sizeof telemetry;
+    check("telemetry", eld_telemetry(contexts[0], &telemetry));
+    if (telemetry.tiles != 2 || telemetry.faults != 0 || telemetry.phase != ELD_PHASE_TILE_DONE) {
+        fail("telemetry", "expected two tiles and no fault");
+    }
+    check("kernel", eld_kernel_name(kernel, sizeof kernel));
+    printf("%s, %lu rounds, %lu pixels that count\n", kernel, (unsigned long)passes, (unsigned long)telemetry.valid_px);
+
+    out = fopen(argv[3], "wb");
+    if (out == NULL || fwrite(heights_m[0], sizeof(float), px, out) != px || fwrite(valid, 1, px, out) != px ||
+        fwrite(heights_m[1], sizeof(float), px, out) != px || fclose(out) != 0) {
+        fail(argv[3], "cannot be written");
+    }
+    return 0;
+}

@@ -1,0 +1,243 @@
+//! What the tests of the C interface share: the shipped model, a tile of real size, lent memory, and the functions as C calls them.
+#![allow(dead_code, unsafe_code)] // each test file uses a part; C functions
+
+use elunar_capi::ffi;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+use elunar_core::nn::format::seal_file;
+use elunar_core::nn::{Model, Progress, Runner, TileInput, required, validity};
+use elunar_core::norm::LightFit;
+use elunar_core::terrain::PixelSize;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// Rows and columns of the tile.
+pub(crate) const ROWS: usize = 256;
+pub(crate) const COLS: usize = 320;
+pub(crate) const PX: usize = ROWS * COLS;
+
+/// A step of some milliseconds.
+pub(crate) const STEP_MACS: u64 = 20_000_000;
+
+pub(crate) fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The shipped model.
+pub(crate) fn nano() -> &'static [u8] {
+    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
+    BYTES.get_or_init(|| std::fs::read(repository().join("host-train/models/nano.eld")).unwrap())
+}
+
+/// A tile of the caller's.
+#[derive(Clone)]
+pub(crate) struct Tile {
+    pub(crate) image: Vec<f32>,
+    pub(crate) coarse_m: Vec<f32>,
+    pub(crate) valid: Option<Vec<u8>>,
+    pub(crate) pixel_m: f32,
+    pub(crate) coarse_px: f32,
+    pub(crate) sun: [f32; 2],
+}
+
+impl Tile {
+    /// `tests/golden/flight_tile`.
+    pub(crate) fn golden() -> Self {
+        let folder = repository().join("tests/golden/flight_tile");
+        let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+        let floats = |name: &str| read(name).as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect::<Vec<f32>>();
+        let tile = Self {
+            image: floats("image.f32"),
+            coarse_m: floats("coarse_m.f32"),
+            valid: Some(read("valid.u8")),
+            pixel_m: 2.0,
+            coarse_px: 29.61,
+            sun: [189.488_53, 25.614_722],
+        };
+        assert_eq!([tile.image.len(), tile.coarse_m.len(), tile.valid.as_ref().unwrap().len()], [PX; 3]);
+        tile
+    }
+
+    /// Another one: the same ground seen upside down, lit from elsewhere, without a mask.
+    pub(crate) fn other() -> Self {
+        let Self { mut image, mut coarse_m, .. } = Self::golden();
+        image.reverse();
+        coarse_m.reverse();
+        Self { image, coarse_m, valid: None, sun: [9.0, f32::NAN], ..Self::golden() }
+    }
+
+    /// As C hands it over.
+    pub(crate) fn c(&self) -> eld_tile_t {
+        eld_tile_t {
+            struct_bytes: size_of::<eld_tile_t>() as u32,
+            pixel_m: self.pixel_m,
+            coarse_px: self.coarse_px,
+            sun_azimuth_deg: self.sun[0],
+            sun_elevation_deg: self.sun[1],
+            reserved: 0,
+            image: self.image.as_ptr(),
+            image_len: self.image.len(),
+            coarse_m: self.coarse_m.as_ptr(),
+            coarse_len: self.coarse_m.len(),
+            valid: self.valid.as_ref().map_or(std::ptr::null(), |mask| mask.as_ptr()),
+            valid_len: self.valid.as_ref().map_or(0, Vec::len),
+        }
+    }
+
+    /// Heights and validity as the core computes them without the C interface.
+    pub(crate) fn expected(&self) -> (Vec<f32>, Vec<u8>) {
+        let model = Model::new(nano()).unwrap();
+        let mut arena = vec![0; required(&model)];
+        let mut runner = Runner::new(model, &mut arena).unwrap();
+        let mask: Option<Vec<bool>> = self.valid.as_ref().map(|mask| mask.iter().map(|v| *v == 1).collect());
+        let mut fit = LightFit::default();
+        let pixel = PixelSize::square(f64::from(self.pixel_m));
+        let cell_px = LightFit::cell_px(self.coarse_px);
+        fit.add_masked(&self.image, &self.coarse_m, mask.as_deref(), COLS, pixel, cell_px);
+        let known = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
+        let tile = TileInput {
+            image: &self.image,
+            coarse_m: &self.coarse_m,
+            valid: mask.as_deref(),
+            pixel_m: self.pixel_m,
+            coarse_px: self.coarse_px,
+            light: fit.with_sun(known[0], known[1]),
+        };
+        let scale = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap();
+        while runner.step(STEP_MACS).unwrap() == Progress::Running {}
+        let (mut heights_m, mut valid) = (vec![0.0; PX], vec![false; PX]);
+        runner.heights(&scale, &mut heights_m).unwrap();
+        validity(&self.image, &self.coarse_m, mask.as_deref(), &mut valid);
+        (heights_m, valid.iter().map(|v| *v as u8).collect())
+    }
+}
+
+/// Bits of floats, to be compared as bytes.
+pub(crate) fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|v| v.to_bits()).collect()
+}
+
+/// What the shipped model needs.
+pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
+    let mut info =
+        eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..eld_model_info_t::default() };
+    // SAFETY: a slice and a structure of our own.
+    let status = unsafe { ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info) };
+    if status == ELD_OK { Ok(info) } else { Err(status) }
+}
+
+/// A context with the memory it was lent.
+pub(crate) struct Context {
+    pub(crate) memory: Vec<u64>,
+    pub(crate) handle: *mut eld_context_t,
+}
+
+// SAFETY: contexts are independent of threads; only their sharing is forbidden.
+unsafe impl Send for Context {}
+
+impl Context {
+    /// A context in exactly as much memory as the model needs. The model must outlive it.
+    pub(crate) fn new(model: &[u8]) -> Self {
+        let needed = info(model).unwrap().memory_bytes as usize;
+        // Rubbish, as memory is found.
+        let mut memory = vec![0xa5a5_a5a5_a5a5_a5a5; needed.div_ceil(8)];
+        let mut handle = std::ptr::null_mut();
+        // SAFETY: memory and model of our own.
+        let status = unsafe {
+            ffi::eld_init(memory.as_mut_ptr().cast(), needed, model.as_ptr().cast(), model.len(), &raw mut handle)
+        };
+        assert_eq!(status, ELD_OK, "{:?}", text(status));
+        Self { memory, handle }
+    }
+
+    pub(crate) fn bytes(&mut self) -> &mut [u8] {
+        let len = 8 * self.memory.len();
+        // SAFETY: the memory lent, between calls.
+        unsafe { std::slice::from_raw_parts_mut(self.memory.as_mut_ptr().cast(), len) }
+    }
+
+    pub(crate) fn flip(&mut self, bit: usize) {
+        self.bytes()[bit / 8] ^= 1 << (bit % 8);
+    }
+
+    pub(crate) fn begin(&mut self, tile: &Tile) -> eld_status_t {
+        // SAFETY: a context and a tile of our own, here and below.
+        unsafe { ffi::eld_begin(self.handle, &tile.c()) }
+    }
+
+    pub(crate) fn step(&mut self, budget_macs: u64) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_step(self.handle, budget_macs) }
+    }
+
+    /// Steps until done.
+    pub(crate) fn finish(&mut self) {
+        loop {
+            match self.step(STEP_MACS) {
+                ELD_RUNNING => {}
+                status => break assert!(worked(status), "{:?}", text(status)),
+            }
+        }
+    }
+
+    pub(crate) fn output(&mut self) -> Result<(Vec<f32>, Vec<u8>), eld_status_t> {
+        let (mut heights_m, mut valid) = (vec![-1.0f32; PX], vec![9u8; PX]);
+        // SAFETY: as above.
+        let status = unsafe { ffi::eld_output(self.handle, heights_m.as_mut_ptr(), PX, valid.as_mut_ptr(), PX) };
+        if worked(status) { Ok((heights_m, valid)) } else { Err(status) }
+    }
+
+    pub(crate) fn scrub(&mut self, max_bytes: usize) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_scrub(self.handle, max_bytes) }
+    }
+
+    pub(crate) fn self_test_begin(&mut self) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_self_test_begin(self.handle) }
+    }
+
+    pub(crate) fn self_test_check(&mut self) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_self_test_check(self.handle) }
+    }
+
+    pub(crate) fn telemetry(&mut self) -> eld_telemetry_t {
+        let (out, status) = self.try_telemetry();
+        assert!(worked(status), "{:?}", text(status));
+        out
+    }
+
+    pub(crate) fn try_telemetry(&mut self) -> (eld_telemetry_t, eld_status_t) {
+        let mut out =
+            eld_telemetry_t { struct_bytes: size_of::<eld_telemetry_t>() as u32, ..eld_telemetry_t::default() };
+        // SAFETY: as above.
+        let status = unsafe { ffi::eld_telemetry(self.handle, &raw mut out) };
+        (out, status)
+    }
+
+    /// Bytes of both copies of the context: the second begins as the first does, and is as long.
+    pub(crate) fn head_bytes(&mut self) -> usize {
+        let bytes = self.bytes();
+        let magic: [u8; 8] = bytes[..8].try_into().unwrap();
+        2 * (8..4096).find(|&at| bytes[at..at + 8] == magic).unwrap()
+    }
+}
+
+/// Word `index` of a model's header.
+pub(crate) fn header(model: &[u8], index: usize) -> usize {
+    u32::from_le_bytes(model[4 * index..4 * index + 4].try_into().unwrap()) as usize
+}
+
+/// The shipped model with changes, under valid checksums.
+pub(crate) fn changed(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let mut model = nano().to_vec();
+    change(&mut model);
+    seal_file(&mut model);
+    model
+}
+
+/// Sets a word of a header.
+pub(crate) fn set(model: &mut [u8], index: usize, value: u32) {
+    model[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
+}

@@ -1,0 +1,116 @@
+//! Bits that flip in the context between two calls are repaired or reported, and the heights stay what they are.
+#![allow(unsafe_code)] // C's functions
+
+mod common;
+use common::*;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+
+/// One of the calls that touch the context, by number: what it may say.
+fn call(context: &mut Context, number: usize) -> eld_status_t {
+    match number % 5 {
+        0 => context.step(1),
+        1 => context.try_telemetry().1,
+        2 => context.scrub(64),
+        3 => context.output().map_or_else(|status| status, |_| ELD_OK),
+        _ => context.self_test_check(),
+    }
+}
+
+/// Reproducible numbers (xorshift64*).
+fn random(state: &mut u64) -> usize {
+    *state ^= *state >> 12;
+    *state ^= *state << 25;
+    *state ^= *state >> 27;
+    (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) as usize
+}
+
+#[test]
+fn every_flipped_bit_of_the_context_is_repaired() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    assert_eq!(context.begin(&tile), ELD_OK);
+    let bits_all = 8 * context.head_bytes();
+    let mut untold = 0;
+    for bit in 0..bits_all {
+        context.flip(bit);
+        let status = call(&mut context, bit);
+        let legal = [ELD_RUNNING, ELD_NOTICE_REPAIRED, ELD_REFUSED_NOT_DONE, ELD_REFUSED_OTHER_TILE];
+        assert!(legal.contains(&status), "bit {bit}: {:?}", text(status));
+        untold += usize::from(status != ELD_NOTICE_REPAIRED);
+    }
+    let counters = context.telemetry();
+    assert_eq!((counters.context_repairs as usize, counters.faults), (bits_all, 0));
+    assert!(untold > 0 && untold < bits_all);
+    println!("{bits_all} bits flipped, each repaired");
+    context.finish();
+    let found = context.output().unwrap();
+    assert_eq!((bits(&found.0), found.1), (bits(&tile.expected().0), tile.expected().1));
+}
+
+#[test]
+fn two_flipped_bits_are_repaired_or_reported() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    assert_eq!(context.begin(&tile), ELD_OK);
+    context.step(STEP_MACS);
+    let clean = context.memory.clone();
+    let (bits_all, mut state) = (8 * context.head_bytes(), 5);
+    let (mut repaired, mut reported) = (0, 0);
+    for round in 0..20_000 {
+        let flips = [random(&mut state) % bits_all, random(&mut state) % bits_all];
+        context.flip(flips[0]);
+        context.flip(flips[1]);
+        let both = flips.map(|bit| bit < bits_all / 2);
+        let status = call(&mut context, 1 + round % 2);
+        if both[0] != both[1] {
+            assert_eq!(status, ELD_FAULT_CONTEXT_LOST, "{flips:?}");
+            context.memory.copy_from_slice(&clean);
+            reported += 1;
+        } else if flips[0] != flips[1] {
+            assert_eq!(status, ELD_NOTICE_REPAIRED, "{flips:?}");
+            repaired += 1;
+        }
+    }
+    println!("{repaired} repaired, {reported} reported");
+    assert!(repaired > 5000 && reported > 5000);
+    context.finish();
+    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
+}
+
+#[test]
+fn rubbish_instead_of_a_context_is_reported() {
+    let mut context = Context::new(nano());
+    let (clean, bytes) = (context.memory.clone(), context.head_bytes());
+    let mut state = 11;
+    for round in 0..3000 {
+        // A stretch of either copy, or of both, is overwritten.
+        let (start, len) = (random(&mut state) % bytes, 1 + random(&mut state) % bytes);
+        let end = bytes.min(start + len);
+        for byte in &mut context.bytes()[start..end] {
+            *byte = if round % 3 == 0 { 0 } else { random(&mut state) as u8 };
+        }
+        let changed = context.memory != clean;
+        let status = context.try_telemetry().1;
+        if start < bytes / 2 && end > bytes / 2 {
+            assert!(status == ELD_FAULT_CONTEXT_LOST || status == ELD_NOTICE_REPAIRED || status == ELD_OK);
+        } else {
+            let expected = if changed { ELD_NOTICE_REPAIRED } else { ELD_OK };
+            assert_eq!(status, expected, "bytes {start} to {end}");
+        }
+        context.memory.copy_from_slice(&clean);
+    }
+}
+
+#[test]
+fn flipped_validity_bits_are_reported() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    assert_eq!(context.begin(&tile), ELD_OK);
+    context.finish();
+    let clean = context.memory.clone();
+    let first = 8 * context.head_bytes().next_multiple_of(64);
+    for bit in (first..first + PX).step_by(997) {
+        context.flip(bit);
+        assert_eq!(context.output(), Err(ELD_FAULT_VALIDITY), "bit {bit}");
+        context.memory.copy_from_slice(&clean);
+    }
+    assert!(context.output().is_ok());
+}

@@ -1,0 +1,470 @@
+//! Every status there is, reached by a caller who errs or a machine that fails.
+#![allow(unsafe_code)] // C's functions
+
+mod common;
+use common::*;
+use elunar_capi::ffi;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+use elunar_core::nn::format::word;
+use elunar_core::nn::{ENTRY_BYTES, crc32c};
+use std::collections::BTreeMap;
+use std::ptr::{null, null_mut};
+
+/// What a case needs: a call that ends with the status, as (status, what was done).
+type Case = (eld_status_t, &'static str, fn() -> eld_status_t);
+
+/// Statuses that no test on this machine can reach, and why.
+const OUT_OF_REACH: [(eld_status_t, &str); 1] = [(ELD_REFUSED_MODEL_SIZE, "needs a machine of 32 bits")];
+
+fn init(memory: *mut u64, bytes: usize, model: &[u8]) -> eld_status_t {
+    let mut handle = null_mut();
+    // SAFETY: buffers of our own, or refused before they are touched.
+    let status = unsafe { ffi::eld_init(memory.cast(), bytes, model.as_ptr().cast(), model.len(), &raw mut handle) };
+    assert_eq!(handle.is_null(), !worked(status));
+    status
+}
+
+/// Whether a model with changes is refused as it should be, by both functions that judge it.
+fn judged(model: &[u8]) -> eld_status_t {
+    let mut memory = vec![7u64; 200_000];
+    let checked = info(model).unwrap_err();
+    assert_eq!(init(memory.as_mut_ptr(), 8 * memory.len(), model), checked);
+    assert!(memory.iter().all(|word| *word == 7), "refused, and yet changed");
+    checked
+}
+
+fn begun() -> Context {
+    let mut context = Context::new(nano());
+    assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+    context
+}
+
+/// Begins the golden tile with a change to what C hands over.
+fn begin_with(change: impl FnOnce(&mut eld_tile_t)) -> eld_status_t {
+    let (tile, context) = (Tile::golden(), Context::new(nano()));
+    let mut c = tile.c();
+    change(&mut c);
+    // SAFETY: a context and a tile of our own; what is wrong with it is refused before it is used.
+    unsafe { ffi::eld_begin(context.handle, &c) }
+}
+
+fn begin_tile(change: impl FnOnce(&mut Tile)) -> eld_status_t {
+    let mut tile = Tile::golden();
+    change(&mut tile);
+    Context::new(nano()).begin(&tile)
+}
+
+fn output_of(
+    context: &Context,
+    heights_m: *mut f32,
+    heights_len: usize,
+    valid: *mut u8,
+    valid_len: usize,
+) -> eld_status_t {
+    // SAFETY: a context of our own; the buffers are refused before they are touched.
+    unsafe { ffi::eld_output(context.handle, heights_m, heights_len, valid, valid_len) }
+}
+
+fn finished() -> Context {
+    let mut context = begun();
+    context.finish();
+    context
+}
+
+/// A model on the heap whose bytes may change under a context.
+fn own_model() -> (Vec<u8>, Context) {
+    let model = nano().to_vec();
+    let context = Context::new(&model);
+    (model, context)
+}
+
+/// Sets the word of the context that says "a call is changing the arena", under valid checksums: as a call leaves it that does not return.
+fn interrupt(context: &mut Context) {
+    let copy_bytes = context.head_bytes() / 2;
+    // Behind the magic, half of the seventh word.
+    let busy = 8 * (1 + 6) + 4;
+    for copy in context.bytes()[..2 * copy_bytes].chunks_mut(copy_bytes) {
+        assert_eq!(copy[busy], 0);
+        copy[busy] = 1;
+        let crc = crc32c(&copy[..copy_bytes - 8]);
+        let seal = u64::from(crc) | u64::from(!crc) << 32;
+        copy[copy_bytes - 8..].copy_from_slice(&seal.to_le_bytes());
+    }
+}
+
+/// First byte of the validity bits: the first cache line behind the context.
+fn validity_at(context: &mut Context) -> usize {
+    context.head_bytes().next_multiple_of(64)
+}
+
+/// Steps until a tile is done or lost.
+fn to_the_end(context: &mut Context) -> eld_status_t {
+    loop {
+        match context.step(STEP_MACS) {
+            ELD_RUNNING => {}
+            status => return status,
+        }
+    }
+}
+
+const CASES: &[Case] = &[
+    (ELD_OK, "a tile begins", || begin_with(|_| {})),
+    (ELD_RUNNING, "a step of many", || begun().step(1)),
+    (ELD_NOTICE_DROPPED, "begin, begin", || begun().begin(&Tile::golden())),
+    (ELD_NOTICE_DROPPED, "begin, step, self test", || {
+        let mut context = begun();
+        context.step(STEP_MACS);
+        context.self_test_begin()
+    }),
+    (ELD_NOTICE_LIGHT_ASSUMED, "level ground, Sun unknown", || {
+        begin_tile(|tile| (tile.coarse_m, tile.sun) = (vec![-1900.0; PX], [f32::NAN; 2]))
+    }),
+    (ELD_NOTICE_REPAIRED, "a bit of the context flips", || {
+        let mut context = finished();
+        context.flip(99);
+        context.step(1)
+    }),
+    (ELD_REFUSED_NULL, "no context", || {
+        let mut none = Context { memory: vec![], handle: null_mut() };
+        let all = [
+            none.begin(&Tile::golden()),
+            none.step(1),
+            none.output().unwrap_err(),
+            none.scrub(1),
+            none.self_test_begin(),
+            none.self_test_check(),
+            none.try_telemetry().1,
+        ];
+        assert!(all.iter().all(|status| *status == ELD_REFUSED_NULL), "{all:x?}");
+        all[0]
+    }),
+    (ELD_REFUSED_NULL, "no model", || {
+        let mut needs = info(nano()).unwrap();
+        // SAFETY: NULL is what is tested; the structure is our own.
+        unsafe { ffi::eld_model_check(null(), 5, &raw mut needs) }
+    }),
+    // SAFETY: NULL is what is tested.
+    (ELD_REFUSED_NULL, "no info", || unsafe { ffi::eld_model_check(nano().as_ptr().cast(), nano().len(), null_mut()) }),
+    (ELD_REFUSED_NULL, "no memory", || init(null_mut(), 1 << 30, nano())),
+    // SAFETY: NULL is what is tested.
+    (ELD_REFUSED_NULL, "no place for the context", || unsafe {
+        ffi::eld_init([0u64; 99].as_mut_ptr().cast(), 792, nano().as_ptr().cast(), nano().len(), null_mut())
+    }),
+    // SAFETY: NULL is what is tested.
+    (ELD_REFUSED_NULL, "no tile", || unsafe { ffi::eld_begin(Context::new(nano()).handle, null()) }),
+    (ELD_REFUSED_NULL, "no image", || begin_with(|tile| tile.image = null())),
+    (ELD_REFUSED_NULL, "no coarse DTM", || begin_with(|tile| tile.coarse_m = null())),
+    (ELD_REFUSED_NULL, "a mask of length only", || begin_with(|tile| tile.valid = null())),
+    (ELD_REFUSED_NULL, "no heights", || output_of(&finished(), null_mut(), PX, null_mut(), 0)),
+    (ELD_REFUSED_NULL, "no counters", || {
+        // SAFETY: NULL is what is tested.
+        unsafe { ffi::eld_telemetry(Context::new(nano()).handle, null_mut()) }
+    }),
+    // SAFETY: NULL is what is tested.
+    (ELD_REFUSED_NULL, "no name", || unsafe { ffi::eld_kernel_name(null_mut(), 64) }),
+    (ELD_REFUSED_ALIGNMENT, "an odd image", || begin_with(|tile| tile.image = tile.image.wrapping_byte_add(1))),
+    (ELD_REFUSED_ALIGNMENT, "odd heights", || {
+        output_of(&finished(), vec![0.0; PX + 1].as_mut_ptr().wrapping_byte_add(2), PX, null_mut(), 0)
+    }),
+    (ELD_REFUSED_ALIGNMENT, "an odd context", || {
+        let mut context = Context::new(nano());
+        context.handle = context.handle.wrapping_byte_add(4);
+        context.step(1)
+    }),
+    (ELD_REFUSED_LENGTH, "an endless model", || {
+        let mut needs = info(nano()).unwrap();
+        // SAFETY: the length is what is tested.
+        unsafe { ffi::eld_model_check(nano().as_ptr().cast(), usize::MAX, &raw mut needs) }
+    }),
+    (ELD_REFUSED_LENGTH, "endless memory", || init(vec![0u64; 9].as_mut_ptr(), usize::MAX - 8, nano())),
+    (ELD_REFUSED_LENGTH, "an endless image", || begin_with(|tile| tile.image_len = usize::MAX / 2)),
+    (ELD_REFUSED_STRUCT_BYTES, "an info of another version", || {
+        let mut needs = eld_model_info_t { struct_bytes: 8, ..info(nano()).unwrap() };
+        // SAFETY: a structure of our own.
+        unsafe { ffi::eld_model_check(nano().as_ptr().cast(), nano().len(), &raw mut needs) }
+    }),
+    (ELD_REFUSED_STRUCT_BYTES, "a tile of another version", || begin_with(|tile| tile.struct_bytes += 4)),
+    (ELD_REFUSED_STRUCT_BYTES, "counters of another version", || {
+        let mut out = eld_telemetry_t::default();
+        // SAFETY: a structure of our own.
+        unsafe { ffi::eld_telemetry(Context::new(nano()).handle, &raw mut out) }
+    }),
+    (ELD_REFUSED_OVERLAP, "memory within the model", || {
+        let mut both = vec![0u64; 1_000_000];
+        let at = both.as_mut_ptr();
+        let mut handle = null_mut();
+        // SAFETY: a buffer of our own; refused before it is touched.
+        unsafe { ffi::eld_init(at.cast(), 5_000_000, at.wrapping_add(100_000).cast(), 5_000_000, &raw mut handle) }
+    }),
+    (ELD_REFUSED_OVERLAP, "the image within the lent memory", || {
+        let (tile, context) = (Tile::golden(), Context::new(nano()));
+        let c = eld_tile_t { image: context.memory.as_ptr().cast(), ..tile.c() };
+        // SAFETY: a context of our own; refused before the maps are read.
+        unsafe { ffi::eld_begin(context.handle, &c) }
+    }),
+    (ELD_REFUSED_OVERLAP, "heights into the lent memory", || {
+        let mut context = finished();
+        let memory = context.memory.as_mut_ptr().cast();
+        output_of(&context, memory, PX, null_mut(), 0)
+    }),
+    (ELD_REFUSED_OVERLAP, "heights over the mask", || {
+        let mut heights = vec![0f32; PX];
+        output_of(&finished(), heights.as_mut_ptr(), PX, heights.as_mut_ptr().cast(), PX)
+    }),
+    (ELD_REFUSED_OVERLAP, "counters into the lent memory", || {
+        let mut context = Context::new(nano());
+        let at: *mut eld_telemetry_t = context.memory.as_mut_ptr().wrapping_add(1000).cast();
+        // SAFETY: within the memory lent; only the size is read.
+        unsafe {
+            (&raw mut (*at).struct_bytes).write(size_of::<eld_telemetry_t>() as u32);
+            ffi::eld_telemetry(context.handle, at)
+        }
+    }),
+    (ELD_REFUSED_BUFFER, "heights too short", || {
+        output_of(&finished(), vec![0.0; PX].as_mut_ptr(), PX - 1, null_mut(), 0)
+    }),
+    (ELD_REFUSED_BUFFER, "a mask too short", || {
+        output_of(&finished(), vec![0.0; PX].as_mut_ptr(), PX, vec![0; PX].as_mut_ptr(), PX - 1)
+    }),
+    (ELD_REFUSED_NO_TILE, "step before begin", || Context::new(nano()).step(1)),
+    (ELD_REFUSED_NO_TILE, "output before begin", || Context::new(nano()).output().unwrap_err()),
+    (ELD_REFUSED_NO_TILE, "self test judged before it began", || Context::new(nano()).self_test_check()),
+    (ELD_REFUSED_NOT_DONE, "output before done", || begun().output().unwrap_err()),
+    (ELD_REFUSED_NOT_DONE, "self test judged before done", || {
+        let mut context = Context::new(nano());
+        context.self_test_begin();
+        context.self_test_check()
+    }),
+    (ELD_REFUSED_OTHER_TILE, "the self test's heights", || {
+        let mut context = Context::new(nano());
+        context.self_test_begin();
+        context.finish();
+        context.output().unwrap_err()
+    }),
+    (ELD_REFUSED_OTHER_TILE, "the tile as a self test", || finished().self_test_check()),
+    (ELD_REFUSED_MEMORY_SHORT, "one byte less", || {
+        let needed = info(nano()).unwrap().memory_bytes as usize;
+        let mut memory = vec![3u64; needed.div_ceil(8)];
+        let status = init(memory.as_mut_ptr(), needed - 1, nano());
+        assert!(memory.iter().all(|word| *word == 3), "refused, and yet changed");
+        assert_eq!(init(memory.as_mut_ptr(), needed, nano()), ELD_OK);
+        status
+    }),
+    (ELD_REFUSED_MEMORY_ALIGNMENT, "odd memory", || {
+        let mut memory = vec![0u64; 1_000_000];
+        init(memory.as_mut_ptr().wrapping_byte_add(4), 7_000_000, nano())
+    }),
+    (ELD_REFUSED_MODEL_MAGIC, "another file", || judged(b"\x89PNG\r\n\x1a\n and so on")),
+    (ELD_REFUSED_MODEL_MAGIC, "nothing", || judged(&[])),
+    (ELD_REFUSED_MODEL_VERSION, "a later version", || judged(&changed(|m| set(m, word::VERSION, 99)))),
+    (ELD_REFUSED_MODEL_ENDIANNESS, "words swapped", || {
+        let swapped: Vec<u8> =
+            nano()[8..].as_chunks::<4>().0.iter().flat_map(|[a, b, c, d]| [*d, *c, *b, *a]).collect();
+        judged(&[&nano()[..8], &swapped].concat())
+    }),
+    (ELD_REFUSED_MODEL_LENGTH, "cut short", || judged(&nano()[..nano().len() - 1])),
+    (ELD_REFUSED_MODEL_HEADER_CHECKSUM, "a header bit flips", || {
+        let mut model = nano().to_vec();
+        model[4 * word::NR] ^= 1;
+        judged(&model)
+    }),
+    (ELD_REFUSED_MODEL_CHECKSUM, "a weight's bit flips", || {
+        let mut model = nano().to_vec();
+        model[3_000_000] ^= 0x40;
+        judged(&model)
+    }),
+    (ELD_REFUSED_MODEL_HEADER, "a negative range", || judged(&changed(|m| set(m, word::NR, (-50f32).to_bits())))),
+    (ELD_REFUSED_MODEL_TENSOR, "a tensor of rubbish", || {
+        judged(&changed(|m| {
+            let at = header(m, word::TENSORS);
+            m[at..at + 32].fill(0xff);
+        }))
+    }),
+    (ELD_REFUSED_MODEL_OPERATOR, "an operator of rubbish", || {
+        judged(&changed(|m| {
+            let at = header(m, word::OPERATORS);
+            m[at..at + 32].fill(0xff);
+        }))
+    }),
+    (ELD_REFUSED_MODEL_SCHEDULE, "a schedule of nothing", || {
+        judged(&changed(|m| {
+            let at = header(m, word::SCHEDULE);
+            let bytes = ENTRY_BYTES * header(m, word::SCHEDULE + 1);
+            m[at..at + bytes].fill(0);
+        }))
+    }),
+    (ELD_REFUSED_TILE_SIZE, "an image too short", || begin_with(|tile| tile.image_len -= 1)),
+    (ELD_REFUSED_TILE_SIZE, "a coarse DTM too long", || begin_tile(|tile| tile.coarse_m.push(0.0))),
+    (ELD_REFUSED_TILE_SIZE, "a mask without length", || begin_with(|tile| tile.valid_len = 0)),
+    (ELD_REFUSED_TILE_SIZE, "a reserved word in use", || begin_with(|tile| tile.reserved = 1)),
+    (ELD_REFUSED_TILE_MASK, "a mask of 2", || begin_tile(|tile| tile.valid.as_mut().unwrap()[77] = 2)),
+    (ELD_REFUSED_TILE_PIXEL, "a pixel without size", || begin_with(|tile| tile.pixel_m = 0.0)),
+    (ELD_REFUSED_TILE_PIXEL, "a coarse pixel of NaN", || begin_with(|tile| tile.coarse_px = f32::NAN)),
+    (ELD_REFUSED_TILE_SUN, "a Sun below the horizon", || begin_with(|tile| tile.sun_elevation_deg = -1.0)),
+    (ELD_REFUSED_TILE_SUN, "an infinite azimuth", || begin_with(|tile| tile.sun_azimuth_deg = f32::INFINITY)),
+    (ELD_REFUSED_TILE_MASKED, "all masked", || begin_tile(|tile| tile.valid = Some(vec![0; PX]))),
+    (ELD_REFUSED_TILE_MASKED, "an image of NaN", || begin_tile(|tile| tile.image = vec![f32::NAN; PX])),
+    (ELD_REFUSED_TILE_MASKED, "a coarse DTM of infinity", || {
+        begin_tile(|tile| tile.coarse_m = vec![f32::INFINITY; PX])
+    }),
+    (ELD_REFUSED_TILE_MASKED, "image and coarse DTM nowhere together", || {
+        begin_tile(|tile| {
+            tile.image[..PX / 2].fill(f32::NAN);
+            tile.coarse_m[PX / 2..].fill(f32::NAN);
+        })
+    }),
+    (ELD_REFUSED_TILE_CONSTANT_IMAGE, "one brightness", || begin_tile(|tile| tile.image = vec![100.0; PX])),
+    (ELD_REFUSED_TILE_NO_RELIEF, "level ground for a model that scales by relief", || {
+        let model = changed(|m| set(m, word::TARGET_RANGE, 1));
+        let tile = Tile { coarse_m: vec![-1900.0; PX], ..Tile::golden() };
+        Context::new(&model).begin(&tile)
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "a weight changes after init", || {
+        let (mut model, mut context) = own_model();
+        model[3_000_000] ^= 1;
+        let mut status = ELD_OK;
+        while status == ELD_OK && context.telemetry().scrub_passes == 0 {
+            status = context.scrub(65_536);
+        }
+        assert_eq!(context.telemetry().scrub_faults, 1);
+        status
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "the header changes after init", || {
+        let (mut model, mut context) = own_model();
+        model[4 * word::NR] ^= 1;
+        assert_eq!(context.begin(&Tile::golden()), ELD_FAULT_MODEL_CHANGED);
+        assert_eq!(context.telemetry().last_fault, ELD_FAULT_MODEL_CHANGED);
+        // Restored, it goes on.
+        model[4 * word::NR] ^= 1;
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+        model[4 * word::NR] ^= 1;
+        context.step(1)
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "another model in its place", || {
+        let (mut model, mut context) = own_model();
+        let other = changed(|m| set(m, word::SELF_TEST_SEED, 5));
+        model.copy_from_slice(&other);
+        context.self_test_begin()
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "a weight changes while a tile is at work", || {
+        let (mut model, mut context) = own_model();
+        assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
+        model[3_000_000] ^= 1;
+        to_the_end(&mut context)
+    }),
+    (ELD_FAULT_DATA_CHANGED, "a map changes while a tile is at work", || {
+        let mut context = begun();
+        assert_eq!(context.step(STEP_MACS), ELD_RUNNING);
+        let last = 8 * context.bytes().len();
+        // The last tenth of the memory holds maps and their checksums, dead and alive.
+        (last - last / 10..last).step_by(101).for_each(|bit| context.flip(bit));
+        let status = to_the_end(&mut context);
+        assert_eq!(context.telemetry().tile_faults, 1);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+        assert_eq!(to_the_end(&mut context), ELD_OK, "begun again, it comes out");
+        status
+    }),
+    (ELD_FAULT_VALIDITY, "a validity bit flips", || {
+        let mut context = finished();
+        let at = validity_at(&mut context);
+        context.flip(8 * at + 12_345);
+        let status = context.output().unwrap_err();
+        assert_eq!(context.output(), Err(ELD_REFUSED_NO_TILE), "the tile is lost");
+        status
+    }),
+    (ELD_FAULT_SELF_TEST, "a result that differs", || {
+        let model = changed(|m| set(m, word::SELF_TEST_CRC, 1));
+        let mut context = Context::new(&model);
+        context.self_test_begin();
+        context.finish();
+        let status = context.self_test_check();
+        assert_eq!(context.telemetry().self_test_faults, 1);
+        status
+    }),
+    (ELD_FAULT_RUN, "the schedule is wiped out under a tile", || {
+        let (mut model, mut context) = own_model();
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+        let at = header(&model, word::SCHEDULE);
+        let bytes = ENTRY_BYTES * header(&model, word::SCHEDULE + 1);
+        model[at..at + bytes].fill(0);
+        let status = context.step(1);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        assert_eq!(context.telemetry().tiles_dropped, 1);
+        status
+    }),
+    (ELD_FAULT_INTERRUPTED, "a step that did not return", || {
+        let mut context = begun();
+        context.step(STEP_MACS);
+        interrupt(&mut context);
+        let status = context.step(STEP_MACS);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK, "and the next one begins");
+        context.finish();
+        assert_eq!(bits(&context.output().unwrap().0), bits(&Tile::golden().expected().0));
+        status
+    }),
+    (ELD_FAULT_CONTEXT_LOST, "memory that holds no context", || {
+        let mut memory = vec![0u64; 1000];
+        Context { handle: memory.as_mut_ptr().cast(), memory }.step(1)
+    }),
+    (ELD_FAULT_CONTEXT_LOST, "both copies damaged", || {
+        let mut context = begun();
+        let copy_bytes = context.head_bytes() / 2;
+        context.flip(500);
+        context.flip(8 * copy_bytes + 700);
+        let before = context.memory.clone();
+        let all = [context.step(1), context.scrub(1), context.output().unwrap_err(), context.try_telemetry().1];
+        assert!(all.iter().all(|status| *status == ELD_FAULT_CONTEXT_LOST), "{all:x?}");
+        assert!(context.memory == before, "nothing is touched");
+        all[0]
+    }),
+    (ELD_FAULT_CONTEXT_MOVED, "a copy elsewhere", || {
+        let context = begun();
+        let mut memory = context.memory.clone();
+        Context { handle: memory.as_mut_ptr().cast(), memory }.step(1)
+    }),
+];
+
+#[test]
+fn every_status_is_reached() {
+    let mut reached: BTreeMap<eld_status_t, usize> = BTreeMap::new();
+    let mut wrong = Vec::new();
+    for (expected, what, call) in CASES {
+        let found = call();
+        *reached.entry(found).or_default() += 1;
+        if found != *expected {
+            wrong.push(format!("{what}: expected {:?}, found {:?}", text(*expected), text(found)));
+        }
+    }
+    assert_eq!(wrong, [""; 0]);
+    for known in STATUSES {
+        let out_of_reach = OUT_OF_REACH.iter().find(|(status, _)| *status == known.status);
+        match (reached.get(&known.status), out_of_reach) {
+            (None, Some((_, why))) => println!("{}: not reached, {why}", known.name),
+            (Some(_), None) => {}
+            (found, _) => panic!("{}: reached {} times", known.name, found.unwrap_or(&0)),
+        }
+    }
+    println!("{} statuses in {} ways", reached.len(), CASES.len());
+}
+
+#[test]
+fn a_refused_call_changes_nothing_of_the_tile() {
+    let tile = Tile::golden();
+    let mut context = begun();
+    let mut status = ELD_RUNNING;
+    while status == ELD_RUNNING {
+        status = context.step(STEP_MACS);
+        // Refused while at work, all of them.
+        if status == ELD_RUNNING {
+            assert_eq!(context.output(), Err(ELD_REFUSED_NOT_DONE));
+        }
+        assert_eq!(context.self_test_check(), ELD_REFUSED_OTHER_TILE);
+        assert_eq!(output_of(&context, null_mut(), PX, null_mut(), 0), ELD_REFUSED_NULL);
+        // SAFETY: NULL is what is tested.
+        assert_eq!(unsafe { ffi::eld_begin(context.handle, null()) }, ELD_REFUSED_NULL);
+    }
+    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
+}

@@ -1,0 +1,25 @@
+//! The fuzz target `c_abi` on seeded bytes: for those who have no nightly compiler.
+
+use elunar_tests::c_abi::{Tally, c_abi};
+use elunar_tests::provoke::Random;
+
+#[test]
+fn calls_in_any_order_return_with_a_status_that_fits() {
+    let mut random = Random(4);
+    let (mut all, mut most) = (Tally::default(), 0);
+    for _ in 0..1500 {
+        let len = 20 + random.number() as usize % 400;
+        let one = c_abi(&random.bytes(len));
+        all.calls += one.calls;
+        all.worked += one.worked;
+        all.refused += one.refused;
+        all.faults += one.faults;
+        all.tiles += one.tiles;
+        all.repairs += one.repairs;
+        most = most.max(one.calls);
+    }
+    println!("{all:?}, {most} calls at most");
+    // Enough of everything, or the driver has lost its way.
+    assert!(all.calls > 50_000 && all.worked > all.calls / 5 && all.refused > all.calls / 5, "{all:?}");
+    assert!(all.faults > 1000 && all.tiles > 50 && all.repairs > 1000, "{all:?}");
+}

@@ -1,0 +1,487 @@
+//! Arbitrary calls of the C interface: what the fuzz target `c_abi` and its seeded replay both run.
+//!
+//! Bytes say which function is called next, on which of two contexts, and what is wrong with its arguments; bits flip between calls. A twin
+//! that keeps the rules of the header says what may come back.
+#![allow(unsafe_code)] // C's functions
+
+use crate::provoke::{Reader, mutated, sound_models};
+use elunar_capi::ffi;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+use elunar_core::nn::crc32c;
+use elunar_core::nn::format::{HEADER_BYTES, u32_at, word};
+use std::collections::HashMap;
+use std::ffi::CStr;
+use std::ptr::{null, null_mut};
+use std::sync::{Mutex, OnceLock};
+
+/// Words laid around lent memory, to be found again as they were.
+const GUARD: usize = 16;
+const GUARD_WORD: u64 = 0xc3c3_c3c3_c3c3_c3c3;
+/// Most memory that is lent.
+const LARGEST: u64 = 1 << 24;
+/// Multiply-accumulates after which a model that was changed is left alone.
+const MOST_MACS: u64 = 1 << 22;
+/// Tiles that are good.
+const TILES: usize = 3;
+
+/// What became of some bytes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Tally {
+    /// Calls.
+    pub calls: usize,
+    /// Calls that did their work, were refused, ended with a fault.
+    pub worked: usize,
+    /// See [`Self::worked`].
+    pub refused: usize,
+    /// See [`Self::worked`].
+    pub faults: usize,
+    /// Tiles whose heights were the expected ones.
+    pub tiles: usize,
+    /// Flipped bits of a context that were repaired.
+    pub repairs: usize,
+}
+
+/// What is in the arena of a slot that nothing has damaged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    Empty,
+    /// A good tile by number, or one made up.
+    Tile {
+        good: Option<usize>,
+        done: bool,
+    },
+    SelfTest {
+        done: bool,
+    },
+}
+
+/// A context with its memory and its model, and what is known of it.
+struct Slot {
+    memory: Vec<u64>,
+    model: Vec<u8>,
+    /// First byte and bytes of its constants.
+    constants: (usize, usize),
+    /// Which sound model that is, if it is one.
+    sound: Option<usize>,
+    handle: *mut eld_context_t,
+    info: eld_model_info_t,
+    phase: Phase,
+    /// Nothing but one copy of the context was ever damaged.
+    whole: bool,
+    macs: u64,
+}
+
+/// A tile with the arrays it points to.
+struct Tile {
+    image: Vec<f32>,
+    coarse_m: Vec<f32>,
+    mask: Option<Vec<u8>>,
+    c: eld_tile_t,
+}
+
+impl Tile {
+    /// Good tile `number` of a shape.
+    fn good(number: usize, (rows, cols): (usize, usize)) -> Self {
+        let at = |i: usize| ((i / cols) as f32, (i % cols) as f32);
+        let wave = |i: usize, p: f32| (at(i).0 / p).sin() + (at(i).1 / (p + 1.0) + number as f32).cos();
+        let image = (0..rows * cols).map(|i| 100.0 + 20.0 * wave(i, 3.0) + (i * 7919 % 13) as f32).collect();
+        let coarse_m = (0..rows * cols).map(|i| -1900.0 + 9.0 * wave(i, 11.0)).collect();
+        let mask = (number == 1).then(|| (0..rows * cols).map(|i| (i % 31 != 5) as u8).collect());
+        let c = eld_tile_t {
+            struct_bytes: size_of::<eld_tile_t>() as u32,
+            pixel_m: 2.0,
+            coarse_px: 9.0,
+            sun_azimuth_deg: 70.0 * number as f32,
+            sun_elevation_deg: if number == 2 { f32::NAN } else { 30.0 },
+            reserved: 0,
+            image: null(),
+            image_len: 0,
+            coarse_m: null(),
+            coarse_len: 0,
+            valid: null(),
+            valid_len: 0,
+        };
+        Self { image, coarse_m, mask, c }.pointed()
+    }
+
+    fn pointed(mut self) -> Self {
+        (self.c.image, self.c.image_len) = (self.image.as_ptr(), self.image.len());
+        (self.c.coarse_m, self.c.coarse_len) = (self.coarse_m.as_ptr(), self.coarse_m.len());
+        (self.c.valid, self.c.valid_len) = self.mask.as_ref().map_or((null(), 0), |mask| (mask.as_ptr(), mask.len()));
+        self
+    }
+
+    /// One that something is wrong with, perhaps.
+    fn odd(mut self, reader: &mut Reader<'_>, memory: *const u64) -> Self {
+        let (how, value) = (reader.byte(), reader.word());
+        let (at, float) = (value as usize % self.image.len(), f32::from_bits(reader.word()));
+        match how % 16 {
+            0 => self.c.image = null(),
+            1 => self.c.coarse_m = self.c.coarse_m.wrapping_byte_add(1 + at % 3),
+            2 => self.c.image_len = reader.size(1 << 20),
+            3 => self.c.coarse_len = reader.size(1 << 20),
+            4 => self.c.valid_len = reader.size(1 << 20),
+            5 => self.c.struct_bytes = value,
+            6 => self.c.reserved = value,
+            7 => self.c.pixel_m = float,
+            8 => self.c.coarse_px = float,
+            9 => (self.c.sun_azimuth_deg, self.c.sun_elevation_deg) = (float, f32::from_bits(reader.word())),
+            10 => self.c.image = memory.cast(),
+            11 => self.image[..=at].fill(float),
+            12 => self.coarse_m[at..].fill(float),
+            13 => self.image.fill(float),
+            14 => self.mask = Some(vec![value as u8; self.image.len()]),
+            _ => self.mask.get_or_insert(vec![1; self.image.len()])[at] = value as u8,
+        }
+        if how % 16 >= 14 { self.pointed() } else { self }
+    }
+}
+
+/// A model's heights for a good tile, in one step through a context of its own; checksums, made once.
+fn expected(model: usize, tile: usize) -> u32 {
+    static KNOWN: OnceLock<Mutex<HashMap<(usize, usize), u32>>> = OnceLock::new();
+    let known = KNOWN.get_or_init(Mutex::default);
+    if let Some(crc) = known.lock().expect("no test panics here").get(&(model, tile)) {
+        return *crc;
+    }
+    let mut slot = Slot::new(sound_models()[model].clone(), Some(model)).expect("a sound model");
+    let good = Tile::good(tile, slot.shape());
+    // SAFETY: a context and a tile of our own.
+    let statuses = unsafe { [ffi::eld_begin(slot.handle, &good.c), ffi::eld_step(slot.handle, u64::MAX)] };
+    assert!(statuses.iter().all(|status| worked(*status)), "{statuses:x?}");
+    let crc = slot.heights().expect("a finished tile");
+    known.lock().expect("no test panics here").insert((model, tile), crc);
+    crc
+}
+
+impl Slot {
+    /// A slot with a context, or why there is none.
+    fn new(model: Vec<u8>, sound: Option<usize>) -> Result<Self, eld_status_t> {
+        let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+        // SAFETY: a buffer and a structure of our own.
+        let status = unsafe { ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info) };
+        if status != ELD_OK {
+            return Err(status);
+        }
+        let words = if info.memory_bytes > LARGEST { 0 } else { (info.memory_bytes as usize).div_ceil(8) };
+        let memory = vec![GUARD_WORD; words + 2 * GUARD];
+        let (phase, handle) = (Phase::Empty, null_mut());
+        let constants = [word::CONSTANTS, word::CONSTANTS + 1].map(|index| u32_at(&model, 4 * index) as usize).into();
+        let mut slot = Self { memory, model, constants, sound, handle, info, phase, whole: true, macs: 0 };
+        let status = if words == 0 { ELD_REFUSED_MEMORY_SHORT } else { slot.init(info.memory_bytes as usize, 0) };
+        if status == ELD_OK { Ok(slot) } else { Err(status) }
+    }
+
+    fn init(&mut self, bytes: usize, shift: usize) -> eld_status_t {
+        let memory = self.memory[GUARD..].as_mut_ptr().wrapping_byte_add(shift);
+        // SAFETY: within memory of our own, or refused.
+        unsafe {
+            let (model, len) = (self.model.as_ptr().cast(), self.model.len());
+            ffi::eld_init(memory.cast(), bytes, model, len, &raw mut self.handle)
+        }
+    }
+
+    fn shape(&self) -> (usize, usize) {
+        (self.info.tile_rows as usize, self.info.tile_cols as usize)
+    }
+
+    /// The memory lent, as bytes.
+    fn bytes(&mut self) -> &mut [u8] {
+        let words = self.memory.len() - 2 * GUARD;
+        // SAFETY: memory of our own, between calls.
+        unsafe { std::slice::from_raw_parts_mut(self.memory[GUARD..].as_mut_ptr().cast(), 8 * words) }
+    }
+
+    fn heights(&mut self) -> Result<u32, eld_status_t> {
+        let px = self.shape().0 * self.shape().1;
+        let (mut heights_m, mut valid) = (vec![0f32; px], vec![2u8; px]);
+        // SAFETY: a context and buffers of our own.
+        let status = unsafe { ffi::eld_output(self.handle, heights_m.as_mut_ptr(), px, valid.as_mut_ptr(), px) };
+        if !worked(status) {
+            assert!(valid.iter().all(|v| *v == 2), "refused, and yet written");
+            return Err(status);
+        }
+        assert!(valid.iter().all(|v| *v < 2));
+        let bytes: Vec<u8> = heights_m.iter().flat_map(|v| v.to_le_bytes()).chain(valid).collect();
+        Ok(crc32c(&bytes))
+    }
+
+    /// Bytes of both copies of the context.
+    fn head_bytes(&mut self) -> usize {
+        let bytes = self.bytes();
+        let second = (8..2048).find(|&at| bytes[at..at + 7] == bytes[..7]);
+        2 * second.unwrap_or(256)
+    }
+
+    fn guarded(&self) {
+        let (front, rest) = self.memory.split_at(GUARD);
+        let guards = front.iter().chain(&rest[rest.len() - GUARD..]);
+        assert!(guards.copied().all(|word| word == GUARD_WORD), "memory that was not lent has changed");
+    }
+}
+
+/// The machine under test.
+struct Play<'b> {
+    reader: Reader<'b>,
+    slots: [Option<Slot>; 2],
+    tally: Tally,
+}
+
+/// Runs calls as `bytes` say.
+///
+/// # Panics
+/// If a status is unknown, a sound context reports a fault, heights differ, or memory that was not lent has changed.
+pub fn c_abi(bytes: &[u8]) -> Tally {
+    let mut play = Play { reader: Reader(bytes), slots: [None, None], tally: Tally::default() };
+    while !play.reader.0.is_empty() {
+        let which = play.reader.byte() as usize % 2;
+        match play.slots[which].take() {
+            None => play.slots[which] = play.make(),
+            Some(slot) => play.slots[which] = play.call(slot),
+        }
+    }
+    play.tally
+}
+
+impl Play<'_> {
+    fn count(&mut self, status: eld_status_t) -> eld_status_t {
+        assert!(STATUSES.iter().any(|known| known.status == status), "{status:08x} is no status");
+        // SAFETY: a text of the library's.
+        let text = unsafe { CStr::from_ptr(ffi::eld_status_text(status)) };
+        assert!(!text.is_empty());
+        self.tally.calls += 1;
+        match severity(status) {
+            GOOD | NOTICE => self.tally.worked += 1,
+            REFUSED => self.tally.refused += 1,
+            _ => self.tally.faults += 1,
+        }
+        status
+    }
+
+    /// A slot with a context, mostly of a sound model.
+    fn make(&mut self) -> Option<Slot> {
+        let (how, which) = (self.reader.byte(), self.reader.byte() as usize % sound_models().len());
+        let sound = &sound_models()[which];
+        let made = match how % 8 {
+            0 => {
+                let patches: Vec<u8> = (0..1 + 10 * (1 + how as usize / 64)).map(|_| self.reader.byte()).collect();
+                Slot::new(mutated(&patches), None)
+            }
+            1 => Slot::new(self.reader.0.to_vec(), None),
+            2 => {
+                let mut model = sound.clone();
+                let at = self.reader.word() as usize % model.len();
+                model[at] ^= 1 << (how / 32);
+                Slot::new(model, None)
+            }
+            _ => Slot::new(sound.clone(), Some(which)),
+        };
+        match made {
+            Ok(slot) => {
+                self.count(ELD_OK);
+                Some(slot)
+            }
+            Err(status) => {
+                assert_eq!(severity(self.count(status)), REFUSED);
+                assert!(how % 8 < 3, "a sound model is refused: {status:08x}");
+                None
+            }
+        }
+    }
+
+    /// One call on a slot, or something that happens to it.
+    fn call(&mut self, mut slot: Slot) -> Option<Slot> {
+        let what = self.reader.byte() % 16;
+        let status = match what {
+            0 => {
+                // Made anew, with something wrong.
+                let needed = slot.info.memory_bytes as usize;
+                let (bytes, shift) =
+                    [(needed - 1, 0), (needed, 4), (needed, 0), (0, 0)][self.reader.byte() as usize % 4];
+                let before = slot.handle;
+                let status = slot.init(bytes, shift);
+                assert_eq!(slot.handle.is_null(), !worked(status));
+                if worked(status) {
+                    (slot.phase, slot.macs) = (Phase::Empty, 0);
+                } else {
+                    slot.handle = before;
+                }
+                status
+            }
+            1..=3 => self.begin(&mut slot),
+            4..=7 => self.step(&mut slot),
+            8 => self.output(&mut slot),
+            9 => {
+                let max_bytes = self.reader.size(1 << 16).min(1 << 20);
+                // SAFETY: a context of our own, here and below.
+                unsafe { ffi::eld_scrub(slot.handle, max_bytes) }
+            }
+            10 => self.self_test(&mut slot),
+            11 => self.telemetry(&mut slot),
+            12 => return self.nothing_there(slot),
+            _ => return self.damage(slot),
+        };
+        self.count(status);
+        slot.guarded();
+        if slot.whole {
+            let known = slot.sound.is_some() || status != ELD_FAULT_SELF_TEST;
+            assert!(severity(status) != FAULT || !known, "a sound context reports {:?}", text(status));
+        }
+        Some(slot)
+    }
+
+    fn begin(&mut self, slot: &mut Slot) -> eld_status_t {
+        let how = self.reader.byte();
+        let good = how as usize / 8 % TILES;
+        let mut tile = Tile::good(good, slot.shape());
+        let odd = how % 8 < 4;
+        if odd {
+            tile = tile.odd(&mut self.reader, slot.memory[GUARD..].as_ptr());
+        }
+        // SAFETY: a context of our own; what is wrong with the tile is refused before it is used.
+        let status = unsafe { ffi::eld_begin(slot.handle, &tile.c) };
+        assert!(odd || worked(status) || !slot.whole || slot.sound.is_none(), "a good tile: {:?}", text(status));
+        if worked(status) {
+            slot.phase = Phase::Tile { good: (!odd).then_some(good), done: false };
+        }
+        status
+    }
+
+    fn step(&mut self, slot: &mut Slot) -> eld_status_t {
+        let budget = [0, 1, 1 << 14, 1 << 18, 1 << 30, u64::MAX][self.reader.byte() as usize % 6];
+        if slot.sound.is_none() && (slot.macs > MOST_MACS || slot.info.largest_unit_macs > MOST_MACS) {
+            return ELD_OK;
+        }
+        let budget = if slot.sound.is_some() { budget } else { budget.min(1 << 18) };
+        // SAFETY: a context of our own.
+        let status = unsafe { ffi::eld_step(slot.handle, budget) };
+        slot.macs = slot.macs.saturating_add(budget.min(slot.info.tile_macs).max(slot.info.largest_unit_macs));
+        if slot.whole {
+            assert_eq!(status == ELD_REFUSED_NO_TILE, slot.phase == Phase::Empty, "{:?}", text(status));
+        }
+        let finished = worked(status) && status != ELD_RUNNING;
+        match &mut slot.phase {
+            Phase::Tile { done, .. } | Phase::SelfTest { done } => *done |= finished,
+            Phase::Empty => {}
+        }
+        status
+    }
+
+    fn output(&mut self, slot: &mut Slot) -> eld_status_t {
+        let found = slot.heights();
+        if slot.whole {
+            match (slot.phase, found) {
+                (Phase::Empty, found) => assert_eq!(found, Err(ELD_REFUSED_NO_TILE)),
+                (Phase::SelfTest { .. }, found) => assert_eq!(found, Err(ELD_REFUSED_OTHER_TILE)),
+                (Phase::Tile { done: false, .. }, found) => assert_eq!(found, Err(ELD_REFUSED_NOT_DONE)),
+                (Phase::Tile { good, done: true }, found) => {
+                    let crc = found.expect("a finished tile");
+                    if let (Some(model), Some(tile)) = (slot.sound, good) {
+                        assert_eq!(crc, expected(model, tile), "other heights than in one step");
+                        self.tally.tiles += 1;
+                    }
+                }
+            }
+        }
+        found.map_or_else(|status| status, |_| ELD_OK)
+    }
+
+    fn self_test(&mut self, slot: &mut Slot) -> eld_status_t {
+        if self.reader.byte().is_multiple_of(2) {
+            // SAFETY: a context of our own.
+            let status = unsafe { ffi::eld_self_test_begin(slot.handle) };
+            if worked(status) {
+                slot.phase = Phase::SelfTest { done: false };
+            }
+            return status;
+        }
+        // SAFETY: a context of our own.
+        let status = unsafe { ffi::eld_self_test_check(slot.handle) };
+        if slot.whole && slot.sound.is_some() {
+            assert_eq!(worked(status), slot.phase == Phase::SelfTest { done: true }, "{:?}", text(status));
+        }
+        status
+    }
+
+    fn telemetry(&mut self, slot: &mut Slot) -> eld_status_t {
+        let struct_bytes = size_of::<eld_telemetry_t>() as u32;
+        let mut out = eld_telemetry_t { struct_bytes, ..Default::default() };
+        // SAFETY: a context and a structure of our own.
+        let status = unsafe { ffi::eld_telemetry(slot.handle, &raw mut out) };
+        if slot.whole {
+            let phase = match slot.phase {
+                Phase::Empty => ELD_PHASE_EMPTY,
+                Phase::Tile { done, .. } => ELD_PHASE_TILE + done as u32,
+                Phase::SelfTest { done } => ELD_PHASE_SELF_TEST + done as u32,
+            };
+            assert_eq!((worked(status), out.phase), (true, phase));
+        }
+        status
+    }
+
+    /// Pointers that name nothing.
+    fn nothing_there(&mut self, slot: Slot) -> Option<Slot> {
+        let (px, handle) =
+            (slot.shape().0 * slot.shape().1, slot.handle.wrapping_byte_add(self.reader.byte() as usize % 8));
+        let mut short = vec![0f32; px];
+        let len = self.reader.size(2 * px);
+        // SAFETY: what is wrong is refused before memory is touched; a length that is right has its buffer.
+        let statuses = unsafe {
+            [
+                ffi::eld_begin(null_mut(), null()),
+                ffi::eld_begin(slot.handle, null()),
+                ffi::eld_step(null_mut(), 1),
+                ffi::eld_output(slot.handle, null_mut(), len, null_mut(), len),
+                ffi::eld_output(handle, short.as_mut_ptr(), if len == px { 0 } else { len }, null_mut(), 0),
+                ffi::eld_init(null_mut(), len, null(), len, null_mut()),
+                ffi::eld_telemetry(slot.handle, null_mut()),
+                ffi::eld_kernel_name(short.as_mut_ptr().cast(), len.min(4 * px)),
+            ]
+        };
+        for (number, status) in statuses.into_iter().enumerate() {
+            self.count(status);
+            assert!(number == 7 || !worked(status), "call {number}: {:?}", text(status));
+        }
+        slot.guarded();
+        Some(slot)
+    }
+
+    /// Bits flip.
+    fn damage(&mut self, mut slot: Slot) -> Option<Slot> {
+        let (how, bit) = (self.reader.byte(), self.reader.word() as usize);
+        let head = slot.head_bytes();
+        match how % 8 {
+            // One bit of the context: must not matter.
+            0..=3 => {
+                let (place, whole) = (bit % (8 * head), slot.whole);
+                slot.bytes()[place / 8] ^= 1 << (place % 8);
+                self.telemetry(&mut slot);
+                self.tally.repairs += usize::from(whole);
+            }
+            // Anything behind it.
+            4 => {
+                let place = bit % (8 * (slot.bytes().len() - head)) + 8 * head;
+                slot.bytes()[place / 8] ^= 1 << (place % 8);
+                slot.whole = false;
+            }
+            // Both copies.
+            5 => {
+                for at in [bit % (head / 2), head / 2 + bit / 64 % (head / 2)] {
+                    slot.bytes()[at] ^= how | 1;
+                }
+                slot.whole = false;
+            }
+            // The model, in use: its header, or constants. (Records whose bits flip in use are the runner's own affair.)
+            6 => {
+                let (start, len) = slot.constants;
+                let place =
+                    if how & 8 == 0 || len == 0 { bit % (8 * HEADER_BYTES) } else { 8 * start + bit % (8 * len) };
+                slot.model[place / 8] ^= 1 << (place % 8);
+                slot.whole = false;
+            }
+            _ => return None,
+        }
+        Some(slot)
+    }
+}
