@@ -3,6 +3,7 @@
 #
 #   ./ci.sh               everything, in this order
 #   ./ci.sh format lint   only these steps: format lint test checked backends no_std boards architecture fuzz
+#   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
 set -euo pipefail
@@ -71,14 +72,24 @@ no_std() {
     fi
 }
 
-# Bare boards under QEMU: same bytes out as on the host, and no more instructions than recorded.
-boards() {
+# Whether boards can be built and run; says so if not.
+has_boards() {
     local missing
-    if ! missing="$(onboard/flight/boards/setup.sh --check)"; then
-        echo "SKIPPED: boards: $missing (onboard/flight/boards/setup.sh installs it)"
-        return
-    fi
+    missing="$(onboard/flight/boards/setup.sh --check)" && return
+    echo "SKIPPED: boards: $missing (onboard/flight/boards/setup.sh installs it)"
+    return 1
+}
+
+# Bare boards under QEMU: same bytes out as on the host, within the budgets; and what can be proved of the programs.
+boards() {
+    has_boards || return 0
     onboard/flight/boards/run.sh
+    onboard/flight/proofs/run.sh
+}
+
+no_panic() {
+    has_boards || return 0
+    onboard/flight/proofs/run.sh --proof panics
 }
 
 architecture() {
@@ -100,13 +111,13 @@ fuzz() {
 [ $# -gt 0 ] || set -- format lint test checked backends no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | checked | backends | no_std | boards | architecture | fuzz)
+    format | lint | test | checked | backends | no_std | boards | no_panic | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test checked backends no_std boards architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test checked backends no_std boards no_panic architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

@@ -47,6 +47,7 @@ pub mod mask;
 pub mod metrics;
 pub mod nn;
 pub mod norm;
+mod part;
 pub mod photoclinometry;
 pub mod quant;
 pub mod terrain;

@@ -13,6 +13,7 @@ pub mod error;
 pub mod evaluate;
 pub mod experiment;
 pub mod export;
+pub mod faults;
 pub mod hillshade;
 pub mod illumination;
 pub mod inspect;

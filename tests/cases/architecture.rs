@@ -20,14 +20,16 @@ const FLIGHT_PACKAGES: [&str; 5] = ["libm", "heapless", "hash32", "byteorder", "
 /// Longest source file.
 const MAX_LINES: usize = 600;
 
-/// Where `unsafe` may stand: kernels, the C boundary, the start-up code of boards, and tests and benchmarks that count
-/// allocations or call C.
-const UNSAFE_ALLOWED: [&str; 7] = [
+/// Where `unsafe` may stand: kernels, the C boundary, the start-up code of boards, functions that tools find by name, and tests and
+/// benchmarks that count allocations or call C.
+const UNSAFE_ALLOWED: [&str; 9] = [
     "core/src/nn/kernels/",
     "onboard/capi/src/ffi.rs",
     "onboard/capi/tests/",
     "onboard/flight/demo/src/arch/",
+    "onboard/flight/demo/src/calls.rs",
     "onboard/flight/demo/src/mark.rs",
+    "onboard/flight/staticlib/src/proof.rs",
     "tests/",
     "benches/",
 ];

@@ -1,10 +1,10 @@
 //! Arbitrary bytes against the integer runner: what the fuzz targets and the seeded replays in `cases/` both run.
 
+use elunar_core::nn::format::seal_file;
 use elunar_core::nn::format::{HEADER_BYTES, word};
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{ENTRY_BYTES, Model, OPERATOR_BYTES, Progress, RunError, Runner, TENSOR_BYTES, required};
 use host_train::export::build::manifest;
-use host_train::export::write::seal;
 use host_train::export::{CalibrationTile, Options, Precision, export};
 use host_train::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
 use host_train::model::weights::{Array, Weights};
@@ -114,7 +114,7 @@ pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
             bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
         }
     }
-    seal(&mut bytes);
+    seal_file(&mut bytes);
     bytes
 }
 
@@ -157,7 +157,7 @@ fn run(bytes: &[u8]) -> bool {
         let refused = Runner::with_kernel(kernel, model, &mut memory[..needed - 1]).map(|_| ());
         assert_eq!(refused, Err(RunError::ArenaTooSmall { required: needed, found: needed - 1 }));
         let mut runner = Runner::with_kernel(kernel, model, &mut memory[GUARD..GUARD + needed]).expect("enough memory");
-        runner.begin_self_test();
+        runner.begin_self_test().expect("the model is as it was");
         let mut done = false;
         while !done && runner.telemetry().macs < BUDGET_MACS {
             done = runner.step(100_000).expect("a tile is begun") == Progress::Done;

@@ -1,6 +1,7 @@
 //! Reading and writing tensors in the caller's bytes.
 
 use super::program::{Dtype, Edge, Tensor};
+use crate::part::{copy, part, part_mut};
 
 /// The lent memory: tensors at their planned offsets, then scratch memory of the operator at work, then a few bytes that
 /// kernels may read (and multiply by 0) behind the last sample.
@@ -20,7 +21,7 @@ impl Arena<'_> {
     #[inline(always)]
     pub(crate) fn float(&self, t: &Tensor, row: usize, index: usize) -> f32 {
         let at = t.row_offset(row) + 4 * index;
-        self.bytes[at..].first_chunk().map_or(0.0, |&b| f32::from_le_bytes(b))
+        self.bytes.get(at..).and_then(|b| b.first_chunk()).map_or(0.0, |&b| f32::from_le_bytes(b))
     }
 
     /// Fills the margins of row `row` from its first and last pixel, or with the code of 0.
@@ -32,19 +33,21 @@ impl Arena<'_> {
         let (planes, plane, side) = (t.dtype.bytes(), t.plane_bytes(), t.margin * t.channels);
         for p in 0..planes {
             let start = t.row_offset(row) + p * plane;
-            let row = &mut self.bytes[start..start + plane];
+            let row = part_mut(self.bytes, start, plane);
+            let Some((left, rest)) = row.split_at_mut_checked(side) else { continue };
+            let Some((middle, right)) = rest.split_at_mut_checked(rest.len().saturating_sub(side)) else { continue };
             match t.edge {
                 Edge::Zero => {
                     let code = zero_code(t, p);
-                    row[..side].fill(code);
-                    row[plane - side..].fill(code);
+                    left.fill(code);
+                    right.fill(code);
                 }
                 Edge::Nearest => {
-                    for m in 0..t.margin {
-                        row.copy_within(side..side + t.channels, m * t.channels);
-                        let last = plane - side - t.channels;
-                        row.copy_within(last..last + t.channels, plane - side + m * t.channels);
-                    }
+                    let channels = t.channels.max(1);
+                    let (first, last) =
+                        (part(middle, 0, channels), part(middle, middle.len().wrapping_sub(channels), channels));
+                    left.chunks_mut(channels).for_each(|pixel| copy(pixel, first));
+                    right.chunks_mut(channels).for_each(|pixel| copy(pixel, last));
                 }
             }
         }
@@ -94,7 +97,7 @@ impl Row {
     #[inline(always)]
     pub(crate) fn values(&self, bytes: &[u8], index: usize, out: &mut [i32]) {
         let at = self.at + index;
-        let (low, high) = (&bytes[at..at + out.len()], &bytes[at + self.high..][..out.len()]);
+        let (low, high) = (part(bytes, at, out.len()), part(bytes, at.wrapping_add(self.high), out.len()));
         let wide = self.high != 0;
         let one = |low: u8, high: u8| if wide { join(low, high) } else { low as i32 - self.zero };
         // Whole groups first: rows are short, and a loop of unknown length is worth little to a vectoriser.
@@ -114,9 +117,9 @@ impl Row {
     #[inline(always)]
     pub(crate) fn store(&self, bytes: &mut [u8], index: usize, codes: &[i32]) {
         let at = self.at + index;
-        narrow(&mut bytes[at..at + codes.len()], codes, 0);
+        narrow(part_mut(bytes, at, codes.len()), codes, 0);
         if self.high != 0 {
-            narrow(&mut bytes[at + self.high..][..codes.len()], codes, 1);
+            narrow(part_mut(bytes, at.wrapping_add(self.high), codes.len()), codes, 1);
         }
     }
 }

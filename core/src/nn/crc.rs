@@ -31,7 +31,7 @@ impl Default for Crc32c {
 impl Crc32c {
     /// Takes in more bytes.
     pub fn update(&mut self, bytes: &[u8]) {
-        self.0 = bytes.iter().fold(self.0, |crc, &b| TABLE[((crc ^ b as u32) & 0xff) as usize] ^ (crc >> 8));
+        self.0 = bytes.iter().fold(self.0, |crc, &b| TABLE[(crc as u8 ^ b) as usize] ^ (crc >> 8));
     }
 
     /// One that has taken in something whose checksum is `value`.

@@ -64,6 +64,8 @@ pub enum OperatorFault {
     Constants,
     /// An accumulator could leave its integer type.
     Overflow,
+    /// The record's seal does not match its words.
+    Seal,
 }
 
 impl fmt::Display for OperatorFault {
@@ -76,6 +78,7 @@ impl fmt::Display for OperatorFault {
             Self::Type => "tensor of the wrong type",
             Self::Constants => "constants out of bounds or illegal",
             Self::Overflow => "accumulator could overflow",
+            Self::Seal => "seal broken",
         })
     }
 }
@@ -132,10 +135,22 @@ pub enum RunError {
         /// Checksum of what was computed.
         found: u32,
     },
-    /// Scrubbing found a chunk of the model changed since it was loaded.
+    /// A chunk of the model changed since it was loaded; `u32::MAX` stands for the header or the list of checksums.
     ModelChanged {
         /// Which chunk.
         chunk: u32,
+    },
+    /// The records of an entry of the schedule changed since the model was loaded. The tile is lost; nothing was written where it should not.
+    ProgramChanged {
+        /// Which entry.
+        entry: u32,
+    },
+    /// A row of a map is not what was written there. The tile is lost: begin it again.
+    DataChanged {
+        /// Which tensor.
+        tensor: u32,
+        /// Which row.
+        row: u32,
     },
 }
 
@@ -149,7 +164,16 @@ impl fmt::Display for RunError {
             Self::SelfTest { expected, found } => {
                 write!(f, "self test: expected output checksum {expected:08x}, found {found:08x}")
             }
+            Self::ModelChanged { chunk: u32::MAX } => {
+                f.write_str("the model's header or its checksums changed in memory")
+            }
             Self::ModelChanged { chunk } => write!(f, "chunk {chunk} of the model changed in memory"),
+            Self::ProgramChanged { entry } => {
+                write!(f, "entry {entry} of the model's schedule, or its records, changed in memory")
+            }
+            Self::DataChanged { tensor, row } => {
+                write!(f, "row {row} of tensor {tensor} changed in memory: begin the tile again")
+            }
         }
     }
 }

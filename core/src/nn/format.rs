@@ -2,22 +2,28 @@
 //!
 //! ```text
 //! byte 0    header, 32 little-endian u32 words (below); its last word is the CRC32C of the first 31
-//!      128  one CRC32C per chunk of the body; word 30 of the header is the CRC32C of this list
+//!      128  per chunk of the body its CRC32C and its quick checksum (`sum.rs`); word 30 of the header is the CRC32C of this list
 //!      ...  body, cut into chunks of CHUNK_BYTES (the last may be shorter): text, tensors, operators, schedule, constants
 //! ```
-//! Every byte of the file is under exactly one checksum, so that any single flipped byte is refused.
+//! Every byte of the file is under exactly one CRC, so that any single flipped byte is refused. The quick checksums are for looking again,
+//! after every tile; so are the seals, the last words of the records of tensors, operators and entries: the quick checksum of the others.
 
 use super::crc::{Crc32c, crc32c};
 use super::error::ModelError;
+use super::program::{ENTRY_BYTES, Entry, OPERATOR_BYTES, TENSOR_BYTES};
+use super::sum::{seal, sum};
+use crate::part::{copy, head, part, part_mut};
 
 /// First eight bytes; as in PNG, transfers that change line ends or strip bit 7 destroy it.
 pub const MAGIC: [u8; 8] = *b"\x89ELD\r\n\x1a\n";
 /// Version of the format.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 128;
 /// Bytes under one checksum.
 pub const CHUNK_BYTES: usize = 16 * 1024;
+/// Bytes of the list of checksums per chunk.
+pub const CHUNK_RECORD_BYTES: usize = 8;
 /// "No such tensor or constant" in the file.
 pub const NONE: u32 = u32::MAX;
 
@@ -85,6 +91,50 @@ pub fn i64_at(bytes: &[u8], offset: usize) -> i64 {
     bytes.get(offset..).and_then(|rest| rest.first_chunk()).map_or(0, |&word| i64::from_le_bytes(word))
 }
 
+/// The last word of a record, from the others.
+fn seal_of(record: &[u8]) -> u32 {
+    let words = record.as_chunks::<4>().0;
+    seal(head(words, words.len().saturating_sub(1)).iter().map(|word| u32::from_le_bytes(*word)))
+}
+
+/// Whether a record's last word is its seal.
+pub fn sealed(record: &[u8]) -> bool {
+    record.last_chunk().is_some_and(|&word| u32::from_le_bytes(word) == seal_of(record))
+}
+
+/// Writes the last word of a record.
+pub fn seal_record(record: &mut [u8]) {
+    let seal = seal_of(record);
+    if let Some(last) = record.last_chunk_mut() {
+        *last = seal.to_le_bytes();
+    }
+}
+
+/// Writes every checksum of a file whose header and body are otherwise in place, the seals of records too; does nothing to bytes that are
+/// shorter than their header says.
+pub fn seal_file(bytes: &mut [u8]) {
+    let word = |bytes: &[u8], index: usize| u32_at(bytes, 4 * index) as usize;
+    let put = |bytes: &mut [u8], at: usize, value: u32| {
+        copy(part_mut(bytes, at, 4), &value.to_le_bytes());
+    };
+    for (index, size) in [(word::TENSORS, TENSOR_BYTES), (word::OPERATORS, OPERATOR_BYTES)] {
+        let (start, count) = (word(bytes, index), word(bytes, index + 1));
+        part_mut(bytes, start, count.saturating_mul(size)).chunks_mut(size).for_each(seal_record);
+    }
+    let (start, count) = (word(bytes, word::SCHEDULE), word(bytes, word::SCHEDULE + 1));
+    part_mut(bytes, start, count.saturating_mul(ENTRY_BYTES)).as_chunks_mut().0.iter_mut().for_each(Entry::seal_record);
+    let list_bytes = CHUNK_RECORD_BYTES * word(bytes, word::CHUNKS);
+    let Some((head, body)) = bytes.split_at_mut_checked(HEADER_BYTES.saturating_add(list_bytes)) else { return };
+    for (index, chunk) in body.chunks(CHUNK_BYTES).enumerate() {
+        put(head, HEADER_BYTES + CHUNK_RECORD_BYTES * index, crc32c(chunk));
+        put(head, HEADER_BYTES + CHUNK_RECORD_BYTES * index + 4, sum(chunk));
+    }
+    let list = crc32c(part(head, HEADER_BYTES, list_bytes));
+    put(head, 4 * word::LIST_CRC, list);
+    let header = crc32c(part(head, 0, 4 * word::HEADER_CRC));
+    put(head, 4 * word::HEADER_CRC, header);
+}
+
 /// Bytes that carry a valid header; the chunks are not judged until [`RawModel::verify`].
 #[derive(Debug, Clone, Copy)]
 pub struct RawModel<'a> {
@@ -108,14 +158,15 @@ impl<'a> RawModel<'a> {
         if raw.word(word::VERSION) != VERSION {
             return Err(ModelError::Version { found: raw.word(word::VERSION) });
         }
-        if crc32c(&bytes[..4 * word::HEADER_CRC]) != raw.word(word::HEADER_CRC) {
+        if !raw.header_holds() {
             return Err(ModelError::HeaderChecksum);
         }
         if raw.word(word::FILE_BYTES) as u64 != found {
             return Err(ModelError::Length { expected: raw.word(word::FILE_BYTES) as u64, found });
         }
         let chunks = raw.word(word::CHUNKS) as u64;
-        let body = found.checked_sub(HEADER_BYTES as u64 + 4 * chunks).ok_or(ModelError::Header)?;
+        let body =
+            found.checked_sub(HEADER_BYTES as u64 + CHUNK_RECORD_BYTES as u64 * chunks).ok_or(ModelError::Header)?;
         if raw.word(word::CHUNK_BYTES) as usize != CHUNK_BYTES || chunks != body.div_ceil(CHUNK_BYTES as u64) {
             return Err(ModelError::Header);
         }
@@ -134,18 +185,34 @@ impl<'a> RawModel<'a> {
 
     /// First byte of the body.
     pub fn body_offset(&self) -> usize {
-        HEADER_BYTES + 4 * self.chunks() as usize
+        HEADER_BYTES + CHUNK_RECORD_BYTES * self.chunks() as usize
     }
 
     /// The bytes of chunk `index`.
     pub fn chunk(&self, index: u32) -> &'a [u8] {
-        let body = self.bytes.get(self.body_offset()..).unwrap_or(&[]);
-        body.chunks(CHUNK_BYTES).nth(index as usize).unwrap_or(&[])
+        let start = self.body_offset().saturating_add((index as usize).saturating_mul(CHUNK_BYTES));
+        let rest = self.bytes.get(start..).unwrap_or_default();
+        head(rest, rest.len().min(CHUNK_BYTES))
     }
 
     /// The stored checksum of chunk `index`.
     pub fn chunk_crc(&self, index: u32) -> u32 {
-        u32_at(self.bytes, HEADER_BYTES + 4 * index as usize)
+        u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize)
+    }
+
+    /// Whether chunk `index` has its quick checksum, `sum` being a kernel's way to compute it.
+    pub(crate) fn chunk_holds(&self, index: u32, sum: fn(&[u8]) -> u32) -> bool {
+        sum(self.chunk(index)) == u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize + 4)
+    }
+
+    pub(super) fn header_holds(&self) -> bool {
+        crc32c(part(self.bytes, 0, 4 * word::HEADER_CRC)) == self.word(word::HEADER_CRC)
+    }
+
+    /// Whether header and list of checksums have theirs.
+    pub(crate) fn head_holds(&self) -> bool {
+        let list = part(self.bytes, HEADER_BYTES, CHUNK_RECORD_BYTES * self.chunks() as usize);
+        self.header_holds() && crc32c(list) == self.word(word::LIST_CRC)
     }
 
     /// The whole file.
@@ -158,10 +225,11 @@ impl<'a> RawModel<'a> {
     /// # Errors
     /// [`ModelError::ChunkChecksum`] for the first that does not match.
     pub fn verify(&self) -> Result<(), ModelError> {
-        if crc32c(&self.bytes[HEADER_BYTES..self.body_offset()]) != self.word(word::LIST_CRC) {
+        if !self.head_holds() {
             return Err(ModelError::ChunkChecksum { chunk: u32::MAX });
         }
-        match (0..self.chunks()).find(|&chunk| crc32c(self.chunk(chunk)) != self.chunk_crc(chunk)) {
+        let holds = |&chunk: &u32| crc32c(self.chunk(chunk)) == self.chunk_crc(chunk) && self.chunk_holds(chunk, sum);
+        match (0..self.chunks()).find(|chunk| !holds(chunk)) {
             Some(chunk) => Err(ModelError::ChunkChecksum { chunk }),
             None => Ok(()),
         }
@@ -177,7 +245,7 @@ impl<'a> RawModel<'a> {
         if start < self.body_offset() as u64 || end > self.bytes.len() as u64 {
             return Err(ModelError::Header);
         }
-        Ok(&self.bytes[start as usize..end as usize])
+        Ok(part(self.bytes, start as usize, len_bytes as usize))
     }
 }
 
@@ -209,8 +277,8 @@ impl Scrub {
         let mut done = 0;
         while done < max_bytes {
             let chunk = raw.chunk(self.chunk);
-            let take = (max_bytes - done).min(chunk.len() - self.offset);
-            self.crc.update(&chunk[self.offset..self.offset + take]);
+            let take = (max_bytes - done).min(chunk.len().saturating_sub(self.offset));
+            self.crc.update(part(chunk, self.offset, take));
             (self.offset, done) = (self.offset + take, done + take);
             if self.offset < chunk.len() {
                 break;

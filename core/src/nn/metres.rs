@@ -6,6 +6,7 @@ use super::runner::Runner;
 use crate::error::NormError;
 use crate::mask;
 use crate::norm::{ElevationScale, Light, LightFit, Turn};
+use crate::part::{item, part};
 use crate::photoclinometry::{Guide, GuideInput, Photoclinometry};
 use crate::terrain::PixelSize;
 use core::fmt;
@@ -85,6 +86,7 @@ impl Runner<'_, '_> {
     /// # Errors
     /// [`TileError`]; then nothing has begun.
     pub fn begin_metres(&mut self, tile: &TileInput<'_>, scratch: &mut [f32]) -> Result<TileScale, TileError> {
+        self.judge_header().map_err(TileError::Run)?;
         let shape = self.model().tile();
         let expected = shape.0 * shape.1;
         let lengths = [tile.image.len(), tile.coarse_m.len(), tile.valid.map_or(expected, <[bool]>::len)];
@@ -113,36 +115,34 @@ impl Runner<'_, '_> {
         light: Light,
         turn: Turn,
         scratch: &mut [f32],
-    ) -> Result<(), NormError> {
+    ) -> Result<(), TileError> {
         let (shape, maps) = (self.model().tile(), self.model().image_maps());
         let plan = Photoclinometry::new(shape);
         let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
         let input = GuideInput { image, coarse_m, valid, turn, coarse_px };
         let guide = Guide::new(&plan, input, elevation, light.mirrored(turn), scratch)?;
-        self.load(|i| guide.image(i / maps)[i % maps], |i| guide.coarse(i));
-        Ok(())
+        self.load(|i| item(&guide.image(i / maps.max(1)), i % maps.max(1)), |i| guide.coarse(i)).map_err(TileError::Run)
     }
 
-    fn begin_ranged(&mut self, tile: &TileInput<'_>, elevation: &ElevationScale, turn: Turn) -> Result<(), NormError> {
+    fn begin_ranged(&mut self, tile: &TileInput<'_>, elevation: &ElevationScale, turn: Turn) -> Result<(), TileError> {
         let TileInput { image, coarse_m, valid, .. } = *tile;
         let shape = self.model().tile();
         let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
         let span = max - min;
         if !(span.is_finite() && span > 0.0) {
-            return Err(NormError::ConstantImage);
+            return Err(NormError::ConstantImage.into());
         }
         let brightness = |i: usize| {
             let pixel = turn.source(i, shape);
-            if mask::counts(image, valid, pixel) { (image[pixel] - min) / span } else { 0.0 }
+            if mask::counts(image, valid, pixel) { (item(image, pixel) - min) / span } else { 0.0 }
         };
         let height = |i: usize| {
             let (mut z, pixel) = ([0.0], turn.source(i, shape));
             // One sample in, one out: the lengths agree.
-            let _ = elevation.normalise(&coarse_m[pixel..=pixel], &mut z);
+            let _ = elevation.normalise(part(coarse_m, pixel, 1), &mut z);
             z[0]
         };
-        self.load(brightness, height);
-        Ok(())
+        self.load(brightness, height).map_err(TileError::Run)
     }
 
     fn elevation_scale(&self, tile: &TileInput<'_>) -> Result<ElevationScale, NormError> {
@@ -170,7 +170,7 @@ impl Runner<'_, '_> {
         for i in 0..out_m.len() {
             let from = scale.turn.source(i, shape);
             // Mirroring exchanges pixels in pairs.
-            if from > i {
+            if from > i && from < out_m.len() {
                 out_m.swap(i, from);
             }
         }

@@ -8,7 +8,9 @@
 //! 3. [`Runner::begin`] quantises image and coarse DTM; [`Runner::step`] works for a bounded number of multiply-accumulates;
 //!    [`Runner::output`] gives normalised elevation as f32, straight from the last layer's accumulators.
 //!    [`Runner::begin_metres`] and [`Runner::heights`] do the same in physical units.
-//! 4. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
+//! 4. Memory is not trusted ([`Runner::protect`]): records of the program are sealed and looked at before they are used, every row of a map
+//!    carries a checksum that is compared whenever the row is read, and the whole model is compared after the last step.
+//! 5. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
 //!
 //! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
 //! same tile, same bytes on every machine.
@@ -22,10 +24,12 @@ pub mod kernels;
 mod metres;
 mod model;
 mod ops;
+mod prepared;
 mod program;
 mod runner;
 mod schedule;
 mod self_test;
+mod sum;
 mod suspend;
 mod tensor;
 
@@ -34,6 +38,7 @@ pub use error::{ModelError, OperatorFault, RunError};
 pub use input::{Illumination, TruthRange};
 pub use metres::{TileError, TileInput, TileScale, validity};
 pub use model::{MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model};
+pub use prepared::Prepared;
 pub use program::{
     Attention, Conv, Dtype, ENTRY_BYTES, Edge, Enlarge, Entry, LayerNorm, MAX_ADD_SHIFT, MAX_MARGIN, OPERATOR_BYTES,
     Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,

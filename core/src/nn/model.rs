@@ -2,12 +2,14 @@
 
 use super::arena::OVERREAD;
 use super::error::{ModelError, OperatorFault};
-use super::format::{NONE, RawModel, i32_at, word};
+use super::format::{NONE, RawModel, i32_at, sealed, word};
 use super::input::{Illumination, TruthRange};
-use super::kernels::{PANEL, panel_count, panelled, panels};
+use super::kernels::{PANEL, panelled, panels};
 use super::ops::window_attention;
+use super::prepared::Prepared;
 use super::program::*;
 use super::schedule;
+use crate::part::{item, part};
 use crate::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE};
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 
@@ -40,6 +42,7 @@ pub struct Model<'a> {
     constants: &'a [u8],
     pub(super) scratch_offset: usize,
     pub(super) scratch_bytes: usize,
+    pub(super) sum_count: usize,
     pub(super) macs: u64,
 }
 
@@ -83,6 +86,7 @@ impl<'a> Model<'a> {
             constants: section(word::CONSTANTS, 1)?,
             scratch_offset: 0,
             scratch_bytes: 0,
+            sum_count: 0,
             macs: 0,
         })
     }
@@ -103,6 +107,10 @@ impl<'a> Model<'a> {
             {
                 return Err(refuse);
             }
+            if t.sums != self.sum_count {
+                return Err(refuse);
+            }
+            self.sum_count += t.ring;
             self.scratch_offset = self.scratch_offset.max(t.offset + t.size_bytes());
         }
         Ok(())
@@ -267,16 +275,17 @@ impl<'a> Model<'a> {
                         (&mut sums, &mut zeros),
                     )?;
                 }
-                let largest = &mut largest[conv.variant_kind(variant)];
-                for channel in 0..width.min(out.channels - first) {
+                let Some(largest) = largest.get_mut(conv.variant_kind(variant)) else { continue };
+                let channels = largest.iter_mut().zip(sums).zip(zeros).take(width.min(out.channels - first));
+                for (channel, ((largest, sum), zero)) in channels.enumerate() {
                     let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
                     // Sums wrap, so the stored bias may have wrapped too.
-                    let bias = ((bias as i64 + zeros[channel]) as i32).unsigned_abs() as u64;
-                    largest[channel] = largest[channel].max(sums[channel] + bias);
+                    let bias = ((bias as i64 + zero) as i32).unsigned_abs() as u64;
+                    *largest = (*largest).max(sum + bias);
                 }
             }
             for channel in 0..PANEL {
-                if largest.iter().map(|kind| kind[channel]).sum::<u64>() > i32::MAX as u64 {
+                if largest.iter().map(|kind| item(kind, channel)).sum::<u64>() > i32::MAX as u64 {
                     return Err(OperatorFault::Overflow);
                 }
             }
@@ -296,15 +305,16 @@ impl<'a> Model<'a> {
         let (magnitude, zero) = (t.magnitude() as u64, if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 });
         let weights = self.constant_slice(at, rows, 4 * width * groups(used))?;
         for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
-            let (channel, group) = (i % width, i / width % groups(used));
+            let (channel, group) = (i % width.max(1), i / width.max(1) % groups(used).max(1));
+            let (Some(sum), Some(total)) = (sums.get_mut(channel), zeros.get_mut(channel)) else { continue };
             for (b, &w) in four.iter().enumerate() {
                 let w = w as i8;
                 let filling = 4 * group + b >= used || first + channel >= channels;
                 if w == i8::MIN || (filling && w != 0) {
                     return Err(OperatorFault::Constants);
                 }
-                sums[channel] += w.unsigned_abs() as u64 * magnitude;
-                zeros[channel] += w as i64 * zero;
+                *sum += w.unsigned_abs() as u64 * magnitude;
+                *total += w as i64 * zero;
             }
         }
         Ok(weights.len())
@@ -343,7 +353,7 @@ impl<'a> Model<'a> {
         }
         let fits = (input.rows, input.cols, input.channels) == (out.rows, out.cols, 3 * out.channels)
             && a.heads <= out.channels
-            && out.channels % a.heads == 0
+            && out.channels.is_multiple_of(a.heads)
             && shifts[0] < out.rows
             && shifts[1] < out.cols;
         if !fits {
@@ -382,7 +392,7 @@ impl<'a> Model<'a> {
         if end > self.constants.len() as u64 {
             return Err(OperatorFault::Constants);
         }
-        Ok(&self.constants[offset..end as usize])
+        Ok(part(self.constants, offset, end as usize - offset))
     }
 
     // ---- what a validated model answers -------------------------------------------------------------------------------
@@ -463,9 +473,25 @@ impl<'a> Model<'a> {
         self.tensors.get(index as usize).map_or(Tensor::SINGLE, |record| Tensor::read(record))
     }
 
-    /// Operator `index`, or `None` beyond the last.
+    /// Operator `index`, or `None` beyond the last and if its record is not as it was written.
     pub fn operator(&self, index: usize) -> Option<Operator> {
         self.operators.get(index).and_then(|record| Operator::decode(record).ok())
+    }
+
+    /// Operator `index`, if its record is as it was written.
+    pub(super) fn sealed_operator(&self, index: usize) -> Option<Operator> {
+        self.operator(index)
+    }
+
+    /// Tensor `index`, if its record is as it was written.
+    pub(super) fn sealed_tensor(&self, index: u32) -> Option<Tensor> {
+        let record = self.tensors.get(index as usize)?;
+        sealed(record).then(|| Tensor::read(record))
+    }
+
+    /// Checksums of rows that the arena holds: one per row kept.
+    pub fn sum_count(&self) -> usize {
+        self.sum_count
     }
 
     /// Number of entries of the schedule.
@@ -473,10 +499,10 @@ impl<'a> Model<'a> {
         self.schedule.len()
     }
 
-    /// Entry `index` of the schedule, or `None` beyond the last.
+    /// Entry `index` of the schedule, or `None` beyond the last and if it is not as it was written.
     #[inline]
     pub fn entry(&self, index: usize) -> Option<Entry> {
-        self.schedule.get(index).map(Entry::decode)
+        self.schedule.get(index).and_then(Entry::decode)
     }
 
     /// Number of the tensor that takes the image.
@@ -502,7 +528,7 @@ impl<'a> Model<'a> {
     /// Constants from `offset` on, `len` bytes, both from a validated operator.
     #[inline]
     pub(crate) fn constants(&self, offset: usize, len: usize) -> &'a [u8] {
-        self.constants.get(offset..offset + len).unwrap_or(&[])
+        part(self.constants, offset, len)
     }
 
     /// The i32 constant number `index` of the list at `offset`.
@@ -512,62 +538,24 @@ impl<'a> Model<'a> {
     }
 
     /// Units of work in step `step` of an operator: a panel of output channels, a row of pixels, or a window.
-    #[inline]
     pub fn units(&self, operator: &Operator) -> usize {
-        match operator {
-            Operator::Conv(c) => panel_count(self.tensor(c.out).channels),
-            Operator::LayerNorm(_) | Operator::Enlarge(_) => 1,
-            Operator::Attention(a) => a.pieces(self.tensor(a.out).cols, a.shift_cols),
-        }
+        self.prepared(operator).units()
     }
 
-    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an enlargement too.
+    /// An operator with its tensors, whether or not the records are as they were written.
+    pub(super) fn prepared(&self, operator: &Operator) -> Prepared {
+        let inputs = operator.inputs().map(|tensor| tensor.map(|tensor| self.tensor(tensor)));
+        Prepared { operator: *operator, out: self.tensor(operator.output()), inputs }
+    }
+
+    /// Multiply-accumulates of one unit of one step (see [`Prepared::unit_macs`]).
     pub fn unit_macs(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
-        let out = self.tensor(operator.output());
-        match operator {
-            Operator::Conv(conv) => {
-                let (first, width) = super::kernels::panel(out.channels, unit);
-                self.taps(conv, &out, step) * (out.channels - first).min(width) as u64
-            }
-            Operator::LayerNorm(_) => 4 * (out.cols * out.channels) as u64,
-            Operator::Enlarge(_) => 8 * (out.cols * out.channels) as u64,
-            Operator::Attention(a) => {
-                let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
-                let tokens = ((rows.1 - rows.0) * (cols.1 - cols.0)) as u64;
-                2 * tokens * tokens * out.channels as u64
-            }
-        }
+        self.prepared(operator).unit_macs(step, unit)
     }
 
     /// Multiply-accumulates of a whole operator.
     pub fn operator_macs(&self, operator: &Operator) -> u64 {
-        let out = self.tensor(operator.output());
-        let steps = operator.steps(&out);
-        match operator {
-            Operator::Conv(conv) => {
-                let all = Conv { block: out.rows, ..*conv };
-                self.taps(&all, &out, 0).saturating_mul(out.channels as u64)
-            }
-            Operator::Attention(_) => (0..steps)
-                .map(|step| (0..self.units(operator)).map(|unit| self.unit_macs(operator, step, unit)).sum::<u64>())
-                .sum(),
-            _ => self.unit_macs(operator, 0, 0).saturating_mul(steps as u64),
-        }
-    }
-
-    /// Products per output channel in one step.
-    fn taps(&self, conv: &Conv, out: &Tensor, step: usize) -> u64 {
-        let channels: usize = conv.sources().map(|s| self.tensor(s).channels).sum();
-        let first = (conv.step_rows() * step).min(out.rows);
-        let rows = first..(first + conv.step_rows()).min(out.rows);
-        let taps = if conv.fold {
-            // Four samples along each axis, and one more for the two outermost outputs on each side.
-            let corrected = rows.clone().filter(|row| Phase::of(*row, out.rows / 2).correction.is_some()).count();
-            (4 * rows.len() + corrected) as u64 * (4 * out.cols + 4) as u64
-        } else {
-            (conv.kernel_rows * conv.kernel_cols) as u64 * (out.cols * rows.len()) as u64
-        };
-        taps * channels as u64
+        self.prepared(operator).macs()
     }
 
     /// Bytes that the packed weights of a convolution take.

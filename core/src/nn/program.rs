@@ -7,7 +7,8 @@
 //! layer norm that can gather 2x2 neighbours (patch merging); and window attention.
 
 use super::error::OperatorFault;
-use super::format::{NONE, i64_at, u32_at};
+use super::format::{NONE, i64_at, seal_record, sealed, u32_at};
+use super::sum::seal;
 pub use super::tensor::{Dtype, Edge, MAX_MARGIN, TENSOR_BYTES, Tensor};
 use core::ops::Range;
 
@@ -35,18 +36,34 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Reads an entry.
+    /// Reads an entry; `None` if its seal is broken.
     #[inline]
-    pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Self {
-        let half = |i: usize| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]) as usize;
-        Self { operator: half(0), first: half(1), count: half(2) }
+    pub fn decode(bytes: &[u8; ENTRY_BYTES]) -> Option<Self> {
+        let [a, b, c, d, e, f, g, h] = *bytes;
+        let halves = [[a, b], [c, d], [e, f]].map(u16::from_le_bytes);
+        let [operator, first, count] = halves.map(usize::from);
+        (Self::seal(halves) == u16::from_le_bytes([g, h])).then_some(Self { operator, first, count })
+    }
+
+    /// Writes the last of the four numbers of an entry's bytes.
+    pub(super) fn seal_record(bytes: &mut [u8; ENTRY_BYTES]) {
+        let [a, b, c, d, e, f, ..] = *bytes;
+        let [g, h] = Self::seal([[a, b], [c, d], [e, f]].map(u16::from_le_bytes)).to_le_bytes();
+        *bytes = [a, b, c, d, e, f, g, h];
+    }
+
+    /// The last of its four numbers, from the others.
+    fn seal(halves: [u16; 3]) -> u16 {
+        let whole = seal(halves.map(u32::from));
+        (whole ^ whole >> 16) as u16
     }
 
     /// The entry's bytes. Each number is below 65536.
     pub fn encode(&self) -> [u8; ENTRY_BYTES] {
         let mut bytes = [0; ENTRY_BYTES];
-        let halves = [self.operator, self.first, self.count];
-        bytes.as_chunks_mut::<2>().0.iter_mut().zip(halves).for_each(|(b, v)| *b = (v as u16).to_le_bytes());
+        let halves = [self.operator, self.first, self.count].map(|v| v as u16);
+        let all = halves.into_iter().chain([Self::seal(halves)]);
+        bytes.as_chunks_mut::<2>().0.iter_mut().zip(all).for_each(|(b, v)| *b = v.to_le_bytes());
         bytes
     }
 }
@@ -220,7 +237,7 @@ impl Attention {
     /// The pieces into which an axis of `len` pixels is cut: of the axis filled up to whole windows, piece `index`.
     #[inline]
     pub const fn piece(&self, len: usize, shift: usize, index: usize) -> (usize, usize) {
-        let whole = len.div_ceil(self.window) * self.window;
+        let whole = len.div_ceil(at_least_one(self.window)) * self.window;
         let start = if shift == 0 || index == 0 { index * self.window } else { shift + (index - 1) * self.window };
         let end = if shift == 0 { start + self.window } else { shift + index * self.window };
         (start, if end < whole { end } else { whole })
@@ -228,8 +245,13 @@ impl Attention {
 
     /// Number of pieces that contain pixels of the map.
     pub const fn pieces(&self, len: usize, shift: usize) -> usize {
-        if shift == 0 { len.div_ceil(self.window) } else { 1 + (len - min(shift, len)).div_ceil(self.window) }
+        let window = at_least_one(self.window);
+        if shift == 0 { len.div_ceil(window) } else { 1 + (len - min(shift, len)).div_ceil(window) }
     }
+}
+
+const fn at_least_one(n: usize) -> usize {
+    if n == 0 { 1 } else { n }
 }
 
 const fn min(a: usize, b: usize) -> usize {
@@ -253,8 +275,11 @@ impl Operator {
     /// Reads a record.
     ///
     /// # Errors
-    /// [`OperatorFault::Kind`] for an unknown kind.
+    /// [`OperatorFault::Kind`] for an unknown kind, [`OperatorFault::Seal`] for a broken seal.
     pub fn decode(record: &[u8]) -> Result<Self, OperatorFault> {
+        if !sealed(record) {
+            return Err(OperatorFault::Seal);
+        }
         let word = |i: usize| u32_at(record, 4 * i);
         let size = |i: usize| word(i) as usize;
         let option = |i: usize| Some(word(i)).filter(|&v| v != NONE);
@@ -361,9 +386,10 @@ impl Operator {
             ]]),
             Self::Enlarge(e) => filled(&[&[KIND_ENLARGE, e.out, e.input]]),
         };
-        words[..fields.len()].copy_from_slice(&fields);
+        words.iter_mut().zip(fields).for_each(|(word, field)| *word = field);
         let mut record = [0; OPERATOR_BYTES];
         record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
+        seal_record(&mut record);
         record
     }
 
@@ -405,7 +431,7 @@ impl Operator {
     pub const fn steps(&self, out: &Tensor) -> usize {
         match self {
             Self::Enlarge(_) => out.rows / 2,
-            Self::Conv(c) => out.rows.div_ceil(c.step_rows()),
+            Self::Conv(c) => out.rows.div_ceil(at_least_one(c.step_rows())),
             Self::LayerNorm(_) => out.rows,
             Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
         }
@@ -461,7 +487,7 @@ impl Conv {
     /// Output rows of a step; the last step may make fewer.
     #[inline]
     pub const fn step_rows(&self) -> usize {
-        let block = if self.block == 0 { 1 } else { self.block };
+        let block = at_least_one(self.block);
         if self.fold { 2 * block } else { block }
     }
 
@@ -479,7 +505,7 @@ impl Conv {
     #[inline]
     pub const fn extent(&self, variant: usize) -> (usize, usize) {
         if self.fold {
-            (PHASE_TAPS[variant / PHASES], PHASE_TAPS[variant % PHASES])
+            (PHASE_TAPS[variant / PHASES % PHASES], PHASE_TAPS[variant % PHASES])
         } else {
             (self.kernel_rows, self.kernel_cols)
         }

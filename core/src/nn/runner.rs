@@ -3,15 +3,22 @@
 use super::arena::{Arena, OVERREAD, Row};
 use super::crc::Crc32c;
 use super::error::RunError;
-use super::format::{NONE, Scrub};
+use super::format::{CHUNK_BYTES, NONE, Scrub};
 use super::kernels::Kernel;
 use super::model::Model;
+use super::prepared::Prepared;
 use super::program::Tensor;
 use super::self_test;
+use crate::part::{copy, head, item, part, part_mut};
 use crate::quant::params::quantise;
 
 /// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
 pub fn required(model: &Model<'_>) -> usize {
+    sums_offset(model) + 4 * model.sum_count()
+}
+
+/// Where the checksums of rows lie: behind everything else.
+fn sums_offset(model: &Model<'_>) -> usize {
     model.scratch_offset() + model.scratch_bytes() + OVERREAD
 }
 
@@ -45,12 +52,22 @@ pub struct Telemetry {
     pub scrub_faults: u64,
     /// Self tests that failed.
     pub self_test_faults: u64,
+    /// Tiles given up because the model or a map had changed in memory.
+    pub tile_faults: u64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     Idle,
-    At { entry: usize, step: usize, unit: usize },
+    At {
+        entry: usize,
+        step: usize,
+        unit: usize,
+    },
+    /// All is computed; the model is compared from this chunk on.
+    Judging {
+        chunk: u32,
+    },
     Done,
 }
 
@@ -61,6 +78,7 @@ pub struct Runner<'a, 'm> {
     model: Model<'a>,
     arena: Arena<'m>,
     pub(super) state: State,
+    pub(super) protected: bool,
     pub(super) scrub: Scrub,
     pub(super) telemetry: Telemetry,
 }
@@ -84,13 +102,19 @@ impl<'a, 'm> Runner<'a, 'm> {
         if found < required {
             return Err(RunError::ArenaTooSmall { required, found });
         }
-        let arena = Arena { bytes: &mut arena[..required], scratch: model.scratch_offset() };
-        Ok(Self { kernel, model, arena, state: State::Idle, scrub: Scrub::default(), telemetry: Telemetry::default() })
+        let arena = Arena { bytes: part_mut(arena, 0, required), scratch: model.scratch_offset() };
+        let (scrub, telemetry) = (Scrub::default(), Telemetry::default());
+        Ok(Self { kernel, model, arena, state: State::Idle, protected: true, scrub, telemetry })
     }
 
     /// Name of the kernel that computes.
     pub fn kernel(&self) -> &'static str {
         self.kernel.name()
+    }
+
+    /// Whether to look for changed memory, as a new runner does: it costs a few percent of a tile's time. From the next tile on.
+    pub fn protect(&mut self, protect: bool) {
+        (self.protected, self.state) = (protect, State::Idle);
     }
 
     /// The model.
@@ -120,28 +144,38 @@ impl<'a, 'm> Runner<'a, 'm> {
                 return Err(RunError::NotFinite { index });
             }
         }
-        self.load(|index| image[index], |index| coarse[index]);
-        Ok(())
+        self.load(|index| item(image, index), |index| item(coarse, index))
     }
 
     /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] judges it.
-    pub fn begin_self_test(&mut self) {
+    ///
+    /// # Errors
+    /// [`RunError::ModelChanged`].
+    pub fn begin_self_test(&mut self) -> Result<(), RunError> {
         let ((seed, _), (_, cols), nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
         let line = cols * self.model.image_maps();
-        self.load(|i| self_test::image_sample(seed, line, i), |i| self_test::coarse_sample(seed, cols, i, nr));
+        self.load(|i| self_test::image_sample(seed, line, i), |i| self_test::coarse_sample(seed, cols, i, nr))
     }
 
-    pub(super) fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) {
+    pub(super) fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) -> Result<(), RunError> {
+        self.judge_header()?;
         let model = self.model;
-        self.load_codes(model.image_tensor(), image);
+        self.load_codes(model.image_tensor(), image)?;
         if model.coarse_tensor() != NONE {
-            self.load_codes(model.coarse_tensor(), &coarse);
+            self.load_codes(model.coarse_tensor(), &coarse)?;
         }
         self.state = State::At { entry: 0, step: 0, unit: 0 };
+        Ok(())
     }
 
-    fn load_codes(&mut self, tensor: u32, sample: impl Fn(usize) -> f32) {
-        let tensor = self.model.tensor(tensor);
+    /// Whether the model's header is what it was: tile, roles of tensors, units.
+    pub(super) fn judge_header(&self) -> Result<(), RunError> {
+        let holds = !self.protected || self.model.raw().header_holds();
+        if holds { Ok(()) } else { Err(RunError::ModelChanged { chunk: u32::MAX }) }
+    }
+
+    fn load_codes(&mut self, tensor: u32, sample: impl Fn(usize) -> f32) -> Result<(), RunError> {
+        let tensor = self.model.sealed_tensor(tensor).ok_or(RunError::ProgramChanged { entry: 0 })?;
         let inverse = 1.0 / tensor.scale;
         for row in 0..tensor.rows {
             let to = Row::of(&tensor, row);
@@ -151,85 +185,192 @@ impl<'a, 'm> Runner<'a, 'm> {
                 const TOGETHER: usize = 64;
                 let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
                 let count = TOGETHER.min(line - at);
-                for (i, value) in values[..count].iter_mut().enumerate() {
+                for (i, value) in values.iter_mut().take(count).enumerate() {
                     *value = sample(row * line + at + i);
                 }
                 for i in 0..TOGETHER {
                     let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
                     (codes[i], clamps[i]) = (kept, clamped as u32);
                 }
-                self.telemetry.inputs_clamped += clamps[..count].iter().sum::<u32>() as u64;
-                to.store(self.arena.bytes, at, &codes[..count]);
+                self.telemetry.inputs_clamped += clamps.iter().take(count).sum::<u32>() as u64;
+                to.store(self.arena.bytes, at, head(&codes, count));
                 at += count;
             }
             self.arena.fill_margins(&tensor, row);
+            self.note(&tensor, row);
+        }
+        Ok(())
+    }
+
+    /// The bytes of a row, and the place of its checksum.
+    fn row(&self, t: &Tensor, row: usize) -> (&[u8], usize) {
+        let slot = if row < t.ring || t.ring == 0 { row } else { row % t.ring };
+        (part(self.arena.bytes, t.row_offset(row), t.row_bytes()), sums_offset(&self.model) + 4 * (t.sums + slot))
+    }
+
+    /// Writes down the checksum of a row that has just been made.
+    fn note(&mut self, t: &Tensor, row: usize) {
+        if self.protected {
+            let (bytes, place) = self.row(t, row);
+            let sum = (self.kernel.sum)(bytes);
+            copy(part_mut(self.arena.bytes, place, 4), &sum.to_le_bytes());
         }
     }
 
+    /// Whether a row is still what was written.
+    fn holds(&self, t: &Tensor, row: usize) -> bool {
+        let (bytes, place) = self.row(t, row);
+        !self.protected || part(self.arena.bytes, place, 4) == (self.kernel.sum)(bytes).to_le_bytes()
+    }
+
     /// Works until `budget_macs` multiply-accumulates are spent or the tile is done; at least one unit of work, so the budget
-    /// is overrun by less than one unit ([`Model::unit_macs`]). The work does not depend on the data.
+    /// is overrun by less than one unit ([`Model::unit_macs`]). The work does not depend on the data. A byte of the model that is compared after
+    /// the last operator counts as a multiply-accumulate.
     ///
     /// # Errors
-    /// [`RunError::State`] if no tile was begun.
+    /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if memory
+    /// has changed: then the tile is given up, to be begun again.
     pub fn step(&mut self, budget_macs: u64) -> Result<Progress, RunError> {
-        let State::At { mut entry, mut step, mut unit } = self.state else {
-            return if self.state == State::Done { Ok(Progress::Done) } else { Err(RunError::State) };
-        };
+        if let State::Idle = self.state {
+            return Err(RunError::State);
+        }
         self.telemetry.steps += 1;
+        let worked = self.work(budget_macs.max(1));
+        if worked.is_err() {
+            self.state = State::Idle;
+            self.telemetry.tile_faults += 1;
+        }
+        worked
+    }
+
+    fn work(&mut self, budget: u64) -> Result<Progress, RunError> {
         let mut spent = 0;
-        while let Some(now) = self.model.entry(entry) {
-            // The schedule names operators that exist.
-            let Some(operator) = self.model.operator(now.operator) else { break };
-            let units = self.model.units(&operator);
+        if let State::At { entry, step, unit } = self.state {
+            spent = self.compute(budget, (entry, step, unit))?;
+        }
+        while let State::Judging { chunk } = self.state {
+            if spent >= budget {
+                break;
+            }
+            let raw = self.model.raw();
+            if chunk == 0 && !raw.head_holds() {
+                return Err(RunError::ModelChanged { chunk: u32::MAX });
+            }
+            if !raw.chunk_holds(chunk, self.kernel.sum) {
+                return Err(RunError::ModelChanged { chunk });
+            }
+            spent += CHUNK_BYTES as u64;
+            self.state = State::Judging { chunk: chunk + 1 };
+            if chunk + 1 >= raw.chunks() {
+                self.finish();
+            }
+        }
+        Ok(if self.state == State::Done { Progress::Done } else { Progress::Running })
+    }
+
+    fn finish(&mut self) {
+        self.state = State::Done;
+        self.telemetry.tiles += 1;
+    }
+
+    /// Goes on with the schedule; returns what was spent.
+    fn compute(
+        &mut self,
+        budget: u64,
+        (mut entry, mut step, mut unit): (usize, usize, usize),
+    ) -> Result<u64, RunError> {
+        let mut spent = 0;
+        while entry < self.model.entry_count() {
+            let changed = RunError::ProgramChanged { entry: entry as u32 };
+            let now = self.model.entry(entry).ok_or(changed)?;
+            let prepared = Prepared::new(&self.model, now.operator).ok_or(changed)?;
+            let units = prepared.units();
             while step < now.count {
+                if unit == 0 {
+                    self.judge_reads(&prepared, now.first + step)?;
+                }
                 while unit < units {
-                    if spent >= budget_macs.max(1) {
+                    if spent >= budget {
                         self.state = State::At { entry, step, unit };
-                        return Ok(Progress::Running);
+                        return Ok(spent);
                     }
-                    let cost = self.model.unit_macs(&operator, now.first + step, unit);
-                    let cut = (self.kernel.unit)(&self.model, &operator, &mut self.arena, now.first + step, unit);
+                    let cost = prepared.unit_macs(now.first + step, unit);
+                    let cut = (self.kernel.unit)(&self.model, &prepared, &mut self.arena, now.first + step, unit);
                     self.telemetry.saturated += cut;
                     self.telemetry.macs += cost;
                     (spent, unit) = (spent + cost, unit + 1);
+                }
+                let (operator, out) = (&prepared.operator, &prepared.out);
+                for row in operator.rows_after(out, now.first + step)..operator.rows_after(out, now.first + step + 1) {
+                    self.note(out, row);
                 }
                 (step, unit) = (step + 1, 0);
             }
             (entry, step) = (entry + 1, 0);
         }
-        self.state = State::Done;
-        self.telemetry.tiles += 1;
-        Ok(Progress::Done)
+        if self.protected {
+            self.state = State::Judging { chunk: 0 };
+        } else {
+            self.finish();
+        }
+        Ok(spent)
+    }
+
+    /// Compares every row that a step reads with its checksum.
+    fn judge_reads(&self, prepared: &Prepared, step: usize) -> Result<(), RunError> {
+        if !self.protected {
+            return Ok(());
+        }
+        for (slot, (t, number)) in prepared.inputs.iter().zip(prepared.operator.inputs()).enumerate() {
+            let (Some(t), Some(number)) = (t, number) else { continue };
+            for row in prepared.operator.rows_read(&prepared.out, slot, t.rows, step) {
+                if !self.holds(t, row) {
+                    return Err(RunError::DataChanged { tensor: number, row: row as u32 });
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Copies the finished tile: normalised elevation, row-major, in the units of `coarse`.
     ///
     /// # Errors
-    /// [`RunError::State`] before the tile is done, [`RunError::TileSize`].
+    /// [`RunError::State`] before the tile is done, [`RunError::TileSize`], [`RunError::DataChanged`].
     pub fn output(&self, out: &mut [f32]) -> Result<(), RunError> {
         let tensor = self.finished()?;
         if out.len() != tensor.len() {
             return Err(RunError::TileSize { expected: tensor.len(), found: out.len() });
         }
-        for (row, out) in out.chunks_exact_mut(tensor.cols * tensor.channels).enumerate() {
+        for (row, out) in out.chunks_exact_mut((tensor.cols * tensor.channels).max(1)).enumerate() {
             out.iter_mut().enumerate().for_each(|(col, v)| *v = self.arena.float(&tensor, row, col));
         }
         Ok(())
     }
 
+    /// The output tensor of a finished tile whose rows are as they were written.
     fn finished(&self) -> Result<Tensor, RunError> {
-        if self.state == State::Done { Ok(self.model.tensor(self.model.output_tensor())) } else { Err(RunError::State) }
+        if self.state != State::Done {
+            return Err(RunError::State);
+        }
+        self.judge_header()?;
+        let number = self.model.output_tensor();
+        let changed = RunError::ProgramChanged { entry: self.model.entry_count() as u32 };
+        let tensor = self.model.sealed_tensor(number).ok_or(changed)?;
+        match (0..tensor.rows).find(|&row| !self.holds(&tensor, row)) {
+            Some(row) => Err(RunError::DataChanged { tensor: number, row: row as u32 }),
+            None => Ok(tensor),
+        }
     }
 
     /// CRC32C of the finished tile's little-endian f32 bytes.
     ///
     /// # Errors
-    /// [`RunError::State`] before the tile is done.
+    /// [`RunError::State`] before the tile is done, [`RunError::DataChanged`].
     pub fn output_crc(&self) -> Result<u32, RunError> {
         let tensor = self.finished()?;
         let mut crc = Crc32c::default();
         for row in 0..tensor.rows {
-            crc.update(&self.arena.bytes[tensor.row_offset(row)..][..tensor.row_bytes()]);
+            crc.update(self.row(&tensor, row).0);
         }
         Ok(crc.value())
     }
@@ -265,18 +406,18 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The entry of the schedule at work; the number of entries when done, `None` when idle.
+    /// The entry of the schedule at work; the number of entries when all are done, `None` when idle.
     pub fn position(&self) -> Option<usize> {
         match self.state {
             State::Idle => None,
             State::At { entry, .. } => Some(entry),
-            State::Done => Some(self.model.entry_count()),
+            State::Judging { .. } | State::Done => Some(self.model.entry_count()),
         }
     }
 
     /// The arena's bytes of tensor `index` as they are now, from its first to its last: for tests and diagnosis.
     pub fn tensor_bytes(&self, index: u32) -> &[u8] {
         let tensor = self.model.tensor(index);
-        &self.arena.bytes[tensor.offset..tensor.offset + tensor.size_bytes()]
+        part(self.arena.bytes, tensor.offset, tensor.size_bytes())
     }
 }

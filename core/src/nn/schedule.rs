@@ -4,32 +4,46 @@ use super::error::ModelError;
 use super::format::NONE;
 use super::model::{MAX_RECORDS, Model};
 use super::program::{Operator, Tensor};
+use crate::part::{item, put};
 use core::ops::Range;
 
 /// "None" in the lists below.
 const NOBODY: u16 = u16::MAX;
 
+/// A number for every tensor or operator.
+#[derive(Clone, Copy)]
+struct List([u16; MAX_RECORDS]);
+
+impl List {
+    fn at(&self, index: usize) -> u16 {
+        item(&self.0, index)
+    }
+
+    fn set(&mut self, index: usize, value: u16) {
+        put(&mut self.0, index, value);
+    }
+}
+
 /// What is known of every tensor and operator while playing.
 struct Play<'a, 'm> {
     model: &'a Model<'m>,
     /// The operator that writes a tensor.
-    writer: [u16; MAX_RECORDS],
+    writer: List,
     /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that touches it.
-    born: [u16; MAX_RECORDS],
-    dies: [u16; MAX_RECORDS],
+    born: List,
+    dies: List,
     /// The tensor that takes this one's place row by row: bytes of a row are this one's until the heir's row is made.
-    heir: [u16; MAX_RECORDS],
+    heir: List,
     /// The tensor whose place this one takes.
-    elder: [u16; MAX_RECORDS],
+    elder: List,
     /// Steps of each operator that are done.
-    done: [u16; MAX_RECORDS],
+    done: List,
 }
 
 /// Plays the schedule of a model whose operators are legal by themselves.
 pub(super) fn check(model: &Model<'_>) -> Result<(), ModelError> {
-    let all = [NOBODY; MAX_RECORDS];
-    let mut play =
-        Play { model, writer: all, born: all, dies: [0; MAX_RECORDS], heir: all, elder: all, done: [0; MAX_RECORDS] };
+    let (all, none) = (List([NOBODY; MAX_RECORDS]), List([0; MAX_RECORDS]));
+    let mut play = Play { model, writer: all, born: all, dies: none, heir: all, elder: all, done: none };
     play.find_lives()?;
     play.find_heirs()?;
     play.find_lines()?;
@@ -48,15 +62,15 @@ impl Play<'_, '_> {
         let last = self.model.entry_count() as u16;
         for input in [self.model.image_tensor(), self.model.coarse_tensor()] {
             if input != NONE {
-                self.born[input as usize] = 0;
+                self.born.set(input as usize, 0);
             }
         }
         for index in 0..self.model.operator_count() {
             let out = self.operator(index)?.output() as usize;
-            if self.writer[out] != NOBODY || self.born[out] == 0 {
+            if self.writer.at(out) != NOBODY || self.born.at(out) == 0 {
                 return Err(ModelError::Schedule { entry: 0 });
             }
-            self.writer[out] = index as u16;
+            self.writer.set(out, index as u16);
         }
         for number in 0..last {
             let refuse = ModelError::Schedule { entry: number as u32 };
@@ -64,12 +78,12 @@ impl Play<'_, '_> {
             let operator = self.model.operator(entry.operator).ok_or(refuse)?;
             let out = operator.output() as usize;
             // Entries count from 1: inputs are born at 0.
-            self.born[out] = self.born[out].min(number + 1);
+            self.born.set(out, self.born.at(out).min(number + 1));
             for tensor in operator.inputs().into_iter().flatten().chain([operator.output()]) {
-                self.dies[tensor as usize] = number + 1;
+                self.dies.set(tensor as usize, number + 1);
             }
         }
-        self.dies[self.model.output_tensor() as usize] = NOBODY;
+        self.dies.set(self.model.output_tensor() as usize, NOBODY);
         Ok(())
     }
 
@@ -78,11 +92,15 @@ impl Play<'_, '_> {
         for a in 0..self.model.tensor_count() {
             for b in 0..a {
                 let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
-                let used = self.born[a] != NOBODY && self.born[b] != NOBODY;
-                if !used || !first.overlaps(&second) || self.dies[a] < self.born[b] || self.dies[b] < self.born[a] {
+                let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
+                if !used
+                    || !first.overlaps(&second)
+                    || self.dies.at(a) < self.born.at(b)
+                    || self.dies.at(b) < self.born.at(a)
+                {
                     continue;
                 }
-                let (old, new) = if self.born[a] <= self.born[b] { (a, b) } else { (b, a) };
+                let (old, new) = if self.born.at(a) <= self.born.at(b) { (a, b) } else { (b, a) };
                 let adds = |index: u16| {
                     matches!(self.model.operator(index as usize), Some(Operator::Conv(c)) if c.add == Some(old as u32)
                         && c.first != old as u32 && c.second != Some(old as u32))
@@ -90,13 +108,13 @@ impl Play<'_, '_> {
                 // A sum takes the place of what is added sample by sample; a map that is kept whole may give way to any other
                 // row by row, but for the output. All that share bytes must be linked in this way, at once or through others:
                 // `find_lines`.
-                let sum = first.coincides(&second) && adds(self.writer[new]) && self.elder[new] == NOBODY;
+                let sum = first.coincides(&second) && adds(self.writer.at(new)) && self.elder.at(new) == NOBODY;
                 let (before, after) = if old == a { (first, second) } else { (second, first) };
                 let kept = old == self.model.output_tensor() as usize;
-                if !kept && self.heir[old] == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
-                    self.heir[old] = new as u16;
+                if !kept && self.heir.at(old) == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
+                    self.heir.set(old, new as u16);
                     if sum {
-                        self.elder[new] = old as u16;
+                        self.elder.set(new, old as u16);
                     }
                 }
             }
@@ -109,8 +127,12 @@ impl Play<'_, '_> {
         for a in 0..self.model.tensor_count() {
             for b in 0..a {
                 let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
-                let used = self.born[a] != NOBODY && self.born[b] != NOBODY;
-                if !used || !first.overlaps(&second) || self.dies[a] < self.born[b] || self.dies[b] < self.born[a] {
+                let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
+                if !used
+                    || !first.overlaps(&second)
+                    || self.dies.at(a) < self.born.at(b)
+                    || self.dies.at(b) < self.born.at(a)
+                {
                     continue;
                 }
                 if !self.descends(a, b) && !self.descends(b, a) {
@@ -124,7 +146,7 @@ impl Play<'_, '_> {
     fn descends(&self, from: usize, to: usize) -> bool {
         let mut at = from;
         for _ in 0..self.model.tensor_count() {
-            match self.heir[at] {
+            match self.heir.at(at) {
                 NOBODY => return false,
                 heir if heir as usize == to => return true,
                 heir => at = heir as usize,
@@ -135,12 +157,12 @@ impl Play<'_, '_> {
 
     /// Rows of a tensor that have been made.
     fn made(&self, tensor: usize, t: &Tensor) -> usize {
-        match self.writer[tensor] {
-            NOBODY => t.rows * (self.born[tensor] == 0) as usize,
+        match self.writer.at(tensor) {
+            NOBODY => t.rows * (self.born.at(tensor) == 0) as usize,
             writer => self
                 .model
                 .operator(writer as usize)
-                .map_or(0, |op| op.rows_after(t, self.done[writer as usize] as usize).min(t.rows)),
+                .map_or(0, |op| op.rows_after(t, self.done.at(writer as usize) as usize).min(t.rows)),
         }
     }
 
@@ -152,7 +174,7 @@ impl Play<'_, '_> {
             let out = self.model.tensor(operator.output());
             let steps = operator.steps(&out);
             if entry.count == 0
-                || entry.first != self.done[entry.operator] as usize
+                || entry.first != self.done.at(entry.operator) as usize
                 || entry.first + entry.count > steps
             {
                 return Err(refuse);
@@ -175,13 +197,13 @@ impl Play<'_, '_> {
                 if !self.untouched(operator.output() as usize, &out, written, None) {
                     return Err(refuse);
                 }
-                self.done[entry.operator] += 1;
+                self.done.set(entry.operator, self.done.at(entry.operator).saturating_add(1));
             }
         }
         let finished = (0..self.model.operator_count()).all(|index| {
             self.model
                 .operator(index)
-                .is_some_and(|op| self.done[index] as usize == op.steps(&self.model.tensor(op.output())))
+                .is_some_and(|op| self.done.at(index) as usize == op.steps(&self.model.tensor(op.output())))
         });
         if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
     }
@@ -196,7 +218,7 @@ impl Play<'_, '_> {
         let made = self.made(tensor, t);
         let (mut ahead, mut at) = (made, tensor);
         for _ in 0..self.model.tensor_count() {
-            match self.elder[at] {
+            match self.elder.at(at) {
                 NOBODY => break,
                 elder => at = elder as usize,
             }
@@ -209,10 +231,10 @@ impl Play<'_, '_> {
     fn untouched(&self, tensor: usize, t: &Tensor, first: usize, making: Option<(u32, usize)>) -> bool {
         let mut at = tensor;
         for _ in 0..self.model.tensor_count() {
-            if self.heir[at] == NOBODY {
+            if self.heir.at(at) == NOBODY {
                 break;
             }
-            at = self.heir[at] as usize;
+            at = self.heir.at(at) as usize;
             let heir = self.model.tensor(at as u32);
             let made = match making {
                 Some((number, made)) if number as usize == at => made,

@@ -2,6 +2,7 @@
 
 /// Sample `index` of the self-test image, in [0, 1): waves and noise, so that every code range is visited.
 pub(crate) fn image_sample(seed: u32, cols: usize, index: usize) -> f32 {
+    let cols = cols.max(1);
     let (row, col) = ((index / cols) as u32, (index % cols) as u32);
     let wave = (3 * row + 5 * col) & 127;
     let triangle = if wave < 64 { wave } else { 127 - wave };
@@ -10,6 +11,7 @@ pub(crate) fn image_sample(seed: u32, cols: usize, index: usize) -> f32 {
 
 /// Sample `index` of the self-test coarse DTM, in [0, nr): a staircase of 16x16 blocks.
 pub(crate) fn coarse_sample(seed: u32, cols: usize, index: usize, nr: f32) -> f32 {
+    let cols = cols.max(1);
     let block = (index / cols / 16) * cols.div_ceil(16) + index % cols / 16;
     nr * ((hash(!seed, block as u32) >> 8) as f32 / (1 << 24) as f32)
 }

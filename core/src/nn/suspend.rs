@@ -26,6 +26,8 @@ pub struct Verdict {
     pub scratch_offset: u32,
     /// Bytes of scratch memory.
     pub scratch_bytes: u32,
+    /// Checksums of rows in the arena.
+    pub sum_count: u32,
     /// Multiply-accumulates of a tile.
     pub macs: u64,
 }
@@ -33,9 +35,11 @@ pub struct Verdict {
 /// Where a runner stands; the default is a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Suspended {
-    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`] or [`Suspended::DONE`].
+    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::JUDGING`].
     pub phase: u32,
-    /// Entry of the schedule at work; 0 unless at work, as the next two.
+    /// 1 for a runner that trusts its memory, 0 for any other.
+    pub trusting: u32,
+    /// Entry of the schedule at work, or the chunk of the model to be compared next; else 0, as the next two unless at work.
     pub entry: u32,
     /// Step of that entry.
     pub step: u32,
@@ -58,6 +62,8 @@ impl Suspended {
     pub const AT_WORK: u32 = 1;
     /// A tile is finished and its output there.
     pub const DONE: u32 = 2;
+    /// All of a tile is computed; the model is being compared.
+    pub const JUDGING: u32 = 3;
 }
 
 impl<'a> Model<'a> {
@@ -68,6 +74,7 @@ impl<'a> Model<'a> {
             file_bytes: self.raw.bytes().len() as u32,
             scratch_offset: self.scratch_offset as u32,
             scratch_bytes: self.scratch_bytes as u32,
+            sum_count: self.sum_count as u32,
             macs: self.macs,
         }
     }
@@ -81,9 +88,12 @@ impl<'a> Model<'a> {
         let mut model = Self::open(RawModel::new(bytes)?)?;
         model.scratch_offset = verdict.scratch_offset as usize;
         model.scratch_bytes = verdict.scratch_bytes as usize;
+        model.sum_count = verdict.sum_count as usize;
         model.macs = verdict.macs;
         // Room for what `required` adds, on machines of 32 bits, too.
-        let sane = verdict.scratch_offset.checked_add(verdict.scratch_bytes).is_some_and(|sum| sum < u32::MAX / 2 + 1);
+        let parts =
+            [verdict.scratch_offset, verdict.scratch_bytes, verdict.sum_count, verdict.sum_count].map(u64::from);
+        let sane = parts.into_iter().sum::<u64>() + 2 * u64::from(verdict.sum_count) < 1 << 31;
         if sane && model.verdict() == *verdict { Ok(model) } else { Err(ModelError::HeaderChecksum) }
     }
 }
@@ -94,11 +104,13 @@ impl<'a, 'm> Runner<'a, 'm> {
         let (phase, entry, step, unit) = match self.state {
             State::Idle => (Suspended::IDLE, 0, 0, 0),
             State::At { entry, step, unit } => (Suspended::AT_WORK, entry, step, unit),
+            State::Judging { chunk } => (Suspended::JUDGING, chunk as usize, 0, 0),
             State::Done => (Suspended::DONE, 0, 0, 0),
         };
         let (scrub_chunk, scrub_offset, scrub_crc) = self.scrub.position();
         Suspended {
             phase,
+            trusting: !self.protected as u32,
             entry: entry as u32,
             step: step as u32,
             unit: unit as u32,
@@ -121,6 +133,11 @@ impl<'a, 'm> Runner<'a, 'm> {
     ) -> Result<Self, RunError> {
         let mut runner = Self::with_kernel(kernel, model, arena)?;
         runner.state = state(&model, suspended).ok_or(RunError::State)?;
+        runner.protected = match suspended.trusting {
+            0 => true,
+            1 => false,
+            _ => return Err(RunError::State),
+        };
         let Suspended { scrub_chunk, scrub_offset, scrub_crc, telemetry, .. } = *suspended;
         runner.scrub = Scrub::at(&model.raw, scrub_chunk, scrub_offset as usize, scrub_crc).ok_or(RunError::State)?;
         runner.telemetry = telemetry;
@@ -136,6 +153,9 @@ fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
             let now = model.entry(entry)?;
             let operator = model.operator(now.operator)?;
             (step < now.count && unit < model.units(&operator)).then_some(State::At { entry, step, unit })
+        }
+        Suspended::JUDGING if step == 0 && unit == 0 => {
+            (at.entry < model.raw.chunks()).then_some(State::Judging { chunk: at.entry })
         }
         phase if at.entry != 0 || at.step != 0 || at.unit != 0 || phase > Suspended::DONE => None,
         Suspended::DONE => Some(State::Done),

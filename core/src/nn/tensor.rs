@@ -1,9 +1,9 @@
 //! Tensor records: what a map is and where its rows lie in the arena.
 
-use super::format::u32_at;
+use super::format::{seal_record, sealed, u32_at};
 
 /// Bytes of a tensor record.
-pub const TENSOR_BYTES: usize = 52;
+pub const TENSOR_BYTES: usize = 60;
 /// Widest margin of a tensor, columns.
 pub const MAX_MARGIN: usize = 15;
 
@@ -87,6 +87,8 @@ pub struct Tensor {
     pub margin: usize,
     /// What the margin holds.
     pub edge: Edge,
+    /// Number of its first row's checksum in the arena's list: the rings of the tensors before it together.
+    pub sums: usize,
 }
 
 impl Tensor {
@@ -105,10 +107,12 @@ impl Tensor {
         pitch: 1,
         margin: 0,
         edge: Edge::Zero,
+        sums: 0,
     };
 
-    /// Reads a record; `None` if a field is outside its type's range.
+    /// Reads a record; `None` if a field is outside its type's range, or the record's seal is broken.
     pub fn decode(record: &[u8]) -> Option<Self> {
+        sealed(record).then_some(())?;
         let word = |i: usize| u32_at(record, 4 * i);
         let tensor = Self { dtype: Dtype::from_number(word(0))?, ..Self::read(record) };
         let (low, high) = match tensor.dtype {
@@ -145,6 +149,7 @@ impl Tensor {
             margin: word(10) as usize,
             edge: if word(11) == 0 { Edge::Zero } else { Edge::Nearest },
             pitch: word(12) as usize,
+            sums: word(13) as usize,
         }
     }
 
@@ -164,9 +169,11 @@ impl Tensor {
             self.margin as u32,
             (self.edge == Edge::Nearest) as u32,
             self.pitch as u32,
+            self.sums as u32,
         ];
         let mut record = [0; TENSOR_BYTES];
         record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
+        seal_record(&mut record);
         record
     }
 
@@ -199,7 +206,7 @@ impl Tensor {
     #[inline(always)]
     pub const fn row_offset(&self, row: usize) -> usize {
         // Most tensors keep all rows; a division is slow on small machines.
-        let slot = if row < self.ring { row } else { row % self.ring };
+        let slot = if row < self.ring || self.ring == 0 { row } else { row % self.ring };
         self.offset + slot * self.pitch
     }
 
@@ -232,7 +239,8 @@ impl Tensor {
     pub fn overwritten_by(&self, later: &Self) -> Option<isize> {
         let whole = self.ring == self.rows && later.ring == later.rows && self.pitch == later.pitch;
         let end = (later.offset + later.row_bytes()) as isize - self.offset as isize;
-        let rows = end.div_euclid(self.pitch as isize) + (end.rem_euclid(self.pitch as isize) != 0) as isize;
+        let pitch = isize::try_from(self.pitch).unwrap_or(isize::MAX).max(1);
+        let rows = end.div_euclid(pitch) + (end.rem_euclid(pitch) != 0) as isize;
         whole.then_some(rows - 1)
     }
 }

@@ -8,6 +8,7 @@
 //!
 //! [`Light`] is that b, the *contrast of a unit slope*. It points away from the Sun, and is the longer the lower the Sun stands.
 
+use crate::part::item;
 use crate::terrain::PixelSize;
 
 /// Contrast of a unit slope along columns and along rows.
@@ -190,15 +191,16 @@ impl LightFit {
         pixel: PixelSize,
         [top, left, side]: [usize; 3],
     ) {
-        let z = |i: usize| coarse_m[i];
+        let z = |i: usize| item(coarse_m, i);
         let (mut mean, mut real) = ([0.0f64; 3], true);
         let pixels = (top..top + side).flat_map(|row| row * cols + left..row * cols + left + side);
         for i in pixels {
-            let heights = [z(i - 1), z(i + 1), z(i - cols), z(i + cols)];
-            real &= crate::mask::counts(image, valid, i) && heights.iter().all(|&v| crate::mask::is_real(v));
-            mean[0] += f64::from(image[i]);
-            mean[1] += f64::from(z(i + 1)) - f64::from(z(i - 1));
-            mean[2] += f64::from(z(i + cols)) - f64::from(z(i - cols));
+            let [west, east, north, south] = [z(i.wrapping_sub(1)), z(i + 1), z(i.wrapping_sub(cols)), z(i + cols)];
+            real &= crate::mask::counts(image, valid, i)
+                && [west, east, north, south].into_iter().all(crate::mask::is_real);
+            mean[0] += f64::from(item(image, i));
+            mean[1] += f64::from(east) - f64::from(west);
+            mean[2] += f64::from(south) - f64::from(north);
         }
         if !real {
             return;

@@ -4,6 +4,7 @@
 //! Lengths are products of 2, 3, 4 and 5. No crate that needs neither heap nor std has such lengths (powers of two would make
 //! a tile's field half as large again).
 
+use crate::part::{copy, head, item, part, part_mut};
 use core::f64::consts::TAU;
 
 /// Most factors of a length.
@@ -47,8 +48,8 @@ impl Order {
     /// Where frequency `k` lies after the forward transform.
     pub(super) fn place(&self, k: usize) -> usize {
         let (mut rest, mut span, mut place) = (k, self.len, 0);
-        for &factor in &self.factors[..self.count] {
-            let factor = factor as usize;
+        for &factor in head(&self.factors, self.count) {
+            let factor = (factor as usize).max(1);
             span /= factor;
             place += rest % factor * span;
             rest /= factor;
@@ -84,12 +85,12 @@ pub(super) enum Way {
 
 /// Transforms all lanes. `roots` is the order's table.
 pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: Lanes, way: Way) {
-    let factors = &order.factors[..order.count];
+    let factors = head(&order.factors, order.count);
     let mut span = order.len;
     if way == Way::Forward {
         for &factor in factors {
             stage(field, order.len, factor as usize, span, roots, lanes, way);
-            span /= factor as usize;
+            span /= (factor as usize).max(1);
         }
     } else {
         span = 1;
@@ -102,11 +103,12 @@ pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: 
 
 /// All butterflies of one factor: blocks of `span` numbers, each cut into `factor` parts.
 fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32], lanes: Lanes, way: Way) {
+    let (factor, span, len) = (factor.max(1), span.max(1), len.max(1));
     let part = span / factor;
     let root = |k: usize| -> [f32; 2] {
         let at = 2 * (k % len);
         let sign = if way == Way::Forward { 1.0 } else { -1.0 };
-        [roots[at], sign * roots[at + 1]]
+        [item(roots, at), sign * item(roots, at + 1)]
     };
     // exp(-2 pi i p q / factor), and what the parts are turned by.
     let mut matrix = [[[0.0; 2]; 5]; 5];
@@ -165,8 +167,8 @@ fn butterfly<const F: usize, const G: usize>(
 ) {
     let (mut re, mut im) = ([[0.0f32; G]; F], [[0.0f32; G]; F]);
     for p in 0..F {
-        re[p].copy_from_slice(&field[lanes.re + at[p]..][..G]);
-        im[p].copy_from_slice(&field[lanes.im + at[p]..][..G]);
+        copy(&mut re[p], part(field, lanes.re + at[p], G));
+        copy(&mut im[p], part(field, lanes.im + at[p], G));
         if way == Way::Backward {
             turn(&mut re[p], &mut im[p], twiddles[p]);
         }
@@ -183,8 +185,8 @@ fn butterfly<const F: usize, const G: usize>(
         if way == Way::Forward {
             turn(&mut x, &mut y, twiddles[p]);
         }
-        field[lanes.re + at[p]..][..G].copy_from_slice(&x);
-        field[lanes.im + at[p]..][..G].copy_from_slice(&y);
+        copy(part_mut(field, lanes.re + at[p], G), &x);
+        copy(part_mut(field, lanes.im + at[p], G), &y);
     }
 }
 

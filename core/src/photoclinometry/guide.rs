@@ -4,6 +4,7 @@ use super::{Photoclinometry, Relief};
 use crate::error::NormError;
 use crate::mask;
 use crate::norm::{ElevationScale, Light, Shading, Turn};
+use crate::part::{item, part};
 
 /// Maps of which the image consists: two components of slope, the relief, and how uncertain they are.
 pub const MAPS: usize = 4;
@@ -78,7 +79,7 @@ impl<'t, 's> Guide<'t, 's> {
         let shape = plan.tile;
         let brightness = |i: usize| {
             let pixel = turn.source(i, shape);
-            mask::counts(image, valid, pixel).then(|| image[pixel])
+            mask::counts(image, valid, pixel).then(|| item(image, pixel))
         };
         let coarse = |i: usize| height(scale, coarse_m, turn.source(i, shape));
         let relief = plan.relief(brightness, coarse, (&shading, light), coarse_px, scratch)?;
@@ -92,7 +93,7 @@ impl<'t, 's> Guide<'t, 's> {
         let GuideInput { image, valid, turn, .. } = self.tile;
         let pixel = turn.source(index, self.shape);
         let [east, south] =
-            if mask::counts(image, valid, pixel) { self.shading.slopes(image[pixel]) } else { [0.0; 2] };
+            if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
         [east, south, self.relief.at(index), self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT))
     }
 
@@ -121,6 +122,6 @@ impl<'t, 's> Guide<'t, 's> {
 fn height(scale: &ElevationScale, coarse_m: &[f32], index: usize) -> f32 {
     let mut z = [0.0];
     // One sample in, one out: the lengths agree.
-    let _ = scale.normalise(&coarse_m[index..=index], &mut z);
+    let _ = scale.normalise(part(coarse_m, index, 1), &mut z);
     z[0]
 }

@@ -20,6 +20,7 @@ pub use guide::{Guide, GuideInput, LIMIT, MAPS};
 
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
+use crate::part::{copy, head, item, part, part_mut, put};
 use fft::{Lanes, Order, Way, transform};
 
 /// Weight of slopes across the light, against the misfit along it (our choice, of 0.02 to 0.1 the best on synthetic scenes).
@@ -75,9 +76,9 @@ impl Photoclinometry {
         let found = scratch.len();
         let scratch =
             scratch.get_mut(..self.scratch_len()).ok_or(LengthError { expected: self.scratch_len(), found })?;
-        let (field, tables) = scratch.split_at_mut(self.field_len());
-        let (row_roots, rest) = tables.split_at_mut(2 * self.rows.len());
-        let (col_roots, line) = rest.split_at_mut(2 * self.cols.len());
+        let (field, tables) = scratch.split_at_mut_checked(self.field_len()).unwrap_or_default();
+        let (row_roots, rest) = tables.split_at_mut_checked(2 * self.rows.len()).unwrap_or_default();
+        let (col_roots, line) = rest.split_at_mut_checked(2 * self.cols.len()).unwrap_or_default();
         self.rows.roots(row_roots);
         self.cols.roots(col_roots);
         let strength = light.strength();
@@ -110,7 +111,7 @@ impl Photoclinometry {
         for row in 0..rows {
             for col in 0..cols {
                 let at = |r: usize, c: usize| coarse(r * cols + c);
-                let (up, down) = (row.saturating_sub(1), (row + 1).min(rows - 1));
+                let (up, down) = (row.saturating_sub(1), (row + 1).min(rows.saturating_sub(1)));
                 let (before, after) = (col.saturating_sub(1), (col + 1).min(cols - 1));
                 let across = (at(row, after) - at(row, before)) / (after - before).max(1) as f32;
                 let along = (at(down, col) - at(up, col)) / (down - up).max(1) as f32;
@@ -118,13 +119,13 @@ impl Photoclinometry {
                 let seen = brightness(row * cols + col).map(|v| shading.along(v, strength));
                 // Where nothing is seen the coarse DTM stands.
                 let missing = seen.map_or(0.0, |seen| seen - known);
-                field[(top + row) * self.cols.len() + left + col] = missing;
+                put(field, (top + row) * self.cols.len() + left + col, missing);
                 sum += f64::from(missing);
             }
         }
         let mean = (sum / (rows * cols).max(1) as f64) as f32;
         for row in 0..rows {
-            field[(top + row) * self.cols.len() + left..][..cols].iter_mut().for_each(|v| *v -= mean);
+            part_mut(field, (top + row) * self.cols.len() + left, cols).iter_mut().for_each(|v| *v -= mean);
         }
     }
 
@@ -133,14 +134,18 @@ impl Photoclinometry {
         let ((rows, cols), (top, left)) = (self.tile, self.corner());
         let (height, width) = (self.rows.len(), self.cols.len());
         for row in top..top + rows {
-            let line = &mut field[row * width..][..width];
+            let line = part_mut(field, row * width, width);
             for col in (0..left).chain(left + cols..width) {
-                line[col] = line[left + mirrored(col as isize - left as isize, cols)];
+                let from = item(line, left + mirrored(col as isize - left as isize, cols));
+                put(line, col, from);
             }
         }
         for row in (0..top).chain(top + rows..height) {
             let from = top + mirrored(row as isize - top as isize, rows);
-            field.copy_within(from * width..(from + 1) * width, row * width);
+            for col in 0..width {
+                let value = item(field, from * width + col);
+                put(field, row * width + col, value);
+            }
         }
     }
 
@@ -152,25 +157,28 @@ impl Photoclinometry {
             let pair = row * width..(row + 2) * width;
             let lanes = Lanes { re: pair.start, im: pair.start + width, stride: 1, count: 1 };
             transform(field, &self.cols, roots, lanes, Way::Forward);
-            let (first, second) = field[pair].split_at_mut(width);
+            let (first, second) =
+                part_mut(field, pair.start, pair.len()).split_at_mut_checked(width).unwrap_or_default();
             for k in 0..=half {
-                let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width));
+                let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width.max(1)));
                 // Z(k) + conj Z(-k) and -i (Z(k) - conj Z(-k)), over 2.
-                let ends = [first[p] + first[q], second[p] - second[q], second[p] + second[q], first[q] - first[p]];
-                let [a, b, c, d] = ends.map(|v| 0.5 * v);
+                let (x, y) = ([item(first, p), item(first, q)], [item(second, p), item(second, q)]);
+                let [a, b, c, d] = [x[0] + x[1], y[0] - y[1], y[0] + y[1], x[1] - x[0]].map(|v| 0.5 * v);
                 if k == half {
                     // Both spectra's frequency half, real.
-                    line[half] = a;
-                    line[width + half] = c;
+                    put(line, half, a);
+                    put(line, width + half, c);
                 } else {
-                    (line[k], line[width + k]) = (a, c);
+                    put(line, k, a);
+                    put(line, width + k, c);
                     if k > 0 {
-                        (line[half + k], line[width + half + k]) = (b, d);
+                        put(line, half + k, b);
+                        put(line, width + half + k, d);
                     }
                 }
             }
-            first.copy_from_slice(&line[..width]);
-            second.copy_from_slice(&line[width..]);
+            copy(first, head(line, width));
+            copy(second, part(line, width, width));
         }
     }
 
@@ -180,17 +188,20 @@ impl Photoclinometry {
         for row in (0..self.rows.len()).step_by(2) {
             let pair = row * width..(row + 2) * width;
             {
-                let (first, second) = field[pair.clone()].split_at_mut(width);
-                line[..width].copy_from_slice(first);
-                line[width..].copy_from_slice(second);
+                let (first, second) =
+                    part_mut(field, pair.start, pair.len()).split_at_mut_checked(width).unwrap_or_default();
+                copy(line, first);
+                copy(part_mut(line, width, width), second);
                 for k in 0..=half {
-                    let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width));
-                    let (a, c) = if k == half { (line[half], line[width + half]) } else { (line[k], line[width + k]) };
+                    let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width.max(1)));
+                    let (a, c) = (item(line, k), item(line, width + k));
                     let inner = k > 0 && k < half;
-                    let (b, d) = if inner { (line[half + k], line[width + half + k]) } else { (0.0, 0.0) };
+                    let (b, d) = if inner { (item(line, half + k), item(line, width + half + k)) } else { (0.0, 0.0) };
                     // X1 + i X2, and conj X1 + i conj X2.
-                    (first[p], second[p]) = (a - d, b + c);
-                    (first[q], second[q]) = (a + d, c - b);
+                    put(first, p, a - d);
+                    put(second, p, b + c);
+                    put(first, q, a + d);
+                    put(second, q, c - b);
                 }
             }
             let lanes = Lanes { re: pair.start, im: pair.start + width, stride: 1, count: 1 };
@@ -217,8 +228,8 @@ impl Photoclinometry {
         for m in 0..height {
             // The highest frequency has no sign, so an odd filter has nothing to give it.
             let middle = 2 * m == height;
-            let (down, line) = (wave(m, height), &mut field[self.rows.place(m) * width..][..width]);
-            let (re, im) = line.split_at_mut(half);
+            let (down, line) = (wave(m, height), part_mut(field, self.rows.place(m) * width, width));
+            let (re, im) = line.split_at_mut_checked(half).unwrap_or_default();
             for (k, (re, im)) in re.iter_mut().zip(im).enumerate().skip(1) {
                 let gain = if middle { 0.0 } else { gain(down, wave(k, width)) };
                 // Times -i.
@@ -231,14 +242,17 @@ impl Photoclinometry {
     fn filter_first(&self, field: &mut [f32], gain: impl Fn(f32) -> f32) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         for m in 0..=height / 2 {
-            let n = (height - m) % height;
+            let n = (height - m) % height.max(1);
             let (p, q) = (self.rows.place(m) * width, self.rows.place(n) * width);
-            let (re, im) = (0.5 * (field[p] + field[q]), 0.5 * (field[p + half] - field[q + half]));
+            let at = |place: usize| item(field, place);
+            let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
             let gain = if 2 * m == height { 0.0 } else { gain(core::f32::consts::TAU * m as f32 / height as f32) };
             let (re, im) = (im * gain, -re * gain);
-            (field[p], field[p + half]) = (re, im);
+            put(field, p, re);
+            put(field, p + half, im);
             if n != m {
-                (field[q], field[q + half]) = (re, -im);
+                put(field, q, re);
+                put(field, q + half, -im);
             }
         }
     }
@@ -247,8 +261,8 @@ impl Photoclinometry {
 /// Index of the sample that stands for sample `i` beyond the ends of `n`, the end sample not repeated.
 fn mirrored(i: isize, n: usize) -> usize {
     let period = 2 * (n.max(2) - 1);
-    let i = i.rem_euclid(period as isize) as usize;
-    i.min(period - i).min(n - 1)
+    let i = i.rem_euclid(period.max(1) as isize) as usize;
+    i.min(period - i).min(n.saturating_sub(1))
 }
 
 /// A tile's relief, in pixels, in the scratch memory.

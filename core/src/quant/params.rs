@@ -32,7 +32,7 @@ pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> 
     let moved = value * inverse_scale + 0.5;
     let whole = moved as i32;
     let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(zero);
-    let kept = code.clamp(lo, hi);
+    let kept = code.max(lo).min(hi);
     (kept, kept != code)
 }
 

@@ -16,7 +16,7 @@ pub const fn round_shift(v: i64, shift: u32) -> i64 {
 #[inline(always)]
 pub fn requantise(acc: i32, multiplier: i32, shift: u32, zero: i32, lo: i32, hi: i32) -> i32 {
     let v = round_shift(acc as i64 * multiplier as i64, shift).wrapping_add(zero as i64);
-    v.clamp(lo as i64, hi as i64) as i32
+    v.max(lo as i64).min(hi as i64) as i32
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ pub mod diff;
 pub mod evaluate;
 pub mod experiment;
 pub mod export;
+pub mod faults;
 pub mod hillshade;
 pub mod init;
 pub mod inspect;
@@ -62,6 +63,8 @@ pub enum Command {
     Suite(suite::Args),
     /// Make one page of test suites, experiments and training runs.
     Report(report::Args),
+    /// Flip bits while a tile is at work, and count what comes of it.
+    Faults(faults::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
     /// Subtract one DTM from another, with statistics.
@@ -101,6 +104,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Mosaic(args)) => mosaic::run(args),
         Some(Command::Lola(args)) => lola::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
+        Some(Command::Faults(args)) => faults::run_command(&args),
         Some(Command::Latency(args)) => latency::run(args),
     }
 }

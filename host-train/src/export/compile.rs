@@ -128,7 +128,7 @@ fn self_test(bytes: &[u8]) -> Result<u32> {
     let mut arena = vec![0; required(&model)];
     let fault = |e| Error::usage(format!("export: self test: {e}"));
     let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
-    runner.begin_self_test();
+    runner.begin_self_test().map_err(fault)?;
     while runner.step(u64::MAX).map_err(fault)? == Progress::Running {}
     runner.output_crc().map_err(fault)
 }

@@ -46,6 +46,7 @@ fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inpu
         let all = inputs.contains(&(t as u32)) || t == output as usize;
         tensors[t].ring = if all { tensors[t].rows } else { rings[homes[t]].min(tensors[t].rows) };
         tensors[t].pitch = tensors[t].row_bytes();
+        tensors[t].sums = tensors[..t].iter().map(|before| before.ring).sum();
     }
     let mut skews = vec![0; tensors.len()];
     lay_output_on_inputs(tensors, operators, schedule, inputs, output, (&mut homes, &mut skews));

@@ -116,6 +116,7 @@ impl Quantiser<'_> {
 
     fn tensor(&mut self, node: &Node, codes: &Codes) -> u32 {
         self.program.tensors.push(Tensor {
+            sums: 0,
             dtype: codes.dtype,
             rows: node.rows,
             cols: node.cols,

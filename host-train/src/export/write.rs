@@ -1,7 +1,6 @@
 //! The model file's bytes.
 
-use elunar_core::nn::crc32c;
-use elunar_core::nn::format::{CHUNK_BYTES, HEADER_BYTES, MAGIC, VERSION, word};
+use elunar_core::nn::format::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, VERSION, seal_file, word};
 use elunar_core::nn::{Entry, Operator, Tensor};
 
 /// What a file holds, beside checksums and offsets.
@@ -44,7 +43,7 @@ pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
     ];
     let body_bytes: usize = sections.iter().map(|(_, bytes, _)| bytes.len().next_multiple_of(8)).sum();
     let chunks = body_bytes.div_ceil(CHUNK_BYTES);
-    let mut bytes = vec![0; HEADER_BYTES + 4 * chunks];
+    let mut bytes = vec![0; HEADER_BYTES + CHUNK_RECORD_BYTES * chunks];
     bytes[..8].copy_from_slice(&MAGIC);
     for (index, section, count) in &sections {
         let offset = bytes_len(&bytes);
@@ -73,21 +72,8 @@ pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
         (word::SELF_TEST_CRC, content.self_test.1),
     ];
     fields.into_iter().for_each(|(index, value)| set_word(&mut bytes, index, value));
-    seal(&mut bytes);
+    seal_file(&mut bytes);
     bytes
-}
-
-/// Recomputes every checksum of a file whose header and body are otherwise in place.
-pub fn seal(bytes: &mut [u8]) {
-    let chunks = u32::from_le_bytes(std::array::from_fn(|i| bytes[4 * word::CHUNKS + i])) as usize;
-    let (head, body) = bytes.split_at_mut(HEADER_BYTES + 4 * chunks);
-    for (index, chunk) in body.chunks(CHUNK_BYTES).enumerate() {
-        head[HEADER_BYTES + 4 * index..][..4].copy_from_slice(&crc32c(chunk).to_le_bytes());
-    }
-    let list = crc32c(&head[HEADER_BYTES..]);
-    set_word(head, word::LIST_CRC, list);
-    let header = crc32c(&head[..4 * word::HEADER_CRC]);
-    set_word(head, word::HEADER_CRC, header);
 }
 
 fn set_word(bytes: &mut [u8], index: usize, value: u32) {

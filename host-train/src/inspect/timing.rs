@@ -3,7 +3,7 @@
 use super::model::entry_macs;
 use crate::{Error, Result};
 use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, RunError, Runner, required};
+use elunar_core::nn::{Model, Progress, RunError, Runner, required};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -33,7 +33,7 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
     let mut measured = vec![Vec::with_capacity(tiles); model.operator_count()];
     for tile in 0..=tiles {
         let mut seconds = vec![0.0; model.operator_count()];
-        runner.begin_self_test();
+        runner.begin_self_test().map_err(fault)?;
         let mut before = Instant::now();
         while let Some(entry) = runner.position().and_then(|at| model.entry(at).map(|entry| (at, entry))) {
             let (at, entry) = entry;
@@ -43,6 +43,8 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
             seconds[entry.operator] += after.duration_since(before).as_secs_f64();
             before = after;
         }
+        // What is left is the model's checksums, which belong to no operator.
+        while runner.step(u64::MAX).map_err(fault)? == Progress::Running {}
         runner.check_self_test().map_err(fault)?;
         if tile > 0 {
             measured.iter_mut().zip(seconds).for_each(|(of, s)| of.push(1e3 * s));

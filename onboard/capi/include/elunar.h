@@ -86,6 +86,7 @@
 
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
+#define ELD_FAULT_DATA_CHANGED            UINT32_C(0xc0050004) /**< a map of the tile has changed in memory; the tile is lost: begin it again */
 #define ELD_FAULT_INTERRUPTED             UINT32_C(0xc0050003) /**< the call before did not return; the tile is lost */
 
 #define ELD_FAULT_CONTEXT_LOST            UINT32_C(0xc0060001) /**< no context there, or both its copies are damaged: call eld_init again */
@@ -377,6 +378,10 @@ typedef struct {
      * Self tests that failed.
      */
     uint64_t self_test_faults;
+    /**
+     * Tiles given up because the model or a map had changed in memory.
+     */
+    uint64_t tile_faults;
 } eld_telemetry_t;
 
 #ifdef __cplusplus

@@ -66,7 +66,11 @@ impl<'h> Context<'h> {
             record.faults = record.faults.wrapping_add(1);
             record.last_fault = status;
         }
-        if matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY) {
+        // The runner itself gives a tile up when it finds the model changed under it.
+        let given_up = severity(status) == FAULT && record.suspended.phase == Suspended::IDLE;
+        if given_up
+            || matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED)
+        {
             record.lose_tile();
         }
         // A repair is told once, by the first call that has nothing else to say.
@@ -80,7 +84,8 @@ impl<'h> Context<'h> {
 
     /// Whether a tile is at work.
     pub(crate) fn at_work(&self) -> bool {
-        self.record.tile != EMPTY && self.record.suspended.phase == Suspended::AT_WORK
+        let phase = self.record.suspended.phase;
+        self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::JUDGING)
     }
 
     /// Whether the tile `whose` is finished.

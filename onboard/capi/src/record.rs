@@ -89,8 +89,8 @@ impl Record {
             self.lights_assumed,
             self.tiles_dropped,
             self.last_fault as u64,
-            0,
-            0,
+            pair(self.verdict.sum_count, at.trusting),
+            t.tile_faults,
             0,
         ]
     }
@@ -126,7 +126,7 @@ impl Record {
             self_test_faults,
             rest @ ..,
         ] = rest;
-        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, ..] = rest;
+        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, ..] = rest;
         let ([header_crc, file_bytes], [scratch_offset, scratch_bytes]) = (halves(identity), halves(scratch));
         let ([tile, busy], [phase, entry], [step, unit]) = (halves(tile), halves(place), halves(step));
         let ([scrub_chunk, scrub_offset], [scrub_crc, turn]) = (halves(chunk), halves(crc));
@@ -142,15 +142,27 @@ impl Record {
             scrub_passes,
             scrub_faults,
             self_test_faults,
+            tile_faults,
         };
+        let [sum_count, trusting] = halves(sums);
         Self {
             home,
             home_bytes,
             model,
-            verdict: Verdict { header_crc, file_bytes, scratch_offset, scratch_bytes, macs: model_macs },
+            verdict: Verdict { header_crc, file_bytes, scratch_offset, scratch_bytes, sum_count, macs: model_macs },
             tile,
             busy,
-            suspended: Suspended { phase, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc, telemetry },
+            suspended: Suspended {
+                phase,
+                trusting,
+                entry,
+                step,
+                unit,
+                scrub_chunk,
+                scrub_offset,
+                scrub_crc,
+                telemetry,
+            },
             scale_bits: [min, relief, nr],
             turn,
             valid_px,
@@ -181,9 +193,9 @@ mod tests {
     fn words_come_back_as_they_were() {
         let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
         let back = Record::of(&words).words();
-        // The last fault is one half, and three words are spare.
+        // The last fault is one half, and one word is spare.
         assert_eq!(back[..28], words[..28]);
-        assert_eq!(back[28..], [words[28] & 0xffff_ffff, 0, 0, 0]);
+        assert_eq!(back[28..], [words[28] & 0xffff_ffff, words[29], words[30], 0]);
         let all_ones = Record::of(&[u64::MAX; WORDS]);
         assert_eq!(Record::of(&all_ones.words()), all_ones);
     }

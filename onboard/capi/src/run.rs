@@ -34,8 +34,9 @@ pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, 
     }
     context.start();
     let mut runner = runner(&context.record, model, lent.arena)?;
-    let progress = runner.step(budget_macs).map_err(run_status)?;
+    let worked = runner.step(budget_macs);
     context.record.suspended = runner.suspend();
+    let progress = worked.map_err(run_status)?;
     Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING })
 }
 
@@ -114,6 +115,7 @@ pub(crate) fn telemetry(record: &Record, struct_bytes: u32) -> eld_telemetry_t {
         scrub_passes: t.scrub_passes,
         scrub_faults: t.scrub_faults,
         self_test_faults: t.self_test_faults,
+        tile_faults: t.tile_faults,
     }
 }
 
@@ -122,7 +124,8 @@ pub(crate) fn run_status(error: RunError) -> eld_status_t {
     match error {
         RunError::TileSize { .. } => ELD_REFUSED_BUFFER,
         RunError::SelfTest { .. } => ELD_FAULT_SELF_TEST,
-        RunError::ModelChanged { .. } => ELD_FAULT_MODEL_CHANGED,
+        RunError::ModelChanged { .. } | RunError::ProgramChanged { .. } => ELD_FAULT_MODEL_CHANGED,
+        RunError::DataChanged { .. } => ELD_FAULT_DATA_CHANGED,
         // Memory, samples and order are judged before the runner is asked.
         RunError::ArenaTooSmall { .. } | RunError::NotFinite { .. } | RunError::State => ELD_FAULT_RUN,
     }

@@ -122,6 +122,7 @@ statuses! {
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
+    ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";
     ELD_FAULT_INTERRUPTED = FAULT, RUN, 3, "the call before did not return; the tile is lost";
     ELD_FAULT_CONTEXT_LOST = FAULT, CONTEXT, 1, "no context there, or both its copies are damaged: call eld_init again";
     ELD_FAULT_CONTEXT_MOVED = FAULT, CONTEXT, 2, "the context is not where it was made: call eld_init again";

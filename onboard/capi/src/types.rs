@@ -154,4 +154,6 @@ pub struct eld_telemetry_t {
     pub scrub_faults: u64,
     /// Self tests that failed.
     pub self_test_faults: u64,
+    /// Tiles given up because the model or a map had changed in memory.
+    pub tile_faults: u64,
 }

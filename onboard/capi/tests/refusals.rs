@@ -7,7 +7,7 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::format::word;
-use elunar_core::nn::{ENTRY_BYTES, crc32c};
+use elunar_core::nn::{ENTRY_BYTES, TENSOR_BYTES, crc32c};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -96,6 +96,16 @@ fn interrupt(context: &mut Context) {
 /// First byte of the validity bits: the first cache line behind the context.
 fn validity_at(context: &mut Context) -> usize {
     context.head_bytes().next_multiple_of(64)
+}
+
+/// Steps until a tile is done or lost.
+fn to_the_end(context: &mut Context) -> eld_status_t {
+    loop {
+        match context.step(STEP_MACS) {
+            ELD_RUNNING => {}
+            status => return status,
+        }
+    }
 }
 
 const CASES: &[Case] = &[
@@ -336,6 +346,35 @@ const CASES: &[Case] = &[
         let other = changed(|m| set(m, word::SELF_TEST_SEED, 5));
         model.copy_from_slice(&other);
         context.self_test_begin()
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "a weight changes while a tile is at work", || {
+        let (mut model, mut context) = own_model();
+        assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
+        model[3_000_000] ^= 1;
+        to_the_end(&mut context)
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "a record changes before the next tile begins", || {
+        let (mut model, mut context) = own_model();
+        assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
+        // That of the coarse DTM's tensor: found when the image is in the arena already, over the maps of the tile at work.
+        let record = header(&model, word::TENSORS) + TENSOR_BYTES * header(&model, word::COARSE);
+        model[record + 4] ^= 1;
+        let status = context.begin(&Tile::other());
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "neither tile is there");
+        status
+    }),
+    (ELD_FAULT_DATA_CHANGED, "a map changes while a tile is at work", || {
+        let mut context = begun();
+        assert_eq!(context.step(STEP_MACS), ELD_RUNNING);
+        let last = 8 * context.bytes().len();
+        // The last tenth of the memory holds maps and their checksums, dead and alive.
+        (last - last / 10..last).step_by(101).for_each(|bit| context.flip(bit));
+        let status = to_the_end(&mut context);
+        assert_eq!(context.telemetry().tile_faults, 1);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+        assert_eq!(to_the_end(&mut context), ELD_OK, "begun again, it comes out");
+        status
     }),
     (ELD_FAULT_VALIDITY, "a validity bit flips", || {
         let mut context = finished();

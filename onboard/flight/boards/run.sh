@@ -3,22 +3,18 @@
 #
 #   ./run.sh                     every board (a board is a folder with a board.sh)
 #   ./run.sh an547 leon3         these
-#   ./run.sh --record [BOARD..]  and write their instruction counts into instructions.csv
+#   ./run.sh --record [BOARD..]  and write their instruction counts into instructions.csv, their limits into BOARD/budget.toml
 #   ./run.sh --operators BOARD   print what each operator costs (as CSV; steps by single units, which costs some instructions)
-#   ./run.sh --model M.eld ...   another model file; its counts are not compared
+#   ./run.sh --model M.eld ...   another model file; its figures are not compared
 #
-# A board passes if the model opens, every kernel's output is byte for byte the exporter's, and no count in instructions.csv
-# has risen by more than 3 %. ./setup.sh installs what is needed. JOBS: boards at once (2); LIMIT_S: seconds for each run (300).
+# A board passes if the model opens, every kernel's output is byte for byte the exporter's, no count in instructions.csv has risen
+# by more than 3 %, and flash, RAM, stack and instructions stay below its budget.toml. ./setup.sh installs what is needed. JOBS: boards
+# at once (2); LIMIT_S: seconds for each run (300).
 set -euo pipefail
-here="$(cd "$(dirname "$0")" && pwd)"
-root="$(cd "$here/../../.." && pwd)"
-build="${CARGO_TARGET_DIR:-$root/target}/boards"
-table="$here/instructions.csv"
+. "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+table="$boards_dir/instructions.csv"
 columns=board,kernel,tile,macs,instructions,instructions_per_mac
 max_rise_percent=3
-export QEMU_AUDIO_DRV=none
-
-fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
 
 model="$root/host-train/models/nano.eld" compared=yes record=no operators=no features=() boards=()
 while [ $# -gt 0 ]; do
@@ -31,44 +27,14 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-[ ${#boards[@]} -gt 0 ] || for one in "$here"/*/board.sh; do boards+=("$(basename "$(dirname "$one")")"); done
-for one in "${boards[@]}"; do [ -f "$here/$one/board.sh" ] || fail "expected a board with a folder in $here, found '$one'"; done
+[ ${#boards[@]} -gt 0 ] || mapfile -t boards < <(all_boards)
+expect_boards "${boards[@]}"
 [ -f "$model" ] || fail "$model: expected a model file, found none"
 [ "$record$compared" != yesno ] || fail "--record: expected the default model and whole tiles, found --model or --operators"
-"$here/setup.sh" --check >&2 || fail "expected the cross toolchain and QEMU: run $here/setup.sh"
+expect_tools
 
-llvm="$(/usr/bin/rustc -vV | sed -n 's/^LLVM version: \([0-9]*\).*/\1/p')"
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
-mkdir -p "$build"
-
-# QEMU's plugin interface has no version that old and new releases take.
-counter() {
-    local release api=1
-    release="$(qemu-system-arm --version | sed -n '1s/.*version \([0-9]*\).*/\1/p')"
-    [ "$release" -lt 9 ] || api=2
-    cc -O2 -Wall -Wextra -Werror -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$build/counter.so" "$here/counter/instructions.c"
-}
-
-# Builds for a board; its variables are set. Debian's cargo and rustc, never rustup's: only they have the sources of `core` at
-# their own version, which the unstable -Zbuild-std wants.
-compile() {
-    [ ${#linker[@]} -gt 0 ] || linker=(-C "linker=ld.lld-$llvm" -C linker-flavor=ld.lld)
-    ELUNAR_BOARD="$board" RUSTFLAGS="${linker[*]} ${flags[*]}" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 \
-        /usr/bin/cargo build --quiet --locked -Zbuild-std=core --manifest-path "$here/../Cargo.toml" --package elunar-demo \
-        --profile board "${features[@]}" --target "$target" --target-dir "$build/$board" || return
-    elf="$build/$board/$target/board/elunar-demo"
-}
-
-# Address of a symbol.
-address() { "llvm-nm-$llvm" "$elf" | awk -v name="$1" '$3 == name { print "0x" $1 }'; }
-
-run() {
-    local counting
-    counting="start=$(address elunar_count_start),stop=$(address elunar_count_stop),out=$work/$board.counts"
-    timeout --foreground "${LIMIT_S:-300}" "${qemu[@]}" -kernel "$elf" -plugin "$build/counter.so,$counting" \
-        -device "loader,file=$model,addr=$(address __model_start),force-raw=on" </dev/null >"$work/$board.log" 2>&1
-}
 
 # Joins what the demo says it did with what the counter counted, in rows of the table: a count per kernel.
 evaluate() {
@@ -108,27 +74,33 @@ compare() {
         }' "$table" "$work/$board.rows"
 }
 
-# The life of one board, in a process of its own; one line on standard output, complaints into $work/BOARD.wrong.
+# Compares, or with --record writes, the budget; prints what is wrong.
+budget() {
+    python3 "$boards_dir/budget.py" "$1" "$boards_dir/$board/budget.toml" "$(built elunar-demo)" "$work/$board.log" "$work/$board.rows" 2>&1
+}
+
+# The life of one board, in a process of its own; one line on standard output, complaints after it.
 try() {
-    local board="$1" linker=() flags=() exit_status=yes target qemu elf status=0 reason=""
-    . "$here/$board/board.sh"
-    compile >"$work/$board.log" 2>&1 || { conclude "does not build"; return; }
-    run || status=$?
-    if [ "$status" = 124 ]; then reason="not done after ${LIMIT_S:-300} s"
-    elif [ "$(tr -d '\r' <"$work/$board.log" | grep -xE 'PASS|FAIL' | tail -1)" != PASS ]; then reason="no PASS at the end of its output"
-    elif [ "$exit_status" = yes ] && [ "$status" != 0 ]; then reason="exit status $status"
+    local status=0 reason
+    load_board "$1"
+    compile elunar-demo "${features[@]}" >"$work/$board.log" 2>&1 || { conclude "does not build"; return; }
+    run_counted "$(built elunar-demo)" "$model" "$work/$board.log" "$work/$board.counts" || status=$?
+    reason="$(verdict "$status" "$work/$board.log")"
+    if [ -n "$reason" ]; then :
     elif [ "$operators" = yes ]; then evaluate_operators >"$work/$board.rows"
     elif ! evaluate >"$work/$board.rows"; then reason="the counter saw other marks than the demo passed"
-    elif [ "$compared" = yes ] && [ "$record" = no ]; then
-        reason="$(compare)"
+    elif [ "$record" = yes ]; then reason="$(budget record)"
+    elif [ "$compared" = yes ]; then
+        reason="$(compare; budget compare)"
         [ -z "$reason" ] || reason+=" (if that is meant: ./run.sh --record $board)"
         touch "$work/$board.ran"
+        # For ../proofs, which compares the stack that was used with the stack that can be used.
+        cp "$work/$board.log" "$build/$board.log"
     fi
     conclude "$reason"
 }
 
 conclude() {
-    local figures
     if [ -n "$1" ]; then
         [ -e "$work/$board.ran" ] || sed "s/^/    $board: /" "$work/$board.log" | tail -8
         printf 'FAIL %s: %s\n' "$board" "$1"
@@ -140,27 +112,23 @@ conclude() {
         cat "$work/$board.rows"
         return
     fi
-    figures="$(awk -F, '{ printf("%s%s %s instructions (%s per MAC)", (NR > 1 ? ", " : ""), $2, $5, $6) }' "$work/$board.rows")"
-    printf 'PASS %s: tile %s, %s\n' "$board" "$(cut -d, -f3 "$work/$board.rows" | head -1)" "$figures"
+    printf 'PASS %s: tile %s, %s; %s\n' "$board" "$(cut -d, -f3 "$work/$board.rows" | head -1)" \
+        "$(awk -F, '{ printf("%s%s %s instructions (%s per MAC)", (NR > 1 ? ", " : ""), $2, $5, $6) }' "$work/$board.rows")" \
+        "$(budget print)"
 }
 
-counter
-for one in "${boards[@]}"; do
-    while [ "$(jobs -rp | wc -l)" -ge "${JOBS:-2}" ]; do wait -n; done
-    try "$one" &
-done
-wait
+build_counter
+in_parallel try "${boards[@]}"
 
 if [ "$record" = yes ]; then
     {
         echo "$columns"
-        for one in "$here"/*/board.sh; do
-            one="$(basename "$(dirname "$one")")"
+        for one in $(all_boards); do
             if [ -e "$work/$one.passed" ]; then cat "$work/$one.rows"
             elif [ -f "$table" ]; then grep "^$one," "$table" || true; fi
         done
     } >"$work/table"
     cp "$work/table" "$table"
 fi
-[ "$compared" = yes ] || echo "SKIPPED: comparing instruction counts: not the shipped model, or not a whole tile"
+[ "$compared" = yes ] || echo "SKIPPED: comparing instruction counts and budgets: not the shipped model, or not a whole tile"
 for one in "${boards[@]}"; do [ -e "$work/$one.passed" ] || exit 1; done

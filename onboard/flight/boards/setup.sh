@@ -8,8 +8,8 @@
 # pinned, because the security suite moves these packages. SPARC has no lld, so it gets GNU ld.
 set -euo pipefail
 
-packages=(rustc-web cargo-web rust-web-src gcc libc6-dev
-    qemu-system-arm qemu-system-misc qemu-system-sparc binutils-sparc64-linux-gnu)
+packages=(rustc-web cargo-web rust-web-src gcc libc6-dev python3
+    qemu-system-arm qemu-system-misc qemu-system-sparc qemu-system-ppc binutils-sparc64-linux-gnu)
 
 as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
 status() { dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null || true; }

@@ -9,8 +9,10 @@ fn main() {
     let memory = boards.join(&board).join("memory.x");
     assert!(memory.exists(), "ELUNAR_BOARD: expected a board with a memory map, found no {}", memory.display());
     println!("cargo:rustc-cfg=bare");
-    println!("cargo:rustc-link-arg=-T{}", memory.display());
-    println!("cargo:rustc-link-arg=-T{}", boards.join("sections.x").display());
+    // Nothing else of that folder: budgets and counts are written anew after every record.
+    for script in [memory, boards.join("sections.x")] {
+        println!("cargo:rustc-link-arg=-T{}", script.display());
+        println!("cargo:rerun-if-changed={}", script.display());
+    }
     println!("cargo:rustc-link-arg=--gc-sections");
-    println!("cargo:rerun-if-changed={}", boards.display());
 }

@@ -14,8 +14,12 @@ use crate::nn::ops::finish::{Finish, Target};
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel =
-    Kernel { name: "dsp-u8i8-2x2", unit: crate::nn::ops::run::<Dsp>, gemm: <Dsp as Isa>::gemm };
+pub(super) const KERNEL: Kernel = Kernel {
+    name: "dsp-u8i8-2x2",
+    unit: crate::nn::ops::run::<Dsp>,
+    sum: crate::nn::sum::sum,
+    gemm: <Dsp as Isa>::gemm,
+};
 
 /// DSP extension.
 struct Dsp;
@@ -60,8 +64,9 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
             }
             for (p, sums) in sums.as_chunks::<2>().0.iter().enumerate().take(1 + second) {
                 for (c, sum) in sums.iter().enumerate() {
-                    let at = &mut acc[(first + p) * width + channel + c];
-                    *at = at.wrapping_add(*sum);
+                    if let Some(at) = acc.get_mut((first + p) * width + channel + c) {
+                        *at = at.wrapping_add(*sum);
+                    }
                 }
             }
             first += 2;

@@ -18,8 +18,12 @@ use crate::nn::ops::finish::{Finish, Target};
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel =
-    Kernel { name: "helium-u8i8-3x2", unit: crate::nn::ops::run::<Helium>, gemm: <Helium as Isa>::gemm };
+pub(super) const KERNEL: Kernel = Kernel {
+    name: "helium-u8i8-3x2",
+    unit: crate::nn::ops::run::<Helium>,
+    sum: crate::nn::sum::sum,
+    gemm: <Helium as Isa>::gemm,
+};
 
 /// Helium, integers.
 struct Helium;
@@ -80,8 +84,9 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
             }
             for (sums, p) in sums.iter().zip(first..pixels) {
                 for (c, sum) in sums.iter().enumerate() {
-                    let at = &mut acc[p * width + channel + c];
-                    *at = at.wrapping_add(*sum);
+                    if let Some(at) = acc.get_mut(p * width + channel + c) {
+                        *at = at.wrapping_add(*sum);
+                    }
                 }
             }
             first += PIXELS;

@@ -6,7 +6,7 @@ macro_rules! instantiate {
     ($name:expr, $isa:ty, $features:literal) => {{
         fn unit(
             model: &crate::nn::model::Model<'_>,
-            operator: &crate::nn::program::Operator,
+            prepared: &crate::nn::prepared::Prepared,
             arena: &mut crate::nn::arena::Arena<'_>,
             step: usize,
             unit: usize,
@@ -14,17 +14,25 @@ macro_rules! instantiate {
             #[target_feature(enable = $features)]
             fn compiled(
                 model: &crate::nn::model::Model<'_>,
-                operator: &crate::nn::program::Operator,
+                prepared: &crate::nn::prepared::Prepared,
                 arena: &mut crate::nn::arena::Arena<'_>,
                 step: usize,
                 unit: usize,
             ) -> u64 {
-                crate::nn::ops::run::<$isa>(model, operator, arena, step, unit)
+                crate::nn::ops::run::<$isa>(model, prepared, arena, step, unit)
             }
             // SAFETY: the processor has the features, as selection says.
-            unsafe { compiled(model, operator, arena, step, unit) }
+            unsafe { compiled(model, prepared, arena, step, unit) }
         }
-        super::Kernel { name: $name, unit, gemm: <$isa as super::Isa>::gemm }
+        fn sum(bytes: &[u8]) -> u32 {
+            #[target_feature(enable = $features)]
+            fn compiled(bytes: &[u8]) -> u32 {
+                crate::nn::sum::sum(bytes)
+            }
+            // SAFETY: as above.
+            unsafe { compiled(bytes) }
+        }
+        super::Kernel { name: $name, unit, sum, gemm: <$isa as super::Isa>::gemm }
     }};
 }
 pub(super) use instantiate;

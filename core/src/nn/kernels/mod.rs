@@ -40,7 +40,9 @@ use super::model::Model;
 use super::ops::finish::{Finish, Target};
 use super::ops::layer_norm;
 use super::ops::window_attention::Softmax;
-use super::program::Operator;
+use super::prepared::Prepared;
+use super::sum::sum;
+use crate::part::head_mut;
 
 /// Accumulators of one call: pixels times panel width.
 pub(crate) const ACCUMULATORS: usize = 320;
@@ -129,7 +131,7 @@ pub(crate) trait Isa {
     /// As [`Self::gemm`], with the sums set to the products whatever they were.
     #[inline(always)]
     fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        acc[..pixels * width].fill(0);
+        head_mut(acc, pixels * width).fill(0);
         Self::gemm(acc, pixels, patch, weights, width);
     }
 
@@ -157,14 +159,15 @@ pub(crate) trait Isa {
 #[derive(Clone, Copy)]
 pub struct Kernel {
     name: &'static str,
-    pub(crate) unit: fn(&Model<'_>, &Operator, &mut Arena<'_>, usize, usize) -> u64,
+    pub(crate) unit: fn(&Model<'_>, &Prepared, &mut Arena<'_>, usize, usize) -> u64,
+    pub(crate) sum: fn(&[u8]) -> u32,
     pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),
 }
 
 impl Kernel {
     /// The specification; runs everywhere.
     pub const SCALAR: Self =
-        Self { name: scalar::NAME, unit: super::ops::run::<scalar::Scalar>, gemm: <scalar::Scalar as Isa>::gemm };
+        Self { name: scalar::NAME, unit: super::ops::run::<scalar::Scalar>, sum, gemm: <scalar::Scalar as Isa>::gemm };
 
     /// The kernels this processor runs, fastest first; the last is always [`Kernel::SCALAR`].
     pub fn available() -> impl Iterator<Item = Self> {

@@ -21,8 +21,12 @@ use super::{Accumulators, Isa, Kernel, PANEL, Patch};
 use core::arch::aarch64::*;
 
 /// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel =
-    Kernel { name: "neon-u8i8-2x16", unit: crate::nn::ops::run::<Neon>, gemm: <Neon as Isa>::gemm };
+pub(super) const KERNEL: Kernel = Kernel {
+    name: "neon-u8i8-2x16",
+    unit: crate::nn::ops::run::<Neon>,
+    sum: crate::nn::sum::sum,
+    gemm: <Neon as Isa>::gemm,
+};
 
 /// NEON without extensions.
 struct Neon;

@@ -17,8 +17,12 @@ use core::arch::aarch64::*;
 use core::arch::asm;
 
 /// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel =
-    Kernel { name: "neondot-u8i8-4x16", unit: crate::nn::ops::run::<NeonDot>, gemm: <NeonDot as Isa>::gemm };
+pub(super) const KERNEL: Kernel = Kernel {
+    name: "neondot-u8i8-4x16",
+    unit: crate::nn::ops::run::<NeonDot>,
+    sum: crate::nn::sum::sum,
+    gemm: <NeonDot as Isa>::gemm,
+};
 
 /// NEON with `sdot`.
 struct NeonDot;
@@ -41,7 +45,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     unsafe {
         let excess = excess(patch, weights, width);
         let step = width.min(16);
-        for channel in (0..width).step_by(step) {
+        for channel in (0..width).step_by(step.max(1)) {
             let mut first = 0;
             while first < pixels {
                 let (to, left) = (at.add(width * first + channel), pixels - first);

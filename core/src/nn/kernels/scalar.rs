@@ -9,6 +9,7 @@
 
 use super::{Accumulators, Isa, Patch};
 use crate::nn::ops::finish::{Finish, Target};
+use crate::part::part_mut;
 
 /// Name of this kernel by the rule `{isa}-{types}-{variant}`.
 pub(super) const NAME: &str = match (PIXELS, CHANNELS) {
@@ -66,6 +67,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
 
 /// `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "lists of one known length side by side")]
 fn block<const P: usize>(
     acc: &mut Accumulators,
     first: usize,
@@ -76,12 +78,21 @@ fn block<const P: usize>(
 ) -> usize {
     let (stride, groups) = (patch.stride, patch.groups);
     let mut sums = [[0i32; CHANNELS]; P];
-    for (&start, weights) in patch.starts.iter().zip(weights.chunks_exact(4 * groups * width)) {
-        // Fours of codes; slices of equal length, so that none of their bounds are checked in the loop.
-        let codes: [&[[u8; 4]]; P] =
-            core::array::from_fn(|p| &patch.bytes[start + (first + p) * stride..].as_chunks().0[..groups]);
-        for (g, weights) in weights.as_chunks().0.chunks_exact(width).enumerate() {
-            let w: &[[u8; 4]] = &weights[channel..][..CHANNELS];
+    let (mut weights, _) = weights.as_chunks::<4>();
+    for &start in patch.starts {
+        // Fours of codes; slices of one known length, so that none of their bounds are checked in the loop.
+        let mut codes: [&[[u8; 4]]; P] = [&[]; P];
+        for p in 0..P {
+            let at = start + (first + p) * stride;
+            match patch.bytes.get(at..).and_then(|bytes| bytes.as_chunks().0.get(..groups)) {
+                Some(fours) => codes[p] = fours,
+                None => return P,
+            }
+        }
+        for g in 0..groups {
+            let Some(w) = weights.get(g * width + channel..).and_then(|w| w.first_chunk::<CHANNELS>()) else {
+                return P;
+            };
             if VECTORS {
                 for p in 0..P {
                     by_neighbours(&mut sums[p], codes[p][g], w);
@@ -96,10 +107,10 @@ fn block<const P: usize>(
                 }
             }
         }
+        weights = weights.get(groups * width..).unwrap_or_default();
     }
     for (p, sums) in sums.iter().enumerate() {
-        for (c, sum) in sums.iter().enumerate() {
-            let at = &mut acc[(first + p) * width + channel + c];
+        for (at, sum) in part_mut(acc, (first + p) * width + channel, CHANNELS).iter_mut().zip(sums) {
             *at = at.wrapping_add(*sum);
         }
     }
@@ -108,7 +119,7 @@ fn block<const P: usize>(
 
 /// Adds a group's products of one pixel: neighbours first, as an instruction for vectors of i16 does.
 #[inline(always)]
-fn by_neighbours(sums: &mut [i32; CHANNELS], x: [u8; 4], w: &[[u8; 4]]) {
+fn by_neighbours(sums: &mut [i32; CHANNELS], x: [u8; 4], w: &[[u8; 4]; CHANNELS]) {
     let x = x.map(|x| x as i16 as i32);
     for (sum, w) in sums.iter_mut().zip(w) {
         let w = w.map(|w| w as i8 as i16 as i32);

@@ -20,7 +20,9 @@ use super::finish::{Finish, Target};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, panel, pixels_at_once};
 use crate::nn::model::{MAX_KERNEL, Model};
+use crate::nn::prepared::Prepared;
 use crate::nn::program::{Conv, Dtype, PHASE_TAPS, PHASES, Phase, Tensor, groups};
+use crate::part::{head, head_mut, item, part_mut};
 
 /// A convolution with its tensors.
 struct Job<'a, 'm> {
@@ -28,6 +30,7 @@ struct Job<'a, 'm> {
     conv: &'a Conv,
     out: Tensor,
     sources: [Option<Tensor>; 2],
+    add: Option<Tensor>,
     /// First channel and width of the panel.
     first: usize,
     width: usize,
@@ -64,12 +67,19 @@ struct Stretch<'m> {
 
 /// Runs unit `unit` (the number of the panel) of step `step`.
 #[inline(always)]
-pub(crate) fn run<I: Isa>(model: &Model<'_>, conv: &Conv, arena: &mut Arena<'_>, step: usize, unit: usize) -> u64 {
-    let out = model.tensor(conv.out);
+pub(crate) fn run<I: Isa>(
+    model: &Model<'_>,
+    (conv, prepared): (&Conv, &Prepared),
+    arena: &mut Arena<'_>,
+    step: usize,
+    unit: usize,
+) -> u64 {
+    let out = prepared.out;
     let (first, width) = panel(out.channels, unit);
-    let sources = [Some(model.tensor(conv.first)), conv.second.map(|t| model.tensor(t))];
+    let [first_source, second_source, add] = prepared.inputs;
+    let sources = [first_source, second_source];
     let wide = sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
-    let job = Job { model, conv, sources, first, width, wide, out };
+    let job = Job { model, conv, sources, add, first, width, wide, out };
     let (begin, made) = (conv.step_rows() * step, conv.step_rows());
     let rows = begin..(begin + made).min(job.out.rows);
     let mut cut = 0;
@@ -139,8 +149,8 @@ impl<'m> Job<'_, 'm> {
             let (down, across) = (variant / PHASES, variant % PHASES);
             let sum = |taps: &[usize]| taps.iter().map(|&cols| both(cols)).sum::<usize>();
             let row = sum(&PHASE_TAPS);
-            let above: usize = PHASE_TAPS[..down].iter().sum();
-            (above * row + rows * sum(&PHASE_TAPS[..across]), PHASE_TAPS.iter().sum::<usize>() * row)
+            let above: usize = PHASE_TAPS.iter().take(down).sum();
+            (above * row + rows * sum(head(&PHASE_TAPS, across)), PHASE_TAPS.iter().sum::<usize>() * row)
         } else {
             (0, rows * both(cols))
         };
@@ -154,14 +164,14 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
         let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let finish = Finish::new(self.model, self.conv, &self.out, (self.first, self.width), variants);
+        let finish = Finish::new(self.model, self.conv, (&self.out, self.add), (self.first, self.width), variants);
         let mut acc = [0; ACCUMULATORS];
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
             // Blocks of nearly one size: small ones leave registers idle.
             let left = stretch.count - done;
-            let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)));
+            let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)).max(1));
             self.products::<I>(arena, &mut acc, &stretch.filters, (done * stretch.input_step, now), stretch.input_step);
             if self.conv.fold {
                 for pixel in [0, stretch.count - 1] {
@@ -187,11 +197,11 @@ impl<'m> Job<'_, 'm> {
         for filter in corrections.iter().flatten() {
             let first = filter.variant * self.out.channels + self.first;
             let channels = self.width.min(self.out.channels - self.first);
-            for (c, more) in more[..channels].iter_mut().enumerate() {
+            for (c, more) in more.iter_mut().take(channels).enumerate() {
                 *more = more.wrapping_add(self.model.constant_i32(self.conv.bias, first + c));
             }
         }
-        for (acc, more) in acc[pixel * self.width..][..self.width].iter_mut().zip(&more) {
+        for (acc, more) in part_mut(acc, pixel * self.width, self.width).iter_mut().zip(&more) {
             *acc = acc.wrapping_add(*more);
         }
     }
@@ -209,7 +219,7 @@ impl<'m> Job<'_, 'm> {
         let mut begun = false;
         if self.wide {
             self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 1), &mut begun);
-            acc[..now * self.width].iter_mut().for_each(|a| *a = a.wrapping_shl(8));
+            head_mut(acc, now * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
         self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 0), &mut begun);
     }
@@ -234,22 +244,23 @@ impl<'m> Job<'_, 'm> {
                 let col = (filter.col + (skip + t.margin) as isize).max(0) as usize * t.channels;
                 let col = col + plane * t.plane_bytes();
                 let mut starts = [0; MAX_KERNEL];
-                for (k, start) in starts[..filter.rows].iter_mut().enumerate() {
+                for (k, start) in starts.iter_mut().take(filter.rows).enumerate() {
                     let row = filter.row + k as isize;
-                    let inside = row.clamp(0, t.rows as isize - 1);
+                    let inside = row.min(t.rows as isize - 1).max(0);
                     *start = if row == inside || self.conv.fold {
                         t.row_offset(inside as usize) + col
                     } else {
                         let len = (now - 1) * stride + 4 * groups;
-                        arena.bytes[arena.scratch..arena.scratch + len].fill(zero_code(t, plane));
+                        part_mut(arena.bytes, arena.scratch, len).fill(zero_code(t, plane));
                         arena.scratch
                     };
                 }
-                let patch = Patch { bytes: arena.bytes, starts: &starts[..filter.rows], stride, groups };
+                let patch = Patch { bytes: arena.bytes, starts: head(&starts, filter.rows), stride, groups };
+                let weights = item(&filter.weights, source);
                 if *begun {
-                    I::gemm(acc, now, &patch, filter.weights[source], self.width);
+                    I::gemm(acc, now, &patch, weights, self.width);
                 } else {
-                    I::gemm_from_zero(acc, now, &patch, filter.weights[source], self.width);
+                    I::gemm_from_zero(acc, now, &patch, weights, self.width);
                 }
                 *begun = true;
             }

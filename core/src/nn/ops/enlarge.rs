@@ -1,13 +1,14 @@
 //! Bilinear enlargement: two output rows from three input rows.
 
 use crate::nn::arena::{Arena, high, join};
-use crate::nn::model::Model;
-use crate::nn::program::{Dtype, Enlarge, Tensor};
+use crate::nn::prepared::Prepared;
+use crate::nn::program::{Dtype, Tensor};
+use crate::part::{item, put};
 
 /// Runs step `step`: output rows 2 step and 2 step + 1.
 #[inline(always)]
-pub(crate) fn run(model: &Model<'_>, op: &Enlarge, arena: &mut Arena<'_>, step: usize) -> u64 {
-    let (input, out) = (model.tensor(op.input), model.tensor(op.out));
+pub(crate) fn run(prepared: &Prepared, arena: &mut Arena<'_>, step: usize) -> u64 {
+    let (input, out) = (prepared.input(0), prepared.out);
     for odd in 0..2 {
         let (near, far) = taps(2 * step + odd, input.rows);
         for col in 0..out.cols {
@@ -33,13 +34,14 @@ fn pixel(
     let mix = |a: i32, b: i32, c: i32, d: i32| (9 * a + 3 * (b + c) + d + 8) >> 4;
     for k in 0..input.channels {
         if input.dtype == Dtype::U8 {
-            let x = |at: usize| arena.bytes[at + k] as i32;
-            arena.bytes[to + k] = mix(x(a), x(b), x(c), x(d)) as u8;
+            let x = |at: usize| item(arena.bytes, at + k) as i32;
+            let code = mix(x(a), x(b), x(c), x(d)) as u8;
+            put(arena.bytes, to + k, code);
         } else {
-            let x = |at: usize| join(arena.bytes[at + k], arena.bytes[at + plane + k]);
+            let x = |at: usize| join(item(arena.bytes, at + k), item(arena.bytes, at + plane + k));
             let code = mix(x(a), x(b), x(c), x(d));
-            arena.bytes[to + k] = code as u8;
-            arena.bytes[to + out.plane_bytes() + k] = high(code);
+            put(arena.bytes, to + k, code as u8);
+            put(arena.bytes, to + out.plane_bytes() + k, high(code));
         }
     }
 }

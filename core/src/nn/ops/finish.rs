@@ -4,6 +4,7 @@ use crate::nn::arena::{Arena, Row, high, join};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
 use crate::nn::model::Model;
 use crate::nn::program::{Conv, Dtype, Tensor};
+use crate::part::{copy, head, head_mut, item, put};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// What the accumulators of one panel need.
@@ -52,11 +53,11 @@ impl<'a> Finish<'a> {
     pub(super) fn new(
         model: &Model<'a>,
         conv: &Conv,
-        out: &'a Tensor,
+        (out, add): (&'a Tensor, Option<Tensor>),
         (first, width): (usize, usize),
         variants: [Option<usize>; 2],
     ) -> Self {
-        let channels = (out.channels - first).min(width);
+        let channels = out.channels.saturating_sub(first).min(width);
         let list = |offset: usize, skip: usize| {
             let mut values = [0; PANEL];
             let bytes = model.constants(offset + 4 * (skip + first), 4 * channels).as_chunks::<4>().0;
@@ -85,7 +86,7 @@ impl<'a> Finish<'a> {
             width,
             bias,
             multiplier: list(conv.multipliers, 0),
-            add: conv.add.map(|t| model.tensor(t)),
+            add,
             add_multiplier: if added { list(conv.add_multipliers, 0) } else { [0; PANEL] },
             add_shift: conv.add_shift,
             half: 1 << (conv.shift.max(1) - 1),
@@ -120,13 +121,15 @@ impl<'a> Finish<'a> {
             let first = (target.col + p * target.col_step) * self.out.channels + self.first;
             if let Some(add) = &self.add {
                 added_scale = add.scale;
-                Row::of(add, target.row).values(arena.bytes, first, &mut added[..self.channels]);
+                Row::of(add, target.row).values(arena.bytes, first, head_mut(&mut added, self.channels));
             }
-            let to = &mut arena.bytes[self.out.row_offset(target.row) + 4 * first..];
-            for (c, to) in to.as_chunks_mut::<4>().0.iter_mut().take(self.channels).enumerate() {
+            let to = arena.bytes.get_mut(self.out.row_offset(target.row) + 4 * first..).unwrap_or_default();
+            let numbers = self.bias.iter().zip(&scale).zip(&added);
+            let channels = to.as_chunks_mut::<4>().0.iter_mut().zip(numbers).take(self.channels);
+            for (c, (to, ((bias, scale), added))) in channels.enumerate() {
                 // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
-                let sum = acc[p * self.width + c].wrapping_add(self.bias[c]);
-                let value = sum as f32 * scale[c] + added[c] as f32 * added_scale;
+                let sum = item(acc, p * self.width + c).wrapping_add(*bias);
+                let value = sum as f32 * scale + *added as f32 * added_scale;
                 *to = if self.relu && value < 0.0 { 0.0 } else { value }.to_le_bytes();
             }
         }
@@ -178,25 +181,25 @@ impl<'a> Finish<'a> {
         for c in 0..self.channels.min(PANEL) {
             let (bias, multiplier, add_multiplier) = (self.bias[c], self.multiplier[c], self.add_multiplier[c]);
             let (mut to, mut from) = (start + c, from + c);
-            for acc in acc.chunks_exact(self.width).take(target.pixels) {
-                let mut v = acc[c].wrapping_add(bias) as i64 * multiplier as i64 + self.half;
+            for acc in acc.chunks_exact(self.width.max(1)).take(target.pixels) {
+                let mut v = item(acc, c).wrapping_add(bias) as i64 * multiplier as i64 + self.half;
                 if ADD > 0 {
-                    let low = bytes[from];
-                    let added = if ADD == 1 { low as i32 - add_zero } else { join(low, bytes[from + add_plane]) };
+                    let low = item(bytes, from);
+                    let added = if ADD == 1 { low as i32 - add_zero } else { join(low, item(bytes, from + add_plane)) };
                     v += (added << (self.add_shift & 31)) as i64 * add_multiplier as i64;
                     from += add_pitch;
                 }
                 let v = ((v >> 32) as i32 >> (self.shift & 31)) + zero;
-                let mut code = v.clamp(lo, hi);
+                let mut code = v.max(lo).min(hi);
                 if code != v {
                     cut += (v as i64 > self.ceiling || (v as i64) < self.floor) as u64;
                 }
                 if let Some(table) = table {
                     code = table[code as usize & 255] as i32;
                 }
-                bytes[to] = code as u8;
+                put(bytes, to, code as u8);
                 if WIDE {
-                    bytes[to + plane] = high(code);
+                    put(bytes, to + plane, high(code));
                 }
                 to += pitch;
             }
@@ -213,16 +216,17 @@ impl<'a> Finish<'a> {
             Some(add) => {
                 let mut added = [0i32; ACCUMULATORS];
                 let row = Row::of(add, target.row);
-                for (p, added) in added.as_chunks_mut::<W>().0[..target.pixels].iter_mut().enumerate() {
+                for (p, added) in added.as_chunks_mut::<W>().0.iter_mut().take(target.pixels).enumerate() {
                     let index = (target.col + p * target.col_step) * self.out.channels + self.first;
-                    row.values(bytes, index, &mut added[..self.channels]);
+                    row.values(bytes, index, head_mut(added, self.channels));
                 }
                 self.round::<W, true>(acc, &added, &mut codes, target.pixels)
             }
             None => self.round::<W, false>(acc, acc, &mut codes, target.pixels),
         };
-        if let Some(table) = self.table {
-            for code in &mut codes[..target.pixels * W] {
+        let table: Option<&[u8; CODE_TABLE_LEN]> = self.table.and_then(|table| table.first_chunk());
+        if let Some(table) = table {
+            for code in head_mut(&mut codes, target.pixels * W) {
                 *code = table[*code as usize & 255] as i32;
             }
         }
@@ -262,7 +266,7 @@ impl<'a> Finish<'a> {
         let (zero, lo, hi) = (narrow(self.zero), narrow(self.lo), narrow(self.hi));
         let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
         let mut cuts = [0i32; W];
-        for ((codes, acc), added) in codes.as_chunks_mut::<W>().0[..pixels].iter_mut().zip(acc).zip(added) {
+        for ((codes, acc), added) in codes.as_chunks_mut::<W>().0.iter_mut().take(pixels).zip(acc).zip(added) {
             for c in 0..W {
                 let mut v = acc[c].wrapping_add(self.bias[c]) as i64 * self.multiplier[c] as i64 + self.half;
                 if ADD {
@@ -276,11 +280,11 @@ impl<'a> Finish<'a> {
                     narrow((v >> low_shift) + self.zero)
                 };
                 cuts[c] += (v > ceiling) as i32 + (v < floor) as i32;
-                codes[c] = v.clamp(lo, hi);
+                codes[c] = v.max(lo).min(hi);
             }
         }
         let mut cut = 0;
-        for &one in &cuts[..self.channels] {
+        for &one in head(&cuts, self.channels) {
             cut += one as u64;
         }
         cut
@@ -302,13 +306,13 @@ impl<'a> Finish<'a> {
                 }
             }
             let start = start + plane * t.plane_bytes();
-            for (p, bytes) in bytes.as_chunks::<W>().0[..target.pixels].iter().enumerate() {
-                let to = &mut arena[start + p * pitch..];
+            for (p, bytes) in bytes.as_chunks::<W>().0.iter().take(target.pixels).enumerate() {
+                let Some(to) = arena.get_mut(start + p * pitch..) else { continue };
                 // Copies of a length that is known to the compiler are one or two instructions.
                 match (self.channels, to.first_chunk_mut::<W>()) {
                     (channels, Some(to)) if channels == W => *to = *bytes,
-                    (12, _) => to[..12].copy_from_slice(&bytes[..12]),
-                    (channels, _) => to[..channels].copy_from_slice(&bytes[..channels]),
+                    (12, _) => copy(head_mut(to, 12), head(bytes, 12)),
+                    (channels, _) => copy(head_mut(to, channels), bytes),
                 }
             }
         }

@@ -6,7 +6,9 @@
 use crate::nn::arena::{Arena, Row};
 use crate::nn::kernels::Isa;
 use crate::nn::model::Model;
+use crate::nn::prepared::Prepared;
 use crate::nn::program::{LayerNorm, Tensor};
+use crate::part::{head, head_mut};
 use crate::quant::rsqrt::ReciprocalRoot;
 
 /// Channels held on the stack at a time, and pixels that share their gains.
@@ -17,8 +19,13 @@ const LANES: usize = 8;
 
 /// Runs step `row`.
 #[inline(always)]
-pub(crate) fn run<I: Isa>(model: &Model<'_>, norm: &LayerNorm, arena: &mut Arena<'_>, row: usize) -> u64 {
-    let (input, out) = (model.tensor(norm.input), model.tensor(norm.out));
+pub(crate) fn run<I: Isa>(
+    model: &Model<'_>,
+    (norm, prepared): (&LayerNorm, &Prepared),
+    arena: &mut Arena<'_>,
+    row: usize,
+) -> u64 {
+    let (input, out) = (prepared.input(0), prepared.out);
     let m = norm.merge;
     let rows = [Row::of(&input, m * row), Row::of(&input, m * row + m - 1)];
     let job = Job { model, norm, input: &input, out: &out, rows, to: Row::of(&out, row) };
@@ -49,11 +56,12 @@ impl Job<'_, '_> {
     /// rows fastest, as in the reference.
     #[inline(always)]
     fn load(&self, bytes: &[u8], col: usize, first: usize, x: &mut [i32; BLOCK]) -> usize {
-        let (m, channels) = (self.norm.merge, self.input.channels);
+        let (m, channels) = (self.norm.merge.max(1), self.input.channels.max(1));
         let (place, channel) = (first / channels, first % channels);
         let count = (channels - channel).min(BLOCK);
         let from = (col * m + place / m) * channels + channel;
-        self.rows[place % m].values(bytes, from, &mut x[..count]);
+        let [upper, lower] = &self.rows;
+        if place % m == 0 { upper } else { lower }.values(bytes, from, head_mut(x, count));
         count
     }
 
@@ -91,13 +99,13 @@ impl Job<'_, '_> {
     pub(crate) fn portable(&self, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
         let (norm, channels) = (self.norm, self.out.channels);
         let mut statistics = [(0, ReciprocalRoot::of(1)); PIXELS];
-        for (p, statistics) in statistics[..pixels].iter_mut().enumerate() {
+        for (p, statistics) in statistics.iter_mut().take(pixels).enumerate() {
             *statistics = self.statistics(bytes, col + p);
         }
         let mut cut = 0;
         let mut done = 0;
         while done < channels {
-            let count = (self.input.channels - done % self.input.channels).min(BLOCK);
+            let count = (self.input.channels - done % self.input.channels.max(1)).clamp(1, BLOCK);
             let (mut gains, mut biases) = ([0i32; BLOCK], [0i64; BLOCK]);
             let list = self.model.constants(norm.gains + 4 * done, 4 * count).as_chunks::<4>().0;
             for (gain, &b) in gains.iter_mut().zip(list) {
@@ -107,11 +115,11 @@ impl Job<'_, '_> {
             for (bias, &b) in biases.iter_mut().zip(list) {
                 *bias = i64::from_le_bytes(b);
             }
-            for (p, (sum, root)) in statistics[..pixels].iter().enumerate() {
+            for (p, (sum, root)) in statistics.iter().take(pixels).enumerate() {
                 let (mut x, mut codes) = ([0i32; BLOCK], [0i32; BLOCK]);
                 self.load(bytes, col + p, done, &mut x);
                 cut += self.scale(&x, (*sum, *root), (&gains, &biases), &mut codes, count);
-                self.to.store(bytes, (col + p) * channels + done, &codes[..count]);
+                self.to.store(bytes, (col + p) * channels + done, head(&codes, count));
             }
             done += count;
         }
@@ -145,7 +153,7 @@ impl Job<'_, '_> {
                 let y = root.times((channels * x[at]) as i64 - sum) as i32;
                 let v = ((y as i64 * gains[at] as i64 + biases[at] + half) >> shift) + zero;
                 cuts[k] += (v > hi) as i64 + (v < floor) as i64;
-                codes[at] = v.clamp(lo, hi) as i32;
+                codes[at] = v.max(lo).min(hi) as i32;
             }
         }
         // Lanes beyond the last channel have gain and bias 0: they are never cut.

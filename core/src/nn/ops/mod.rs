@@ -12,21 +12,22 @@ pub(crate) mod window_attention;
 use super::arena::Arena;
 use super::kernels::Isa;
 use super::model::Model;
+use super::prepared::Prepared;
 use super::program::Operator;
 
 /// Runs unit `unit` of step `step`.
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
     model: &Model<'_>,
-    operator: &Operator,
+    prepared: &Prepared,
     arena: &mut Arena<'_>,
     step: usize,
     unit: usize,
 ) -> u64 {
-    match operator {
-        Operator::Conv(op) => conv::run::<I>(model, op, arena, step, unit),
-        Operator::LayerNorm(op) => layer_norm::run::<I>(model, op, arena, step),
-        Operator::Attention(op) => window_attention::run::<I>(model, op, arena, step, unit),
-        Operator::Enlarge(op) => enlarge::run(model, op, arena, step),
+    match &prepared.operator {
+        Operator::Conv(op) => conv::run::<I>(model, (op, prepared), arena, step, unit),
+        Operator::LayerNorm(op) => layer_norm::run::<I>(model, (op, prepared), arena, step),
+        Operator::Attention(op) => window_attention::run::<I>(model, (op, prepared), arena, step, unit),
+        Operator::Enlarge(_) => enlarge::run(prepared, arena, step),
     }
 }

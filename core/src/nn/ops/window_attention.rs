@@ -14,7 +14,9 @@
 use crate::nn::arena::{Arena, OVERREAD, Row};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL, Patch, panelled, panels};
 use crate::nn::model::{MAX_WINDOW, Model};
+use crate::nn::prepared::Prepared;
 use crate::nn::program::{Attention, Tensor, groups};
+use crate::part::{head, head_mut, item, part, part_mut, put};
 use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
 use crate::quant::round_shift;
 
@@ -94,7 +96,8 @@ impl Walk<'_> {
     #[inline(always)]
     fn begin_row(&mut self) {
         let t = self.window.input;
-        self.at = t.row_offset(self.row.min(t.rows - 1)) + (t.margin + self.col) * t.channels + self.channel;
+        self.at =
+            t.row_offset(self.row.min(t.rows.saturating_sub(1))) + (t.margin + self.col) * t.channels + self.channel;
     }
 
     /// Place of the next token, or `None` in the padding.
@@ -113,8 +116,14 @@ impl Walk<'_> {
 
 /// Runs unit `unit` (column piece) of step `step` (row piece).
 #[inline(always)]
-pub(crate) fn run<I: Isa>(model: &Model<'_>, a: &Attention, arena: &mut Arena<'_>, step: usize, unit: usize) -> u64 {
-    let (input, out) = (model.tensor(a.input), model.tensor(a.out));
+pub(crate) fn run<I: Isa>(
+    model: &Model<'_>,
+    (a, prepared): (&Attention, &Prepared),
+    arena: &mut Arena<'_>,
+    step: usize,
+    unit: usize,
+) -> u64 {
+    let (input, out) = (prepared.input(0), prepared.out);
     let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
     let window = Window { a, input: &input, rows, cols };
     let mut cut = 0;
@@ -142,60 +151,60 @@ fn pack(
     arena: &mut Arena<'_>,
     head: usize,
 ) -> ([i32; MAX_TOKENS], Layout) {
-    let (tokens, channels) = (window.tokens(), out.channels / window.a.heads);
+    let (tokens, channels) = (window.tokens().min(MAX_TOKENS), out.channels / window.a.heads.max(1));
     let layout = Layout::new(tokens, channels);
-    let (tensors, scratch) = arena.bytes.split_at_mut(arena.scratch);
-    let (keys, rest) = scratch.split_at_mut(layout.keys);
-    let values = &mut rest[..layout.values];
+    let (tensors, scratch) = arena.bytes.split_at_mut_checked(arena.scratch).unwrap_or_default();
+    let (keys, rest) = scratch.split_at_mut_checked(layout.keys).unwrap_or_default();
+    let values = head_mut(rest, layout.values);
     let pad = model.constants(window.a.pad_codes, window.input.channels);
     let mut offsets = [0; MAX_TOKENS];
     let from = out.channels + head * channels;
     let mut walk = window.walk(from);
     for (first, width) in panels(tokens) {
-        let panel = &mut keys[4 * first * groups(channels)..][..4 * width * groups(channels)];
+        let panel = part_mut(keys, 4 * first * groups(channels), 4 * width * groups(channels));
         if tokens < first + width || !channels.is_multiple_of(4) {
             panel.fill(0);
         }
         for token in first..tokens.min(first + width) {
             let codes = match walk.next_place() {
-                Some(at) => &tensors[at..at + channels],
-                None => &pad[from..from + channels],
+                Some(at) => part(tensors, at, channels),
+                None => part(pad, from, channels),
             };
             let mut sum = 0;
             let (fours, rest) = codes.as_chunks::<4>();
             for (g, four) in fours.iter().enumerate() {
                 let word = u32::from_ne_bytes(*four) ^ 0x8080_8080;
-                if let Some(to) = panel[4 * (g * width + token - first)..].first_chunk_mut() {
+                if let Some(to) = panel.get_mut(4 * (g * width + token - first)..).and_then(|to| to.first_chunk_mut()) {
                     *to = word.to_ne_bytes();
                 }
                 sum += four[0] as i32 + four[1] as i32 + four[2] as i32 + four[3] as i32;
             }
             for (b, &code) in rest.iter().enumerate() {
-                panel[4 * (fours.len() * width + token - first) + b] = code ^ 0x80;
+                put(panel, 4 * (fours.len() * width + token - first) + b, code ^ 0x80);
                 sum += code as i32;
             }
             sum -= 128 * channels as i32;
-            offsets[token] = -128 * sum;
+            put(&mut offsets, token, -128 * sum);
         }
     }
     for (first, width) in panels(channels) {
-        let panel = &mut values[4 * first * groups(tokens)..][..4 * width * groups(tokens)];
+        let panel = part_mut(values, 4 * first * groups(tokens), 4 * width * groups(tokens));
         let count = (channels - first).min(width);
         if count < width {
             panel.fill(0);
         }
         let from = 2 * out.channels + head * channels + first;
         let mut walk = window.walk(from);
-        for (group, to) in panel.chunks_exact_mut(4 * width).enumerate() {
+        for (group, to) in panel.chunks_exact_mut((4 * width).max(1)).enumerate() {
             // Behind the last token stand zeros: the code 128.
             const NOTHING: [u8; PANEL] = [128; PANEL];
-            let mut four: [&[u8]; 4] = [&NOTHING[..count]; 4];
+            let mut four = [part(&NOTHING, 0, count); 4];
             for (b, codes) in four.iter_mut().enumerate() {
                 let token = 4 * group + b;
                 if token < tokens {
                     *codes = match walk.next_place() {
-                        Some(at) => &tensors[at..at + count],
-                        None => &pad[from..from + count],
+                        Some(at) => part(tensors, at, count),
+                        None => part(pad, from, count),
                     };
                 }
             }
@@ -223,13 +232,13 @@ impl Head<'_, '_> {
     #[inline(always)]
     fn row<I: Isa>(&self, arena: &mut Arena<'_>, row: usize) -> u64 {
         let (a, out) = (self.window.a, self.out);
-        let channels = out.channels / a.heads;
+        let channels = out.channels / a.heads.max(1);
         let cols = self.window.cols.0..self.window.cols.1.min(out.cols);
         let logits = self.products::<I>(arena, row, cols.len());
         let mut reciprocals = [0i32; MAX_WINDOW];
-        for (q, reciprocal) in reciprocals[..cols.len()].iter_mut().enumerate() {
+        for (q, (reciprocal, logits)) in reciprocals.iter_mut().zip(&logits).take(cols.len()).enumerate() {
             // Validation keeps the sum at 2^13 or above, so this is 2^30 at most.
-            *reciprocal = ((1i64 << RECIPROCAL_BITS) / self.exponentials::<I>(arena, &logits[q], row, q)) as i32;
+            *reciprocal = ((1i64 << RECIPROCAL_BITS) / self.exponentials::<I>(arena, logits, row, q).max(1)) as i32;
         }
         let multiplier = self.model.constant_i32(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
@@ -237,13 +246,13 @@ impl Head<'_, '_> {
         for (first, width) in panels(channels) {
             let groups = groups(self.window.tokens());
             let start = arena.scratch + self.layout.keys + 4 * first * groups;
-            let weights = &arena.bytes[start..start + 4 * width * groups];
+            let weights = part(arena.bytes, start, 4 * width * groups);
             for plane in [1, 0] {
                 let starts = [exp + plane * self.layout.row];
                 let patch = Patch { bytes: arena.bytes, starts: &starts, stride: 2 * self.layout.row, groups };
                 if plane == 1 {
                     I::gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
-                    acc[..cols.len() * width].iter_mut().for_each(|a| *a <<= 8);
+                    head_mut(&mut acc, cols.len() * width).iter_mut().for_each(|a| *a <<= 8);
                 } else {
                     I::gemm(&mut acc, cols.len(), &patch, weights, width);
                 }
@@ -251,11 +260,11 @@ impl Head<'_, '_> {
             let channel = self.head * channels + first;
             let count = (channels - first).min(width);
             for (q, col) in cols.clone().enumerate() {
-                let (scale, place) = ((reciprocals[q], multiplier), (row, col * out.channels + channel));
+                let (scale, place) = ((item(&reciprocals, q), multiplier), (row, col * out.channels + channel));
                 cut += match width {
-                    32 => self.means(arena.bytes, &acc.as_chunks::<32>().0[q], scale, place, count),
-                    16 => self.means(arena.bytes, &acc.as_chunks::<16>().0[q], scale, place, count),
-                    _ => self.means(arena.bytes, &acc.as_chunks::<8>().0[q], scale, place, count),
+                    32 => self.means::<32>(arena.bytes, acc.as_chunks().0.get(q), scale, place, count),
+                    16 => self.means::<16>(arena.bytes, acc.as_chunks().0.get(q), scale, place, count),
+                    _ => self.means::<8>(arena.bytes, acc.as_chunks().0.get(q), scale, place, count),
                 };
             }
         }
@@ -268,25 +277,25 @@ impl Head<'_, '_> {
     fn means<const W: usize>(
         &self,
         bytes: &mut [u8],
-        weighted: &[i32; W],
+        weighted: Option<&[i32; W]>,
         (reciprocal, multiplier): (i32, i32),
         (row, sample): (usize, usize),
         count: usize,
     ) -> u64 {
-        let (out, shift) = (self.out, self.window.a.shift);
+        let (Some(weighted), out, shift) = (weighted, self.out, self.window.a.shift) else { return 0 };
         let (lo, hi, zero) = (out.lo as i64, out.hi as i64, out.zero as i64);
         let (mut codes, mut cuts) = ([0i32; W], [0i64; W]);
         for c in 0..W {
             let mean = round_shift(weighted[c] as i64 * reciprocal as i64, RECIPROCAL_BITS - FRACTION_BITS);
             let code = round_shift(mean as i32 as i64 * multiplier as i64, shift) + zero;
             cuts[c] = (code > hi) as i64 + (code < lo) as i64;
-            codes[c] = code.clamp(lo, hi) as i32;
+            codes[c] = code.max(lo).min(hi) as i32;
         }
         let mut cut = 0;
-        for &one in &cuts[..count] {
+        for &one in head(&cuts, count) {
             cut += one as u64;
         }
-        Row::of(out, row).store(bytes, sample, &codes[..count]);
+        Row::of(out, row).store(bytes, sample, head(&codes, count));
         cut
     }
 
@@ -303,13 +312,12 @@ impl Head<'_, '_> {
         let (mut logits, mut acc): (_, Accumulators) = ([[0; MAX_TOKENS]; MAX_WINDOW], [0; ACCUMULATORS]);
         for (first, width) in panels(tokens) {
             let start = arena.scratch + 4 * first * groups;
-            let weights = &arena.bytes[start..start + 4 * width * groups];
+            let weights = part(arena.bytes, start, 4 * width * groups);
             I::gemm_from_zero(&mut acc, queries, &patch, weights, width);
             let count = (tokens - first).min(width);
-            for (q, logits) in logits[..queries].iter_mut().enumerate() {
-                let acc = &acc[q * width..q * width + count];
-                let offsets = &self.offsets[first..first + count];
-                for ((logit, acc), offset) in logits[first..first + count].iter_mut().zip(acc).zip(offsets) {
+            for (q, logits) in logits.iter_mut().take(queries).enumerate() {
+                let (acc, offsets) = (part(&acc, q * width, count), part(self.offsets, first, count));
+                for ((logit, acc), offset) in part_mut(logits, first, count).iter_mut().zip(acc).zip(offsets) {
                     *logit = acc.wrapping_add(*offset);
                 }
             }
@@ -329,7 +337,7 @@ impl Head<'_, '_> {
             products,
             tokens: self.window.tokens(),
             width,
-            bias: &bias.as_chunks().0[first..],
+            bias: bias.as_chunks().0.get(first..).unwrap_or_default(),
             bias_pitch: side,
             multiplier: self.model.constant_i32(a.logit_multipliers, self.head),
             shift: a.logit_shift & 63,
@@ -337,7 +345,8 @@ impl Head<'_, '_> {
             fine: self.model.constants(a.exp_table + 2 * EXP_COARSE, 2 * EXP_FINE).as_chunks().0,
         };
         let at = arena.scratch + self.layout.keys + self.layout.values + 2 * self.layout.row * q;
-        let (low, high) = arena.bytes[at..at + 2 * self.layout.row].split_at_mut(self.layout.row);
+        let planes = part_mut(arena.bytes, at, 2 * self.layout.row);
+        let (low, high) = planes.split_at_mut_checked(self.layout.row).unwrap_or_default();
         I::softmax(&softmax, low, high).max(1)
     }
 }
@@ -367,8 +376,9 @@ impl Softmax<'_> {
         let half = 1i64 << (self.shift.max(1) - 1);
         let mut logits = [0i32; MAX_TOKENS];
         let mut largest = i32::MIN;
-        let rows = self.bias.chunks(self.bias_pitch).zip(logits[..self.tokens].chunks_mut(self.width));
-        for ((bias, logits), products) in rows.zip(self.products.chunks(self.width)) {
+        let width = self.width.max(1);
+        let rows = self.bias.chunks(self.bias_pitch.max(1)).zip(head_mut(&mut logits, self.tokens).chunks_mut(width));
+        for ((bias, logits), products) in rows.zip(self.products.chunks(width)) {
             for ((logit, product), bias) in logits.iter_mut().zip(products).zip(bias) {
                 let product = (*product as i64 * self.multiplier as i64 + half) >> self.shift;
                 let product = product.clamp(-LOGIT_LIMIT, LOGIT_LIMIT) as i32;
@@ -377,13 +387,14 @@ impl Softmax<'_> {
             }
         }
         let mut sum = 0;
-        for ((logit, low), high) in logits[..self.tokens].iter().zip(low.iter_mut()).zip(high.iter_mut()) {
+        for ((logit, low), high) in head(&logits, self.tokens).iter().zip(low.iter_mut()).zip(high.iter_mut()) {
             let e = exp_lookup(self.coarse, self.fine, largest - logit);
             (*low, *high) = (e as u8, (e >> 8) as u8);
             sum += e as i64;
         }
-        low[self.tokens..].fill(0);
-        high[self.tokens..].fill(0);
+        for plane in [low, high] {
+            plane.get_mut(self.tokens..).unwrap_or_default().fill(0);
+        }
         sum
     }
 }

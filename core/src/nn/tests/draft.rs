@@ -1,7 +1,7 @@
 //! Model files of a few operators, written from the description of the format alone.
 
-use crate::nn::format::{CHUNK_BYTES, HEADER_BYTES, MAGIC, NONE, VERSION, word};
-use crate::nn::{Conv, Dtype, Edge, Entry, Operator, Tensor, crc32c};
+use crate::nn::format::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, NONE, VERSION, seal_file, word};
+use crate::nn::{Conv, Dtype, Edge, Entry, Operator, Tensor};
 
 /// A model being put together.
 #[derive(Clone)]
@@ -111,16 +111,22 @@ impl Draft {
     /// The file.
     pub(super) fn file(&self) -> Vec<u8> {
         let text = b"{}".to_vec();
+        let mut sums = 0;
+        let counted = |t: &Tensor| {
+            let counted = Tensor { sums, ..*t };
+            sums += t.ring;
+            counted.encode()
+        };
         let sections: [(usize, Vec<u8>, usize); 5] = [
             (word::TEXT, text, 2),
-            (word::TENSORS, self.tensors.iter().flat_map(Tensor::encode).collect(), self.tensors.len()),
+            (word::TENSORS, self.tensors.iter().flat_map(counted).collect(), self.tensors.len()),
             (word::OPERATORS, self.operators.iter().flat_map(Operator::encode).collect(), self.operators.len()),
             (word::SCHEDULE, self.schedule.iter().flat_map(Entry::encode).collect(), self.schedule.len()),
             (word::CONSTANTS, self.constants.clone(), self.constants.len()),
         ];
         let body: usize = sections.iter().map(|s| s.1.len()).sum();
         let chunks = body.div_ceil(CHUNK_BYTES);
-        let mut bytes = vec![0; HEADER_BYTES + 4 * chunks];
+        let mut bytes = vec![0; HEADER_BYTES + CHUNK_RECORD_BYTES * chunks];
         bytes[..8].copy_from_slice(&MAGIC);
         let set = |bytes: &mut [u8], index: usize, value: u32| {
             bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
@@ -145,14 +151,7 @@ impl Draft {
             (word::OUTPUT, self.output),
         ];
         fields.into_iter().for_each(|(index, value)| set(&mut bytes, index, value));
-        let (head, body) = bytes.split_at_mut(HEADER_BYTES + 4 * chunks);
-        for (index, chunk) in body.chunks(CHUNK_BYTES).enumerate() {
-            head[HEADER_BYTES + 4 * index..][..4].copy_from_slice(&crc32c(chunk).to_le_bytes());
-        }
-        let list = crc32c(&head[HEADER_BYTES..]);
-        set(head, word::LIST_CRC, list);
-        let header = crc32c(&head[..4 * word::HEADER_CRC]);
-        set(head, word::HEADER_CRC, header);
+        seal_file(&mut bytes);
         bytes
     }
 }
@@ -160,6 +159,7 @@ impl Draft {
 /// A tensor that keeps all rows, without margin; [`Draft::place`] makes the pitch large enough.
 pub(super) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
     Tensor {
+        sums: 0,
         dtype,
         rows,
         cols,

@@ -3,6 +3,7 @@
 use super::Random;
 use super::draft::map;
 use crate::nn::format::NONE;
+use crate::nn::format::seal_record;
 use crate::nn::{
     Attention, Conv, Dtype, Edge, Enlarge, Entry, LayerNorm, MAX_MARGIN, OPERATOR_BYTES, Operator, OperatorFault,
     Tensor,
@@ -109,7 +110,7 @@ proptest! {
     #[test]
     fn entries_come_back(operator in 0usize..65536, first in 0usize..65536, count in 0usize..65536) {
         let entry = Entry { operator, first, count };
-        prop_assert_eq!(Entry::decode(&entry.encode()), entry);
+        prop_assert_eq!(Entry::decode(&entry.encode()), Some(entry));
     }
 
     #[test]
@@ -119,6 +120,7 @@ proptest! {
         let mut record = legal_tensor(&mut r).encode();
         let at = 4 * r.size(0, 12);
         record[at..at + 4].copy_from_slice(&word(&mut r).to_le_bytes());
+        seal_record(&mut record);
         if let Some(t) = Tensor::decode(&record) {
             prop_assert!(t.lo <= t.hi && (1..=t.rows).contains(&t.ring) && t.margin <= MAX_MARGIN && t.scale > 0.0);
             let codes = match t.dtype {
@@ -161,10 +163,34 @@ fn tensors_outside_their_limits_are_refused() {
     assert!([good, wide, float].iter().all(|t| Tensor::decode(&t.encode()).is_some()));
     let mut record = good.encode();
     record[0] = 3;
+    seal_record(&mut record);
     assert_eq!(Tensor::decode(&record), None, "type");
     let mut record = good.encode();
     record[44] = 2;
+    seal_record(&mut record);
     assert_eq!(Tensor::decode(&record), None, "edge");
+}
+
+#[test]
+fn any_flipped_bit_breaks_the_seal() {
+    let mut r = Random::new(5);
+    for _ in 0..20 {
+        let (tensor, operator) = (legal_tensor(&mut r), any_operator(&mut r));
+        let entry = Entry { operator: r.size(0, 65535), first: r.size(0, 65535), count: r.size(0, 65535) };
+        flips(tensor.encode(), |record| Tensor::decode(record).is_none());
+        flips(operator.encode(), |record| Operator::decode(record) == Err(OperatorFault::Seal));
+        flips(entry.encode(), |record| record.first_chunk().is_none_or(|record| Entry::decode(record).is_none()));
+    }
+}
+
+/// Asks `refused` of a record with every one of its bits flipped.
+fn flips<const N: usize>(record: [u8; N], refused: impl Fn(&[u8]) -> bool) {
+    assert!(!refused(&record));
+    for bit in 0..8 * N {
+        let mut changed = record;
+        changed[bit / 8] ^= 1 << (bit % 8);
+        assert!(refused(&changed), "bit {bit}");
+    }
 }
 
 #[test]
@@ -172,6 +198,8 @@ fn unknown_kinds_are_refused() {
     for kind in [0, 5, 6, 255, u32::MAX] {
         let mut record = [0; OPERATOR_BYTES];
         record[..4].copy_from_slice(&kind.to_le_bytes());
+        assert_eq!(Operator::decode(&record), Err(OperatorFault::Seal));
+        seal_record(&mut record);
         assert_eq!(Operator::decode(&record), Err(OperatorFault::Kind));
     }
 }

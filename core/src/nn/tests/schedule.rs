@@ -88,7 +88,7 @@ fn rings_as_short_as_the_kernels_reach_are_legal_and_run() {
     }
     assert_eq!(runner.position(), Some(model.entry_count()));
     seen.dedup();
-    assert_eq!(seen, (0..model.entry_count()).collect::<Vec<_>>(), "every entry in its turn");
+    assert_eq!(seen, (0..=model.entry_count()).collect::<Vec<_>>(), "every entry in its turn, then the judgement");
     assert_eq!(runner.telemetry().macs, model.macs());
 }
 

@@ -72,12 +72,17 @@ fn places_that_no_run_has_are_refused() {
         at_work,
         Suspended { entry: entries - 1, ..at_work },
         Suspended { step: steps - 1, unit: units - 1, ..at_work },
+        Suspended { phase: Suspended::JUDGING, ..at_work },
         Suspended { phase: Suspended::DONE, ..at_work },
+        Suspended { trusting: 1, ..at_work },
     ] {
         assert_eq!(resume(good), Ok(good));
     }
     for bad in [
-        Suspended { phase: 3, ..at_work },
+        Suspended { phase: 4, ..at_work },
+        Suspended { trusting: 2, ..at_work },
+        Suspended { phase: Suspended::JUDGING, entry: model.raw().chunks(), ..at_work },
+        Suspended { phase: Suspended::JUDGING, step: 1, ..at_work },
         Suspended { entry: 1, ..Suspended::default() },
         Suspended { phase: Suspended::DONE, unit: 1, ..at_work },
         Suspended { entry: entries, ..at_work },

@@ -43,6 +43,8 @@ fn record(made: &Export, tile: &CalibrationTile) -> Vec<Vec<f64>> {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0xa5; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
+    // Steps of one unit each, and none behind the last.
+    runner.protect(false);
     runner.begin(&tile.image, &tile.coarse).unwrap();
     let mut maps = vec![Vec::new(); model.tensor_count()];
     for input in [model.image_tensor(), model.coarse_tensor()].into_iter().filter(|t| *t != NONE) {

@@ -1,9 +1,9 @@
 //! No file harms the runner: flipped, cut, or made up under valid checksums.
 
 use super::super::compile::Precision;
-use super::super::write::seal;
 use super::{random_export, small_config};
 use crate::model::config::{Head, NetConfig};
+use elunar_core::nn::format::seal_file;
 use elunar_core::nn::format::{HEADER_BYTES, word};
 use elunar_core::nn::{ENTRY_BYTES, Model, ModelError, OPERATOR_BYTES, Progress, Runner, TENSOR_BYTES, required};
 use rand::{Rng, SeedableRng};
@@ -49,7 +49,7 @@ fn provoke(bytes: &[u8]) -> bool {
     }
     let mut arena = vec![0x5a; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    runner.begin_self_test();
+    runner.begin_self_test().unwrap();
     for _ in 0..200 {
         if runner.step(100_000).unwrap() == Progress::Done {
             break;
@@ -91,7 +91,7 @@ fn invented_programs_under_valid_checksums_do_no_harm() {
             };
             bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
         }
-        seal(&mut bytes);
+        seal_file(&mut bytes);
         accepted += provoke(&bytes) as usize;
     }
     println!("{accepted} of {rounds} accepted and run");

@@ -69,6 +69,11 @@ fn a_step_overruns_its_budget_by_less_than_one_unit() {
     let (mut before, budget) = (0, 10_000);
     while runner.step(budget).unwrap() == Progress::Running {
         let spent = runner.telemetry().macs - before;
+        if runner.position() == Some(model.entry_count()) {
+            // Some of this step's budget went into the model's checksums.
+            assert!(spent < budget + largest, "{spent}");
+            break;
+        }
         assert!((budget..budget + largest).contains(&spent), "{spent}");
         before += spent;
     }
@@ -187,7 +192,7 @@ fn self_test_passes_and_notices_a_changed_model() {
         let model = Model::new(bytes).unwrap();
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).unwrap();
-        runner.begin_self_test();
+        runner.begin_self_test().unwrap();
         while runner.step(u64::MAX).unwrap() == Progress::Running {}
         (runner.check_self_test(), runner.telemetry().self_test_faults)
     };
@@ -198,7 +203,7 @@ fn self_test_passes_and_notices_a_changed_model() {
     let Some(elunar_core::nn::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else { panic!() };
     let constants = made.bytes.len() - model.constants_bytes().next_multiple_of(8);
     changed[constants + head.bias + 1] ^= 0x40;
-    super::super::write::seal(&mut changed);
+    elunar_core::nn::format::seal_file(&mut changed);
     let (result, faults) = check(&changed);
     assert!(matches!(result, Err(RunError::SelfTest { .. })), "{result:?}");
     assert_eq!(faults, 1);

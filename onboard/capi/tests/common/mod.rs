@@ -4,8 +4,8 @@
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::format::{CHUNK_BYTES, HEADER_BYTES, word};
-use elunar_core::nn::{Model, Progress, Runner, TileInput, crc32c, required, validity};
+use elunar_core::nn::format::seal_file;
+use elunar_core::nn::{Model, Progress, Runner, TileInput, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use std::path::{Path, PathBuf};
@@ -233,16 +233,7 @@ pub(crate) fn header(model: &[u8], index: usize) -> usize {
 pub(crate) fn changed(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     let mut model = nano().to_vec();
     change(&mut model);
-    let body = HEADER_BYTES + 4 * header(&model, word::CHUNKS);
-    for index in 0..header(&model, word::CHUNKS) {
-        let start = body + index * CHUNK_BYTES;
-        let crc = crc32c(&model[start..model.len().min(start + CHUNK_BYTES)]);
-        model[HEADER_BYTES + 4 * index..][..4].copy_from_slice(&crc.to_le_bytes());
-    }
-    let list = crc32c(&model[HEADER_BYTES..body]);
-    set(&mut model, word::LIST_CRC, list);
-    let crc = crc32c(&model[..4 * word::HEADER_CRC]);
-    set(&mut model, word::HEADER_CRC, crc);
+    seal_file(&mut model);
     model
 }
 

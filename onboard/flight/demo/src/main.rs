@@ -3,18 +3,27 @@
 //!
 //! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` says where things lie.
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
-//! 3. [`mark`] are the two places an instruction counter watches.
+//! 3. [`calls`] are the library's functions as it calls them, and [`mark`] the two places an instruction counter watches: names
+//!    for the tools in `../../proofs` and `../../boards`.
 //!
 //! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program: the reference to compare with.
 #![cfg_attr(bare, no_std, no_main)]
-#![cfg_attr(all(bare, any(target_arch = "sparc", target_arch = "powerpc")), feature(asm_experimental_arch))]
+#![cfg_attr(all(bare, target_arch = "sparc"), feature(asm_experimental_arch))]
 
 #[cfg(bare)]
 mod arch;
+mod calls;
 #[cfg(not(bare))]
 mod hosted;
 mod mark;
 mod report;
+#[cfg(all(bare, feature = "two_tiles"))]
+mod two_tiles;
+
+#[cfg(bare)]
+use arch::stack;
+#[cfg(not(bare))]
+use hosted::stack;
 
 #[cfg(not(bare))]
 fn main() -> std::process::ExitCode {

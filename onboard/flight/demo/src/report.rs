@@ -1,6 +1,8 @@
 //! What the demo does and prints, on every machine the same.
 
+use crate::calls::{elunar_call_begin, elunar_call_check, elunar_call_open, elunar_call_step};
 use crate::mark::{elunar_count_start, elunar_count_stop};
+use crate::stack::depth;
 use core::fmt::Write;
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, ModelError, Progress, RunError, Runner, required};
@@ -11,19 +13,23 @@ const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };
 /// Opens the model at the start of `memory` (which may be longer than the file), runs its self test with the fastest kernel
 /// and, if that is another one, with the specification; prints a line per run, and PASS or FAIL.
 pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> bool {
-    let passed = match open(memory) {
-        Ok(model) => both(model, arena, console),
+    let mut opened = Err(ModelError::Header);
+    let stack = depth(|| opened = elunar_call_open(memory));
+    let passed = match opened {
+        Ok(model) => {
+            print_stack(console, "open", stack);
+            both(model, arena, console)
+        }
         Err(error) => refuse(console, &error),
     };
     let _ = writeln!(console, "{}", if passed { "PASS" } else { "FAIL" });
     passed
 }
 
-/// The model at the start of `memory`: its header, which has a checksum of its own, says how long it is.
-fn open(memory: &[u8]) -> Result<Model<'_>, ModelError> {
-    match Model::new(memory) {
-        Err(ModelError::Length { expected, found }) if expected < found => Model::new(&memory[..expected as usize]),
-        other => other,
+/// The stack that a call took, where it is known.
+fn print_stack(console: &mut impl Write, call: &str, bytes: Option<usize>) {
+    if let Some(bytes) = bytes {
+        let _ = writeln!(console, "stack {call} {bytes} bytes");
     }
 }
 
@@ -40,7 +46,7 @@ fn both(model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> bool {
         writeln!(console, "model {bytes} bytes, {operators} operators, tile {rows}x{cols}, {macs} macs, crc {crc:08x}");
     let best = Kernel::best();
     let mut passed = one(best, model, arena, console);
-    if best.name() != Kernel::SCALAR.name() {
+    if best.name() != Kernel::SCALAR.name() && !cfg!(feature = "two_tiles") {
         passed &= one(Kernel::SCALAR, model, arena, console);
     }
     passed
@@ -51,8 +57,11 @@ fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Wr
     let _ = writeln!(console, "run {}", kernel.name());
     match tile(kernel, model, arena, console) {
         Ok(crc) => {
-            let (name, bytes) = (kernel.name(), required(&model));
-            let _ = writeln!(console, "ran {name}: crc {crc:08x} as expected, arena {bytes} bytes");
+            let (name, bytes, context) = (kernel.name(), required(&model), size_of::<Runner<'_, '_>>());
+            let _ = writeln!(
+                console,
+                "ran {name}: crc {crc:08x} as expected, arena {bytes} bytes, context {context} bytes"
+            );
             true
         }
         Err(error) => refuse(console, &error),
@@ -61,17 +70,44 @@ fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Wr
 
 /// Runs and judges the self test; returns the output's CRC.
 fn tile(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> Result<u32, RunError> {
+    let (arena, _rest) = arena.split_at_mut(required(&model).min(arena.len()));
     let mut runner = Runner::with_kernel(kernel, model, arena)?;
-    runner.begin_self_test();
-    if cfg!(feature = "per_operator") {
-        work_by_entries(&mut runner, console)?;
-    } else {
-        elunar_count_start();
-        while runner.step(STEP_MACS)? == Progress::Running {}
-        elunar_count_stop();
+    #[cfg(all(bare, feature = "two_tiles"))]
+    {
+        crate::two_tiles::begin_other(&mut runner, crate::arch::floats(_rest))?;
+        crate::two_tiles::steps(&mut runner, STEP_MACS, "other", console)?;
     }
-    runner.check_self_test()?;
-    runner.output_crc()
+    let mut begun = Ok(());
+    let begin = depth(|| begun = elunar_call_begin(&mut runner));
+    begun?;
+    #[cfg(all(bare, feature = "two_tiles"))]
+    crate::two_tiles::steps(&mut runner, STEP_MACS, "own", console)?;
+    let (step, done) = if cfg!(feature = "per_operator") {
+        (None, work_by_entries(&mut runner, console))
+    } else if cfg!(feature = "two_tiles") {
+        (None, Ok(()))
+    } else {
+        let mut done = Ok(());
+        let step = depth(|| {
+            elunar_count_start();
+            done = work(&mut runner);
+            elunar_count_stop();
+        });
+        (step, done)
+    };
+    done?;
+    let mut checked = Err(RunError::State);
+    let check = depth(|| checked = elunar_call_check(&mut runner));
+    for (call, stack) in [("begin", begin), ("step", step), ("check", check)] {
+        print_stack(console, call, stack);
+    }
+    checked
+}
+
+/// Steps until the tile is done.
+fn work(runner: &mut Runner<'_, '_>) -> Result<(), RunError> {
+    while elunar_call_step(runner, STEP_MACS)? == Progress::Running {}
+    Ok(())
 }
 
 /// Prints the operator and the multiply-accumulates of every entry of the schedule, outside of what is counted.
@@ -81,7 +117,7 @@ fn work_by_entries(runner: &mut Runner<'_, '_>, console: &mut impl Write) -> Res
         let at = runner.position();
         elunar_count_start();
         let progress = loop {
-            let progress = runner.step(STEP_MACS)?;
+            let progress = elunar_call_step(runner, STEP_MACS)?;
             if runner.position() != at || progress == Progress::Done {
                 break progress;
             }

@@ -5,18 +5,25 @@
 
 #[cfg(target_arch = "aarch64")]
 mod aarch64;
+#[cfg(all(target_arch = "arm", not(target_feature = "mclass")))]
+mod armv7;
 #[cfg(all(target_arch = "arm", target_feature = "mclass"))]
 mod cortex_m;
+#[cfg(target_arch = "powerpc")]
+mod e500;
 #[cfg(target_arch = "sparc")]
 mod leon3;
-#[cfg(target_arch = "riscv64")]
+#[cfg(any(target_arch = "riscv32", target_arch = "riscv64"))]
 mod riscv;
-#[cfg(any(target_arch = "arm", target_arch = "aarch64", target_arch = "riscv64"))]
+#[cfg(not(any(target_arch = "sparc", target_arch = "powerpc")))]
 mod semihosting;
+pub(crate) mod stack;
 
+#[cfg(target_arch = "powerpc")]
+use e500::{exit, write};
 #[cfg(target_arch = "sparc")]
 use leon3::{exit, write};
-#[cfg(any(target_arch = "arm", target_arch = "aarch64", target_arch = "riscv64"))]
+#[cfg(not(any(target_arch = "sparc", target_arch = "powerpc")))]
 use semihosting::{exit, write};
 
 use core::fmt::{self, Write};
@@ -37,6 +44,13 @@ impl Write for Console {
         write(text.as_bytes());
         Ok(())
     }
+}
+
+/// `bytes` as numbers, whatever they are, as far as they are aligned.
+#[cfg(feature = "two_tiles")]
+pub(crate) fn floats(bytes: &mut [u8]) -> &mut [f32] {
+    // SAFETY: every pattern of bits is a number, and `align_to_mut` leaves out what is not aligned.
+    unsafe { bytes.align_to_mut().1 }
 }
 
 /// Where `_start` arrives, once, with a stack and zeroed statics.

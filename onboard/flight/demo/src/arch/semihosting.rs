@@ -12,10 +12,13 @@ fn call(operation: usize, argument: *const usize) {
     unsafe {
         #[cfg(all(target_arch = "arm", target_feature = "mclass"))]
         asm!("bkpt 0xab", inout("r0") operation => _, in("r1") argument, options(nostack));
+        // In supervisor mode the call overwrites the link register.
+        #[cfg(all(target_arch = "arm", not(target_feature = "mclass")))]
+        asm!("svc 0x123456", inout("r0") operation => _, in("r1") argument, out("lr") _, options(nostack));
         #[cfg(target_arch = "aarch64")]
         asm!("hlt 0xf000", inout("x0") operation => _, in("x1") argument, options(nostack));
         // The three words must lie in one page and be uncompressed: that is how they are recognised.
-        #[cfg(target_arch = "riscv64")]
+        #[cfg(any(target_arch = "riscv32", target_arch = "riscv64"))]
         asm!(
             ".option push", ".option norvc", ".balign 16",
             "slli zero, zero, 0x1f", "ebreak", "srai zero, zero, 7",

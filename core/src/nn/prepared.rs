@@ -1,0 +1,100 @@
+//! An operator ready to run: its records read once, and found as they were written.
+
+use super::kernels::{panel, panel_count};
+use super::model::Model;
+use super::program::{Conv, Operator, Phase, Tensor};
+
+/// An operator with its tensors, away from the model's memory: what happens to that from now on does not change what is read and written
+/// where, or how often.
+#[derive(Debug, Clone, Copy)]
+pub struct Prepared {
+    /// What is done.
+    pub operator: Operator,
+    /// The tensor it writes.
+    pub out: Tensor,
+    /// The tensors it reads, by slot ([`Operator::inputs`]).
+    pub inputs: [Option<Tensor>; 3],
+}
+
+impl Prepared {
+    /// Reads an operator's record and those of its tensors; `None` if one of them has changed since it was written.
+    pub fn new(model: &Model<'_>, operator: usize) -> Option<Self> {
+        let operator = model.sealed_operator(operator)?;
+        let mut inputs = [None; 3];
+        for (slot, tensor) in inputs.iter_mut().zip(operator.inputs()) {
+            if let Some(tensor) = tensor {
+                *slot = Some(model.sealed_tensor(tensor)?);
+            }
+        }
+        Some(Self { operator, out: model.sealed_tensor(operator.output())?, inputs })
+    }
+
+    /// Units of work in a step: a panel of output channels, a row of pixels, or a window.
+    #[inline]
+    pub const fn units(&self) -> usize {
+        match &self.operator {
+            Operator::Conv(_) => panel_count(self.out.channels),
+            Operator::LayerNorm(_) | Operator::Enlarge(_) => 1,
+            Operator::Attention(a) => a.pieces(self.out.cols, a.shift_cols),
+        }
+    }
+
+    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an enlargement eight.
+    pub fn unit_macs(&self, step: usize, unit: usize) -> u64 {
+        let out = &self.out;
+        match &self.operator {
+            Operator::Conv(conv) => {
+                let (first, width) = panel(out.channels, unit);
+                self.taps(conv, step) * out.channels.saturating_sub(first).min(width) as u64
+            }
+            Operator::LayerNorm(_) => 4 * (out.cols * out.channels) as u64,
+            Operator::Enlarge(_) => 8 * (out.cols * out.channels) as u64,
+            Operator::Attention(a) => {
+                let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
+                let tokens = ((rows.1 - rows.0) * (cols.1 - cols.0)) as u64;
+                2 * tokens * tokens * out.channels as u64
+            }
+        }
+    }
+
+    /// Multiply-accumulates of the whole operator.
+    pub fn macs(&self) -> u64 {
+        match &self.operator {
+            Operator::Conv(conv) => {
+                let all = Conv { block: self.out.rows, ..*conv };
+                self.taps(&all, 0).saturating_mul(self.out.channels as u64)
+            }
+            Operator::Attention(_) => (0..self.steps())
+                .map(|step| (0..self.units()).map(|unit| self.unit_macs(step, unit)).sum::<u64>())
+                .sum(),
+            _ => self.unit_macs(0, 0).saturating_mul(self.steps() as u64),
+        }
+    }
+
+    /// Products per output channel in one step.
+    fn taps(&self, conv: &Conv, step: usize) -> u64 {
+        let out = &self.out;
+        let channels = self.input(0).channels + conv.second.map_or(0, |_| self.input(1).channels);
+        let first = (conv.step_rows() * step).min(out.rows);
+        let rows = first..(first + conv.step_rows()).min(out.rows);
+        let taps = if conv.fold {
+            // Four samples along each axis, and one more for the two outermost outputs on each side.
+            let corrected = rows.clone().filter(|row| Phase::of(*row, out.rows / 2).correction.is_some()).count();
+            (4 * rows.len() + corrected) as u64 * (4 * out.cols + 4) as u64
+        } else {
+            (conv.kernel_rows * conv.kernel_cols) as u64 * (out.cols * rows.len()) as u64
+        };
+        taps * channels as u64
+    }
+
+    /// Steps that make all of the output.
+    pub const fn steps(&self) -> usize {
+        self.operator.steps(&self.out)
+    }
+
+    /// Input `slot`; a single byte at the start of the arena for one that the operator does not have.
+    #[inline]
+    pub(crate) fn input(&self, slot: usize) -> Tensor {
+        self.inputs.get(slot).copied().flatten().unwrap_or(Tensor::SINGLE)
+    }
+}

@@ -1,0 +1,87 @@
+//! `host-train faults`: what flipped bits do to a tile.
+
+use super::output;
+use crate::faults::{Campaign, Moments, Outcome, Target, markdown, picture, run};
+use crate::picture::write_png;
+use crate::predict::int8;
+use crate::{Error, Result, interrupt};
+use std::path::PathBuf;
+
+/// Options of `faults`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  host-train faults nano.eld --injections 100000 --out out/faults
+  host-train faults nano.eld --injections 7000 --unprotected      # what it would be without
+
+One or two bits flip in the model, in the memory of a tile at work, or in its place, and the tile goes on. Writes faults.md and faults.png.")]
+pub struct Args {
+    /// Model, `.eld`.
+    #[arg(value_name = "MODEL.eld")]
+    pub model: PathBuf,
+    /// Injections.
+    #[arg(long, default_value_t = 7_000, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    pub injections: u64,
+    /// Seed of the injections and of the tile.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Moments of the run at which bits flip.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
+    pub moments: u64,
+    /// Threads; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Let the runner trust its memory.
+    #[arg(long)]
+    pub unprotected: bool,
+    /// Folder for the table and the picture.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the model cannot be read; if a run hung or crashed.
+pub fn run_command(args: &Args) -> Result<()> {
+    interrupt::listen();
+    let model = int8::open(&args.model)?;
+    let moments = Moments::record(&model, args.seed, args.moments as usize, !args.unprotected)?;
+    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let threads = if args.threads == 0 { available } else { args.threads };
+    let campaign = Campaign { injections: args.injections, seed: args.seed, threads };
+    let bar = output::progress(args.injections as usize, "injections");
+    // Runs that panic are counted, not shown.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    let results = run(&model, &moments, &campaign, || bar.inc(1));
+    std::panic::set_hook(hook);
+    bar.finish_and_clear();
+    let results = results?;
+    let done = results.all().all();
+    let protection = if args.unprotected { "without protection" } else { "with protection" };
+    let mut text = format!(
+        "{done} injections, seed {}, {} moments, {protection}\n\n{}",
+        args.seed,
+        moments.moments.len(),
+        markdown(&results)
+    );
+    if done < args.injections {
+        text.push_str(&format!("\nStopped after {done} of {} injections.\n", args.injections));
+    }
+    println!("{text}");
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).map_err(Error::io(out))?;
+        let path = out.join("faults.md");
+        std::fs::write(&path, &text).map_err(Error::io(&path))?;
+        write_png(&out.join("faults.png"), picture(&results)?)?;
+        println!("{}: faults.md, faults.png", out.display());
+    }
+    let all = results.all();
+    let (hangs, crashes) = (all.of(Outcome::Hang), all.of(Outcome::Crash));
+    if hangs + crashes > 0 {
+        return Err(Error::usage(format!("faults: expected no hang and no crash, found {hangs} and {crashes}")));
+    }
+    let silent = |target: Target| 100.0 * results.of(target).share(Outcome::Silent);
+    println!("silent: {:.3} % of flips in constants, {:.3} % in maps", silent(Target::Constants), silent(Target::Maps));
+    Ok(())
+}

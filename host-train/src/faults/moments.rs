@@ -1,0 +1,100 @@
+//! A clean run, and its memory at some moments.
+
+use super::run::fault;
+use crate::predict::int8::Int8Model;
+use crate::predict::network::Model as _;
+use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
+use crate::{Error, Result};
+use elunar_core::nn::{Model, Progress, Runner, Suspended, TileInput, TileScale, Verdict, required};
+use elunar_core::norm::{Light, LightFit};
+use elunar_core::terrain::PixelSize;
+
+/// Multiply-accumulates of a step.
+pub(super) const STEP_MACS: u64 = 1_000_000;
+
+/// The memory at a moment.
+pub struct Moment {
+    /// Where the run stood.
+    pub place: Suspended,
+    /// The arena.
+    pub arena: Vec<u8>,
+    /// Kind of operator at work.
+    pub operator: &'static str,
+}
+
+/// A clean run of a tile.
+pub struct Moments {
+    /// The moments, in order.
+    pub moments: Vec<Moment>,
+    /// The way back to metres.
+    pub scale: TileScale,
+    /// Heights of the clean run, metres.
+    pub heights_m: Vec<f32>,
+    /// What the model was found to be.
+    pub verdict: Verdict,
+    /// Whether the runner distrusts its memory.
+    pub protected: bool,
+}
+
+impl Moments {
+    /// Runs a tile of the synthetic Moon of `seed` and keeps its memory at `count` moments: just begun, and then in the middle of whatever
+    /// is at work, evenly spread over the multiply-accumulates.
+    ///
+    /// # Errors
+    /// If the model cannot take such a tile.
+    pub fn record(model: &Int8Model, seed: u64, count: usize, protected: bool) -> Result<Self> {
+        let (rows, cols) = model.tile();
+        let options = SynthOptions { rows, cols, ..SynthOptions::default() };
+        let tile = Moon::new(seed, options)?.tile(0);
+        let model = model.model();
+        let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
+        let mut fit = LightFit::default();
+        let pixel = PixelSize::square(tile.pixel_m);
+        fit.add(&tile.image, &tile.coarse_m, cols, pixel, LightFit::cell_px(coarse_px));
+        let light = fit.with_sun(Some(tile.sun_azimuth_deg), Some(tile.sun_elevation_deg));
+        let input = TileInput {
+            image: &tile.image,
+            coarse_m: &tile.coarse_m,
+            valid: None,
+            pixel_m: tile.pixel_m as f32,
+            coarse_px,
+            light: Some(light.unwrap_or_else(|| Light::assumed(Some(tile.sun_azimuth_deg)))),
+        };
+        let mut arena = vec![0; required(&model)];
+        let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
+        runner.protect(protected);
+        let mut scratch = vec![0.0; runner.scratch_len()];
+        let scale =
+            runner.begin_metres(&input, &mut scratch).map_err(|e| Error::usage(format!("faults: the tile: {e}")))?;
+        let mut place = runner.suspend();
+        let mut moments = Vec::with_capacity(count);
+        let (mut next_macs, distance) = (0, model.macs() / count.max(1) as u64);
+        loop {
+            let mut runner = resume(model, &mut arena, &place)?;
+            let done = place.telemetry.macs;
+            // A prime number of products, so that moments fall between the units of a step.
+            let finished = runner.step((next_macs.max(done + 1) - done).min(99_991)).map_err(fault)?;
+            place = runner.suspend();
+            let operator = operator_at(&model, &place);
+            if finished == Progress::Done {
+                break;
+            }
+            if place.telemetry.macs >= next_macs && moments.len() < count {
+                moments.push(Moment { place, arena: arena.clone(), operator });
+                next_macs += distance.max(1);
+            }
+        }
+        let mut heights_m = vec![0.0; rows * cols];
+        resume(model, &mut arena, &place)?.heights(&scale, &mut heights_m).map_err(fault)?;
+        Ok(Self { moments, scale, heights_m, verdict: model.verdict(), protected })
+    }
+}
+
+fn resume<'a, 'm>(model: Model<'a>, arena: &'m mut [u8], place: &Suspended) -> Result<Runner<'a, 'm>> {
+    Runner::resume(elunar_core::nn::kernels::Kernel::best(), model, arena, place).map_err(fault)
+}
+
+fn operator_at(model: &Model<'_>, place: &Suspended) -> &'static str {
+    let entry = model.entry(place.entry as usize).filter(|_| place.phase == Suspended::AT_WORK);
+    entry.and_then(|entry| model.operator(entry.operator)).map_or("judgement", |operator| operator.name())
+}

@@ -1,0 +1,169 @@
+//! The injections, on several threads.
+
+use super::injection::{Injection, Target};
+use super::moments::{Moments, STEP_MACS};
+use super::outcome::{LIMIT_M, Outcome};
+use super::table::Results;
+use crate::predict::int8::Int8Model;
+use crate::{Error, Result, interrupt};
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{Model, Progress, RunError, Runner, Suspended};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// One in so many tiles that were given up is begun again, to see that it comes out right.
+const SECOND_TRY: u64 = 16;
+
+/// What to do.
+#[derive(Debug, Clone, Copy)]
+pub struct Campaign {
+    /// Injections.
+    pub injections: u64,
+    /// Seed of all that is random.
+    pub seed: u64,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// A runner's error as one of ours.
+pub(super) fn fault(error: RunError) -> Error {
+    Error::usage(format!("faults: {error}"))
+}
+
+/// Runs a campaign; `progress` is told of every injection. Stops early, with what there is, on Ctrl-C.
+///
+/// # Errors
+/// If a thread fails by itself.
+pub fn run(model: &Int8Model, moments: &Moments, campaign: &Campaign, progress: impl Fn() + Sync) -> Result<Results> {
+    let next = AtomicU64::new(0);
+    let worker = || -> Result<Results> {
+        let mut desk = Desk::new(model, moments);
+        let mut results = Results::default();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= campaign.injections || interrupt::requested() {
+                return Ok(results);
+            }
+            let injection = Injection::new(&model.model(), moments.moments.len(), campaign.seed, index);
+            let outcome = desk.try_one(&injection, index);
+            let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator);
+            results.add(injection.target, injection.count(), operator, outcome);
+            progress();
+        }
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..campaign.threads.max(1)).map(|_| scope.spawn(worker)).collect();
+        let mut all = Results::default();
+        for worker in workers {
+            all.merge(&worker.join().unwrap_or_else(|_| Err(Error::usage("faults: a thread failed")))?);
+        }
+        Ok(all)
+    })
+}
+
+/// A thread's own model and arena.
+struct Desk<'c> {
+    moments: &'c Moments,
+    clean: Vec<u8>,
+    model: Vec<u8>,
+    arena: Vec<u8>,
+    heights_m: Vec<f32>,
+}
+
+impl<'c> Desk<'c> {
+    fn new(model: &Int8Model, moments: &'c Moments) -> Self {
+        let clean = model.model().raw().bytes().to_vec();
+        let heights_m = vec![0.0; moments.heights_m.len()];
+        Self { moments, model: clean.clone(), clean, arena: Vec::new(), heights_m }
+    }
+
+    fn try_one(&mut self, injection: &Injection, index: u64) -> Outcome {
+        let Some(moment) = self.moments.moments.get(injection.moment) else { return Outcome::Masked };
+        self.arena.clone_from(&moment.arena);
+        let place = match injection.target {
+            target if target.is_model() => {
+                injection.flip(&mut self.model);
+                moment.place
+            }
+            Target::Place => injection.flip_place(&moment.place),
+            Target::StuckBit => moment.place,
+            _ => {
+                injection.flip(&mut self.arena);
+                moment.place
+            }
+        };
+        let stuck = (injection.target == Target::StuckBit).then_some(injection);
+        let outcome = self.outcome(&place, stuck, injection.target, index);
+        if injection.target.is_model() {
+            injection.flip(&mut self.model);
+            debug_assert_eq!(self.model, self.clean);
+        }
+        outcome
+    }
+
+    /// Goes on from a place, and judges how it ends.
+    fn outcome(&mut self, place: &Suspended, stuck: Option<&Injection>, target: Target, index: u64) -> Outcome {
+        match catch_unwind(AssertUnwindSafe(|| self.finish(place, stuck))) {
+            Err(_) => Outcome::Crash,
+            Ok(Ended::Hanging) => Outcome::Hang,
+            Ok(Ended::Done) => self.judge(),
+            Ok(Ended::Refused) if target.is_model() => Outcome::Reported,
+            // A bit that is stuck is stuck again.
+            Ok(Ended::Refused) if stuck.is_some() => Outcome::Reported,
+            Ok(Ended::Refused) if !index.is_multiple_of(SECOND_TRY) => Outcome::Recovered,
+            Ok(Ended::Refused) => self.again(),
+        }
+    }
+
+    fn finish(&mut self, place: &Suspended, stuck: Option<&Injection>) -> Ended {
+        let Ok(model) = Model::again(&self.model, &self.moments.verdict) else { return Ended::Refused };
+        let (mut place, begun) = (*place, place.telemetry.macs);
+        loop {
+            if let Some(injection) = stuck {
+                injection.stick(&mut self.arena);
+            }
+            let Ok(mut runner) = Runner::resume(Kernel::best(), model, &mut self.arena, &place) else {
+                return Ended::Refused;
+            };
+            match runner.step(STEP_MACS) {
+                Err(_) => return Ended::Refused,
+                Ok(Progress::Done) => {
+                    let read = runner.heights(&self.moments.scale, &mut self.heights_m);
+                    return if read.is_ok() { Ended::Done } else { Ended::Refused };
+                }
+                Ok(Progress::Running) => place = runner.suspend(),
+            }
+            if place.telemetry.macs - begun > 2 * model.macs() {
+                return Ended::Hanging;
+            }
+        }
+    }
+
+    /// Whether heights are as they should be.
+    fn judge(&self) -> Outcome {
+        let pairs = self.heights_m.iter().zip(&self.moments.heights_m);
+        // NaN is further away than anything.
+        let near = pairs.into_iter().all(|(found, clean)| (found - clean).abs() <= LIMIT_M);
+        if near { Outcome::Masked } else { Outcome::Silent }
+    }
+
+    /// The tile from its beginning, in the arena as it was left.
+    fn again(&mut self) -> Outcome {
+        let Some(first) = self.moments.moments.first() else { return Outcome::Recovered };
+        self.arena.clone_from(&first.arena);
+        let place = first.place;
+        match self.finish(&place, None) {
+            Ended::Done if self.judge() == Outcome::Masked => Outcome::Recovered,
+            Ended::Done => Outcome::Silent,
+            _ => Outcome::Reported,
+        }
+    }
+}
+
+/// How a run ended.
+enum Ended {
+    Done,
+    /// With an error.
+    Refused,
+    Hanging,
+}

@@ -1,0 +1,106 @@
+//! A campaign as tables and a picture.
+
+use super::injection::Target;
+use super::outcome::{Counts, Outcome};
+use crate::Result;
+use crate::picture::{Bars, bars};
+use image::RgbImage;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// Outcomes by what was hit, how many bits, and what was at work.
+#[derive(Debug, Clone, Default)]
+pub struct Results {
+    by_target: BTreeMap<(Target, usize), Counts>,
+    by_operator: BTreeMap<&'static str, Counts>,
+}
+
+impl Results {
+    /// One injection more.
+    pub fn add(&mut self, target: Target, bits: usize, operator: &'static str, outcome: Outcome) {
+        self.by_target.entry((target, bits)).or_default().add(outcome);
+        if !target.is_model() && target != Target::Place {
+            self.by_operator.entry(operator).or_default().add(outcome);
+        }
+    }
+
+    /// Those of another thread.
+    pub fn merge(&mut self, other: &Self) {
+        for (key, counts) in &other.by_target {
+            self.by_target.entry(*key).or_default().merge(counts);
+        }
+        for (key, counts) in &other.by_operator {
+            self.by_operator.entry(key).or_default().merge(counts);
+        }
+    }
+
+    /// All injections of a target.
+    pub fn of(&self, target: Target) -> Counts {
+        let mut all = Counts::default();
+        self.by_target.iter().filter(|((t, _), _)| *t == target).for_each(|(_, counts)| all.merge(counts));
+        all
+    }
+
+    /// All injections.
+    pub fn all(&self) -> Counts {
+        let mut all = Counts::default();
+        self.by_target.values().for_each(|counts| all.merge(counts));
+        all
+    }
+}
+
+/// The tables.
+pub fn markdown(results: &Results) -> String {
+    let mut text = String::new();
+    head(&mut text, "hit | bits");
+    for ((target, bits), counts) in &results.by_target {
+        line(&mut text, &format!("{} | {bits}", target.name()), counts);
+    }
+    line(&mut text, "all | ", &results.all());
+    text.push_str("\nMaps, notes and stuck bits by the operator at work:\n\n");
+    head(&mut text, "operator");
+    for (operator, counts) in &results.by_operator {
+        line(&mut text, operator, counts);
+    }
+    text
+}
+
+fn head(text: &mut String, first: &str) {
+    let names = Outcome::ALL.map(Outcome::name).join(" | ");
+    let columns = first.split('|').count() + Outcome::ALL.len() + 1;
+    // Writing to a String cannot fail.
+    let _ = writeln!(text, "| {first} | injections | {names} |\n|{}", "---|".repeat(columns));
+}
+
+fn line(text: &mut String, name: &str, counts: &Counts) {
+    let _ = write!(text, "| {name} | {} |", counts.all());
+    for outcome in Outcome::ALL {
+        let (count, percent) = (counts.of(outcome), 100.0 * counts.share(outcome));
+        let _ = if count == 0 { write!(text, " 0 |") } else { write!(text, " {count} ({percent:.3} %) |") };
+    }
+    text.push('\n');
+}
+
+/// Shares of detected, masked and silent by target, percent.
+///
+/// # Errors
+/// Without an injection.
+pub fn picture(results: &Results) -> Result<RgbImage> {
+    let share = |counts: &Counts, outcomes: &[Outcome]| {
+        Some(100.0 * outcomes.iter().map(|&outcome| counts.share(outcome)).sum::<f64>())
+    };
+    let groups: [&[Outcome]; 3] = [
+        &[Outcome::Recovered, Outcome::Reported],
+        &[Outcome::Masked],
+        &[Outcome::Silent, Outcome::Hang, Outcome::Crash],
+    ];
+    let of = |(key, counts): (&(Target, usize), &Counts)| {
+        let bits = if key.1 == 1 { "1 bit" } else { "2 bits" };
+        (format!("{}, {bits}", key.0.name()), groups.map(|outcomes| share(counts, outcomes)).to_vec())
+    };
+    bars(&Bars {
+        title: "Flipped bits: share of injections, percent",
+        legend: &["detected", "masked", "silent, hang, crash"],
+        lines: results.by_target.iter().map(of).collect(),
+    })
+}

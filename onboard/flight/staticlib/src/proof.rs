@@ -1,0 +1,59 @@
+//! What `../../proofs` links to show that no panic is reachable: a handler that cannot be linked, and the runner's Rust interface as
+//! roots beside the C functions. Never part of an archive that flies.
+#![allow(unsafe_code)]
+
+use elunar_capi::elunar_core::nn::kernels::Kernel;
+use elunar_capi::elunar_core::nn::{
+    Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
+};
+
+unsafe extern "C" {
+    /// Nowhere defined: a program that refers to it does not link. It is handed what says where the panic is, so that this stays in the
+    /// program for `panic_sites.py`.
+    fn elunar_a_panic_is_reachable(info: *const ()) -> !;
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+    // SAFETY: never executed, since never linked.
+    unsafe { elunar_a_panic_is_reachable((&raw const *info).cast()) }
+}
+
+/// A function of the runner as a symbol of its own.
+macro_rules! root {
+    ($($name:ident($($argument:ident: $type:ty),*) -> $result:ty { $body:expr })*) => { $(
+        #[unsafe(no_mangle)]
+        fn $name($($argument: $type),*) -> $result {
+            $body
+        }
+    )* };
+}
+
+root! {
+    elunar_root_model(bytes: &'static [u8]) -> Result<Model<'static>, ModelError> { Model::new(bytes) }
+    elunar_root_required(model: &Model<'_>) -> usize { required(model) }
+    elunar_root_runner(model: Model<'static>, arena: &'static mut [u8]) -> Result<Runner<'static, 'static>, RunError> {
+        Runner::new(model, arena)
+    }
+    elunar_root_scalar(model: Model<'static>, arena: &'static mut [u8]) -> Result<Runner<'static, 'static>, RunError> {
+        Runner::with_kernel(Kernel::SCALAR, model, arena)
+    }
+    elunar_root_begin(runner: &mut Runner<'_, '_>, image: &[f32], coarse: &[f32]) -> Result<(), RunError> {
+        runner.begin(image, coarse)
+    }
+    elunar_root_begin_metres(runner: &mut Runner<'_, '_>, tile: &TileInput<'_>, scratch: &mut [f32])
+        -> Result<TileScale, TileError> { runner.begin_metres(tile, scratch) }
+    elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> Result<(), RunError> { runner.begin_self_test() }
+    elunar_root_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result<Progress, RunError> { runner.step(macs) }
+    elunar_root_output(runner: &Runner<'_, '_>, out: &mut [f32]) -> Result<(), RunError> { runner.output(out) }
+    elunar_root_heights(runner: &Runner<'_, '_>, scale: &TileScale, out_m: &mut [f32]) -> Result<(), RunError> {
+        runner.heights(scale, out_m)
+    }
+    elunar_root_validity(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, out: &mut [bool]) -> () {
+        validity(image, coarse_m, valid, out)
+    }
+    elunar_root_check(runner: &mut Runner<'_, '_>) -> Result<u32, RunError> {
+        runner.check_self_test().and_then(|()| runner.output_crc())
+    }
+    elunar_root_scrub(runner: &mut Runner<'_, '_>, max_bytes: usize) -> Result<(), RunError> { runner.scrub(max_bytes) }
+}
