@@ -384,7 +384,7 @@ impl Play<'_> {
     }
 
     fn self_test(&mut self, slot: &mut Slot) -> eld_status_t {
-        if self.reader.byte() % 2 == 0 {
+        if self.reader.byte().is_multiple_of(2) {
             // SAFETY: a context of our own.
             let status = unsafe { ffi::eld_self_test_begin(slot.handle) };
             if worked(status) {

@@ -10,7 +10,7 @@ use elunar_core::norm::{Light, LightFit};
 use elunar_core::terrain::PixelSize;
 
 /// Multiply-accumulates of a step.
-pub(super) const STEP_MACS: u64 = 1_000_000;
+pub(super) const STEP_MACS: u64 = 20_000_000;
 
 /// The memory at a moment.
 pub struct Moment {

@@ -94,9 +94,9 @@ try() {
         reason="$(compare; budget compare)"
         [ -z "$reason" ] || reason+=" (if that is meant: ./run.sh --record $board)"
         touch "$work/$board.ran"
-        # For ../proofs, which compares the stack that was used with the stack that can be used.
-        cp "$work/$board.log" "$build/$board.log"
     fi
+    # For ../proofs, which compares the stack that was used with the stack that can be used.
+    [ "$compared" = no ] || cp "$work/$board.log" "$build/$board.log"
     conclude "$reason"
 }
 
