@@ -9,7 +9,6 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::crc32c;
-use elunar_core::nn::format::{HEADER_BYTES, u32_at, word};
 use std::collections::HashMap;
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};
@@ -60,8 +59,6 @@ enum Phase {
 struct Slot {
     memory: Vec<u64>,
     model: Vec<u8>,
-    /// First byte and bytes of its constants.
-    constants: (usize, usize),
     /// Which sound model that is, if it is one.
     sound: Option<usize>,
     handle: *mut eld_context_t,
@@ -167,8 +164,7 @@ impl Slot {
         let words = if info.memory_bytes > LARGEST { 0 } else { (info.memory_bytes as usize).div_ceil(8) };
         let memory = vec![GUARD_WORD; words + 2 * GUARD];
         let (phase, handle) = (Phase::Empty, null_mut());
-        let constants = [word::CONSTANTS, word::CONSTANTS + 1].map(|index| u32_at(&model, 4 * index) as usize).into();
-        let mut slot = Self { memory, model, constants, sound, handle, info, phase, whole: true, macs: 0 };
+        let mut slot = Self { memory, model, sound, handle, info, phase, whole: true, macs: 0 };
         let status = if words == 0 { ELD_REFUSED_MEMORY_SHORT } else { slot.init(info.memory_bytes as usize, 0) };
         if status == ELD_OK { Ok(slot) } else { Err(status) }
     }
@@ -472,11 +468,9 @@ impl Play<'_> {
                 }
                 slot.whole = false;
             }
-            // The model, in use: its header, or constants. (Records whose bits flip in use are the runner's own affair.)
+            // The model, in use.
             6 => {
-                let (start, len) = slot.constants;
-                let place =
-                    if how & 8 == 0 || len == 0 { bit % (8 * HEADER_BYTES) } else { 8 * start + bit % (8 * len) };
+                let place = bit % (8 * slot.model.len());
                 slot.model[place / 8] ^= 1 << (place % 8);
                 slot.whole = false;
             }

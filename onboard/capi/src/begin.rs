@@ -1,7 +1,7 @@
 //! Beginning a tile: everything about it is judged before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{SELF_TEST, TILE};
+use crate::record::{Record, SELF_TEST, TILE};
 use crate::run::{run_status, runner};
 use crate::status::*;
 use crate::types::eld_status_t;
@@ -69,8 +69,9 @@ pub(crate) fn begin(
     let dropped = context.at_work();
     context.start();
     let mut runner = runner(&context.record, model, lent.arena)?;
-    let scale = runner.begin_metres(&tile, lent.scratch).map_err(tile_status)?;
+    let begun = runner.begin_metres(&tile, lent.scratch).map_err(tile_status);
     let record = &mut context.record;
+    let scale = begun.inspect_err(|status| half_begun(record, *status))?;
     record.suspended = runner.suspend();
     record.tile = TILE;
     record.valid_px = validity::pack(tile.image, tile.coarse_m, tile.valid, lent.validity);
@@ -85,7 +86,15 @@ pub(crate) fn begin(
     })
 }
 
-fn keep(record: &mut crate::record::Record, scale: &TileScale) {
+/// What is left of the tile before if the next one could not begin: all of it if that was refused, nothing if the model was found changed
+/// on the way into the arena.
+fn half_begun(record: &mut Record, status: eld_status_t) {
+    if severity(status) == FAULT {
+        record.lose_tile();
+    }
+}
+
+fn keep(record: &mut Record, scale: &TileScale) {
     let TileScale { elevation, turn } = scale;
     record.scale_bits = [elevation.min_m(), elevation.relief_m(), elevation.nr()].map(f32::to_bits);
     record.turn = turn.rows as u32 | (turn.cols as u32) << 1;
@@ -96,8 +105,9 @@ pub(crate) fn begin_self_test(context: &mut Context<'_>, model: Model<'_>, lent:
     let dropped = context.at_work();
     context.start();
     let mut runner = runner(&context.record, model, lent.arena)?;
-    runner.begin_self_test().map_err(run_status)?;
+    let begun = runner.begin_self_test().map_err(run_status);
     let record = &mut context.record;
+    begun.inspect_err(|status| half_begun(record, *status))?;
     record.suspended = runner.suspend();
     (record.tile, record.valid_px) = (SELF_TEST, 0);
     record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));

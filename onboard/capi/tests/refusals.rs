@@ -7,7 +7,7 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::format::word;
-use elunar_core::nn::{ENTRY_BYTES, crc32c};
+use elunar_core::nn::{ENTRY_BYTES, TENSOR_BYTES, crc32c};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -352,6 +352,16 @@ const CASES: &[Case] = &[
         assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
         model[3_000_000] ^= 1;
         to_the_end(&mut context)
+    }),
+    (ELD_FAULT_MODEL_CHANGED, "a record changes before the next tile begins", || {
+        let (mut model, mut context) = own_model();
+        assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
+        // That of the coarse DTM's tensor: found when the image is in the arena already, over the maps of the tile at work.
+        let record = header(&model, word::TENSORS) + TENSOR_BYTES * header(&model, word::COARSE);
+        model[record + 4] ^= 1;
+        let status = context.begin(&Tile::other());
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "neither tile is there");
+        status
     }),
     (ELD_FAULT_DATA_CHANGED, "a map changes while a tile is at work", || {
         let mut context = begun();
