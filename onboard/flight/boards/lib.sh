@@ -58,13 +58,13 @@ build_counter() {
 run_counted() {
     local counting
     counting="start=$(address "$1" elunar_count_start),stop=$(address "$1" elunar_count_stop),out=$4"
-    timeout --foreground "${LIMIT_S:-300}" "${qemu[@]}" "$load" "$1" -plugin "$build/counter.so,$counting" \
+    timeout --foreground "${LIMIT_S:-600}" "${qemu[@]}" "$load" "$1" -plugin "$build/counter.so,$counting" \
         -device "loader,file=$2,addr=$(address "$1" __model_start),force-raw=on" </dev/null >"$3" 2>&1
 }
 
 # What is wrong with a run that ended with status $1 and printed file $2; nothing if it passed.
 verdict() {
-    if [ "$1" = 124 ]; then echo "not done after ${LIMIT_S:-300} s"
+    if [ "$1" = 124 ]; then echo "not done after ${LIMIT_S:-600} s"
     elif [ "$(tr -d '\r' <"$2" | grep -xE 'PASS|FAIL' | tail -1)" != PASS ]; then echo "no PASS at the end of its output"
     elif [ "$exit_status" = yes ] && [ "$1" != 0 ]; then echo "exit status $1"; fi
 }

@@ -9,7 +9,7 @@
 #
 # A board passes if the model opens, every kernel's output is byte for byte the exporter's, no count in instructions.csv has risen
 # by more than 3 %, and flash, RAM, stack and instructions stay below its budget.toml. ./setup.sh installs what is needed. JOBS: boards
-# at once (2); LIMIT_S: seconds for each run (300).
+# at once (2); LIMIT_S: seconds for each run (600).
 set -euo pipefail
 . "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 table="$boards_dir/instructions.csv"
