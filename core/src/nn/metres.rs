@@ -74,10 +74,7 @@ impl Runner<'_, '_> {
     /// that returns.
     #[must_use]
     pub fn scratch_len(&self) -> usize {
-        match self.model().illumination() {
-            Illumination::Given => Photoclinometry::new(self.model().tile()).scratch_len(),
-            _ => 0,
-        }
+        self.model().scratch_len()
     }
 
     /// Normalises a tile as the model was trained, pixel by pixel on the way into the arena, mirrored if the model wants its Sun in the

@@ -10,6 +10,7 @@ use super::prepared::Prepared;
 use super::program::*;
 use super::schedule;
 use crate::part::{item, part};
+use crate::photoclinometry::Photoclinometry;
 use crate::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE};
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 
@@ -478,15 +479,18 @@ impl<'a> Model<'a> {
         self.operators.get(index).and_then(|record| Operator::decode(record).ok())
     }
 
-    /// Operator `index`, if its record is as it was written.
-    pub(super) fn sealed_operator(&self, index: usize) -> Option<Operator> {
-        self.operator(index)
-    }
-
     /// Tensor `index`, if its record is as it was written.
     pub(super) fn sealed_tensor(&self, index: u32) -> Option<Tensor> {
         let record = self.tensors.get(index as usize)?;
         sealed(record).then(|| Tensor::read(record))
+    }
+
+    /// Values of scratch memory that beginning a tile in metres wants; 0 for models that are not given the light.
+    pub fn scratch_len(&self) -> usize {
+        match self.illumination() {
+            Illumination::Given => Photoclinometry::new(self.tile()).scratch_len(),
+            _ => 0,
+        }
     }
 
     /// Checksums of rows that the arena holds: one per row kept.

@@ -19,7 +19,7 @@ pub struct Prepared {
 impl Prepared {
     /// Reads an operator's record and those of its tensors; `None` if one of them has changed since it was written.
     pub fn new(model: &Model<'_>, operator: usize) -> Option<Self> {
-        let operator = model.sealed_operator(operator)?;
+        let operator = model.operator(operator)?;
         let mut inputs = [None; 3];
         for (slot, tensor) in inputs.iter_mut().zip(operator.inputs()) {
             if let Some(tensor) = tensor {

@@ -204,8 +204,8 @@ impl<'a, 'm> Runner<'a, 'm> {
 
     /// The bytes of a row, and the place of its checksum.
     fn row(&self, t: &Tensor, row: usize) -> (&[u8], usize) {
-        let slot = if row < t.ring || t.ring == 0 { row } else { row % t.ring };
-        (part(self.arena.bytes, t.row_offset(row), t.row_bytes()), sums_offset(&self.model) + 4 * (t.sums + slot))
+        let place = sums_offset(&self.model) + 4 * (t.sums + t.slot(row));
+        (part(self.arena.bytes, t.row_offset(row), t.row_bytes()), place)
     }
 
     /// Writes down the checksum of a row that has just been made.

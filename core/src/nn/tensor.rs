@@ -202,12 +202,17 @@ impl Tensor {
         (self.cols + 2 * self.margin) * self.channels
     }
 
+    /// Which of the kept rows row `row` is.
+    #[inline(always)]
+    pub const fn slot(&self, row: usize) -> usize {
+        // Most tensors keep all rows; a division is slow on small machines.
+        if row < self.ring || self.ring == 0 { row } else { row % self.ring }
+    }
+
     /// Place in the arena of row `row`, margin included.
     #[inline(always)]
     pub const fn row_offset(&self, row: usize) -> usize {
-        // Most tensors keep all rows; a division is slow on small machines.
-        let slot = if row < self.ring || self.ring == 0 { row } else { row % self.ring };
-        self.offset + slot * self.pitch
+        self.offset + self.slot(row) * self.pitch
     }
 
     /// Largest absolute value, in code steps from zero.

@@ -41,7 +41,7 @@ pub struct Layer {
     pub shape: [usize; 3],
     /// Bits that the export keeps of its map; the output has none to spare, it stays float.
     pub bits: Option<u8>,
-    /// Its map with 8 bits; not for inputs, which always have 16, and the output.
+    /// Its map with 8 bits; not for inputs, whose types are fixed, and the output.
     pub map8: Option<Effect>,
     /// Its map with 16 bits, where the runner allows that.
     pub map16: Option<Effect>,

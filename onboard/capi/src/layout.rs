@@ -6,8 +6,7 @@
 
 use crate::sealed::HEAD_BYTES;
 use core::ops::Range;
-use elunar_core::nn::{Illumination, Model, required};
-use elunar_core::photoclinometry::Photoclinometry;
+use elunar_core::nn::{Model, required};
 
 /// Alignment of the lent memory, bytes: an array of `uint64_t` has it everywhere.
 pub(crate) const ALIGN_BYTES: usize = 8;
@@ -29,17 +28,13 @@ impl Layout {
     /// The layout for a model, unless this machine cannot address it.
     pub(crate) fn of(model: &Model<'_>) -> Option<Self> {
         let (rows, cols) = model.tile();
-        let scratch_len = match model.illumination() {
-            Illumination::Given => Photoclinometry::new((rows, cols)).scratch_len(),
-            _ => 0,
-        };
         let behind = |end: usize, bytes: usize| {
             let start = end.checked_next_multiple_of(LINE_BYTES)?;
             let end = start.checked_add(bytes).filter(|end| *end <= isize::MAX as usize)?;
             Some(start..end)
         };
         let validity = behind(HEAD_BYTES, rows.checked_mul(cols)?.div_ceil(8))?;
-        let scratch = behind(validity.end, scratch_len.checked_mul(4)?)?;
+        let scratch = behind(validity.end, model.scratch_len().checked_mul(4)?)?;
         let arena = behind(scratch.end, required(model))?;
         Some(Self { validity, scratch, arena })
     }
