@@ -15,14 +15,13 @@ pub const EXP_FINE: usize = 32;
 /// `exp(-distance / 2^LOGIT_BITS)` as the product of two entries (little-endian i16, 15 fraction bits), rounded; 0 from 8 logits on,
 /// where it is below 1/2980.
 #[inline(always)]
-pub fn exp_lookup(coarse: &[[u8; 2]], fine: &[[u8; 2]], distance: i32) -> i16 {
+pub fn exp_lookup(coarse: &[[u8; 2]; EXP_COARSE], fine: &[[u8; 2]; EXP_FINE], distance: i32) -> i16 {
     let at = distance as usize;
-    match (coarse.get(at / EXP_FINE), fine.get(at % EXP_FINE)) {
-        (Some(&a), Some(&b)) => {
-            ((i16::from_le_bytes(a) as i32 * i16::from_le_bytes(b) as i32 + (1 << 14)) >> 15) as i16
-        }
-        _ => 0,
-    }
+    let (a, b) = (coarse[at / EXP_FINE % EXP_COARSE], fine[at % EXP_FINE]);
+    let product = (i16::from_le_bytes(a) as i32 * i16::from_le_bytes(b) as i32 + (1 << 14)) >> 15;
+    // The same work within the table and beyond: all ones there, zeros here.
+    let inside = ((distance as u32) < (EXP_COARSE * EXP_FINE) as u32) as i32;
+    (product & -inside) as i16
 }
 
 #[cfg(test)]
@@ -31,10 +30,8 @@ mod tests {
 
     #[test]
     fn the_product_is_the_exponential_and_ends() {
-        let table = |step: f64, len: usize| -> Vec<[u8; 2]> {
-            (0..len).map(|i| ((32767.0 * libm::exp(-(i as f64) * step / 256.0)).round() as i16).to_le_bytes()).collect()
-        };
-        let (coarse, fine) = (table(EXP_FINE as f64, EXP_COARSE), table(1.0, EXP_FINE));
+        let entry = |i: usize| ((32767.0 * libm::exp(-(i as f64) / 256.0)).round() as i16).to_le_bytes();
+        let (coarse, fine) = (core::array::from_fn(|i| entry(i * EXP_FINE)), core::array::from_fn(entry));
         for distance in 0..2048 {
             let exact = 32767.0 * libm::exp(-(distance as f64) / 256.0);
             let found = exp_lookup(&coarse, &fine, distance) as f64;

@@ -1,5 +1,6 @@
 //! Numbers of the flight path: one rounding rule, integer multipliers, tables.
 
+pub mod limit;
 pub mod lut;
 pub mod params;
 pub mod requant;

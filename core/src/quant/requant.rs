@@ -1,5 +1,7 @@
 //! THE rounding rule of the flight path. Nothing in the runner rounds in another way.
 
+use super::limit::limit_wide;
+
 /// `(v + 2^(shift-1)) >> shift`: division by `2^shift`, rounded to nearest, ties towards plus infinity.
 ///
 /// `shift` lies in `0..=62`; 0 returns `v`. The addition cannot overflow for `|v| < 2^62`, which every caller's validated
@@ -16,7 +18,7 @@ pub const fn round_shift(v: i64, shift: u32) -> i64 {
 #[inline(always)]
 pub fn requantise(acc: i32, multiplier: i32, shift: u32, zero: i32, lo: i32, hi: i32) -> i32 {
     let v = round_shift(acc as i64 * multiplier as i64, shift).wrapping_add(zero as i64);
-    v.max(lo as i64).min(hi as i64) as i32
+    limit_wide(v, lo as i64, hi as i64) as i32
 }
 
 #[cfg(test)]

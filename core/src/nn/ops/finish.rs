@@ -5,6 +5,7 @@ use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL};
 use crate::nn::model::Model;
 use crate::nn::program::{Conv, Dtype, Tensor};
 use crate::part::{copy, head, head_mut, item, put};
+use crate::quant::limit::{limit, limit_wide};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// What the accumulators of one panel need.
@@ -117,6 +118,7 @@ impl<'a> Finish<'a> {
     fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
         let scale = self.multiplier.map(|bits| f32::from_bits(bits as u32));
         let (mut added, mut added_scale) = ([0i32; PANEL], 0.0);
+        let relu = -(self.relu as i32);
         for p in 0..target.pixels {
             let first = (target.col + p * target.col_step) * self.out.channels + self.first;
             if let Some(add) = &self.add {
@@ -130,7 +132,9 @@ impl<'a> Finish<'a> {
                 // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
                 let sum = item(acc, p * self.width + c).wrapping_add(*bias);
                 let value = sum as f32 * scale + *added as f32 * added_scale;
-                *to = if self.relu && value < 0.0 { 0.0 } else { value }.to_le_bytes();
+                // A ReLU takes whatever has a sign to 0, by that bit: without a branch.
+                let bits = value.to_bits() as i32;
+                *to = (bits & !((bits >> 31) & relu)).to_le_bytes();
             }
         }
     }
@@ -177,6 +181,7 @@ impl<'a> Finish<'a> {
         let (from, add_pitch) = self.add.as_ref().map_or((0, 0), |t| target.place(t, self.first));
         let (add_plane, add_zero) = self.add.as_ref().map_or((0, 0), |t| (t.plane_bytes(), t.zero));
         let (zero, lo, hi) = (self.zero as i32, self.lo as i32, self.hi as i32);
+        let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
         let mut cut = 0;
         for c in 0..self.channels.min(PANEL) {
             let (bias, multiplier, add_multiplier) = (self.bias[c], self.multiplier[c], self.add_multiplier[c]);
@@ -190,10 +195,8 @@ impl<'a> Finish<'a> {
                     from += add_pitch;
                 }
                 let v = ((v >> 32) as i32 >> (self.shift & 31)) + zero;
-                let mut code = v.max(lo).min(hi);
-                if code != v {
-                    cut += (v as i64 > self.ceiling || (v as i64) < self.floor) as u64;
-                }
+                let mut code = limit(v, lo, hi);
+                cut += (v > ceiling) as u32 + (v < floor) as u32;
                 if let Some(table) = table {
                     code = table[code as usize & 255] as i32;
                 }
@@ -204,7 +207,7 @@ impl<'a> Finish<'a> {
                 to += pitch;
             }
         }
-        cut
+        cut as u64
     }
 
     /// `W` is the panel's width, known to the compiler.
@@ -261,8 +264,6 @@ impl<'a> Finish<'a> {
     ) -> u64 {
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
         let low_shift = self.shift & 31;
-        // Limits beyond i32 become its ends, which nothing exceeds.
-        let narrow = |limit: i64| limit.clamp(i32::MIN as i64, i32::MAX as i64) as i32;
         let (zero, lo, hi) = (narrow(self.zero), narrow(self.lo), narrow(self.hi));
         let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
         let mut cuts = [0i32; W];
@@ -280,7 +281,7 @@ impl<'a> Finish<'a> {
                     narrow((v >> low_shift) + self.zero)
                 };
                 cuts[c] += (v > ceiling) as i32 + (v < floor) as i32;
-                codes[c] = v.max(lo).min(hi);
+                codes[c] = limit(v, lo, hi);
             }
         }
         let mut cut = 0;
@@ -317,4 +318,10 @@ impl<'a> Finish<'a> {
             }
         }
     }
+}
+
+/// Limits beyond i32 become its ends, which nothing exceeds.
+#[inline(always)]
+fn narrow(limit: i64) -> i32 {
+    limit_wide(limit, i32::MIN as i64, i32::MAX as i64) as i32
 }

@@ -9,6 +9,7 @@ use crate::nn::model::Model;
 use crate::nn::prepared::Prepared;
 use crate::nn::program::{LayerNorm, Tensor};
 use crate::part::{head, head_mut};
+use crate::quant::limit::limit_wide;
 use crate::quant::rsqrt::ReciprocalRoot;
 
 /// Channels held on the stack at a time, and pixels that share their gains.
@@ -153,7 +154,7 @@ impl Job<'_, '_> {
                 let y = root.times((channels * x[at]) as i64 - sum) as i32;
                 let v = ((y as i64 * gains[at] as i64 + biases[at] + half) >> shift) + zero;
                 cuts[k] += (v > hi) as i64 + (v < floor) as i64;
-                codes[at] = v.max(lo).min(hi) as i32;
+                codes[at] = limit_wide(v, lo, hi) as i32;
             }
         }
         // Lanes beyond the last channel have gain and bias 0: they are never cut.

@@ -17,6 +17,7 @@ use crate::nn::model::{MAX_WINDOW, Model};
 use crate::nn::prepared::Prepared;
 use crate::nn::program::{Attention, Tensor, groups};
 use crate::part::{head, head_mut, item, part, part_mut, put};
+use crate::quant::limit::{larger, limit_wide};
 use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
 use crate::quant::round_shift;
 
@@ -237,8 +238,7 @@ impl Head<'_, '_> {
         let logits = self.products::<I>(arena, row, cols.len());
         let mut reciprocals = [0i32; MAX_WINDOW];
         for (q, (reciprocal, logits)) in reciprocals.iter_mut().zip(&logits).take(cols.len()).enumerate() {
-            // Validation keeps the sum at 2^13 or above, so this is 2^30 at most.
-            *reciprocal = ((1i64 << RECIPROCAL_BITS) / self.exponentials::<I>(arena, logits, row, q).max(1)) as i32;
+            *reciprocal = reciprocal_of(self.exponentials::<I>(arena, logits, row, q));
         }
         let multiplier = self.model.constant_i32(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
@@ -289,7 +289,7 @@ impl Head<'_, '_> {
             let mean = round_shift(weighted[c] as i64 * reciprocal as i64, RECIPROCAL_BITS - FRACTION_BITS);
             let code = round_shift(mean as i32 as i64 * multiplier as i64, shift) + zero;
             cuts[c] = (code > hi) as i64 + (code < lo) as i64;
-            codes[c] = code.max(lo).min(hi) as i32;
+            codes[c] = limit_wide(code, lo, hi) as i32;
         }
         let mut cut = 0;
         for &one in head(&cuts, count) {
@@ -341,14 +341,20 @@ impl Head<'_, '_> {
             bias_pitch: side,
             multiplier: self.model.constant_i32(a.logit_multipliers, self.head),
             shift: a.logit_shift & 63,
-            coarse: self.model.constants(a.exp_table, 2 * EXP_COARSE).as_chunks().0,
-            fine: self.model.constants(a.exp_table + 2 * EXP_COARSE, 2 * EXP_FINE).as_chunks().0,
+            coarse: table(self.model, a.exp_table),
+            fine: table(self.model, a.exp_table + 2 * EXP_COARSE),
         };
         let at = arena.scratch + self.layout.keys + self.layout.values + 2 * self.layout.row * q;
         let planes = part_mut(arena.bytes, at, 2 * self.layout.row);
         let (low, high) = planes.split_at_mut_checked(self.layout.row).unwrap_or_default();
         I::softmax(&softmax, low, high).max(1)
     }
+}
+
+/// Part of the exponential's table.
+#[inline(always)]
+fn table<'a, const N: usize>(model: &Model<'a>, offset: usize) -> &'a [[u8; 2]; N] {
+    model.constants(offset, 2 * N).as_chunks().0.first_chunk().unwrap_or(&[[0; 2]; N])
 }
 
 /// One query's softmax, not normalised.
@@ -365,8 +371,8 @@ pub(crate) struct Softmax<'a> {
     pub(crate) multiplier: i32,
     pub(crate) shift: u32,
     /// Tables of the exponential.
-    pub(crate) coarse: &'a [[u8; 2]],
-    pub(crate) fine: &'a [[u8; 2]],
+    pub(crate) coarse: &'a [[u8; 2]; EXP_COARSE],
+    pub(crate) fine: &'a [[u8; 2]; EXP_FINE],
 }
 
 impl Softmax<'_> {
@@ -375,15 +381,15 @@ impl Softmax<'_> {
     pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
         let half = 1i64 << (self.shift.max(1) - 1);
         let mut logits = [0i32; MAX_TOKENS];
-        let mut largest = i32::MIN;
+        let mut largest = -2 * LOGIT_LIMIT as i32;
         let width = self.width.max(1);
         let rows = self.bias.chunks(self.bias_pitch.max(1)).zip(head_mut(&mut logits, self.tokens).chunks_mut(width));
         for ((bias, logits), products) in rows.zip(self.products.chunks(width)) {
             for ((logit, product), bias) in logits.iter_mut().zip(products).zip(bias) {
                 let product = (*product as i64 * self.multiplier as i64 + half) >> self.shift;
-                let product = product.clamp(-LOGIT_LIMIT, LOGIT_LIMIT) as i32;
+                let product = limit_wide(product, -LOGIT_LIMIT, LOGIT_LIMIT) as i32;
                 *logit = product + i16::from_le_bytes(*bias) as i32;
-                largest = largest.max(*logit);
+                largest = larger(largest, *logit);
             }
         }
         let mut sum = 0;
@@ -399,5 +405,32 @@ impl Softmax<'_> {
     }
 }
 
+/// `2^RECIPROCAL_BITS / sum`, rounded down, for the sum of a row's exponentials: 2^13 at least, which validation sees to, and below 2^21. In
+/// pieces of 32 bits, since small processors divide 64 in a loop that ends when it may.
+#[inline(always)]
+fn reciprocal_of(sum: i64) -> i32 {
+    const PIECES: [u32; 3] = [31, 10, 2];
+    const _: () = assert!(PIECES[0] + PIECES[1] + PIECES[2] == RECIPROCAL_BITS && MAX_TOKENS << 15 <= 1 << 21);
+    let sum = (sum as u32).clamp(1 << 13, 1 << 22);
+    let (mut quotient, mut rest) = ((1 << PIECES[0]) / sum, (1 << PIECES[0]) % sum);
+    for bits in [PIECES[1], PIECES[2]] {
+        rest <<= bits;
+        (quotient, rest) = ((quotient << bits) + rest / sum, rest % sum);
+    }
+    quotient as i32
+}
+
 /// Widest head for which a row of queries fits the accumulators: any, as panels are done one by one.
 const _: () = assert!(MAX_WINDOW * PANEL <= ACCUMULATORS);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reciprocal_in_pieces_is_that_in_one() {
+        for sum in (1 << 13)..=(1 << 21) {
+            assert_eq!(reciprocal_of(sum) as i64, (1 << RECIPROCAL_BITS) / sum);
+        }
+    }
+}
