@@ -114,6 +114,11 @@ eld_status_t service_self_test(service_t *service) {
     return begin_first(service, SERVICE_SELF_TEST);
 }
 
+eld_status_t service_scrub(service_t *service, size_t max_bytes) {
+    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL) return ELD_REFUSED_NOT_DONE;
+    return respond(service, eld_scrub(service->context, max_bytes));
+}
+
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes) {
     eld_status_t status;
     switch (service->state) {
@@ -123,6 +128,7 @@ eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scru
         status = eld_self_test_check(service->context);
         if (!ELD_WORKED(status)) return respond(service, status);
         service->doubted = 0;
+        service->status = status;
         settle(service);
         return service->has_tile ? begin_first(service, SERVICE_TILE) : status;
     case SERVICE_TILE:
@@ -131,7 +137,7 @@ eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scru
         return respond(service, status);
     case SERVICE_IDLE:
     case SERVICE_READY:
-        return respond(service, eld_scrub(service->context, scrub_bytes));
+        return service_scrub(service, scrub_bytes);
     default:
         return service->status;
     }

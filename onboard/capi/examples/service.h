@@ -56,6 +56,9 @@ eld_status_t service_give(service_t *service, const eld_tile_t *tile);
 /* One bounded piece of work: a step of budget_macs while something is at work, else scrub_bytes of scrubbing. */
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes);
 
+/* Looks over up to max_bytes of the model, a tile at work or not; refused (ELD_REFUSED_NOT_DONE) while there is no context or no model. */
+eld_status_t service_scrub(service_t *service, size_t max_bytes);
+
 /* Begins the self test, in SERVICE_IDLE; refused (ELD_REFUSED_NOT_DONE) else. */
 eld_status_t service_self_test(service_t *service);
 
