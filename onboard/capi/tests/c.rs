@@ -56,7 +56,7 @@ fn the_readme_links() {
     let path = folder.join("readme.c");
     std::fs::write(&path, format!("{block}{README_MAIN}")).unwrap();
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
-        run(&mut Command::new(build(&[path.clone()], language, &folder)));
+        run(&mut Command::new(build(std::slice::from_ref(&path), language, &folder)));
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
