@@ -7,7 +7,7 @@
 
 #include "elunar.h"
 
-/* Times that a tile or a self test is begun again after a fault, before it is given up. */
+/* Times that a tile or a self test is begun in all, when faults end it, before it is given up. */
 #define SERVICE_ATTEMPTS 3u
 
 /* What the caller has to do after a status. The columns of onboard/README.md, as code. */

@@ -5,6 +5,7 @@ mod common;
 use cc::*;
 use common::*;
 use elunar_capi::status::*;
+use elunar_core::nn::format::word;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -64,10 +65,13 @@ fn the_service_mends_what_can_be_mended() {
     let expected = golden().0.repeat(3);
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
         let program = build_guide(&[source("service_harmed.c"), example("service.c")], language, &folder);
-        let out = folder.join("heights");
+        let (out, tile) = (folder.join("heights"), repository().join("tests/golden/flight_tile"));
         let model = repository().join("host-train/models/nano.eld");
-        run(Command::new(program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        run(Command::new(&program).arg(model).arg(&tile).arg(&out));
         assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+        let distrusted = folder.join("distrusted.eld");
+        std::fs::write(&distrusted, changed(|model| set(model, word::SELF_TEST_CRC, 1))).unwrap();
+        run(Command::new(&program).arg(distrusted).arg(&tile));
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }

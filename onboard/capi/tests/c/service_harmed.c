@@ -1,4 +1,5 @@
-/* The service under harm that the library alone cannot mend: service_harmed MODEL FOLDER OUT. Writes the heights of every case. */
+/* The service under harm that the library alone cannot mend: service_harmed MODEL FOLDER OUT writes the heights of every case;
+ * service_harmed MODEL FOLDER, with a model whose self test fails, sees that it is not used. */
 #include "service.h"
 
 #include "files.h"
@@ -56,19 +57,36 @@ static void take(void) {
     if (fwrite(heights_m, sizeof(float), px, out) != px) fail("OUT", "cannot be written");
 }
 
+static void distrust(const eld_tile_t *tile) {
+    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes), ELD_OK);
+    if (!cycles_to(SERVICE_WANTS_MODEL)) fail("self test", eld_status_text(service.status));
+    expect("status", service.status, ELD_FAULT_SELF_TEST);
+    expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
+    /* Loaded again, and no better. */
+    expect("reloaded", service_model_reloaded(&service), ELD_OK);
+    if (!cycles_to(SERVICE_FAILED)) fail("self test again", eld_status_text(service.status));
+    expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
+    expect("failed", service_cycle(&service, 1, 1), ELD_FAULT_SELF_TEST);
+}
+
 int main(int argc, char **argv) {
     eld_tile_t tile, dark;
     float *one;
     size_t px, i;
-    if (argc != 4) fail("usage", "service_harmed MODEL FOLDER OUT");
+    if (argc != 3 && argc != 4) fail("usage", "service_harmed MODEL FOLDER [OUT]");
     model = (uint8_t *)read_file("", argv[1], &model_bytes);
     tile = golden_tile(argv[2]);
-    out = fopen(argv[3], "wb");
     info.struct_bytes = sizeof info;
     expect("model", eld_model_check(model, model_bytes, &info), ELD_OK);
     px = (size_t)info.tile_rows * info.tile_cols;
     memory = (uint64_t *)malloc((size_t)info.memory_bytes + 8);
     heights_m = (float *)malloc(px * sizeof(float));
+    if (argc == 3) {
+        distrust(&tile);
+        return 0;
+    }
+    out = fopen(argv[3], "wb");
+    if (out == NULL) fail(argv[3], "cannot be written");
     boot();
 
     /* Both copies of the context: down, started anew, the tile again. */
