@@ -62,7 +62,9 @@ fn the_page_has_the_tables_that_are_printed() {
     let page = read(PAGE);
     let mut expected = filled(&page, "model", &model());
     if let Some(boards) = boards() {
-        assert_eq!(boards.lines().count(), 2 + 10, "a row for every board");
+        let folders = std::fs::read_dir(repository().join("onboard/flight/boards")).unwrap();
+        let budgets = folders.filter(|entry| entry.as_ref().unwrap().path().join("budget.toml").is_file()).count();
+        assert!(budgets >= 10 && boards.lines().count() == 2 + budgets, "a row for every board");
         expected = filled(&expected, "boards", &boards);
     }
     if std::env::var_os("ELUNAR_WRITE_BUDGETS").is_some() {
