@@ -63,7 +63,7 @@ no_std() {
     cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight"
     inspect "$target/flight/release/libelunar.a"
     # C and C++ programs against the archive itself, with no other library.
-    ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c
+    ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c --test guides --test cfs
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
         cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight" --target "$bare"
         inspect "$target/flight/$bare/release/libelunar.a"

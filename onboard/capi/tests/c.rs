@@ -1,97 +1,11 @@
 //! C and C++ programs against the archive: the header compiles without a warning, and the heights are Rust's, byte for byte.
-//!
-//! The archive is the example of this package (the functions with the host's panic handler), or the one that `ELUNAR_ARCHIVE` names:
-//! `libelunar.a` of `onboard/flight`, which needs no other library.
 
+mod cc;
 mod common;
+use cc::*;
 use common::*;
 use std::ffi::OsString;
-use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
-
-/// The languages a caller may write in.
-const LANGUAGES: [&str; 2] = ["c99", "c++17"];
-
-/// Says on stderr that a check does not run; not by `eprintln!`, which passing tests keep to themselves.
-fn skipped(why: &str) {
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
-}
-
-fn compiler(language: &str) -> Command {
-    let (variable, default) = if language.starts_with("c++") { ("CXX", "c++") } else { ("CC", "cc") };
-    let mut command = Command::new(std::env::var_os(variable).unwrap_or_else(|| default.into()));
-    let kind = if language.starts_with("c++") { "c++" } else { "c" };
-    command.args(["-x", kind, &format!("-std={language}"), "-Wall", "-Wextra", "-pedantic", "-Werror", "-I"]);
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("include"));
-    command
-}
-
-/// Whether there is a compiler for this language; says so if not.
-fn exists(language: &str) -> bool {
-    let found = compiler(language).arg("--version").output().is_ok_and(|out| out.status.success());
-    if !found {
-        skipped(&format!("{language} programs: no compiler (CC, CXX; Debian packages gcc, g++)"));
-    }
-    found
-}
-
-fn target() -> PathBuf {
-    // .../target/debug/deps/c-0123: the folder cargo builds in, whatever its name.
-    std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_path_buf()
-}
-
-/// The archive, and what else a program needs to link.
-fn archive() -> &'static (PathBuf, Vec<&'static str>) {
-    static ARCHIVE: OnceLock<(PathBuf, Vec<&'static str>)> = OnceLock::new();
-    ARCHIVE.get_or_init(|| {
-        if let Some(path) = std::env::var_os("ELUNAR_ARCHIVE") {
-            return (path.into(), vec![]);
-        }
-        // Cargo builds examples with some selections of tests only; where it has, this does nothing.
-        let built = Command::new(env!("CARGO"))
-            .args(["build", "--locked", "--quiet", "--package", "elunar-capi", "--example", "elunar", "--target-dir"])
-            .arg(target())
-            .current_dir(repository())
-            .status();
-        assert!(built.unwrap().success(), "building the archive");
-        (target().join("debug/examples/libelunar.a"), vec!["-lpthread", "-ldl", "-lm", "-lgcc_s", "-lc"])
-    })
-}
-
-fn run(command: &mut Command) -> String {
-    let out = command.output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert!(out.status.success(), "{command:?}:\n{}{}", text(&out.stdout), text(&out.stderr));
-    text(&out.stdout)
-}
-
-/// A folder for what a test makes; one per process.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
-/// Compiles and links a program.
-fn build(source: &Path, language: &str, folder: &Path) -> PathBuf {
-    let (archive, libraries) = archive();
-    let program = folder.join(format!("{}-{language}", source.file_stem().unwrap().display()));
-    run(compiler(language)
-        .arg("-O1")
-        .arg(source)
-        .args(["-x", "none"])
-        .arg(archive)
-        .args(libraries)
-        .arg("-o")
-        .arg(&program));
-    program
-}
-
-fn source(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/c").join(name)
-}
 
 #[test]
 fn a_c_program_computes_what_rust_computes() {
@@ -103,7 +17,7 @@ fn a_c_program_computes_what_rust_computes() {
         [bytes(&heights_m), valid, bytes(&second.expected().0)].concat()
     };
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
-        let program = build(&source("tile.c"), language, &folder);
+        let program = build(&[source("tile.c")], language, &folder);
         let out = folder.join("heights");
         let model = repository().join("host-train/models/nano.eld");
         let said = run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
@@ -117,7 +31,7 @@ fn a_c_program_computes_what_rust_computes() {
 fn what_c_gets_wrong_has_a_status() {
     let folder = folder("misuse");
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
-        run(&mut Command::new(build(&source("misuse.c"), language, &folder)));
+        run(&mut Command::new(build(&[source("misuse.c")], language, &folder)));
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
@@ -142,7 +56,7 @@ fn the_readme_links() {
     let path = folder.join("readme.c");
     std::fs::write(&path, format!("{block}{README_MAIN}")).unwrap();
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
-        run(&mut Command::new(build(&path, language, &folder)));
+        run(&mut Command::new(build(std::slice::from_ref(&path), language, &folder)));
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }

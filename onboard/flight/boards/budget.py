@@ -4,7 +4,7 @@
     budget.py compare BUDGET ELF LOG ROWS    prints what is above the budget; nothing if all is below
     budget.py record BUDGET ELF LOG ROWS     writes the budget anew: what was measured, and a margin
     budget.py print BUDGET ELF LOG ROWS      prints what was measured
-    budget.py table instructions.csv         prints what is recorded of all boards, as the table of README.md
+    budget.py table instructions.csv         prints what is recorded of all boards, as the table of ../../docs/budgets.md
 
 ELF is the linked demo, LOG what it printed, ROWS the instruction counts of ../boards/run.sh, the fastest kernel first."""
 import os
@@ -89,16 +89,25 @@ def compare(path, used):
 
 
 def table(counts_path):
-    """Rows of the table in README.md: a board's fastest kernel, and what was measured."""
-    rows, boards = [], os.path.dirname(os.path.abspath(counts_path))
+    """The table of ../../docs/budgets.md: a board's fastest kernel, and what was measured of what is allowed."""
+    boards = os.path.dirname(os.path.abspath(counts_path))
+    rows = [
+        "| board | kernel | flash, bytes | of | RAM, bytes | of | stack, bytes | of | instructions, millions | of | per MAC |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    seen = set()
     with open(counts_path, encoding="utf-8") as file:
         for line in file.read().splitlines()[1:]:
             board, kernel, _, _, _, per_mac = line.split(",")
-            if any(f"`{board}`" in row for row in rows):
+            if board in seen:
                 continue
-            used = read(os.path.join(boards, board, "budget.toml"))["measured"]
-            kilo = [round(used[name] / 1000) for name in ("flash_bytes", "ram_bytes")]
-            rows.append(f"| `{board}` | `{kernel}` | {float(per_mac):.2f} | {kilo[0]} | {kilo[1]} | {used['stack_bytes']} |")
+            seen.add(board)
+            budget = read(os.path.join(boards, board, "budget.toml"))
+            cells = [f"`{board}`", f"`{kernel}`"]
+            for name in WHAT:
+                unit = 1_000_000 if name == "instructions" else 1
+                cells += [f"{round(budget[part][name] / unit):,}" for part in ("measured", "limit")]
+            rows.append(f"| {' | '.join(cells)} | {float(per_mac):.2f} |")
     return rows
 
 

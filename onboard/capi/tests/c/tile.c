@@ -3,36 +3,12 @@
  * FOLDER holds image.f32, coarse_m.f32 and valid.u8 (see tests/golden/flight_tile); OUT gets the heights of the first tile, then its
  * validity bytes, then the heights of the second, which is the first one upside down. C99 and C++17.
  */
-#include "elunar.h"
+#include "files.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static void fail(const char *what, const char *why) {
-    fprintf(stderr, "ERROR: %s: %s\n", what, why);
-    exit(1);
-}
 
 static void check(const char *what, eld_status_t status) {
     if (!ELD_WORKED(status)) fail(what, eld_status_text(status));
-}
-
-static void *read_file(const char *folder, const char *name, size_t *bytes) {
-    char path[4096];
-    long end;
-    void *data;
-    FILE *file;
-    snprintf(path, sizeof path, "%s%s", folder, name);
-    file = fopen(path, "rb");
-    if (file == NULL || fseek(file, 0, SEEK_END) != 0 || (end = ftell(file)) < 0) fail(path, "cannot be read");
-    rewind(file);
-    *bytes = (size_t)end;
-    data = malloc(*bytes + 1);
-    if (data == NULL || fread(data, 1, *bytes, file) != *bytes) fail(path, "cannot be read");
-    fclose(file);
-    return data;
 }
 
 static void *reversed(const void *map, size_t samples) {
@@ -43,7 +19,7 @@ static void *reversed(const void *map, size_t samples) {
 }
 
 int main(int argc, char **argv) {
-    size_t model_bytes, bytes, px, i, passes = 0;
+    size_t model_bytes, px, i, passes = 0;
     const void *model;
     eld_model_info_t info;
     eld_tile_t tiles[2];
@@ -62,17 +38,7 @@ int main(int argc, char **argv) {
     check("model", eld_model_check(model, model_bytes, &info));
     px = (size_t)info.tile_rows * info.tile_cols;
 
-    memset(tiles, 0, sizeof tiles);
-    tiles[0].struct_bytes = sizeof tiles[0];
-    tiles[0].pixel_m = 2.0f;
-    tiles[0].coarse_px = 29.61f;
-    tiles[0].sun_azimuth_deg = 189.48853f;
-    tiles[0].sun_elevation_deg = 25.614722f;
-    tiles[0].image = (const float *)read_file(argv[2], "/image.f32", &bytes);
-    tiles[0].image_len = bytes / sizeof(float);
-    tiles[0].coarse_m = (const float *)read_file(argv[2], "/coarse_m.f32", &bytes);
-    tiles[0].coarse_len = bytes / sizeof(float);
-    tiles[0].valid = (const uint8_t *)read_file(argv[2], "/valid.u8", &tiles[0].valid_len);
+    tiles[0] = golden_tile(argv[2]);
     tiles[1] = tiles[0];
     tiles[1].image = (const float *)reversed(tiles[0].image, px);
     tiles[1].coarse_m = (const float *)reversed(tiles[0].coarse_m, px);

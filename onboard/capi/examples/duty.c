@@ -1,0 +1,64 @@
+/* See duty.h. Memory is static: its place and size are known to the linker. */
+#include "duty.h"
+#include "platform.h"
+
+static uint64_t memory[(DUTY_MEMORY_BYTES + 7u) / 8u]; /* uint64_t: aligned to 8 bytes */
+static float heights_m[DUTY_PX];
+static uint8_t valid[DUTY_PX];
+static service_t service;
+static uint32_t drops_told;
+
+static void tell(eld_status_t status) {
+    if (status != ELD_OK && status != ELD_RUNNING) platform_event(status, eld_status_text(status));
+    if (service.drops != drops_told) platform_dropped(status);
+    drops_told = service.drops;
+}
+
+int duty_start(void) {
+    size_t model_bytes;
+    const void *model = platform_model(&model_bytes);
+    eld_status_t status;
+    /* The library that was linked, and the header that was compiled with, must be of one major version. */
+    if (eld_version() >> 16 != ELD_VERSION >> 16) return 0;
+    status = service_start(&service, memory, sizeof memory, model, model_bytes);
+    tell(status);
+    return service.state != SERVICE_DOWN && (size_t)service.info.tile_rows * service.info.tile_cols <= DUTY_PX;
+}
+
+eld_status_t duty_cycle(void) {
+    eld_status_t status = ELD_OK;
+    eld_tile_t tile;
+    switch (service.state) {
+    case SERVICE_DOWN:
+        /* Both copies of the context were hit: tile and counters are lost, the model is judged anew. */
+        duty_start();
+        return service.status;
+    case SERVICE_WANTS_MODEL:
+        if (platform_reload_model()) status = service_model_reloaded(&service);
+        break;
+    case SERVICE_READY:
+        status = service_take(&service, heights_m, valid);
+        if (ELD_WORKED(status)) platform_heights(heights_m, valid, (size_t)service.info.tile_rows * service.info.tile_cols);
+        break;
+    case SERVICE_IDLE:
+        if (platform_next_tile(&tile)) {
+            tile.struct_bytes = sizeof tile;
+            tile.reserved = 0;
+            status = service_give(&service, &tile);
+            break;
+        }
+        status = service_cycle(&service, DUTY_BUDGET_MACS, DUTY_SCRUB_BYTES);
+        break;
+    default:
+        status = service_cycle(&service, DUTY_BUDGET_MACS, DUTY_SCRUB_BYTES);
+        break;
+    }
+    tell(status);
+    return status;
+}
+
+void duty_housekeeping(void) {
+    eld_telemetry_t telemetry;
+    telemetry.struct_bytes = sizeof telemetry;
+    if (service.context != NULL && ELD_WORKED(eld_telemetry(service.context, &telemetry))) platform_housekeeping(&telemetry);
+}

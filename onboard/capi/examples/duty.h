@@ -1,0 +1,23 @@
+/* What every guide does in a cycle: shared by the super-loop and the tasks. */
+#ifndef ELUNAR_DUTY_H
+#define ELUNAR_DUTY_H
+
+#include "service.h"
+
+/* Largest tile, and bytes of a context for the model that flies: from eld_model_check, on the ground (onboard/docs/budgets.md). */
+#define DUTY_PX (256u * 320u)
+#define DUTY_MEMORY_BYTES 1419720u
+
+/* Work between two kicks of the watchdog. See "Budget and watchdog" in onboard/docs/integration.md. */
+#define DUTY_BUDGET_MACS 5000000u
+/* Scrubbing of an idle cycle. */
+#define DUTY_SCRUB_BYTES 16384u
+
+/* Starts the service; 0 if it cannot be. */
+int duty_start(void);
+/* One cycle; returns how it went. */
+eld_status_t duty_cycle(void);
+/* Sends the counters. */
+void duty_housekeeping(void);
+
+#endif

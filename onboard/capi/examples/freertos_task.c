@@ -1,0 +1,42 @@
+/* A FreeRTOS task with a watchdog that another task serves: this one reports that it lives, and waits out its period. */
+#include "duty.h"
+
+#include "FreeRTOS.h"
+#include "task.h"
+
+#include "freertos_task.h"
+
+/* Words of its stack: the library's bound (onboard/docs/budgets.md, stack, plus that of the C interface), the task's own frames, and a margin. */
+#define TERRAIN_STACK_WORDS (16384u / sizeof(StackType_t))
+/* Low: it computes whenever nobody else wants to. */
+#define TERRAIN_PRIORITY (tskIDLE_PRIORITY + 1u)
+#define TERRAIN_PERIOD_MS 100u
+/* Cycles between two looks at the counters. */
+#define HOUSEKEEPING_CYCLES 50u
+
+static StackType_t stack[TERRAIN_STACK_WORDS];
+static StaticTask_t block;
+/* Written by this task alone, read by the watchdog's: it lives as long as this changes. */
+static volatile uint32_t heartbeat;
+
+uint32_t terrain_heartbeat(void) { return heartbeat; }
+
+static void terrain_task(void *nothing) {
+    TickType_t woken = xTaskGetTickCount();
+    (void)nothing;
+    while (!duty_start()) {
+        heartbeat++;
+        vTaskDelay(pdMS_TO_TICKS(1000u));
+    }
+    for (;;) {
+        duty_cycle();
+        if (++heartbeat % HOUSEKEEPING_CYCLES == 0) duty_housekeeping();
+        /* The context belongs to this task; nobody else calls the library with it, not even for telemetry. */
+        vTaskDelayUntil(&woken, pdMS_TO_TICKS(TERRAIN_PERIOD_MS));
+    }
+}
+
+void terrain_task_create(void) {
+    /* Static, so that nothing comes from a heap. */
+    (void)xTaskCreateStatic(terrain_task, "terrain", TERRAIN_STACK_WORDS, NULL, TERRAIN_PRIORITY, stack, &block);
+}

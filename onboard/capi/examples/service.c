@@ -1,0 +1,168 @@
+/* See service.h. */
+#include "service.h"
+
+#include <string.h>
+
+service_action_t service_action(eld_status_t status) {
+    switch (status) {
+    case ELD_FAULT_MODEL_CHANGED:
+        return SERVICE_RELOAD;
+    case ELD_FAULT_SELF_TEST:
+        return SERVICE_DISTRUST;
+    case ELD_FAULT_CONTEXT_LOST:
+    case ELD_FAULT_CONTEXT_MOVED:
+        return SERVICE_START_AGAIN;
+    default:
+        if (ELD_WORKED(status)) return SERVICE_GO_ON;
+        return ELD_SEVERITY(status) == ELD_REFUSED ? SERVICE_SKIP : SERVICE_BEGIN_AGAIN;
+    }
+}
+
+/* Begins what the state says, once. */
+static eld_status_t begin(service_t *service) {
+    service->attempts++;
+    return service->state == SERVICE_SELF_TEST ? eld_self_test_begin(service->context) : eld_begin(service->context, &service->tile);
+}
+
+static void settle(service_t *service) {
+    service->state = service->has_tile ? SERVICE_TILE : SERVICE_IDLE;
+    service->attempts = 0;
+}
+
+static void drop(service_t *service) {
+    service->drops++;
+    service->has_tile = 0;
+    settle(service);
+}
+
+/* Puts the service into the state that a status calls for; begins again where that helps. Ends, as attempts are counted. */
+static eld_status_t respond(service_t *service, eld_status_t status) {
+    for (;;) {
+        int at_work = service->state == SERVICE_SELF_TEST || service->state == SERVICE_TILE;
+        service->status = status;
+        switch (service_action(status)) {
+        case SERVICE_GO_ON:
+            return status;
+        case SERVICE_SKIP:
+            /* Of a tile, refused for good. */
+            if (service->state == SERVICE_TILE || service->state == SERVICE_READY) drop(service);
+            return status;
+        case SERVICE_BEGIN_AGAIN:
+            if (service->state == SERVICE_READY) {
+                /* The heights were lost before they were taken. */
+                service->state = SERVICE_TILE;
+                at_work = 1;
+            }
+            if (!at_work) return status;
+            if (service->attempts >= SERVICE_ATTEMPTS) {
+                if (service->state == SERVICE_SELF_TEST) service->state = SERVICE_FAILED;
+                else drop(service);
+                return status;
+            }
+            status = begin(service);
+            break;
+        case SERVICE_DISTRUST:
+            service->state = service->doubted ? SERVICE_FAILED : SERVICE_WANTS_MODEL;
+            service->doubted = 1;
+            return status;
+        case SERVICE_RELOAD:
+            service->state = SERVICE_WANTS_MODEL;
+            return status;
+        case SERVICE_START_AGAIN:
+            service->state = SERVICE_DOWN;
+            return status;
+        }
+    }
+}
+
+/* Begins what the state says and makes the best of how it went. */
+static eld_status_t begin_first(service_t *service, service_state_t state) {
+    service->state = state;
+    service->attempts = 0;
+    return respond(service, begin(service));
+}
+
+eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes) {
+    eld_tile_t tile = service->tile;
+    int has_tile = service->has_tile;
+    uint32_t drops = service->drops;
+    memset(service, 0, sizeof *service);
+    service->tile = tile;
+    service->has_tile = has_tile;
+    service->drops = drops;
+    service->memory = memory;
+    service->memory_bytes = memory_bytes;
+    service->model = model;
+    service->model_bytes = model_bytes;
+    service->info.struct_bytes = sizeof service->info;
+    service->status = eld_model_check(model, model_bytes, &service->info);
+    if (!ELD_WORKED(service->status)) return service->status;
+    service->status = eld_init(memory, memory_bytes, model, model_bytes, &service->context);
+    if (!ELD_WORKED(service->status)) return service->status;
+    return begin_first(service, SERVICE_SELF_TEST);
+}
+
+eld_status_t service_give(service_t *service, const eld_tile_t *tile) {
+    if (service->state != SERVICE_IDLE) return ELD_REFUSED_NOT_DONE;
+    service->tile = *tile;
+    service->has_tile = 1;
+    return begin_first(service, SERVICE_TILE);
+}
+
+eld_status_t service_self_test(service_t *service) {
+    if (service->state != SERVICE_IDLE) return ELD_REFUSED_NOT_DONE;
+    return begin_first(service, SERVICE_SELF_TEST);
+}
+
+eld_status_t service_scrub(service_t *service, size_t max_bytes) {
+    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL) return ELD_REFUSED_NOT_DONE;
+    return respond(service, eld_scrub(service->context, max_bytes));
+}
+
+eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes) {
+    eld_status_t status;
+    switch (service->state) {
+    case SERVICE_SELF_TEST:
+        status = eld_step(service->context, budget_macs);
+        if (!ELD_WORKED(status) || status == ELD_RUNNING) return respond(service, status);
+        status = eld_self_test_check(service->context);
+        if (!ELD_WORKED(status)) return respond(service, status);
+        service->doubted = 0;
+        service->status = status;
+        settle(service);
+        return service->has_tile ? begin_first(service, SERVICE_TILE) : status;
+    case SERVICE_TILE:
+        status = eld_step(service->context, budget_macs);
+        if (ELD_WORKED(status) && status != ELD_RUNNING) service->state = SERVICE_READY;
+        return respond(service, status);
+    case SERVICE_IDLE:
+    case SERVICE_READY:
+        return service_scrub(service, scrub_bytes);
+    default:
+        return service->status;
+    }
+}
+
+eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid) {
+    size_t px = (size_t)service->info.tile_rows * service->info.tile_cols;
+    eld_status_t status;
+    if (service->state != SERVICE_READY) return ELD_REFUSED_NOT_DONE;
+    status = eld_output(service->context, heights_m, px, valid, valid == NULL ? 0 : px);
+    if (!ELD_WORKED(status)) return respond(service, status);
+    service->has_tile = 0;
+    settle(service);
+    return status;
+}
+
+eld_status_t service_model_reloaded(service_t *service) {
+    eld_model_info_t info;
+    if (service->state != SERVICE_WANTS_MODEL) return ELD_REFUSED_NOT_DONE;
+    info.struct_bytes = sizeof info;
+    service->status = eld_model_check(service->model, service->model_bytes, &info);
+    if (!ELD_WORKED(service->status)) return service->status;
+    /* Another model needs another context, and perhaps other memory. */
+    if (info.header_crc != service->info.header_crc) {
+        return service->status = ELD_FAULT_MODEL_CHANGED;
+    }
+    return begin_first(service, SERVICE_SELF_TEST);
+}

@@ -1,0 +1,86 @@
+//! The tables of `onboard/docs/budgets.md` are what is printed: `ELUNAR_WRITE_BUDGETS=1 cargo test -p elunar-capi --test budgets` writes them.
+
+mod common;
+mod pages;
+use common::{info, nano};
+use pages::{read, repository};
+use std::io::Write;
+use std::process::Command;
+
+const PAGE: &str = "onboard/docs/budgets.md";
+
+/// A page with another text between the marks of `name`.
+fn filled(page: &str, name: &str, text: &str) -> String {
+    let begin = format!("<!-- {name} -->\n");
+    let (before, rest) = page.split_once(&begin).unwrap_or_else(|| panic!("{PAGE}: no '{begin}'"));
+    let (_, after) = rest.split_once("<!-- end -->").unwrap_or_else(|| panic!("{PAGE}: no end of '{name}'"));
+    format!("{before}{begin}{text}<!-- end -->{after}")
+}
+
+/// The table of all boards, if there is a Python to print it.
+fn boards() -> Option<String> {
+    let folder = repository().join("onboard/flight/boards");
+    let printed =
+        Command::new("python3").arg("budget.py").args(["table", "instructions.csv"]).current_dir(folder).output();
+    match printed {
+        Ok(out) if out.status.success() => Some(String::from_utf8(out.stdout).unwrap()),
+        Ok(out) => panic!("budget.py: {}", String::from_utf8_lossy(&out.stderr)),
+        Err(error) => {
+            // Not by `eprintln!`, which passing tests keep to themselves.
+            let _ = writeln!(std::io::stderr(), "SKIPPED: the table of boards: python3: {error}");
+            None
+        }
+    }
+}
+
+/// 1234567 as 1,234,567.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let comma = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
+    digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
+}
+
+/// The table of the shipped model.
+fn model() -> String {
+    let needs = info(nano()).unwrap();
+    let rows = [
+        ("model file, read in place", needs.file_bytes, "bytes"),
+        ("memory of a context", needs.memory_bytes, "bytes"),
+        ("of which arena of the network", needs.arena_bytes, "bytes"),
+        ("alignment of that memory", needs.memory_align.into(), "bytes"),
+        ("tile", (needs.tile_rows * needs.tile_cols).into(), "pixels"),
+        ("work of a tile", needs.tile_macs, "multiply-accumulates"),
+        ("largest unit of work", needs.largest_unit_macs, "multiply-accumulates"),
+    ];
+    let row = |(what, number, unit): (&str, u64, &str)| format!("| {what} | {} | {unit} |\n", grouped(number));
+    format!("| what | how much | |\n|---|---|---|\n{}", rows.map(row).concat())
+}
+
+#[test]
+#[cfg(target_pointer_width = "64")]
+fn the_page_has_the_tables_that_are_printed() {
+    let page = read(PAGE);
+    let mut expected = filled(&page, "model", &model());
+    if let Some(boards) = boards() {
+        let folders = std::fs::read_dir(repository().join("onboard/flight/boards")).unwrap();
+        let budgets = folders.filter(|entry| entry.as_ref().unwrap().path().join("budget.toml").is_file()).count();
+        assert!(budgets >= 10 && boards.lines().count() == 2 + budgets, "a row for every board");
+        expected = filled(&expected, "boards", &boards);
+    }
+    if std::env::var_os("ELUNAR_WRITE_BUDGETS").is_some() {
+        std::fs::write(repository().join(PAGE), &expected).unwrap();
+    }
+    let line = page.lines().zip(expected.lines()).position(|(a, b)| a != b);
+    assert!(
+        read(PAGE) == expected,
+        "{PAGE} differs from what is printed (line {line:?}): ELUNAR_WRITE_BUDGETS=1 cargo test -p elunar-capi --test budgets"
+    );
+}
+
+#[test]
+fn numbers_are_grouped() {
+    assert_eq!(
+        [0, 12, 123, 1234, 123_456, 1_234_567].map(grouped),
+        ["0", "12", "123", "1,234", "123,456", "1,234,567"]
+    );
+}

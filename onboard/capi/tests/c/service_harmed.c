@@ -1,0 +1,135 @@
+/* The service under harm that the library alone cannot mend: service_harmed MODEL FOLDER OUT writes the heights of every case;
+ * service_harmed MODEL FOLDER, with a model whose self test fails, sees that it is not used. */
+#include "service.h"
+
+#include "files.h"
+
+static uint8_t *model;
+static size_t model_bytes;
+static uint64_t *memory;
+static eld_model_info_t info;
+static service_t service;
+static FILE *out;
+static float *heights_m;
+
+static void expect(const char *what, unsigned long found, unsigned long expected) {
+    if (found == expected) return;
+    fprintf(stderr, "ERROR: %s: expected %lu, found %lu\n", what, expected, found);
+    exit(1);
+}
+
+/* Bytes of a copy of the context: the second begins as the first does. */
+static size_t copy_bytes(void) {
+    size_t at;
+    for (at = 1; at < 64; at++) {
+        if (memory[at] == memory[0]) return 8 * at;
+    }
+    fail("context", "expected two copies");
+    return 0;
+}
+
+static void harm_context(void) {
+    uint8_t *bytes = (uint8_t *)memory;
+    size_t copy = copy_bytes();
+    bytes[20] ^= 1;
+    bytes[copy + 30] ^= 1;
+}
+
+/* Cycles until a state is reached; 0 if it is not. */
+static unsigned cycles_to(service_state_t state) {
+    unsigned cycles = 0;
+    while (service.state != state && cycles < 10000) {
+        service_cycle(&service, info.largest_unit_macs, 4096);
+        cycles++;
+    }
+    return service.state == state ? cycles + 1 : 0;
+}
+
+static void boot(void) {
+    if (!ELD_WORKED(service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes))) fail("start", eld_status_text(service.status));
+    if (!cycles_to(service.has_tile ? SERVICE_READY : SERVICE_IDLE)) fail("start", eld_status_text(service.status));
+}
+
+static void take(void) {
+    size_t px = (size_t)info.tile_rows * info.tile_cols;
+    expect("take", service_take(&service, heights_m, NULL), ELD_OK);
+    expect("idle", service.state, SERVICE_IDLE);
+    if (fwrite(heights_m, sizeof(float), px, out) != px) fail("OUT", "cannot be written");
+}
+
+static void distrust(const eld_tile_t *tile) {
+    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes), ELD_OK);
+    if (!cycles_to(SERVICE_WANTS_MODEL)) fail("self test", eld_status_text(service.status));
+    expect("status", service.status, ELD_FAULT_SELF_TEST);
+    expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
+    /* Loaded again, and no better. */
+    expect("reloaded", service_model_reloaded(&service), ELD_OK);
+    if (!cycles_to(SERVICE_FAILED)) fail("self test again", eld_status_text(service.status));
+    expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
+    expect("failed", service_cycle(&service, 1, 1), ELD_FAULT_SELF_TEST);
+}
+
+int main(int argc, char **argv) {
+    eld_tile_t tile, dark;
+    float *one;
+    size_t px, i;
+    if (argc != 3 && argc != 4) fail("usage", "service_harmed MODEL FOLDER [OUT]");
+    model = (uint8_t *)read_file("", argv[1], &model_bytes);
+    tile = golden_tile(argv[2]);
+    info.struct_bytes = sizeof info;
+    expect("model", eld_model_check(model, model_bytes, &info), ELD_OK);
+    px = (size_t)info.tile_rows * info.tile_cols;
+    memory = (uint64_t *)malloc((size_t)info.memory_bytes + 8);
+    heights_m = (float *)malloc(px * sizeof(float));
+    if (argc == 3) {
+        distrust(&tile);
+        return 0;
+    }
+    out = fopen(argv[3], "wb");
+    if (out == NULL) fail(argv[3], "cannot be written");
+    boot();
+
+    /* Both copies of the context: down, started anew, the tile again. */
+    expect("give", service_give(&service, &tile), ELD_OK);
+    service_cycle(&service, info.largest_unit_macs, 0);
+    harm_context();
+    service_cycle(&service, info.largest_unit_macs, 0);
+    expect("status", service.status, ELD_FAULT_CONTEXT_LOST);
+    expect("down", service.state, SERVICE_DOWN);
+    expect("cycle while down", service_cycle(&service, 1, 1), ELD_FAULT_CONTEXT_LOST);
+    boot();
+    take();
+
+    /* A validity bit of a finished tile: the tile is made again when it is taken, and can be taken then. */
+    expect("give", service_give(&service, &tile), ELD_OK);
+    if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
+    ((uint8_t *)memory)[2 * copy_bytes() / 64 * 64 + 64 + 100] ^= 1;
+    expect("a lost tile", ELD_WORKED(service_take(&service, heights_m, NULL)), 1);
+    expect("again", service.state, SERVICE_TILE);
+    if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
+    take();
+
+    /* A tile of no use is dropped, and the next one comes. */
+    one = (float *)malloc(px * sizeof(float));
+    for (i = 0; i < px; i++) one[i] = 1.0f;
+    dark = tile;
+    dark.image = one;
+    expect("dark", service_give(&service, &dark), ELD_REFUSED_TILE_CONSTANT_IMAGE);
+    expect("dropped", service.drops, 1);
+    expect("give", service_give(&service, &tile), ELD_OK);
+    expect("give twice", service_give(&service, &tile), ELD_REFUSED_NOT_DONE);
+    if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
+    take();
+
+    /* The model, found by scrubbing; not accepted as long as it is damaged. */
+    model[4000000] ^= 16;
+    if (!cycles_to(SERVICE_WANTS_MODEL)) fail("scrub", eld_status_text(service.status));
+    expect("still damaged", ELD_SEVERITY(service_model_reloaded(&service)), ELD_REFUSED);
+    expect("waits", service.state, SERVICE_WANTS_MODEL);
+    model[4000000] ^= 16;
+    expect("reloaded", service_model_reloaded(&service), ELD_OK);
+    if (!cycles_to(SERVICE_IDLE)) fail("self test", eld_status_text(service.status));
+    if (fclose(out) != 0) fail("OUT", "cannot be written");
+    puts("served");
+    return 0;
+}

@@ -1,0 +1,113 @@
+//! The code of `onboard/docs/integration.md`: it compiles, the super-loop and the service compute what Rust computes, in spite of harm.
+
+mod cc;
+mod common;
+use cc::*;
+use common::*;
+use elunar_capi::status::*;
+use elunar_core::nn::format::word;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
+}
+
+/// The golden tile's heights and validity, as bytes.
+fn golden() -> (Vec<u8>, Vec<u8>) {
+    let (heights_m, valid) = Tile::golden().expected();
+    (heights_m.iter().flat_map(|v| v.to_ne_bytes()).collect(), valid)
+}
+
+/// With `-I` for the folders of the examples and of the test programs.
+fn build_guide(sources: &[PathBuf], language: &str, folder: &Path) -> PathBuf {
+    // Beside each other, so that they find their headers: the compiler looks there first.
+    for from in ["examples", "tests/c"] {
+        for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(from)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|e| e == "h" || e == "c") {
+                std::fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+            }
+        }
+    }
+    let beside: Vec<PathBuf> = sources.iter().map(|source| folder.join(source.file_name().unwrap())).collect();
+    build(&beside, language, folder)
+}
+
+#[test]
+fn the_super_loop_computes_what_rust_computes() {
+    let folder = folder("super_loop");
+    let (heights, valid) = golden();
+    let expected = [heights.clone(), valid.clone(), heights, valid].concat();
+    let sources = ["super_loop.c", "duty.c", "service.c"].map(example).into_iter().chain([source("platform_host.c")]);
+    let sources: Vec<PathBuf> = sources.collect();
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let program = build_guide(&sources, language, &folder);
+        // Harmed while the self test, the first tile, and scrubbing are at work; events tell, heights do not.
+        for (harm, reloads) in [(0, 0), (40, 1), (500, 1), (1100, 1)] {
+            let out = folder.join("heights");
+            let said = run(Command::new(&program)
+                .env("ELUNAR_MODEL", repository().join("host-train/models/nano.eld"))
+                .env("ELUNAR_FOLDER", repository().join("tests/golden/flight_tile"))
+                .env("ELUNAR_OUT", &out)
+                .env("ELUNAR_HARM", harm.to_string()));
+            println!("{language}, harm at {harm}: {}", said.trim());
+            assert!(said.contains(&format!("2 tiles, {reloads} events, {reloads} reloads")), "{said}");
+            assert!(std::fs::read(&out).unwrap() == expected, "{language}, harm at {harm}: other bytes than Rust's");
+        }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn the_service_mends_what_can_be_mended() {
+    let folder = folder("service");
+    let expected = golden().0.repeat(3);
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let program = build_guide(&[source("service_harmed.c"), example("service.c")], language, &folder);
+        let (out, tile) = (folder.join("heights"), repository().join("tests/golden/flight_tile"));
+        let model = repository().join("host-train/models/nano.eld");
+        run(Command::new(&program).arg(model).arg(&tile).arg(&out));
+        assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+        let distrusted = folder.join("distrusted.eld");
+        std::fs::write(&distrusted, changed(|model| set(model, word::SELF_TEST_CRC, 1))).unwrap();
+        run(Command::new(&program).arg(distrusted).arg(&tile));
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn tasks_compile_against_stubs() {
+    let folder = folder("tasks");
+    for task in ["freertos_task.c", "rtems_task.c"] {
+        if exists("c99") {
+            let stubs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/c/stubs");
+            run(compiler("c99").arg("-I").arg(stubs).arg("-c").arg(example(task)).arg("-o").arg(folder.join("task.o")));
+        }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// What to do after a status: as the table of `onboard/README.md` says.
+#[test]
+fn every_status_has_the_action_of_the_readme() {
+    let name = |status: u32| match status {
+        ELD_FAULT_MODEL_CHANGED => "RELOAD",
+        ELD_FAULT_SELF_TEST => "DISTRUST",
+        ELD_FAULT_CONTEXT_LOST | ELD_FAULT_CONTEXT_MOVED => "START_AGAIN",
+        _ if severity(status) == FAULT => "BEGIN_AGAIN",
+        _ if severity(status) == REFUSED => "SKIP",
+        _ => "GO_ON",
+    };
+    let folder = folder("actions");
+    let mut text = String::from("#include \"service.h\"\nint main(void) {\n    int wrong = 0;\n");
+    for known in STATUSES {
+        text += &format!("    wrong += service_action({}) != SERVICE_{};\n", known.name, name(known.status));
+    }
+    text += "    return wrong;\n}\n";
+    std::fs::write(folder.join("actions.c"), text).unwrap();
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        run(&mut Command::new(build_guide(&[folder.join("actions.c"), example("service.c")], language, &folder)));
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,161 @@
+//! The C interface: functions, statuses and structures as the header has them.
+
+use crate::pages::{read, section, table};
+use crate::{number, page};
+use elunar_capi::status::STATUSES;
+use elunar_capi::types::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::mem::{offset_of, size_of};
+
+#[test]
+fn every_function_of_the_header_has_its_section_and_every_section_its_function() {
+    let (header, page) = (read("onboard/capi/include/elunar.h"), page());
+    let functions: BTreeSet<&str> = header
+        .split(|c: char| !(c.is_ascii_alphanumeric() || "_(".contains(c)))
+        .filter_map(|word| word.strip_suffix('(').or_else(|| word.split_once('(').map(|(name, _)| name)))
+        .filter(|name| name.starts_with("eld_"))
+        .collect();
+    assert!(functions.len() >= 13, "{functions:?}");
+    let (_, part) = page.split_once("### 2.2 Functions").unwrap();
+    let (part, _) = part.split_once("### 2.3").unwrap();
+    let headings: BTreeSet<&str> = part
+        .lines()
+        .filter_map(|line| line.strip_prefix("#### "))
+        .flat_map(|line| line.split(", "))
+        .map(|name| name.trim_matches('`'))
+        .collect();
+    assert_eq!(headings, functions);
+    // Each says when, how long, and what it answers.
+    for name in &functions {
+        let heading = if *name == "eld_format_version" { "`eld_version`" } else { &format!("`{name}`") };
+        let text = section(&page, heading);
+        assert!(
+            ["Constant", "Budget", "Tile", "File"].iter().any(|class| text.contains(class)),
+            "{name}: no timing class"
+        );
+        let silent = ["eld_version", "eld_format_version", "eld_status_text"].contains(name);
+        assert!(silent || text.contains("Statuses: `ELD_OK`"), "{name}: no statuses");
+    }
+}
+
+#[test]
+fn every_status_is_listed_with_its_word_and_answered_by_some_function() {
+    let page = page();
+    let found: BTreeMap<String, String> =
+        table(section(&page, "Words")).into_iter().map(|row| (row[1].clone(), row[0].clone())).collect();
+    let code: BTreeMap<String, String> =
+        STATUSES.iter().map(|known| (known.name.to_string(), format!("{:#010x}", known.status))).collect();
+    assert_eq!(found, code);
+    let (_, functions) = page.split_once("### 2.1").unwrap();
+    let (functions, _) = functions.split_once("### 2.3").unwrap();
+    for name in code.keys() {
+        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_"].into_iter().find(|family| name.starts_with(family));
+        let said = family.map_or(format!("`{name}`"), |family| format!("`{family}*`"));
+        assert!(functions.contains(&said), "{name}: no function answers it");
+    }
+    for (word, name) in [(0, "ELD_GOOD"), (1, "ELD_NOTICE"), (2, "ELD_REFUSED"), (3, "ELD_FAULT")] {
+        assert!(
+            read("onboard/capi/include/elunar.h")
+                .lines()
+                .any(|line| { line.split_whitespace().take(3).eq(["#define", name, &format!("{word}u")]) })
+        );
+        assert!(page.contains(&format!("| {word} | `{name}` |")));
+    }
+}
+
+/// Fields of a structure with their offsets; leaving one out does not compile.
+macro_rules! layout {
+    ($structure:ident { $($field:ident),* $(,)? }) => {{
+        fn complete(it: $structure) { let $structure { $($field: _),* } = it; }
+        let _ = complete;
+        vec![$((offset_of!($structure, $field), stringify!($field))),*]
+    }};
+}
+
+fn compare_layout(name: &str, code: &[(usize, &str)], bytes: usize, field: usize) {
+    let page = page();
+    let part = section(&page, &format!("`{name}`"));
+    let rows = table(part);
+    let found: Vec<(usize, &str)> = rows.iter().map(|row| (number(&row[0]) as usize, row[field].as_str())).collect();
+    assert_eq!(found, code, "{name}");
+    assert!(part.contains(&format!("\n{bytes} bytes")), "{name}: {bytes} bytes");
+    let header = read("onboard/capi/include/elunar.h");
+    for row in &rows {
+        let (kind, name) = (&row[field + 1], &row[field]);
+        let declared = if kind.ends_with('*') { format!("{kind}{name};") } else { format!("{kind} {name};") };
+        assert!(header.contains(&declared), "{declared}");
+    }
+}
+
+#[test]
+#[cfg(target_pointer_width = "64")]
+fn structures_are_laid_out_as_described() {
+    let info = layout!(eld_model_info_t {
+        struct_bytes,
+        format_version,
+        tile_rows,
+        tile_cols,
+        image_maps,
+        light,
+        heights,
+        memory_align,
+        memory_bytes,
+        arena_bytes,
+        file_bytes,
+        tile_macs,
+        largest_unit_macs,
+        header_crc,
+        self_test_crc,
+        nr,
+        range_margin,
+    });
+    compare_layout("eld_model_info_t", &info, size_of::<eld_model_info_t>(), 1);
+    let telemetry = layout!(eld_telemetry_t {
+        struct_bytes,
+        phase,
+        entry,
+        valid_px,
+        last_fault,
+        header_crc,
+        calls,
+        faults,
+        context_repairs,
+        lights_assumed,
+        tiles_dropped,
+        tiles,
+        steps,
+        macs,
+        inputs_clamped,
+        saturated,
+        scrubbed_bytes,
+        scrub_passes,
+        scrub_faults,
+        self_test_faults,
+        tile_faults,
+    });
+    compare_layout("eld_telemetry_t", &telemetry, size_of::<eld_telemetry_t>(), 1);
+    let tile = layout!(eld_tile_t {
+        struct_bytes,
+        pixel_m,
+        coarse_px,
+        sun_azimuth_deg,
+        sun_elevation_deg,
+        reserved,
+        image,
+        image_len,
+        coarse_m,
+        coarse_len,
+        valid,
+        valid_len,
+    });
+    compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
+    // With 32 bits all of its fields have four bytes.
+    let narrow: Vec<u64> = table(section(&page(), "`eld_tile_t`")).iter().map(|row| number(&row[1])).collect();
+    assert_eq!(narrow, (0..tile.len() as u64).map(|i| 4 * i).collect::<Vec<_>>());
+    assert!(page().contains(&format!(
+        "version {}.{}.{} (`ELD_VERSION`",
+        ELD_VERSION >> 16,
+        ELD_VERSION >> 8 & 255,
+        ELD_VERSION & 255
+    )));
+}

@@ -1,0 +1,39 @@
+//! Reading the pages of `onboard/docs`, for the tests that hold them against the code.
+#![allow(dead_code)] // each test file uses a part
+
+use std::path::{Path, PathBuf};
+
+pub(crate) fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A file of the repository.
+pub(crate) fn read(path: &str) -> String {
+    std::fs::read_to_string(repository().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// What stands under a heading, up to the next heading of any level; `heading` is what it begins with, behind the hashes.
+pub(crate) fn section<'p>(page: &'p str, heading: &str) -> &'p str {
+    let is_heading = |line: &str| line.starts_with('#') && line.trim_start_matches('#').starts_with(' ');
+    let mut at = 0;
+    let mut start = None;
+    for line in page.split_inclusive('\n') {
+        if is_heading(line) {
+            if let Some(start) = start {
+                return &page[start..at];
+            }
+            if line.trim_start_matches('#').trim_start().starts_with(heading) {
+                start = Some(at + line.len());
+            }
+        }
+        at += line.len();
+    }
+    &page[start.unwrap_or_else(|| panic!("no heading '{heading}'"))..]
+}
+
+/// Cells of the first table of a section, below its head, without back quotes.
+pub(crate) fn table(section: &str) -> Vec<Vec<String>> {
+    let lines = section.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect();
+    lines.skip(2).map(cells).collect()
+}

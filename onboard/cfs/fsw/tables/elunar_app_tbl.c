@@ -1,0 +1,14 @@
+/* The limits that fly unless others are loaded. Slope and roughness are examples: a lander's are its own. */
+#include "cfe_tbl_filedef.h"
+#include "elunar_app_tbl.h"
+
+ELUNAR_APP_Table_t ELUNAR_APP_Limits = {
+    .StepBudgetMacs     = 5000000,
+    .ScrubBytes         = 16384,
+    .MaxSlope           = 0.2679f, /* 15 degrees */
+    .MaxRoughnessM      = 0.5f,
+    .MinSunElevationDeg = 2.0f,
+    .MaxSunElevationDeg = 88.0f,
+};
+
+CFE_TBL_FILEDEF(ELUNAR_APP_Limits, ELUNAR_APP.Limits, ELunarDTM limits, elunar_app_tbl.tbl)
