@@ -1,6 +1,6 @@
 //! Terrain maps line by line, as the lines of a DTM come: nothing but the lines under one footprint is kept.
 
-use super::footprint::{self, Footprint, MAX_RADIUS_PX, MAX_SIDE};
+use super::footprint::{self, MAX_RADIUS_PX, MAX_SIDE};
 use super::hillshade::{Light, Sun};
 use super::slope::from_gradient_deg;
 use super::{HazardLimits, PixelSize, of_lines};
@@ -212,9 +212,8 @@ impl<'m> TerrainLines<'m> {
         if !(maps.footprint_slope_deg.is_empty() && maps.roughness_m.is_empty() && maps.hazard.is_empty()) {
             for col in 0..cols {
                 let footprint = footprint::at(lines, col, radius_px, pixel);
-                let or_nan = |value: fn(Footprint) -> f64| footprint.map_or(f32::NAN, |f| value(f) as f32);
-                put(maps.footprint_slope_deg, col, or_nan(|f| f.slope_deg));
-                put(maps.roughness_m, col, or_nan(|f| f.roughness_m));
+                put(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
+                put(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
                 put(maps.hazard, col, limits.judge(footprint));
             }
         }
