@@ -86,7 +86,7 @@ fn upload(slots: &mut Slots<impl Storage>, file: &[u8]) -> Result<(), SlotError>
 }
 
 /// The bytes of the model that runs.
-fn running<'s>(slots: &'s Slots<impl Storage>) -> &'s [u8] {
+fn running(slots: &Slots<impl Storage>) -> &[u8] {
     slots.model().unwrap().raw().bytes()
 }
 
