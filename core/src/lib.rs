@@ -13,7 +13,8 @@
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
 //! Beside that path stand the judges: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
-//! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals).
+//! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals;
+//! and, line by line, the hazards of a lander's footprint).
 //!
 //! ```
 //! use elunar_core::norm::{ElevationScale, intensity, NR};

@@ -1,7 +1,8 @@
-//! Slope and hillshade of `core` against those of GDAL on a DEM with voids and non-square pixels.
+//! Slope and hillshade of `core` against those of GDAL, footprints against numpy's, on a DEM with voids and non-square pixels.
 
 use elunar_core::grid::GridView;
-use elunar_core::terrain::{PixelSize, Sun, hillshade, slope_deg};
+use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines, hazard};
+use elunar_core::terrain::{hillshade, slope_deg};
 use elunar_tests::{repository, tolerance};
 use serde_json::Value;
 
@@ -12,9 +13,12 @@ struct Case {
     pixel: PixelSize,
 }
 
+fn json(path: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(repository().join(path)).unwrap()).unwrap()
+}
+
 fn case() -> Case {
-    let path = repository().join("tests/golden/gdaldem/case.json");
-    let json: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let json = json("tests/golden/gdaldem/case.json");
     let heights_m = numbers(&json["heights_m"]).into_iter().map(|h| h as f32).collect();
     let shape = (json["rows"].as_u64().unwrap() as usize, json["cols"].as_u64().unwrap() as usize);
     let pixel =
@@ -25,6 +29,15 @@ fn case() -> Case {
 /// A JSON array; `null` becomes NaN.
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+fn sun(shade: &Value) -> Sun {
+    let number = |key: &str| shade[key].as_f64().unwrap();
+    Sun {
+        azimuth_deg: number("azimuth_deg"),
+        elevation_deg: number("elevation_deg"),
+        exaggeration: number("exaggeration"),
+    }
 }
 
 #[test]
@@ -53,16 +66,100 @@ fn hillshade_is_gdals_byte_for_byte() {
     let shades = case.json["hillshade"].as_array().unwrap();
     assert_eq!(shades.len(), 3);
     for shade in shades {
-        let number = |key: &str| shade[key].as_f64().unwrap();
-        let sun = Sun {
-            azimuth_deg: number("azimuth_deg"),
-            elevation_deg: number("elevation_deg"),
-            exaggeration: number("exaggeration"),
-        };
+        let sun = sun(shade);
         let mut found = vec![0u8; case.heights_m.len()];
         hillshade(grid, case.pixel, sun, &mut found).unwrap();
         let expected: Vec<u8> = numbers(&shade["bytes"]).into_iter().map(|b| b as u8).collect();
         assert_eq!(found, expected, "{sun:?}");
         assert!(expected.iter().max() > Some(&100) && expected.contains(&0), "a case that shows something");
+    }
+}
+
+/// Limits that divide this DEM.
+const HAZARD_DEG: f32 = 25.0;
+const HAZARD_M: f32 = 3.0;
+
+/// What lines give of the whole grid: Horn slope, hillshade, the footprint's slope and roughness, hazards.
+fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> (Vec<f32>, Vec<u8>, Vec<f32>, Vec<f32>, Vec<u8>) {
+    let (cols, len) = (case.shape.1, case.heights_m.len());
+    let limits = HazardLimits::new(HAZARD_DEG, HAZARD_M).unwrap();
+    let options = LineOptions { cols, pixel: case.pixel, radius_px, sun, limits };
+    let mut memory = vec![0.0; options.memory_len()];
+    let mut lines = TerrainLines::new(options, &mut memory).unwrap();
+    let floats = || vec![0.0f32; len];
+    let (mut slope, mut shade, mut tilt, mut rough, mut unsafe_px) =
+        (floats(), vec![0; len], floats(), floats(), vec![0; len]);
+    let mut pushed = case.heights_m.chunks(cols);
+    let mut row = 0;
+    while row < case.shape.0 {
+        let range = row * cols..(row + 1) * cols;
+        let mut maps = LineMaps {
+            slope_deg: &mut slope[range.clone()],
+            hillshade: &mut shade[range.clone()],
+            footprint_slope_deg: &mut tilt[range.clone()],
+            roughness_m: &mut rough[range.clone()],
+            hazard: &mut unsafe_px[range],
+        };
+        let given = match pushed.next() {
+            Some(line) => lines.push(line, &mut maps),
+            None => lines.finish(&mut maps),
+        };
+        if let Some(given) = given.unwrap() {
+            assert_eq!(given, row as u64);
+            row += 1;
+        }
+    }
+    (slope, shade, tilt, rough, unsafe_px)
+}
+
+#[test]
+fn lines_give_what_gdal_gives() {
+    let case = case();
+    let grid = GridView::new(&case.heights_m, case.shape.0, case.shape.1).unwrap();
+    let mut slopes = vec![0.0f32; case.heights_m.len()];
+    slope_deg(grid, case.pixel, &mut slopes).unwrap();
+    let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    for shade in case.json["hillshade"].as_array().unwrap() {
+        let sun = sun(shade);
+        let (found, shades, ..) = by_lines(&case, sun, 2);
+        assert_eq!(bits(&found), bits(&slopes), "bit for bit the whole grid's, which is GDAL's");
+        assert_eq!(shades, numbers(&shade["bytes"]).into_iter().map(|b| b as u8).collect::<Vec<_>>(), "{sun:?}");
+    }
+}
+
+#[test]
+fn footprints_match_numpy() {
+    let case = case();
+    let golden = json("tests/golden/footprint/case.json");
+    let footprints = golden["footprints"].as_array().unwrap();
+    assert_eq!(footprints.len(), 3);
+    for footprint in footprints {
+        let radius_px = footprint["radius_px"].as_u64().unwrap() as usize;
+        let (_, _, slopes, roughness, hazards) = by_lines(&case, Sun::default(), radius_px);
+        let expected = [numbers(&footprint["slope_deg"]), numbers(&footprint["roughness_m"])];
+        let (mut compared, mut seen) = (0, [0; 8]);
+        for i in 0..case.heights_m.len() {
+            let (found, e) = ([slopes[i], roughness[i]].map(f64::from), [expected[0][i], expected[1][i]]);
+            seen[usize::from(hazards[i])] += 1;
+            if e[0].is_nan() {
+                assert!(
+                    found[0].is_nan() && found[1].is_nan() && hazards[i] == hazard::UNKNOWN,
+                    "pixel {i}: {found:?}"
+                );
+                continue;
+            }
+            for (f, e) in found.iter().zip(e) {
+                assert!((f - e).abs() <= tolerance::FOOTPRINT, "pixel {i}: {f} instead of {e}");
+            }
+            let (steep, rough) = (e[0] > f64::from(HAZARD_DEG), e[1] > f64::from(HAZARD_M));
+            assert_eq!(
+                hazards[i],
+                hazard::TOO_STEEP * u8::from(steep) + hazard::TOO_ROUGH * u8::from(rough),
+                "pixel {i}"
+            );
+            compared += 1;
+        }
+        assert!(compared > 50, "only {compared} pixels compared with r = {radius_px}");
+        assert!(seen.iter().filter(|&&n| n > 0).count() >= 3, "hazards {seen:?} with r = {radius_px}");
     }
 }

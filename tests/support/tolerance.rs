@@ -10,5 +10,8 @@ pub const METRIC: f64 = 1e-12;
 /// Slope against GDAL, degrees: GDAL stores `f32` and computes with `f32` coefficients.
 pub const SLOPE_DEG: f64 = 1e-5;
 
+/// Slope (degrees) and roughness (metres) of footprints against numpy in `f64`: ours are rounded to `f32`, below 90 and below 16.
+pub const FOOTPRINT: f64 = 5e-6;
+
 /// Loss gradients by automatic differentiation in `f32` against the analytic ones, relative to the largest derivative.
 pub const LOSS_GRADIENT: f32 = 1e-5;

@@ -11,6 +11,7 @@
 //! 4. Memory is not trusted ([`Runner::protect`]): records of the program are sealed and looked at before they are used, every row of a map
 //!    carries a checksum that is compared whenever the row is read, and the whole model is compared after the last step.
 //! 5. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
+//! 6. In flight a new model is loaded beside the old one and tried before it is confirmed ([`slots`]).
 //!
 //! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
 //! same tile, same bytes on every machine.
@@ -29,6 +30,7 @@ mod program;
 mod runner;
 mod schedule;
 mod self_test;
+pub mod slots;
 mod sum;
 mod suspend;
 mod tensor;

@@ -31,21 +31,40 @@ impl Default for Sun {
 pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: &mut [u8]) -> Result<(), LengthError> {
     let (rows, cols) = (heights_m.rows(), heights_m.cols());
     same_length(rows * cols, out.len())?;
-    let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
-    let light = [
-        libm::sin(azimuth) * libm::cos(elevation), // east
-        libm::cos(azimuth) * libm::cos(elevation), // north
-        libm::sin(elevation),                      // up
-    ];
+    let light = Light::of(sun);
     for (i, out) in out.iter_mut().enumerate() {
-        *out = gradient(heights_m, i / cols, i % cols, pixel).map_or(0, |(east, south)| {
-            let normal = super::normal::from_gradient(east * sun.exaggeration, south * sun.exaggeration);
-            let cosine = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2];
-            let shade = (1.0 + 254.0 * cosine.max(0.0)) as f32; // GDAL rounds to `f32` on the way to bytes; so do we
-            libm::floorf(shade + 0.5) as u8
-        });
+        *out = gradient(heights_m, i / cols, i % cols, pixel).map_or(0, |gradient| light.shade(gradient));
     }
     Ok(())
+}
+
+/// A [`Sun`] as a direction.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Light {
+    /// East, north, up.
+    direction: [f64; 3],
+    exaggeration: f64,
+}
+
+impl Light {
+    pub(super) fn of(sun: Sun) -> Self {
+        let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
+        let direction = [
+            libm::sin(azimuth) * libm::cos(elevation), // east
+            libm::cos(azimuth) * libm::cos(elevation), // north
+            libm::sin(elevation),                      // up
+        ];
+        Self { direction, exaggeration: sun.exaggeration }
+    }
+
+    /// The byte of a pixel with the given gradient (towards east and south, metres per metre), 1 to 255.
+    pub(super) fn shade(&self, (east, south): (f64, f64)) -> u8 {
+        let normal = super::normal::from_gradient(east * self.exaggeration, south * self.exaggeration);
+        let light = self.direction;
+        let cosine = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2];
+        let shade = (1.0 + 254.0 * cosine.max(0.0)) as f32; // GDAL rounds to `f32` on the way to bytes; so do we
+        libm::floorf(shade + 0.5) as u8
+    }
 }
 
 #[cfg(test)]

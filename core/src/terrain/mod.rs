@@ -1,14 +1,24 @@
-//! Terrain derivatives of a height grid in metres: Horn slope, surface normals, and the hillshade of `gdaldem`.
+//! Terrain derivatives of a height grid in metres: Horn slope, surface normals, the hillshade of `gdaldem`, and what a lander
+//! needs to know of its footprint: tilt, roughness, hazards.
 //!
-//! All three look at 3 x 3 pixels. Where the window leaves the grid or meets a pixel that is not real (see
-//! [`crate::mask::is_real`]), there is no value: NaN, or 0 in a hillshade, as `gdaldem` does without `-compute_edges`.
+//! The first three look at 3 x 3 pixels, the footprint at a square of the caller's choice. Where the window leaves the grid or meets
+//! a pixel that is not real (see [`crate::mask::is_real`]), there is no value: NaN, 0 in a hillshade, as `gdaldem` does without
+//! `-compute_edges`, or [`hazard::UNKNOWN`].
+//!
+//! [`TerrainLines`] makes all of them line by line, as the lines of a DTM come; the functions over a whole grid give the same bits.
 
+mod footprint;
+pub mod hazard;
 pub mod hillshade;
+mod lines;
 pub mod lunar_lambert;
 pub mod normal;
 pub mod slope;
 
+pub use footprint::MAX_RADIUS_PX;
+pub use hazard::HazardLimits;
 pub use hillshade::{Sun, hillshade};
+pub use lines::{LineMaps, LineOptions, TerrainLines};
 pub use lunar_lambert::lunar_lambert_weight;
 pub use normal::normals;
 pub use slope::slope_deg;
@@ -36,12 +46,16 @@ impl PixelSize {
 ///
 /// Horn (1981): each side of the pixel is averaged with weights 1, 2, 1; the difference of the sides spans two pixels.
 pub fn gradient(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<(f64, f64)> {
-    if row == 0 || col == 0 || row >= heights_m.rows() || col >= heights_m.cols() {
-        return None;
-    }
+    let first = row.checked_sub(1).filter(|_| row < heights_m.rows())?;
+    of_lines([0, 1, 2].map(|i| heights_m.row(first + i)), col, pixel)
+}
+
+/// [`gradient`] in the middle one of three neighbouring lines, from north to south; a line that does not exist is empty.
+fn of_lines(lines_m: [&[f32]; 3], col: usize, pixel: PixelSize) -> Option<(f64, f64)> {
+    let first = col.checked_sub(1)?;
     let mut w = [[0.0f64; 3]; 3];
-    for (i, line) in w.iter_mut().enumerate() {
-        let source = heights_m.row(row - 1 + i).get(col - 1..col + 2)?;
+    for (line, source) in w.iter_mut().zip(lines_m) {
+        let source = source.get(first..)?.get(..3)?;
         for (w, &height_m) in line.iter_mut().zip(source) {
             if !is_real(height_m) {
                 return None;

@@ -30,8 +30,12 @@ pub fn slope_deg(heights_m: GridView<'_, f32>, pixel: PixelSize, out: &mut [f32]
 
 /// Slope of one pixel in degrees; `None` where [`gradient`] has none.
 pub(crate) fn at_deg(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<f64> {
-    let (east, south) = gradient(heights_m, row, col, pixel)?;
-    Some(libm::atan(libm::sqrt(east * east + south * south)).to_degrees())
+    gradient(heights_m, row, col, pixel).map(from_gradient_deg)
+}
+
+/// Slope in degrees of a surface with the given gradient (towards east and south, metres per metre).
+pub(crate) fn from_gradient_deg((east, south): (f64, f64)) -> f64 {
+    libm::atan(libm::sqrt(east * east + south * south)).to_degrees()
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod random;
 mod rows;
 mod schedule;
 mod shadow;
+mod slots;
 mod suspend;
 mod unit;
 

@@ -1,6 +1,7 @@
 //! Numbers for tests: reproducible, and rich in extremes.
 
 /// A generator of pseudo-random numbers (xorshift64*).
+#[derive(Debug, Clone)]
 pub(crate) struct Random(u64);
 
 impl Random {

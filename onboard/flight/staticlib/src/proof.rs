@@ -1,11 +1,16 @@
-//! What `../../proofs` links to show that no panic is reachable: a handler that cannot be linked, and the runner's Rust interface as
-//! roots beside the C functions. Never part of an archive that flies.
+//! What `../../proofs` links to show that no panic is reachable: a handler that cannot be linked, and Rust interfaces as roots beside the C
+//! functions: the runner's, the slots', the terrain maps'. Never part of an archive that flies.
 #![allow(unsafe_code)]
 
+use elunar_capi::elunar_core::error::TerrainError;
 use elunar_capi::elunar_core::nn::kernels::Kernel;
+use elunar_capi::elunar_core::nn::slots::{
+    Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
+};
 use elunar_capi::elunar_core::nn::{
     Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
 };
+use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
 
 unsafe extern "C" {
     /// Nowhere defined: a program that refers to it does not link. It is handed what says where the panic is, so that this stays in the
@@ -19,7 +24,53 @@ fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
     unsafe { elunar_a_panic_is_reachable((&raw const *info).cast()) }
 }
 
-/// A function of the runner as a symbol of its own.
+/// Storage that is plain memory.
+struct Memory {
+    regions: [&'static mut [u8]; 4],
+    sector_bytes: usize,
+}
+
+impl Memory {
+    fn region(&mut self, region: Region, offset_bytes: usize, len: usize) -> &mut [u8] {
+        let region = self.regions.get_mut(index(region)).and_then(|region| region.get_mut(offset_bytes..));
+        region.and_then(|region| region.get_mut(..len)).unwrap_or_default()
+    }
+}
+
+fn index(region: Region) -> usize {
+    match region {
+        Region::Model(Slot::A) => 0,
+        Region::Model(Slot::B) => 1,
+        Region::Record => 2,
+        Region::RecordCopy => 3,
+    }
+}
+
+impl Storage for Memory {
+    fn bytes(&self, region: Region) -> &[u8] {
+        self.regions.get(index(region)).map_or(&[], |region| region)
+    }
+
+    fn sector_bytes(&self, _: Region) -> usize {
+        self.sector_bytes
+    }
+
+    fn erase(&mut self, region: Region, offset_bytes: usize) -> Result<(), StorageError> {
+        self.region(region, offset_bytes, self.sector_bytes).fill(0xff);
+        Ok(())
+    }
+
+    fn write(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), StorageError> {
+        let to = self.region(region, offset_bytes, bytes.len());
+        if to.len() != bytes.len() {
+            return Err(StorageError { code: 1 });
+        }
+        to.copy_from_slice(bytes);
+        Ok(())
+    }
+}
+
+/// A function as a symbol of its own.
 macro_rules! root {
     ($($name:ident($($argument:ident: $type:ty),*) -> $result:ty { $body:expr })*) => { $(
         #[unsafe(no_mangle)]
@@ -55,5 +106,27 @@ root! {
     elunar_root_check(runner: &mut Runner<'_, '_>) -> Result<u32, RunError> {
         runner.check_self_test().and_then(|()| runner.output_crc())
     }
+    elunar_root_limits(slope_deg: f32, roughness_m: f32) -> Result<HazardLimits, TerrainError> {
+        HazardLimits::new(slope_deg, roughness_m)
+    }
+    elunar_root_lines(options: LineOptions, memory: &'static mut [f32]) -> Result<TerrainLines<'static>, TerrainError> {
+        TerrainLines::new(options, memory)
+    }
+    elunar_root_lines_push(lines: &mut TerrainLines<'_>, line_m: &[f32], maps: &mut LineMaps<'_>)
+        -> Result<Option<u64>, TerrainError> { lines.push(line_m, maps) }
+    elunar_root_lines_finish(lines: &mut TerrainLines<'_>, maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
+        lines.finish(maps)
+    }
+    elunar_root_slots_boot(slots: &mut Slots<Memory>) -> Result<Boot, SlotError> { slots.boot() }
+    elunar_root_slots_model(slots: &Slots<Memory>) -> Result<Model<'_>, SlotError> { slots.model() }
+    elunar_root_slots_record(slots: &Slots<Memory>) -> (Option<Record>, usize) { (slots.record(), slots.record_copies()) }
+    elunar_root_slots_passed(runner: &mut Runner<'_, '_>) -> Result<SelfTestPassed, RunError> { SelfTestPassed::of(runner) }
+    elunar_root_slots_confirm(slots: &mut Slots<Memory>, passed: SelfTestPassed) -> Result<(), SlotError> { slots.confirm(passed) }
+    elunar_root_slots_reject(slots: &mut Slots<Memory>) -> Result<Boot, SlotError> { slots.reject() }
+    elunar_root_slots_begin(slots: &mut Slots<Memory>, id: ModelId) -> Result<usize, SlotError> { slots.begin_upload(id) }
+    elunar_root_slots_write(slots: &mut Slots<Memory>, offset_bytes: usize, bytes: &[u8]) -> Result<usize, SlotError> {
+        slots.write(offset_bytes, bytes)
+    }
+    elunar_root_slots_trial(slots: &mut Slots<Memory>, boots: u32) -> Result<(), SlotError> { slots.start_trial(boots) }
     elunar_root_scrub(runner: &mut Runner<'_, '_>, max_bytes: usize) -> Result<(), RunError> { runner.scrub(max_bytes) }
 }

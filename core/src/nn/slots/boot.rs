@@ -1,0 +1,124 @@
+//! Which model to run, and what becomes of a trial.
+
+use super::*;
+
+impl<S: Storage> Slots<S> {
+    /// Says which model to run, after every reset: the one on trial if it has boots left, else the confirmed one, else any that this runner
+    /// accepts. Counts the boots of a trial before it is run, rolls back one that has none left, and mends the record's copy. Judges the model
+    /// whole, which takes time proportional to the file; an upload that was begun has to be begun again.
+    ///
+    /// A trial that cannot be counted, because the storage refuses, is not run.
+    ///
+    /// # Errors
+    /// [`SlotError::NothingRuns`].
+    pub fn boot(&mut self) -> Result<Boot, SlotError> {
+        (self.state, self.upload) = (State::New, None);
+        self.mend();
+        let Some(record) = self.record() else { return self.salvage(&[Slot::A, Slot::B]) };
+        if let Some(trial) = record.trial {
+            let verdict = self.judge(trial.entry).map(|model| model.verdict());
+            match (trial.boots_left.checked_sub(1), verdict) {
+                (Some(boots_left), Ok(verdict)) => {
+                    let counted = Some(Trial { boots_left, ..trial });
+                    if self.store(Record { trial: counted, ..record }).is_ok() {
+                        return Ok(self.run(trial.entry.slot, Standing::Trial, verdict));
+                    }
+                }
+                // Should the storage refuse: the next boot comes here again.
+                _ => _ = self.end_trial(record),
+            }
+        }
+        self.fall_back(record)
+    }
+
+    /// The model that runs, opened as it was judged.
+    ///
+    /// # Errors
+    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`], or [`SlotError::Model`] if its header has changed since.
+    pub fn model(&self) -> Result<Model<'_>, SlotError> {
+        let boot = self.running()?;
+        Ok(Model::again(self.file(boot.slot, boot.verdict.file_bytes), &boot.verdict)?)
+    }
+
+    /// Remembers the model that runs as the confirmed one: its self test was passed. Does nothing if it is confirmed already.
+    ///
+    /// # Errors
+    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`]; [`SlotError::OtherModel`] if another model has passed; [`SlotError::Storage`],
+    /// [`SlotError::NotWritten`]: then it is on trial as before.
+    pub fn confirm(&mut self, passed: SelfTestPassed) -> Result<(), SlotError> {
+        let boot = self.running()?;
+        let id = ModelId { file_bytes: boot.verdict.file_bytes, header_crc: boot.verdict.header_crc };
+        id.same(passed.id())?;
+        if boot.standing == Standing::Confirmed {
+            return Ok(());
+        }
+        let confirmed = Some(Entry { slot: boot.slot, id });
+        self.store(Record { confirmed, trial: None, ..self.record().unwrap_or_default() })?;
+        self.run(boot.slot, Standing::Confirmed, boot.verdict);
+        Ok(())
+    }
+
+    /// Ends the trial of the model that runs, which has failed its self test, and says which one to run instead; of models that were found
+    /// without a record, the next one. While the confirmed model runs, withdraws a trial that is to come.
+    ///
+    /// # Errors
+    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`]; [`SlotError::Confirmed`] if there is no trial to end, and then nothing has
+    /// happened.
+    pub fn reject(&mut self) -> Result<Boot, SlotError> {
+        let boot = self.running()?;
+        let record = self.record().unwrap_or_default();
+        match boot.standing {
+            Standing::Confirmed if record.trial.is_none() => Err(SlotError::Confirmed),
+            Standing::Confirmed => self.end_trial(record).map(|()| boot),
+            Standing::Trial => {
+                // Should the storage refuse: a reset ends the trial, when no boots are left.
+                let _ = self.end_trial(record);
+                self.fall_back(record)
+            }
+            Standing::Salvaged if boot.slot == Slot::A => self.salvage(&[Slot::B]),
+            Standing::Salvaged => self.salvage(&[]),
+        }
+    }
+
+    fn running(&self) -> Result<Boot, SlotError> {
+        match self.state {
+            State::New => Err(SlotError::NotBooted),
+            State::NothingRuns => Err(SlotError::NothingRuns),
+            State::Runs(boot) => Ok(boot),
+        }
+    }
+
+    fn run(&mut self, slot: Slot, standing: Standing, verdict: Verdict) -> Boot {
+        let boot = Boot { slot, standing, verdict };
+        self.state = State::Runs(boot);
+        boot
+    }
+
+    /// The confirmed model, else any.
+    fn fall_back(&mut self, record: Record) -> Result<Boot, SlotError> {
+        if let Some(confirmed) = record.confirmed {
+            let verdict = self.judge(confirmed).map(|model| model.verdict());
+            if let Ok(verdict) = verdict {
+                return Ok(self.run(confirmed.slot, Standing::Confirmed, verdict));
+            }
+        }
+        self.salvage(&[Slot::A, Slot::B])
+    }
+
+    /// The first of these slots whose model this runner accepts.
+    fn salvage(&mut self, slots: &[Slot]) -> Result<Boot, SlotError> {
+        for &slot in slots {
+            let id = ModelId::of(self.storage.bytes(Region::Model(slot)));
+            let verdict = self.judge(Entry { slot, id }).map(|model| model.verdict());
+            if let Ok(verdict) = verdict {
+                return Ok(self.run(slot, Standing::Salvaged, verdict));
+            }
+        }
+        self.state = State::NothingRuns;
+        Err(SlotError::NothingRuns)
+    }
+
+    fn end_trial(&mut self, record: Record) -> Result<(), SlotError> {
+        self.store(Record { trial: None, rollbacks: record.rollbacks.saturating_add(1), ..record })
+    }
+}

@@ -1,0 +1,64 @@
+//! The record in its two copies, and how anything is written.
+
+use super::*;
+use crate::part::part;
+
+/// The record and its copy.
+const COPIES: [Region; 2] = [Region::Record, Region::RecordCopy];
+
+impl<S: Storage> Slots<S> {
+    /// What is remembered; `None` if neither copy is whole.
+    pub fn record(&self) -> Option<Record> {
+        let [first, second] = COPIES.map(|copy| Record::decode(self.storage.bytes(copy)));
+        match (first, second) {
+            (Some(first), Some(second)) => Some(if second.sequence > first.sequence { second } else { first }),
+            (first, second) => first.or(second),
+        }
+    }
+
+    /// Copies of the record that are whole and say the same, for housekeeping: 2, unless the storage wears out or is hit.
+    pub fn record_copies(&self) -> usize {
+        let record = self.record();
+        let whole = |copy: &&Region| record.is_some() && Record::decode(self.storage.bytes(**copy)) == record;
+        COPIES.iter().filter(whole).count()
+    }
+
+    /// Writes the next record: over the older copy, then over the other. It holds as soon as the first is whole; should the second not come
+    /// about, the next boot mends it.
+    pub(super) fn store(&mut self, record: Record) -> Result<(), SlotError> {
+        let held = self.record();
+        let sequence = held.map_or(0, |held| held.sequence).saturating_add(1);
+        let bytes = Record { sequence, ..record }.encode();
+        let [first, second] = match Record::decode(self.storage.bytes(COPIES[0])) {
+            newest if newest.is_some() && newest == held => [COPIES[1], COPIES[0]],
+            _ => COPIES,
+        };
+        self.put(first, 0, &bytes)?;
+        let _ = self.put(second, 0, &bytes);
+        Ok(())
+    }
+
+    /// Writes the copy of the record anew that is not whole, or older. It is only a copy: if that fails, the other holds.
+    pub(super) fn mend(&mut self) {
+        let Some(record) = self.record() else { return };
+        for copy in COPIES {
+            if Record::decode(self.storage.bytes(copy)) != Some(record) {
+                let _ = self.put(copy, 0, &record.encode());
+            }
+        }
+    }
+
+    /// Erases the sectors that begin under these bytes, writes them, and reads them again.
+    pub(super) fn put(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), SlotError> {
+        let sector = self.storage.sector_bytes(region).max(1);
+        let end = offset_bytes.saturating_add(bytes.len());
+        let mut start = offset_bytes.checked_next_multiple_of(sector).unwrap_or(end);
+        while start < end {
+            self.storage.erase(region, start)?;
+            start = start.saturating_add(sector);
+        }
+        self.storage.write(region, offset_bytes, bytes)?;
+        let there = part(self.storage.bytes(region), offset_bytes, bytes.len()) == bytes;
+        if there { Ok(()) } else { Err(SlotError::NotWritten { offset_bytes }) }
+    }
+}

@@ -1,0 +1,162 @@
+//! Two places for a model, so that a new one can be loaded in flight: written beside the one that runs, judged, tried, and only then
+//! confirmed. Whenever power goes, there is a model that runs.
+//!
+//! ```text
+//!             begin_upload, write ...            start_trial              boot
+//! confirmed A ------------------> B being written ---------> B to be tried ---> B on trial -- confirm --> confirmed B
+//!      ^                                                                          |
+//!      +------------- reject, or a reset too many: rolled back -------------------+
+//! ```
+//!
+//! What is remembered without power is one [`Record`], kept twice, each copy under a checksum and in a sector of its own. A change writes the
+//! older copy first and then the other, so that at any moment at least one copy is whole; the newer whole one holds. How much of an
+//! upload is there needs no record: a model file carries checksums of its chunks, and they say it. No call touches a byte of the confirmed
+//! model.
+//!
+//! Slots do not run models. A model is borrowed from the storage as long as a [`Runner`] uses it; to upload meanwhile, suspend the runner
+//! between two calls ([`Runner::suspend`]), or let it read the storage by a mapping of its own.
+//!
+//! Layout, sequences and what happens at each cut: `onboard/docs/model-update.md`.
+
+mod boot;
+mod directory;
+mod error;
+mod passed;
+mod record;
+mod storage;
+mod upload;
+
+pub use error::SlotError;
+pub use passed::SelfTestPassed;
+pub use record::{Entry, RECORD_BYTES, Record, Trial};
+pub use storage::{Region, Slot, Storage, StorageError};
+
+#[cfg(doc)]
+use super::Runner;
+use super::format::{HEADER_BYTES, RawModel, word};
+use super::model::Model;
+use super::suspend::Verdict;
+use crate::part::head;
+use upload::Upload;
+
+/// Most boots of a trial.
+pub const MAX_TRIAL_BOOTS: u32 = 16;
+
+/// Which model file: its length, and the checksum of its header, which holds that of the list of checksums, which holds those of all other
+/// bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ModelId {
+    /// Bytes of the file.
+    pub file_bytes: u32,
+    /// Last word of the header ([`word::HEADER_CRC`]).
+    pub header_crc: u32,
+}
+
+impl ModelId {
+    /// That of a file, by its first [`HEADER_BYTES`] bytes; judges nothing.
+    #[must_use]
+    pub fn of(file: &[u8]) -> Self {
+        let word = |index: usize| super::format::u32_at(file, 4 * index);
+        Self { file_bytes: word(word::FILE_BYTES), header_crc: word(word::HEADER_CRC) }
+    }
+
+    /// Refuses another one.
+    fn same(self, found: Self) -> Result<(), SlotError> {
+        let (expected, found) = (self.header_crc, found.header_crc);
+        if expected == found { Ok(()) } else { Err(SlotError::OtherModel { expected, found }) }
+    }
+}
+
+/// What the model that runs has shown of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// It has passed its self test, and is remembered for that.
+    Confirmed,
+    /// It is on trial: let it pass its self test, then confirm it; reject it if it fails. A reset counts as a failure when no boots are left.
+    Trial,
+    /// It was found without a record that speaks for it: before the first confirmation, or because records or the confirmed model were
+    /// damaged. As on trial, except that a reset leads here again.
+    Salvaged,
+}
+
+/// A model to run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Boot {
+    /// Where it lies.
+    pub slot: Slot,
+    /// What it has shown.
+    pub standing: Standing,
+    /// What judging it found.
+    pub verdict: Verdict,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    New,
+    Runs(Boot),
+    NothingRuns,
+}
+
+/// Two model slots in a [`Storage`].
+///
+/// ```
+/// # use elunar_core::nn::slots::{ModelId, SelfTestPassed, SlotError, Slots, Standing, Storage};
+/// # use elunar_core::nn::{Progress, RunError, Runner};
+/// /// After every reset: a model that is confirmed, or has just passed its self test.
+/// fn start(slots: &mut Slots<impl Storage>, arena: &mut [u8]) -> Result<(), SlotError> {
+///     let mut boot = slots.boot()?;
+///     while boot.standing != Standing::Confirmed {
+///         let test = |arena| {
+///             let mut runner = Runner::new(slots.model().map_err(|_| RunError::State)?, arena)?;
+///             runner.begin_self_test()?;
+///             while runner.step(5_000_000)? == Progress::Running {} // kick the watchdog
+///             SelfTestPassed::of(&mut runner)
+///         };
+///         match test(&mut *arena) {
+///             Ok(passed) => return slots.confirm(passed),
+///             Err(_) => boot = slots.reject()?,
+///         }
+///     }
+///     Ok(())
+/// }
+///
+/// /// Between two tiles, as chunks come from the ground; after a reset, again from the start: it goes on where it was.
+/// fn update(slots: &mut Slots<impl Storage>, file: &[u8]) -> Result<(), SlotError> {
+///     let mut there = slots.begin_upload(ModelId::of(file))?;
+///     while there < file.len() {
+///         let end = (there + 1024).min(file.len());
+///         there = slots.write(there, &file[there..end])?;
+///     }
+///     slots.start_trial(1) // from the next boot
+/// }
+/// ```
+#[derive(Debug)]
+pub struct Slots<S> {
+    storage: S,
+    state: State,
+    upload: Option<Upload>,
+}
+
+impl<S: Storage> Slots<S> {
+    /// Takes the storage, and reads nothing.
+    pub fn new(storage: S) -> Self {
+        Self { storage, state: State::New, upload: None }
+    }
+
+    /// The storage.
+    pub fn storage(&self) -> &S {
+        &self.storage
+    }
+
+    /// A slot's first bytes; none if it is shorter.
+    fn file(&self, slot: Slot, file_bytes: u32) -> &[u8] {
+        head(self.storage.bytes(Region::Model(slot)), file_bytes as usize)
+    }
+
+    /// Whether a slot holds this model, and the runner accepts it.
+    fn judge(&self, Entry { slot, id }: Entry) -> Result<Model<'_>, SlotError> {
+        let file = self.file(slot, id.file_bytes);
+        id.same(ModelId::of(file))?;
+        Ok(Model::new(file)?)
+    }
+}

@@ -1,0 +1,96 @@
+//! What is remembered without power: which model is confirmed, and which one is on trial.
+//!
+//! ```text
+//! word 0       1 2         3 4 5                       6 7 8                  9           10         11-13  14      15
+//!      MAGIC | sequence | confirmed: slot, bytes, CRC | trial: as confirmed | boots left | rollbacks | 0    | CRC32C | its inverse
+//! ```
+//! Sixteen little-endian u32. A slot is 0 or 1, or `NONE` and then bytes and CRC are 0.
+
+use super::{ModelId, Slot};
+use crate::nn::crc::crc32c;
+use crate::nn::format::{NONE, u32_at};
+use crate::part::part;
+
+/// Bytes of a record.
+pub const RECORD_BYTES: usize = 4 * WORDS;
+const WORDS: usize = 16;
+/// Words under the checksum.
+const SEALED_WORDS: usize = 14;
+/// "ELS" and the version of the record.
+const MAGIC: u32 = u32::from_le_bytes(*b"ELS\x01");
+
+/// A model in a slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Where it lies.
+    pub slot: Slot,
+    /// Which one it is.
+    pub id: ModelId,
+}
+
+/// A model that has yet to pass its self test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Trial {
+    /// The model.
+    pub entry: Entry,
+    /// Boots that may still run it.
+    pub boots_left: u32,
+}
+
+/// What is remembered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Record {
+    /// Grows by one with every change.
+    pub sequence: u64,
+    /// The model that passed its self test last; `None` before the first one.
+    pub confirmed: Option<Entry>,
+    /// The model on trial, in the other slot.
+    pub trial: Option<Trial>,
+    /// Trials that ended without confirmation, ever.
+    pub rollbacks: u32,
+}
+
+impl Record {
+    /// As bytes.
+    pub(super) fn encode(&self) -> [u8; RECORD_BYTES] {
+        let entry = |entry: Option<Entry>| match entry {
+            None => [NONE, 0, 0],
+            Some(Entry { slot, id }) => [slot as u32, id.file_bytes, id.header_crc],
+        };
+        let (confirmed, trial) = (entry(self.confirmed), entry(self.trial.map(|trial| trial.entry)));
+        let boots_left = self.trial.map_or(0, |trial| trial.boots_left);
+        let head = [MAGIC, self.sequence as u32, (self.sequence >> 32) as u32];
+        let words = head.into_iter().chain(confirmed).chain(trial).chain([boots_left, self.rollbacks]);
+        let mut bytes = [0; RECORD_BYTES];
+        for (to, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *to = word.to_le_bytes();
+        }
+        let crc = crc32c(part(&bytes, 0, 4 * SEALED_WORDS));
+        for (to, word) in bytes.as_chunks_mut::<4>().0.iter_mut().skip(SEALED_WORDS).zip([crc, !crc]) {
+            *to = word.to_le_bytes();
+        }
+        bytes
+    }
+
+    /// The record at the start of a region; `None` if it is not whole, or says what no record says.
+    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
+        let bytes: &[u8; RECORD_BYTES] = bytes.first_chunk()?;
+        let word = |index: usize| u32_at(bytes, 4 * index);
+        let entry = |at: usize| {
+            let slot = match word(at) {
+                0 => Some(Slot::A),
+                1 => Some(Slot::B),
+                _ => None,
+            };
+            slot.map(|slot| Entry { slot, id: ModelId { file_bytes: word(at + 1), header_crc: word(at + 2) } })
+        };
+        let record = Self {
+            sequence: u64::from(word(1)) | u64::from(word(2)) << 32,
+            confirmed: entry(3),
+            trial: entry(6).map(|entry| Trial { entry, boots_left: word(9) }),
+            rollbacks: word(10),
+        };
+        // Word for word, so that magic, checksum, inverse and spare words are judged, too.
+        (record.encode() == *bytes).then_some(record)
+    }
+}

@@ -1,0 +1,120 @@
+//! A model comes in, chunk by chunk, into the slot that nobody relies on.
+
+use super::*;
+use crate::nn::crc::crc32c;
+use crate::nn::format::CHUNK_BYTES;
+
+/// An upload at work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Upload {
+    id: ModelId,
+    slot: Slot,
+    /// Bytes that are there.
+    there: usize,
+}
+
+impl<S: Storage> Slots<S> {
+    /// Begins the upload of a model, or goes on with it after a reset or an error: says how many of its bytes are there already, those being
+    /// the next chunk's offset. Writes nothing, and takes time proportional to what is there.
+    ///
+    /// What is there follows from the checksums that a model file holds of its chunks, down to the start of a sector, because the rest of a
+    /// sector that was written before has to be erased. A model that is still whole from before is there already.
+    ///
+    /// # Errors
+    /// [`SlotError::NotBooted`]; [`SlotError::Unconfirmed`] while a model is on trial; [`SlotError::FileBytes`].
+    pub fn begin_upload(&mut self, id: ModelId) -> Result<usize, SlotError> {
+        self.upload = None;
+        let slot = self.free_slot()?;
+        let slot_bytes = self.storage.bytes(Region::Model(slot)).len();
+        if !(HEADER_BYTES..=slot_bytes).contains(&(id.file_bytes as usize)) {
+            return Err(SlotError::FileBytes { slot: slot_bytes, found: id.file_bytes });
+        }
+        let whole = whole_bytes(self.file(slot, id.file_bytes), id);
+        let sector = self.storage.sector_bytes(Region::Model(slot)).max(1);
+        let there = if whole == id.file_bytes as usize { whole } else { whole - whole % sector };
+        self.upload = Some(Upload { id, slot, there });
+        Ok(there)
+    }
+
+    /// Writes the chunk of the file that begins at `offset_bytes`, and says how many bytes are there now. Erases the sectors it enters: with
+    /// chunks no longer than a sector, one at most. Where the device wants alignment, so should the chunks' lengths.
+    ///
+    /// # Errors
+    /// [`SlotError::NoUpload`]; [`SlotError::Offset`] and [`SlotError::Length`], and then nothing has happened. The upload is given up and
+    /// has to be begun again after [`SlotError::Storage`] and [`SlotError::NotWritten`], and, as soon as the header is there, if it is that of
+    /// another model ([`SlotError::OtherModel`]) or of no model this runner accepts ([`SlotError::Model`]).
+    pub fn write(&mut self, offset_bytes: usize, bytes: &[u8]) -> Result<usize, SlotError> {
+        let upload = self.upload.ok_or(SlotError::NoUpload)?;
+        let Upload { id, slot, there } = upload;
+        if offset_bytes != there {
+            return Err(SlotError::Offset { expected: there, found: offset_bytes });
+        }
+        let (expected, found) = (id.file_bytes as usize, there.saturating_add(bytes.len()));
+        if found > expected {
+            return Err(SlotError::Length { expected, found });
+        }
+        self.upload = None;
+        if self.free_slot()? != slot {
+            return Err(SlotError::NoUpload);
+        }
+        self.put(Region::Model(slot), offset_bytes, bytes)?;
+        if there < HEADER_BYTES && found >= HEADER_BYTES {
+            let file = self.file(slot, id.file_bytes);
+            RawModel::new(file)?;
+            id.same(ModelId::of(file))?;
+        }
+        self.upload = Some(Upload { there: found, ..upload });
+        Ok(found)
+    }
+
+    /// Judges the upload, every byte of it, and puts it on trial: the next `boots` boots run it, unless it is confirmed or rejected before.
+    /// Takes time proportional to the file.
+    ///
+    /// One boot is the safe choice; more forgive resets that have other reasons than the model.
+    ///
+    /// # Errors
+    /// [`SlotError::NoUpload`], [`SlotError::TrialBoots`]; [`SlotError::Length`] if bytes are missing; [`SlotError::Model`] or
+    /// [`SlotError::OtherModel`] if it is refused; [`SlotError::Storage`], [`SlotError::NotWritten`]. There is no trial then.
+    pub fn start_trial(&mut self, boots: u32) -> Result<(), SlotError> {
+        let Upload { id, slot, there } = self.upload.ok_or(SlotError::NoUpload)?;
+        if !(1..=MAX_TRIAL_BOOTS).contains(&boots) {
+            return Err(SlotError::TrialBoots { found: boots });
+        }
+        if there != id.file_bytes as usize {
+            return Err(SlotError::Length { expected: id.file_bytes as usize, found: there });
+        }
+        let entry = Entry { slot, id };
+        self.judge(entry)?;
+        let trial = Some(Trial { entry, boots_left: boots });
+        self.store(Record { trial, ..self.record().unwrap_or_default() })?;
+        self.upload = None;
+        Ok(())
+    }
+
+    /// The slot that nobody relies on.
+    fn free_slot(&self) -> Result<Slot, SlotError> {
+        let record = self.record();
+        if record.is_some_and(|record| record.trial.is_some()) {
+            return Err(SlotError::Unconfirmed);
+        }
+        match self.state {
+            State::New => Err(SlotError::NotBooted),
+            State::Runs(Boot { slot, standing: Standing::Confirmed, .. }) => Ok(slot.other()),
+            State::Runs(_) => Err(SlotError::Unconfirmed),
+            // Neither slot runs; the confirmed one might be read better another time.
+            State::NothingRuns => {
+                Ok(record.and_then(|record| record.confirmed).map_or(Slot::A, |entry| entry.slot.other()))
+            }
+        }
+    }
+}
+
+/// How many bytes of a model stand at the start of its place, by the checksums they hold.
+fn whole_bytes(file: &[u8], id: ModelId) -> usize {
+    let Ok(raw) = RawModel::new(file) else { return 0 };
+    if ModelId::of(file) != id || !raw.head_holds() {
+        return 0;
+    }
+    let broken = (0..raw.chunks()).find(|&chunk| crc32c(raw.chunk(chunk)) != raw.chunk_crc(chunk));
+    broken.map_or(file.len(), |chunk| raw.body_offset() + CHUNK_BYTES * chunk as usize)
+}

@@ -1,0 +1,133 @@
+//! Storage in which power goes after any byte written or erased.
+
+use crate::nn::slots::{RECORD_BYTES, Region, Slot, Storage, StorageError};
+use crate::nn::tests::Random;
+
+pub(super) const REGIONS: [Region; 4] =
+    [Region::Model(Slot::A), Region::Model(Slot::B), Region::Record, Region::RecordCopy];
+
+/// What a cut leaves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cut {
+    /// What was done so far.
+    Clean,
+    /// Besides, noise in the byte at work.
+    Garbage,
+    /// Besides, noise in all of a sector that was being erased.
+    Torn,
+}
+
+/// NOR flash: erased before it is written, each byte once.
+#[derive(Debug, Clone)]
+pub(super) struct Flash {
+    pub(super) regions: [Vec<u8>; 4],
+    pub(super) sector_bytes: usize,
+    /// Bytes that may still be written or erased before power goes.
+    pub(super) power: Option<usize>,
+    pub(super) cut: Cut,
+    pub(super) noise: Random,
+    /// Bytes written and erased so far.
+    pub(super) traffic: usize,
+    /// Regions that do as if they wrote, and ones that refuse.
+    pub(super) lies: Vec<Region>,
+    pub(super) refuses: Vec<Region>,
+}
+
+impl Flash {
+    /// Blank; sectors of the records are as long as those of the models, at least.
+    pub(super) fn new(slot_bytes: usize, sector_bytes: usize) -> Self {
+        let slot = vec![0xff; slot_bytes.next_multiple_of(sector_bytes)];
+        let record = vec![0xff; RECORD_BYTES.next_multiple_of(sector_bytes)];
+        Self {
+            regions: [slot.clone(), slot, record.clone(), record],
+            sector_bytes,
+            power: None,
+            cut: Cut::Clean,
+            noise: Random::new(1),
+            traffic: 0,
+            lies: Vec::new(),
+            refuses: Vec::new(),
+        }
+    }
+
+    pub(super) fn region(&mut self, region: Region) -> &mut Vec<u8> {
+        &mut self.regions[index(region)]
+    }
+
+    pub(super) fn dead(&self) -> bool {
+        self.power == Some(0)
+    }
+
+    /// Power for one more byte; `false` when it goes.
+    fn byte(&mut self) -> bool {
+        match &mut self.power {
+            Some(0) => false,
+            Some(left) => {
+                *left -= 1;
+                self.traffic += 1;
+                *left > 0
+            }
+            None => {
+                self.traffic += 1;
+                true
+            }
+        }
+    }
+}
+
+fn index(region: Region) -> usize {
+    REGIONS.iter().position(|r| *r == region).unwrap()
+}
+
+const POWER: StorageError = StorageError { code: 1 };
+const REFUSED: StorageError = StorageError { code: 2 };
+
+impl Storage for Flash {
+    fn bytes(&self, region: Region) -> &[u8] {
+        &self.regions[index(region)]
+    }
+
+    fn sector_bytes(&self, _: Region) -> usize {
+        self.sector_bytes
+    }
+
+    fn erase(&mut self, region: Region, offset_bytes: usize) -> Result<(), StorageError> {
+        if self.refuses.contains(&region) {
+            return Err(REFUSED);
+        }
+        assert_eq!(offset_bytes % self.sector_bytes, 0, "not the start of a sector");
+        for at in offset_bytes..offset_bytes + self.sector_bytes {
+            if self.dead() {
+                return Err(POWER);
+            }
+            let alive = self.byte();
+            let noise = self.noise.next() as u8;
+            self.region(region)[at] = if alive || self.cut == Cut::Clean { 0xff } else { noise };
+            if !alive && self.cut == Cut::Torn {
+                for at in offset_bytes..offset_bytes + self.sector_bytes {
+                    let noise = self.noise.next() as u8;
+                    self.region(region)[at] = noise;
+                }
+            }
+        }
+        if self.dead() { Err(POWER) } else { Ok(()) }
+    }
+
+    fn write(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), StorageError> {
+        if self.refuses.contains(&region) {
+            return Err(REFUSED);
+        }
+        for (at, &byte) in (offset_bytes..).zip(bytes) {
+            if self.dead() {
+                return Err(POWER);
+            }
+            assert_eq!(self.region(region)[at], 0xff, "{region:?} byte {at} was not erased");
+            let alive = self.byte();
+            let noise = self.noise.next() as u8;
+            if !self.lies.contains(&region) {
+                self.region(region)[at] = if alive || self.cut == Cut::Clean { byte } else { noise };
+            }
+        }
+        if self.dead() { Err(POWER) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,58 @@
+//! The ground under a lander or rover: the plane it would stand on, and what sticks out of it.
+
+use super::PixelSize;
+use super::slope::from_gradient_deg;
+use crate::mask::is_real;
+
+/// Largest radius of a footprint, pixels. Bounds the work per pixel, which grows with its square (our choice: 33 x 33 pixels
+/// are a lander of 16 m in a DTM of 0.5 m).
+pub const MAX_RADIUS_PX: usize = 16;
+/// Lines of the largest footprint.
+pub(super) const MAX_SIDE: usize = 2 * MAX_RADIUS_PX + 1;
+
+/// What the ground under a square of pixels is like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Footprint {
+    /// Slope of the least-squares plane, degrees from horizontal.
+    pub(super) slope_deg: f64,
+    /// Largest distance of a pixel from that plane, up or down, metres along the vertical.
+    pub(super) roughness_m: f64,
+}
+
+/// The footprint of 2r + 1 lines, from north to south, around `col` of the middle one; `None` where the window leaves the lines or
+/// meets a pixel that is not real. A line that does not exist is empty.
+///
+/// The plane is z = c + a x + b y with x and y in pixels from the centre. On a full square Σx = Σy = Σxy = 0, so that the normal
+/// equations fall apart: c = Σz/n, a = Σxz/Σx², b = Σyz/Σy², with n = (2r + 1)² and Σx² = Σy² = n r (r + 1)/3.
+pub(super) fn at(lines_m: &[&[f32]], col: usize, radius_px: usize, pixel: PixelSize) -> Option<Footprint> {
+    let (first, side, r) = (col.checked_sub(radius_px)?, 2 * radius_px + 1, radius_px as f64);
+    // Heights above the centre: those above the sphere would cost digits.
+    let centre_m = f64::from(*lines_m.get(radius_px)?.get(col)?);
+    let (mut sum, mut east, mut south) = (0.0, 0.0, 0.0);
+    for (row, line) in lines_m.iter().enumerate() {
+        let (mut line_sum, mut line_east) = (0.0, 0.0);
+        for (i, &height_m) in line.get(first..)?.get(..side)?.iter().enumerate() {
+            if !is_real(height_m) {
+                return None;
+            }
+            let above_m = f64::from(height_m) - centre_m;
+            line_sum += above_m;
+            line_east += (i as f64 - r) * above_m;
+        }
+        sum += line_sum;
+        east += line_east;
+        south += (row as f64 - r) * line_sum;
+    }
+    let count = (side * side) as f64;
+    let squares = count * r * (r + 1.0) / 3.0;
+    let (mean_m, east, south) = (sum / count, east / squares, south / squares);
+    let mut roughness_m = 0.0f64;
+    for (row, line) in lines_m.iter().enumerate() {
+        let plane_m = mean_m + (row as f64 - r) * south;
+        for (i, &height_m) in line.get(first..)?.get(..side)?.iter().enumerate() {
+            let above_m = f64::from(height_m) - centre_m;
+            roughness_m = roughness_m.max((above_m - (plane_m + (i as f64 - r) * east)).abs());
+        }
+    }
+    Some(Footprint { slope_deg: from_gradient_deg((east / pixel.col_m, south / pixel.row_m)), roughness_m })
+}

@@ -1,0 +1,77 @@
+//! Where not to land or drive: one byte per pixel, a bit per reason.
+
+use super::footprint::Footprint;
+use crate::error::TerrainError;
+
+/// The plane under the footprint is steeper than allowed.
+pub const TOO_STEEP: u8 = 1;
+/// Something sticks out of that plane, or is sunk into it, by more than allowed.
+pub const TOO_ROUGH: u8 = 2;
+/// The footprint leaves the grid or meets a pixel without a value: nobody knows, so it counts as a hazard.
+pub const UNKNOWN: u8 = 4;
+
+/// What a vehicle bears. Ground is safe (a hazard byte of 0) where slope and roughness of its footprint are known and neither is above
+/// its limit.
+///
+/// The slope that counts is that of the footprint's plane, on which the vehicle would stand, not Horn's of the pixel (our choice).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HazardLimits {
+    slope_deg: f32,
+    roughness_m: f32,
+}
+
+impl HazardLimits {
+    /// Limits that ground may reach and not exceed: the footprint's slope in degrees, above 0 and at most 90, and its roughness in metres,
+    /// finite and above 0.
+    ///
+    /// # Errors
+    /// [`TerrainError::SlopeLimit`], [`TerrainError::RoughnessLimit`].
+    pub fn new(slope_deg: f32, roughness_m: f32) -> Result<Self, TerrainError> {
+        if !(slope_deg > 0.0 && slope_deg <= 90.0) {
+            return Err(TerrainError::SlopeLimit { found_deg: slope_deg });
+        }
+        if !(roughness_m > 0.0 && roughness_m.is_finite()) {
+            return Err(TerrainError::RoughnessLimit { found_m: roughness_m });
+        }
+        Ok(Self { slope_deg, roughness_m })
+    }
+
+    /// The hazard byte. Compares what the maps hold, so that they and the byte never contradict each other.
+    pub(super) fn judge(&self, footprint: Option<Footprint>) -> u8 {
+        let Some(Footprint { slope_deg, roughness_m }) = footprint else { return UNKNOWN };
+        let steep = if slope_deg as f32 <= self.slope_deg { 0 } else { TOO_STEEP };
+        let rough = if roughness_m as f32 <= self.roughness_m { 0 } else { TOO_ROUGH };
+        steep | rough
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_finite_and_positive() {
+        assert!(HazardLimits::new(10.0, 0.3).is_ok() && HazardLimits::new(90.0, f32::MAX).is_ok());
+        for slope_deg in [0.0, -1.0, 90.1, f32::NAN, f32::INFINITY] {
+            let error = HazardLimits::new(slope_deg, 0.3).unwrap_err();
+            assert!(
+                matches!(error, TerrainError::SlopeLimit { found_deg } if found_deg.to_bits() == slope_deg.to_bits())
+            );
+        }
+        for roughness_m in [0.0, -0.3, f32::NAN, f32::INFINITY] {
+            let error = HazardLimits::new(10.0, roughness_m).unwrap_err();
+            assert!(matches!(error, TerrainError::RoughnessLimit { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_limit_may_be_reached_and_not_exceeded_and_the_unknown_is_a_hazard() {
+        let limits = HazardLimits::new(10.0, 0.5).unwrap();
+        let judge = |slope_deg, roughness_m| limits.judge(Some(Footprint { slope_deg, roughness_m }));
+        assert_eq!(judge(10.0, 0.5), 0);
+        assert_eq!(judge(10.1, 0.5), TOO_STEEP);
+        assert_eq!(judge(10.0, 0.51), TOO_ROUGH);
+        assert_eq!(judge(f64::NAN, f64::NAN), TOO_STEEP | TOO_ROUGH);
+        assert_eq!(limits.judge(None), UNKNOWN);
+    }
+}

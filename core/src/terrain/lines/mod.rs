@@ -1,0 +1,224 @@
+//! Terrain maps line by line, as the lines of a DTM come: nothing but the lines under one footprint is kept.
+
+use super::footprint::{self, MAX_RADIUS_PX, MAX_SIDE};
+use super::hillshade::{Light, Sun};
+use super::slope::from_gradient_deg;
+use super::{HazardLimits, PixelSize, of_lines};
+use crate::error::{LengthError, TerrainError, same_length};
+use crate::part::{copy, head, head_mut, item, part, part_mut, put};
+
+/// What is computed of a DTM's lines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineOptions {
+    /// Samples of a line, at least 1.
+    pub cols: usize,
+    /// Size of a pixel on the ground.
+    pub pixel: PixelSize,
+    /// Radius r of the footprint, pixels, 1 to [`MAX_RADIUS_PX`]: a square of 2r + 1 pixels a side.
+    pub radius_px: usize,
+    /// Light of the hillshade.
+    pub sun: Sun,
+    /// What the vehicle bears.
+    pub limits: HazardLimits,
+}
+
+impl LineOptions {
+    /// Samples of memory to lend: the 2r + 1 lines under a footprint. Too many to exist (`usize::MAX`) if that overflows.
+    #[must_use]
+    pub fn memory_len(&self) -> usize {
+        self.side().saturating_mul(self.cols)
+    }
+
+    fn side(&self) -> usize {
+        self.radius_px.saturating_mul(2).saturating_add(1)
+    }
+
+    fn check(&self) -> Result<(), TerrainError> {
+        if !(1..=MAX_RADIUS_PX).contains(&self.radius_px) {
+            return Err(TerrainError::Radius { found_px: self.radius_px });
+        }
+        if self.cols == 0 {
+            return Err(TerrainError::Length(LengthError { expected: 1, found: 0 }));
+        }
+        for found_m in [self.pixel.row_m, self.pixel.col_m] {
+            if !(found_m > 0.0 && found_m.is_finite()) {
+                return Err(TerrainError::Pixel { found_m });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the maps of one line go. Each slice has the line's number of samples, or is empty: then that map is not wanted, and not computed
+/// unless another one rests on it.
+#[derive(Debug, Default)]
+pub struct LineMaps<'o> {
+    /// Horn slope of the pixel, degrees, NaN where there is none: as [`super::slope_deg`].
+    pub slope_deg: &'o mut [f32],
+    /// Shaded relief, 0 where there is none: as [`super::hillshade()`].
+    pub hillshade: &'o mut [u8],
+    /// Slope of the least-squares plane of the footprint, degrees, NaN where there is none.
+    pub footprint_slope_deg: &'o mut [f32],
+    /// Largest distance of a pixel of the footprint from that plane, up or down, metres along the vertical; NaN where there is none.
+    ///
+    /// Our choice: what a lander's clearance is compared with. A plane has a roughness of 0 whatever its tilt; a single boulder of height h
+    /// on flat ground, at the centre of n pixels, has h (n − 1)/n.
+    pub roughness_m: &'o mut [f32],
+    /// Bits of [`super::hazard`]; 0 is safe.
+    pub hazard: &'o mut [u8],
+}
+
+impl LineMaps<'_> {
+    /// Every map has `cols` samples or none.
+    fn check(&self, cols: usize) -> Result<(), LengthError> {
+        let floats = [&self.slope_deg, &self.footprint_slope_deg, &self.roughness_m].map(|map| map.len());
+        let bytes = [&self.hillshade, &self.hazard].map(|map| map.len());
+        floats.into_iter().chain(bytes).filter(|len| *len != 0).try_for_each(|len| same_length(cols, len))
+    }
+}
+
+/// Terrain maps of a DTM whose lines come one at a time, north first; as many lines go out as went in.
+///
+/// A line goes out r lines after it went in, the last ones by [`Self::finish`]. Edges follow the rule of the whole-grid functions: where a
+/// window leaves the grid, there is no value. The work per line is bounded: about 2 (2r + 1)² multiplications and additions per pixel,
+/// less only where there is no value.
+///
+/// ```
+/// use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines, hazard};
+///
+/// let limits = HazardLimits::new(10.0, 0.3)?; // degrees, metres
+/// let options = LineOptions { cols: 7, pixel: PixelSize::square(0.5), radius_px: 1, sun: Sun::default(), limits };
+/// let mut memory = [0.0; 21];
+/// assert_eq!(options.memory_len(), memory.len());
+/// let mut lines = TerrainLines::new(options, &mut memory)?;
+///
+/// // Flat ground with a boulder of 0.6 m.
+/// let flat = [-1900.0; 7];
+/// let mut boulder = flat;
+/// boulder[2] += 0.6;
+/// let (mut hazards, mut mask) = (Vec::new(), [0; 7]);
+/// for line in [flat, flat, boulder, flat, flat] {
+///     if lines.push(&line, &mut LineMaps { hazard: &mut mask, ..LineMaps::default() })?.is_some() {
+///         hazards.push(mask);
+///     }
+/// }
+/// while lines.finish(&mut LineMaps { hazard: &mut mask, ..LineMaps::default() })?.is_some() {
+///     hazards.push(mask);
+/// }
+/// assert_eq!(hazards.len(), 5, "as many lines as went in");
+/// assert_eq!(hazards[0], [hazard::UNKNOWN; 7], "at the edge nobody knows");
+/// assert_eq!(hazards[2][1..6], [3, 2, 3, 0, 0], "the boulder is too rough, and what stands beside it tilts");
+/// # Ok::<(), elunar_core::error::TerrainError>(())
+/// ```
+#[derive(Debug)]
+pub struct TerrainLines<'m> {
+    options: LineOptions,
+    light: Light,
+    /// The last 2r + 1 lines; line k lies in place k mod (2r + 1).
+    memory: &'m mut [f32],
+    /// Lines that went in, and out.
+    taken: u64,
+    given: u64,
+    finishing: bool,
+}
+
+impl<'m> TerrainLines<'m> {
+    /// Takes [`LineOptions::memory_len`] samples of `memory`; what they hold does not matter, and more do no harm.
+    ///
+    /// # Errors
+    /// [`TerrainError::Radius`], [`TerrainError::Pixel`], or [`TerrainError::Length`] if there are no columns or too little memory.
+    pub fn new(options: LineOptions, memory: &'m mut [f32]) -> Result<Self, TerrainError> {
+        options.check()?;
+        let (expected, found) = (options.memory_len(), memory.len());
+        if found < expected {
+            return Err(TerrainError::Length(LengthError { expected, found }));
+        }
+        let memory = head_mut(memory, expected);
+        Ok(Self { options, light: Light::of(options.sun), memory, taken: 0, given: 0, finishing: false })
+    }
+
+    /// Takes the next line: `cols` heights in metres, NaN or a special of [`crate::mask`] where there is no value. Fills `maps` once there is
+    /// a line whose window is complete, and says which one it is, counted from 0; else `maps` stay as they are.
+    ///
+    /// # Errors
+    /// [`TerrainError::Length`] for a line or a map of another length, [`TerrainError::Unfinished`] between [`Self::finish`]'s first line and
+    /// its last; then nothing has happened.
+    pub fn push(&mut self, line_m: &[f32], maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
+        if self.finishing && self.given < self.taken {
+            return Err(TerrainError::Unfinished { lines: self.taken - self.given });
+        }
+        same_length(self.options.cols, line_m.len())?;
+        maps.check(self.options.cols)?;
+        if self.finishing {
+            self.restart();
+        }
+        let at = self.place(self.taken);
+        copy(part_mut(self.memory, at, self.options.cols), line_m);
+        self.taken += 1;
+        if self.taken - self.given <= self.options.radius_px as u64 {
+            return Ok(None);
+        }
+        Ok(Some(self.give(maps)))
+    }
+
+    /// The lines that are still to come, one per call, when no more go in; `None` when all are out. Then the next grid may begin.
+    ///
+    /// # Errors
+    /// [`TerrainError::Length`] for a map of another length; then nothing has happened.
+    pub fn finish(&mut self, maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
+        maps.check(self.options.cols)?;
+        self.finishing = self.given < self.taken;
+        if self.finishing {
+            return Ok(Some(self.give(maps)));
+        }
+        self.restart();
+        Ok(None)
+    }
+
+    fn restart(&mut self) {
+        (self.taken, self.given, self.finishing) = (0, 0, false);
+    }
+
+    /// First sample in memory of a line.
+    fn place(&self, line: u64) -> usize {
+        (line % self.options.side() as u64) as usize * self.options.cols
+    }
+
+    /// The next line to go out.
+    fn give(&mut self, maps: &mut LineMaps<'_>) -> u64 {
+        let (row, radius_px) = (self.given, self.options.radius_px);
+        let mut lines: [&[f32]; MAX_SIDE] = [&[]; MAX_SIDE];
+        for (i, line) in lines.iter_mut().take(self.options.side()).enumerate() {
+            // Empty above the first line and below the last one.
+            let there = (row + i as u64).checked_sub(radius_px as u64).filter(|there| *there < self.taken);
+            *line = there.map_or(&[], |there| part(self.memory, self.place(there), self.options.cols));
+        }
+        self.fill(head(&lines, self.options.side()), maps);
+        self.given += 1;
+        row
+    }
+
+    /// The maps of the middle one of 2r + 1 lines.
+    fn fill(&self, lines: &[&[f32]], maps: &mut LineMaps<'_>) {
+        let LineOptions { cols, pixel, radius_px, limits, .. } = self.options;
+        let around = [radius_px.wrapping_sub(1), radius_px, radius_px + 1].map(|i| item(lines, i));
+        if !(maps.slope_deg.is_empty() && maps.hillshade.is_empty()) {
+            for col in 0..cols {
+                let gradient = of_lines(around, col, pixel);
+                put(maps.slope_deg, col, gradient.map_or(f32::NAN, |gradient| from_gradient_deg(gradient) as f32));
+                put(maps.hillshade, col, gradient.map_or(0, |gradient| self.light.shade(gradient)));
+            }
+        }
+        if !(maps.footprint_slope_deg.is_empty() && maps.roughness_m.is_empty() && maps.hazard.is_empty()) {
+            for col in 0..cols {
+                let footprint = footprint::at(lines, col, radius_px, pixel);
+                put(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
+                put(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
+                put(maps.hazard, col, limits.judge(footprint));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
