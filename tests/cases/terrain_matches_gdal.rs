@@ -79,28 +79,42 @@ fn hillshade_is_gdals_byte_for_byte() {
 const HAZARD_DEG: f32 = 25.0;
 const HAZARD_M: f32 = 3.0;
 
-/// What lines give of the whole grid: Horn slope, hillshade, the footprint's slope and roughness, hazards.
-fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> (Vec<f32>, Vec<u8>, Vec<f32>, Vec<f32>, Vec<u8>) {
+/// The maps of the whole grid.
+struct Maps {
+    slope_deg: Vec<f32>,
+    hillshade: Vec<u8>,
+    footprint_slope_deg: Vec<f32>,
+    roughness_m: Vec<f32>,
+    hazard: Vec<u8>,
+}
+
+/// What lines give of the whole grid.
+fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> Maps {
     let (cols, len) = (case.shape.1, case.heights_m.len());
     let limits = HazardLimits::new(HAZARD_DEG, HAZARD_M).unwrap();
     let options = LineOptions { cols, pixel: case.pixel, radius_px, sun, limits };
     let mut memory = vec![0.0; options.memory_len()];
     let mut lines = TerrainLines::new(options, &mut memory).unwrap();
     let floats = || vec![0.0f32; len];
-    let (mut slope, mut shade, mut tilt, mut rough, mut unsafe_px) =
-        (floats(), vec![0; len], floats(), floats(), vec![0; len]);
-    let mut pushed = case.heights_m.chunks(cols);
+    let mut found = Maps {
+        slope_deg: floats(),
+        hillshade: vec![0; len],
+        footprint_slope_deg: floats(),
+        roughness_m: floats(),
+        hazard: vec![0; len],
+    };
+    let mut heights = case.heights_m.chunks(cols);
     let mut row = 0;
     while row < case.shape.0 {
         let range = row * cols..(row + 1) * cols;
         let mut maps = LineMaps {
-            slope_deg: &mut slope[range.clone()],
-            hillshade: &mut shade[range.clone()],
-            footprint_slope_deg: &mut tilt[range.clone()],
-            roughness_m: &mut rough[range.clone()],
-            hazard: &mut unsafe_px[range],
+            slope_deg: &mut found.slope_deg[range.clone()],
+            hillshade: &mut found.hillshade[range.clone()],
+            footprint_slope_deg: &mut found.footprint_slope_deg[range.clone()],
+            roughness_m: &mut found.roughness_m[range.clone()],
+            hazard: &mut found.hazard[range],
         };
-        let given = match pushed.next() {
+        let given = match heights.next() {
             Some(line) => lines.push(line, &mut maps),
             None => lines.finish(&mut maps),
         };
@@ -109,7 +123,7 @@ fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> (Vec<f32>, Vec<u8>, Vec<
             row += 1;
         }
     }
-    (slope, shade, tilt, rough, unsafe_px)
+    found
 }
 
 #[test]
@@ -121,7 +135,7 @@ fn lines_give_what_gdal_gives() {
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     for shade in case.json["hillshade"].as_array().unwrap() {
         let sun = sun(shade);
-        let (found, shades, ..) = by_lines(&case, sun, 2);
+        let Maps { slope_deg: found, hillshade: shades, .. } = by_lines(&case, sun, 2);
         assert_eq!(bits(&found), bits(&slopes), "bit for bit the whole grid's, which is GDAL's");
         assert_eq!(shades, numbers(&shade["bytes"]).into_iter().map(|b| b as u8).collect::<Vec<_>>(), "{sun:?}");
     }
@@ -135,7 +149,8 @@ fn footprints_match_numpy() {
     assert_eq!(footprints.len(), 3);
     for footprint in footprints {
         let radius_px = footprint["radius_px"].as_u64().unwrap() as usize;
-        let (_, _, slopes, roughness, hazards) = by_lines(&case, Sun::default(), radius_px);
+        let maps = by_lines(&case, Sun::default(), radius_px);
+        let (slopes, roughness, hazards) = (maps.footprint_slope_deg, maps.roughness_m, maps.hazard);
         let expected = [numbers(&footprint["slope_deg"]), numbers(&footprint["roughness_m"])];
         let (mut compared, mut seen) = (0, [0; 8]);
         for i in 0..case.heights_m.len() {
