@@ -16,12 +16,18 @@ const RESNET_BLOCKS: usize = 2;
 /// Builds the graph for tiles of `rows` by `cols`; `path` names the weights in messages.
 ///
 /// # Errors
-/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Broken`] if weights do not fit the configuration: all
+/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network, [`Error::Broken`] if weights do not fit the configuration: all
 /// misfits in one line, each with expected and found shape.
 pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
     config.check().map_err(|what| Error::broken(path, what))?;
     if rows == 0 || cols == 0 || rows % 32 != 0 || cols % 32 != 0 {
         return Err(Error::usage(format!("tile: expected multiples of 32, found {rows} x {cols}")));
+    }
+    if config.coarse_channel {
+        return Err(Error::unsupported(
+            path,
+            "expected a network with a branch for the coarse DTM; it is a channel of the image here",
+        ));
     }
     let mut builder = Builder::new(config, weights);
     builder.network(rows, cols);
@@ -109,7 +115,7 @@ impl<'a> Builder<'a> {
     }
 
     fn network(&mut self, rows: usize, cols: usize) {
-        let image = self.push("image", Operation::Image, (rows, cols, self.config.image_maps()), true);
+        let image = self.push("image", Operation::Image, (rows, cols, self.config.encoder_channels()), true);
         let needs_coarse = self.config.use_coarse || self.config.head == Head::Residual;
         let coarse = needs_coarse.then(|| self.push("coarse", Operation::Coarse, (rows, cols, 1), true));
         let e = self.image_encoder(image);
@@ -173,7 +179,7 @@ impl<'a> Builder<'a> {
     fn swin(&mut self, image: NodeId) -> [NodeId; 4] {
         let embed = self.config.embed;
         let name = "image_encoder.swin.patch_embed";
-        let kernel = self.kernel(&format!("{name}.proj"), self.config.image_maps(), embed, 4, true);
+        let kernel = self.kernel(&format!("{name}.proj"), self.config.encoder_channels(), embed, 4, true);
         let patches = self.conv(&format!("{name}.proj"), &[plain(image)], kernel, (4, 0), Activation::None, None, true);
         let mut x = self.layer_norm(&format!("{name}.norm"), patches, 1, true);
         std::array::from_fn(|i| {

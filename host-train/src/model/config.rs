@@ -103,6 +103,9 @@ pub struct Switches {
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[arg(long)]
     pub no_coarse: bool,
+    /// Give the coarse DTM as one more channel of the image instead of a branch of its own (as single-branch rivals do).
+    #[arg(long)]
+    pub coarse_channel: bool,
 }
 
 /// Default of [`NetConfig::range_margin`] with [`TargetRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
@@ -126,7 +129,8 @@ impl Switches {
         config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
         config.illumination = self.illumination.unwrap_or(config.illumination);
         config.bn_momentum = self.bn_momentum.unwrap_or(config.bn_momentum);
-        config.use_coarse &= !self.no_coarse;
+        config.coarse_channel |= self.coarse_channel;
+        config.use_coarse &= !(self.no_coarse || self.coarse_channel);
         config.check().map_err(Error::usage)?;
         Ok(config)
     }
@@ -176,6 +180,10 @@ pub struct NetConfig {
     /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
     #[serde(default = "yes")]
     pub use_coarse: bool,
+    /// Whether the coarse DTM is one more channel of the image, divided by NR, instead of a branch of its own: the single-branch design
+    /// of rivals. Not exported.
+    #[serde(default)]
+    pub coarse_channel: bool,
 }
 
 fn relu() -> Head {
@@ -231,12 +239,18 @@ impl NetConfig {
             illumination: Illumination::Any,
             bn_momentum: 0.1,
             use_coarse: true,
+            coarse_channel: false,
         }
     }
 
     /// Maps of which the image consists: brightness, or a guide's four.
     pub fn image_maps(&self) -> usize {
         if self.illumination == Illumination::Given { elunar_core::photoclinometry::MAPS } else { 1 }
+    }
+
+    /// Channels that the image encoder reads.
+    pub fn encoder_channels(&self) -> usize {
+        self.image_maps() + usize::from(self.coarse_channel)
     }
 
     /// Largest magnitude of a normalised coarse height that the runner must represent.
@@ -279,7 +293,13 @@ impl NetConfig {
         if self.target_range == TargetRange::Pixel && self.head == Head::Relu {
             return Err("configuration: heights in pixels fall below 0: expected head = residual".into());
         }
-        if self.head == Head::Residual && !self.use_coarse {
+        if self.coarse_channel && self.use_coarse {
+            return Err(
+                "configuration: a coarse DTM among the image's channels has no branch: expected use_coarse = false"
+                    .into(),
+            );
+        }
+        if self.head == Head::Residual && !self.use_coarse && !self.coarse_channel {
             return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());
         }
         Ok(())

@@ -18,6 +18,8 @@ pub struct ELunarDtmNet {
     decoder: Vec<DecoderBlock>,
     head: Conv2d,
     residual: bool,
+    /// With the coarse DTM among the image's channels: what brings it to [0, 1].
+    channel_scale: Option<f64>,
 }
 
 /// Feature maps by the names the golden files use: `e1`..`e5`, `s5`, `fused`, `d1`..`d5`.
@@ -45,6 +47,7 @@ impl ELunarDtmNet {
             decoder: decoder(config, device),
             head: conv(config.decoder[4], 1, 3, 1, true, device),
             residual: config.head == Head::Residual,
+            channel_scale: config.coarse_channel.then(|| 1.0 / f64::from(config.nr)),
         }
     }
 
@@ -66,6 +69,10 @@ impl ELunarDtmNet {
             if let Some(trace) = trace.as_mut() {
                 trace.push((name, map.clone()));
             }
+        };
+        let image = match self.channel_scale {
+            Some(scale) => Tensor::cat(vec![image, coarse.clone().mul_scalar(scale)], 1),
+            None => image,
         };
         let e = self.image_encoder.forward(image);
         e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));

@@ -23,7 +23,7 @@ impl ImageEncoder {
         Self {
             stem: ConvBn::new(
                 ConvBnShape {
-                    input: config.image_maps(),
+                    input: config.encoder_channels(),
                     output: config.stem,
                     kernel: 7,
                     stride: 2,
@@ -37,7 +37,7 @@ impl ImageEncoder {
         }
     }
 
-    /// `[B, 1, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution.
+    /// `[B, channels, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution.
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 5] {
         let e1 = self.stem.forward(image.clone());
         let [e2, e3, e4, e5] = match (&self.swin, &self.resnet) {

@@ -45,6 +45,16 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
+/// He-normal weights and zero biases for `arrays` of a module made of convolutions.
+pub fn normal_weights(mut arrays: Weights, seed: u64) -> Weights {
+    for (name, array) in &mut arrays.tensors {
+        let fan_in: usize = array.shape.iter().skip(1).product();
+        let std = if array.shape.len() == 1 { 0.0 } else { (2.0 / fan_in as f32).sqrt() };
+        fill_normal(&mut array.data, std, seed, name);
+    }
+    arrays
+}
+
 /// Fills with N(0, std²) cut at two sigma; each tensor has its own stream, so adding one does not change the others.
 fn fill_normal(data: &mut [f32], std: f32, seed: u64, name: &str) {
     let digest = Sha256::new().chain_update(seed.to_le_bytes()).chain_update(name).finalize();

@@ -3,6 +3,7 @@
 pub mod backend;
 pub mod config;
 pub mod conv;
+pub mod critic;
 pub mod decoder;
 pub mod elunar;
 pub mod encoder;

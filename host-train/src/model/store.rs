@@ -15,17 +15,31 @@ use std::path::Path;
 /// [`Error::Broken`] if names or shapes do not fit the configuration; every misfit is listed.
 pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
     config.check().map_err(|what| Error::broken(path, what))?;
-    check_fit(&shapes(config, device), weights, path)?;
-    Ok(ELunarDtmNet::new(config, device).map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
+    put(ELunarDtmNet::new(config, device), weights, path, device)
+}
+
+/// A module with these weights in place of its own; `path` names them in messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn put<M: Module>(module: M, weights: &Weights, path: &Path, device: &Device) -> Result<M> {
+    check_fit(&arrays(&module), weights, path)?;
+    Ok(module.map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
 }
 
 /// The network's weights and buffers, with `config` in the metadata.
 pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
     // `valid` settles pending running statistics.
-    let mut saver = Saver::default();
-    net.valid().visit(&mut saver);
+    let mut weights = arrays(&net.valid());
     let text = serde_json::to_string(config).expect("a plain struct");
-    saver.weights.metadata.insert("config".into(), text);
+    weights.metadata.insert("config".into(), text);
+    weights
+}
+
+/// A module's weights and buffers.
+pub fn arrays<M: Module>(module: &M) -> Weights {
+    let mut saver = Saver::default();
+    module.visit(&mut saver);
     saver.weights
 }
 

@@ -1,10 +1,13 @@
 //! What a killed run needs to go on as if nothing had happened.
 
+use super::adversarial::Opponent;
+use super::step::Trainer;
 use crate::digest::sha256_hex;
 use crate::model::weights::Weights;
 use crate::raster::atomic_write;
 use crate::{Error, Result};
 use burn::optim::ModuleOptimizer;
+use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -13,6 +16,8 @@ const SPARE: &str = "checkpoint.old";
 const FRESH: &str = "checkpoint.new";
 const WEIGHTS: &str = "weights.safetensors";
 const OPTIMISER: &str = "optimiser.bpk";
+/// An adversarial run's critic.
+const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
 const STATE: &str = "state.json";
 
 /// Where the run stood.
@@ -26,6 +31,9 @@ pub struct State {
     pub weights_sha256: String,
     /// SHA-256 of the optimiser file.
     pub optimiser_sha256: String,
+    /// SHA-256 of the critic's weights and of its optimiser's file, if there is one.
+    #[serde(default)]
+    pub critic_sha256: Option<[String; 2]>,
 }
 
 /// A checkpoint read back.
@@ -36,28 +44,32 @@ pub struct Checkpoint {
     pub weights: Weights,
     /// Burn's record of the optimiser.
     optimiser: Vec<u8>,
+    /// The critic's weights and its optimiser's record.
+    critic: Option<(Weights, Vec<u8>)>,
 }
 
 /// Writes a checkpoint beside the old one, then swaps them: a kill at any moment leaves one that is whole.
 ///
 /// # Errors
 /// If the run folder cannot be written.
-pub fn save(
-    run: &Path,
-    step: usize,
-    best_rmse: Option<f64>,
-    weights: &Weights,
-    optimiser: &ModuleOptimizer,
-) -> Result<()> {
+pub fn save(run: &Path, step: usize, best_rmse: Option<f64>, weights: &Weights, trainer: &Trainer) -> Result<()> {
     let fresh = run.join(FRESH);
     remove(&fresh)?;
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;
     let weights = weights.to_bytes();
-    let optimiser = optimiser.into_bytes().map_err(|e| Error::usage(format!("optimiser state: {e}")))?;
-    let state =
-        State { step, best_rmse, weights_sha256: sha256_hex(&weights), optimiser_sha256: sha256_hex(&optimiser) };
+    let optimiser = record(&trainer.optimiser)?;
+    let critic = match &trainer.opponent {
+        Some(opponent) => Some([opponent.weights().to_bytes(), record(&opponent.optimiser)?]),
+        None => None,
+    };
+    let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(|bytes| sha256_hex(bytes)));
+    let (weights_sha256, optimiser_sha256) = (sha256_hex(&weights), sha256_hex(&optimiser));
+    let state = State { step, best_rmse, weights_sha256, optimiser_sha256, critic_sha256 };
     atomic_write(&fresh.join(WEIGHTS), &weights)?;
     atomic_write(&fresh.join(OPTIMISER), &optimiser)?;
+    for (name, bytes) in CRITIC.iter().zip(critic.iter().flatten()) {
+        atomic_write(&fresh.join(name), bytes)?;
+    }
     atomic_write(&fresh.join(STATE), &serde_json::to_vec_pretty(&state).expect("plain struct"))?;
     let (folder, spare) = (run.join(FOLDER), run.join(SPARE));
     remove(&spare)?;
@@ -83,17 +95,24 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
     };
     let (state_path, state) = read(STATE)?;
     let state: State = serde_json::from_slice(&state).map_err(|e| Error::broken(&state_path, e.to_string()))?;
-    let (weights_path, weights) = read(WEIGHTS)?;
-    let (optimiser_path, optimiser) = read(OPTIMISER)?;
-    for (path, bytes, expected) in
-        [(&weights_path, &weights, &state.weights_sha256), (&optimiser_path, &optimiser, &state.optimiser_sha256)]
-    {
-        let found = sha256_hex(bytes);
-        if found != *expected {
-            return Err(Error::broken(path, format!("expected SHA-256 {expected}, found {found}")));
+    let whole = |name: &str, expected: &str| -> Result<(PathBuf, Vec<u8>)> {
+        let (path, bytes) = read(name)?;
+        let found = sha256_hex(&bytes);
+        if found == expected {
+            return Ok((path, bytes));
         }
-    }
-    Ok(Some(Checkpoint { state, weights: Weights::from_bytes(&weights_path, &weights)?, optimiser }))
+        Err(Error::broken(&path, format!("expected SHA-256 {expected}, found {found}")))
+    };
+    let weights = |name: &str, expected: &str| -> Result<Weights> {
+        let (path, bytes) = whole(name, expected)?;
+        Weights::from_bytes(&path, &bytes)
+    };
+    let critic = match &state.critic_sha256 {
+        Some([first, second]) => Some((weights(CRITIC[0], first)?, whole(CRITIC[1], second)?.1)),
+        None => None,
+    };
+    let (_, optimiser) = whole(OPTIMISER, &state.optimiser_sha256)?;
+    Ok(Some(Checkpoint { weights: weights(WEIGHTS, &state.weights_sha256)?, optimiser, critic, state }))
 }
 
 impl Checkpoint {
@@ -102,9 +121,29 @@ impl Checkpoint {
     /// # Errors
     /// If Burn cannot read its record.
     pub fn restore(&self, optimiser: ModuleOptimizer) -> Result<ModuleOptimizer> {
-        let bytes = burn::tensor::Bytes::from_bytes_vec(self.optimiser.clone());
-        optimiser.from_bytes(bytes).map_err(|e| Error::usage(format!("optimiser state: {e}")))
+        restored(optimiser, &self.optimiser)
     }
+
+    /// Gives `opponent` the saved weights and moments.
+    ///
+    /// # Errors
+    /// If there are none, they do not fit, or Burn cannot read its record.
+    pub fn restore_opponent(&self, opponent: &mut Opponent, device: &Device) -> Result<()> {
+        let (weights, record) =
+            self.critic.as_ref().ok_or_else(|| Error::usage("checkpoint: expected a critic, found none"))?;
+        opponent.restore(weights, Path::new(CRITIC[0]), device)?;
+        opponent.optimiser = restored(opponent.optimiser.clone(), record)?;
+        Ok(())
+    }
+}
+
+fn record(optimiser: &ModuleOptimizer) -> Result<Vec<u8>> {
+    Ok(optimiser.into_bytes().map_err(|e| Error::usage(format!("optimiser state: {e}")))?.to_vec())
+}
+
+fn restored(optimiser: ModuleOptimizer, record: &[u8]) -> Result<ModuleOptimizer> {
+    let bytes = burn::tensor::Bytes::from_bytes_vec(record.to_vec());
+    optimiser.from_bytes(bytes).map_err(|e| Error::usage(format!("optimiser state: {e}")))
 }
 
 fn remove(folder: &Path) -> Result<()> {

@@ -1,9 +1,10 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
 //! [`run`] is the loop, [`step`] one step of it; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
-//! holds the hyper-parameters; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
+//! holds the hyper-parameters, [`adversarial`] a rival's opponent; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
 //! how it goes.
 
+pub mod adversarial;
 pub mod checkpoint;
 pub mod curves;
 pub mod feed;

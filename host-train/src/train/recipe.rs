@@ -1,5 +1,6 @@
 //! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
 
+use super::adversarial::Adversarial;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
 use crate::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
@@ -59,6 +60,9 @@ pub struct Recipe {
     pub elevation: Elevation,
     /// What training and validation judge by.
     pub target: Target,
+    /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adversarial: Option<Adversarial>,
     /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
     pub known_sun: f64,
     /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
@@ -93,6 +97,7 @@ impl Recipe {
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
             target: Target::Truth,
+            adversarial: None,
             known_sun: 0.5,
             crop: [256, 320],
             crops_per_tile: 1,
@@ -130,9 +135,14 @@ impl Recipe {
         self.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos())
     }
 
+    /// Whether a step is one of those on the elevation term alone.
+    pub fn elevation_alone(&self, step: usize) -> bool {
+        (step as f64) < self.elevation_only * self.steps as f64
+    }
+
     /// Loss weights of a step.
     pub fn weights_at(&self, step: usize) -> LossWeights {
-        if (step as f64) < self.elevation_only * self.steps as f64 {
+        if self.elevation_alone(step) {
             LossWeights { gradient: 0.0, normal: 0.0, ..self.weights }
         } else {
             self.weights
@@ -164,6 +174,12 @@ impl Recipe {
         }
         if self.accumulate == 0 || !self.batch.is_multiple_of(self.accumulate) {
             return Err(format!("accumulate: expected a divisor of batch {}, found {}", self.batch, self.accumulate));
+        }
+        if let Some(adversarial) = &self.adversarial {
+            adversarial.check()?;
+            if self.accumulate > 1 {
+                return Err(format!("accumulate: expected 1 with a critic, found {}", self.accumulate));
+            }
         }
         if !(0.0..=1.0).contains(&self.known_sun) {
             return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));

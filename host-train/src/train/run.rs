@@ -209,7 +209,7 @@ impl Run {
 
     fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
         let weights = store::save(&self.record.network, &state.trainer.net);
-        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.trainer.optimiser)
+        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.trainer)
     }
 }
 

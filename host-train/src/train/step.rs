@@ -1,5 +1,6 @@
 //! One optimiser step: forward, loss, backward, AdamW.
 
+use super::adversarial::{Opponent, Scene};
 use super::checkpoint::Checkpoint;
 use super::journal::StepRecord;
 use super::loss::terms;
@@ -22,7 +23,12 @@ pub struct Trainer {
     pub net: ELunarDtmNet,
     /// AdamW and its moments.
     pub optimiser: ModuleOptimizer,
+    /// The recipe's opponent.
+    pub opponent: Option<Opponent>,
 }
+
+/// Seed of an opponent's weights: its own stream beside any network's, by the names of its tensors.
+const OPPONENT_SEED: u64 = 1;
 
 impl Trainer {
     /// A network with these weights, named `path` in messages, and a fresh optimiser on `device`, where `recipe` wants gradients
@@ -39,7 +45,8 @@ impl Trainer {
             .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
             .init();
         let net = store::load(config, weights, path, &device)?;
-        Ok(Self { device, net, optimiser })
+        let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
+        Ok(Self { device, net, optimiser, opponent })
     }
 
     /// Goes on with a checkpoint's moments.
@@ -48,6 +55,9 @@ impl Trainer {
     /// If Burn cannot read its record.
     pub fn restore(&mut self, saved: &Checkpoint) -> Result<()> {
         self.optimiser = saved.restore(self.optimiser.clone())?;
+        if let Some(opponent) = &mut self.opponent {
+            saved.restore_opponent(opponent, &self.device)?;
+        }
         Ok(())
     }
 
@@ -73,9 +83,12 @@ impl Trainer {
         let share = 1.0 / batches.len() as f64;
         let mut gradients = GradientsAccumulator::new();
         for [image, coarse, truth] in batches {
-            let prediction = self.net.forward(image, coarse);
-            let terms = terms(truth, prediction, recipe.elevation);
-            let total = recipe.weights_at(step).total(&terms);
+            let prediction = self.net.forward(image.clone(), coarse.clone());
+            let terms = terms(truth.clone(), prediction.clone(), recipe.elevation);
+            let mut total = recipe.weights_at(step).total(&terms);
+            if let Some(opponent) = self.opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
+                total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
+            }
             let number = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
             loss += number(&total);
             elevation += number(&terms.elevation);

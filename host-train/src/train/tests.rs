@@ -1,5 +1,6 @@
 //! The loop on a miniature network and made-up tiles.
 
+use super::adversarial::Adversarial;
 use super::feed::TileSource;
 use super::recipe::{Recipe, trained_network};
 use super::run::{BEST, LAST, Record, Run};
@@ -62,8 +63,19 @@ fn miniature() -> (NetConfig, Recipe) {
     (network, recipe)
 }
 
-fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
+/// The same as an adversarial rival: one branch, and a critic from the third step on.
+fn rival() -> (NetConfig, Recipe) {
     let (network, recipe) = miniature();
+    let network = NetConfig { use_coarse: false, coarse_channel: true, ..network };
+    let adversarial = Some(Adversarial { weight: 0.1, learning_rate: 2e-3, width: 4 });
+    (network, Recipe { adversarial, elevation_only: 0.25, ..recipe })
+}
+
+fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
+    run_of(miniature(), folder, resume, stop_after)
+}
+
+fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
     let initial = (!resume).then(|| initial_weights(&network, 1));
     // Never opened: the sources below stand in.
     let spec = DataSpec::Folder { path: "ripples".into() };
@@ -82,6 +94,13 @@ fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
 
 #[test]
 fn a_killed_run_resumes_bit_for_bit() {
+    for kind in [miniature(), rival()] {
+        resumes_bit_for_bit(&kind);
+    }
+}
+
+fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
+    let run = |folder: &Path, resume, stop_after| run_of(kind.clone(), folder, resume, stop_after);
     let folder = tempfile::tempdir().unwrap();
     let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
     assert!(run(&whole, false, None).train().unwrap().finished);
@@ -120,4 +139,22 @@ fn a_flipped_byte_in_a_checkpoint_is_refused() {
     std::fs::write(&path, bytes).unwrap();
     let error = run(folder.path(), true, None).train().unwrap_err().to_string();
     assert!(error.contains("SHA-256"), "{error}");
+}
+
+#[test]
+fn a_critic_learns_and_is_felt() {
+    let folder = tempfile::tempdir().unwrap();
+    let (network, recipe) = rival();
+    let without = Recipe { adversarial: None, ..recipe.clone() };
+    let weights = |name: &str, recipe: Recipe| {
+        let path = folder.path().join(name);
+        assert!(run_of((network.clone(), recipe), &path, false, None).train().unwrap().finished);
+        std::fs::read(path.join(LAST)).unwrap()
+    };
+    assert!(weights("with", recipe) != weights("without", without));
+    let critic = |step: &str| std::fs::read(folder.path().join(step).join("checkpoint/critic.safetensors"));
+    assert!(critic("without").is_err());
+    let path = folder.path().join("begun");
+    run_of(rival(), &path, false, Some(1)).train().unwrap();
+    assert!(critic("begun").unwrap() != critic("with").unwrap());
 }

@@ -59,7 +59,7 @@ impl Swin {
         let norm = |i: usize| LayerNormConfig::new(embed << i).init(device);
         let layers = (0..4).map(|i| Stage::new(config, i, device)).collect();
         let patch_embed = PatchEmbed {
-            proj: Conv2dConfig::new([config.image_maps(), embed], [4, 4]).with_stride([4, 4]).init(device),
+            proj: Conv2dConfig::new([config.encoder_channels(), embed], [4, 4]).with_stride([4, 4]).init(device),
             norm: LayerNormConfig::new(embed).init(device),
         };
         Self { patch_embed, layers, norm0: norm(0), norm1: norm(1), norm2: norm(2), norm3: norm(3) }

@@ -1,0 +1,38 @@
+//! A patch critic: which parts of a DTM look like the truth, given image and coarse DTM (Isola et al. 2017). The opponent that adversarial
+//! rivals are trained against; it is not part of any network that predicts.
+
+use super::conv::{conv, convolve};
+use burn::module::Module;
+use burn::nn::conv::Conv2d;
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::{Device, Tensor};
+
+/// Halvings before the judgement: a patch sees 31 x 31 pixels (our choice: small craters, not whole scenes).
+const HALVINGS: usize = 3;
+
+/// Slope of the leaky ReLU.
+const LEAK: f64 = 0.2;
+
+/// Three halving convolutions and a judgement per patch.
+#[derive(Module, Debug)]
+pub struct Critic {
+    stages: Vec<Conv2d>,
+    judge: Conv2d,
+}
+
+impl Critic {
+    /// A critic of `maps` input maps, `width` channels after the first halving and twice as many after each other.
+    pub fn new(maps: usize, width: usize, device: &Device) -> Self {
+        let channels = |stage: usize| if stage == 0 { maps } else { width << (stage - 1) };
+        Self {
+            stages: (0..HALVINGS).map(|i| conv(channels(i), channels(i + 1), 3, 2, true, device)).collect(),
+            judge: conv(channels(HALVINGS), 1, 3, 1, true, device),
+        }
+    }
+
+    /// `[B, maps, H, W]` to `[B, 1, H/8, W/8]`: 1 for what looks true, 0 for what looks made.
+    pub fn forward(&self, maps: Tensor<4>) -> Tensor<4> {
+        let x = self.stages.iter().fold(maps, |x, stage| leaky_relu(convolve(stage, x), LEAK));
+        convolve(&self.judge, x)
+    }
+}

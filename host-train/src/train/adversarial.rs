@@ -1,0 +1,113 @@
+//! Training against a critic, for rivals in the manner of LDEMGAN and MADNet: least-squares losses (Mao et al. 2017) with a patch critic
+//! that sees image, coarse DTM and the DTM to be judged.
+//!
+//! ```text
+//! critic:   mean((C(truth) - 1)²)/2 + mean(C(prediction)²)/2          the prediction as a constant
+//! network:  hybrid loss + weight * mean((C(prediction) - 1)²)          the critic as it is then
+//! ```
+
+use crate::Result;
+use crate::model::config::NetConfig;
+use crate::model::critic::Critic;
+use crate::model::init::normal_weights;
+use crate::model::store;
+use crate::model::weights::Weights;
+use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::tensor::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The part of a recipe that sets a critic against the network.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adversarial {
+    /// Weight of the adversarial term beside the hybrid loss.
+    pub weight: f64,
+    /// Learning rate of the critic, constant.
+    pub learning_rate: f64,
+    /// Channels of the critic after its first halving.
+    pub width: usize,
+}
+
+impl Adversarial {
+    /// What is wrong with it, if anything.
+    ///
+    /// # Errors
+    /// One line naming the field, what is expected and what was found.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let positive = |name: &str, value: f64| {
+            let sound = value.is_finite() && value > 0.0;
+            if sound { Ok(()) } else { Err(format!("adversarial {name}: expected a number above 0, found {value}")) }
+        };
+        positive("weight", self.weight)?;
+        positive("learning rate", self.learning_rate)?;
+        if (1..=1024).contains(&self.width) {
+            Ok(())
+        } else {
+            Err(format!("adversarial width: expected 1..=1024, found {}", self.width))
+        }
+    }
+}
+
+/// A critic and its optimiser.
+pub struct Opponent {
+    critic: Critic,
+    /// Adam and its moments.
+    pub optimiser: ModuleOptimizer,
+    recipe: Adversarial,
+    /// Brings normalised elevation to [0, 1].
+    scale: f64,
+}
+
+/// What the critic is asked about, beside the DTM.
+pub struct Scene {
+    /// `[B, maps, H, W]`.
+    pub image: Tensor<4>,
+    /// `[B, 1, H, W]` in [0, NR].
+    pub coarse: Tensor<4>,
+}
+
+impl Opponent {
+    /// A critic with weights from `seed`, on `device`.
+    ///
+    /// # Errors
+    /// Never with weights made here.
+    pub fn new(config: &NetConfig, recipe: Adversarial, seed: u64, device: &Device) -> Result<Self> {
+        let critic = Critic::new(config.image_maps() + 2, recipe.width, device);
+        let weights = normal_weights(store::arrays(&critic), seed);
+        let critic = store::put(critic, &weights, Path::new("critic"), device)?;
+        // Moments as is usual for critics: the gradient's mean forgets quickly.
+        let optimiser = AdamConfig::new().with_beta_1(0.5).with_epsilon(1e-8).init();
+        Ok(Self { critic, optimiser, recipe, scale: 1.0 / f64::from(config.nr) })
+    }
+
+    /// Its weights.
+    pub fn weights(&self) -> Weights {
+        store::arrays(&self.critic)
+    }
+
+    /// Goes on with these weights; `path` names them in messages.
+    ///
+    /// # Errors
+    /// If they do not fit.
+    pub fn restore(&mut self, weights: &Weights, path: &Path, device: &Device) -> Result<()> {
+        self.critic = store::put(self.critic.clone(), weights, path, device)?;
+        Ok(())
+    }
+
+    fn judge(&self, scene: &Scene, dtm: Tensor<4>) -> Tensor<4> {
+        let [coarse, dtm] = [scene.coarse.clone(), dtm].map(|z| z.mul_scalar(self.scale));
+        self.critic.forward(Tensor::cat(vec![scene.image.clone(), coarse, dtm], 1))
+    }
+
+    /// The critic learns from a truth and a prediction, then says what the prediction is worth: the weighted adversarial term, `[1]`.
+    pub fn term(&mut self, scene: &Scene, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
+        let halved = |judged: Tensor<4>| judged.powi_scalar(2).mean().mul_scalar(0.5);
+        let real = halved(self.judge(scene, truth).sub_scalar(1.0));
+        let made = halved(self.judge(scene, prediction.clone().detach()));
+        let gradients = GradientsParams::from_grads(real.add(made).backward(), &self.critic);
+        self.critic = self.optimiser.step(self.recipe.learning_rate, self.critic.clone(), gradients);
+        let term = self.judge(scene, prediction).sub_scalar(1.0).powi_scalar(2).mean();
+        term.mul_scalar(self.recipe.weight)
+    }
+}

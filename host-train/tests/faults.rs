@@ -1,0 +1,42 @@
+//! A short fault campaign on the shipped model; the long one is a command: docs of the flight library.
+
+use host_train::faults::{Campaign, Moments, Outcome, Results, Target, markdown, run};
+use host_train::predict::int8;
+use std::path::Path;
+
+const INJECTIONS: u64 = 7 * 48;
+
+fn campaign(protected: bool, threads: usize) -> Results {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
+    let model = int8::open(&path).unwrap();
+    let moments = Moments::record(&model, 3, 16, protected).unwrap();
+    run(&model, &moments, &Campaign { injections: INJECTIONS, seed: 3, threads }, || {}).unwrap()
+}
+
+#[test]
+fn what_is_protected_is_never_silently_wrong() {
+    let results = campaign(true, 2);
+    eprintln!("{}", markdown(&results));
+    let all = results.all();
+    assert_eq!(all.all(), INJECTIONS);
+    assert_eq!((all.of(Outcome::Hang), all.of(Outcome::Crash)), (0, 0));
+    for target in Target::ALL {
+        let counts = results.of(target);
+        assert!(counts.all() > 20, "{}: {} injections", target.name(), counts.all());
+        if target.is_model() {
+            assert_eq!(counts.of(Outcome::Reported), counts.all(), "{}", target.name());
+        } else if target != Target::Place {
+            assert_eq!(counts.of(Outcome::Silent), 0, "{}", target.name());
+        }
+    }
+    assert!(results.of(Target::Maps).of(Outcome::Recovered) > 0, "maps that are still wanted are found changed");
+    // The same seed, the same injections, whoever makes them.
+    assert_eq!(markdown(&campaign(true, 1)), markdown(&results));
+}
+
+#[test]
+fn without_protection_the_campaign_sees_what_it_is_for() {
+    let results = campaign(false, 2);
+    let silent = |target| results.of(target).of(Outcome::Silent);
+    assert!(silent(Target::Constants) + silent(Target::Maps) > 0, "{}", markdown(&results));
+}
