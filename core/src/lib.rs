@@ -41,14 +41,18 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod error;
+pub mod fill;
 pub mod grid;
 pub mod loss;
 pub mod mask;
 pub mod metrics;
 pub mod nn;
 pub mod norm;
+pub mod overlap;
 mod part;
 pub mod photoclinometry;
 pub mod quant;
+pub mod resample;
+pub mod strip;
 pub mod terrain;
 pub mod tile;

@@ -66,6 +66,11 @@ impl Tiling {
         (along(self.scene.0, self.tile.0, self.stride.0), along(self.scene.1, self.tile.1, self.stride.1))
     }
 
+    /// Rows and columns from one window to the next, but for the last.
+    pub fn stride(&self) -> (usize, usize) {
+        self.stride
+    }
+
     /// Number of windows; at least 1.
     #[allow(clippy::len_without_is_empty)] // a tiling is never empty
     pub fn len(&self) -> usize {
