@@ -12,6 +12,9 @@
 //!    rounding rule of [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
+//! A camera that delivers lines instead of tiles has [`strip`], which does all of this line by line: [`resample`] brings the coarse DTM onto
+//! the image's grid, [`fill`] closes gaps, [`overlap`] weighs tiles where they are blended.
+//!
 //! Beside that path stand the judges: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
 //! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals).
 //!

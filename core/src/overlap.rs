@@ -8,7 +8,7 @@
 //! line, same bits, however often.
 
 use crate::error::{LengthError, same_length};
-use crate::part::{item, part};
+use crate::part::item;
 use crate::tile::Window;
 
 /// Taps of the blur: the odd floor of 7 sigma (`dem_mosaic`).
@@ -80,7 +80,7 @@ impl OverlapWeights {
     /// Values of scratch memory that [`line`](Self::line) wants for tiles of `cols` columns.
     #[must_use]
     pub const fn scratch_len(cols: usize) -> usize {
-        cols.saturating_add(2 * REACH)
+        cols.saturating_add(2 * REACH).saturating_mul(2)
     }
 
     /// Distance of pixel (`row`, `col`) to the nearest side that is not open, itself included, in pixels, at most [`FARTHEST_PX`]; 0 beyond
@@ -106,24 +106,29 @@ impl OverlapWeights {
         let cols = self.tile.1;
         same_length(cols, out.len())?;
         same_length(Self::scratch_len(cols), scratch.len())?;
-        // Down the columns first, those beyond an open side included; always in the order of pixels, so that sums are the same bits.
+        // Down the columns first, those beyond an open side included; always in the order of pixels, so that sums are the same bits. Loops
+        // run along the line: there processors add several numbers at once.
         let (reach, row) = (REACH as isize, row.min(isize::MAX as usize) as isize);
-        scratch.fill(0.0);
+        let (columns_px, blurred) = scratch.split_at_mut_checked(cols.saturating_add(2 * REACH)).unwrap_or_default();
+        for (i, column_px) in columns_px.iter_mut().enumerate() {
+            *column_px = f64::from(self.to_cols_px(open, i as isize - reach));
+        }
+        blurred.fill(0.0);
         for offset in -reach..=reach {
             let weight = item(&self.kernel, offset.unsigned_abs());
-            let to_rows = self.to_rows_px(open, row.saturating_add(offset));
-            for (i, blurred) in scratch.iter_mut().enumerate() {
-                *blurred += weight * f64::from(self.to_cols_px(open, i as isize - reach).min(to_rows));
+            let row_px = f64::from(self.to_rows_px(open, row.saturating_add(offset)));
+            for (blurred, &column_px) in blurred.iter_mut().zip(columns_px.iter()) {
+                *blurred += weight * if column_px < row_px { column_px } else { row_px };
             }
         }
-        for (col, out) in out.iter_mut().enumerate() {
-            let around = part(scratch, col, TAPS);
-            let mut sum = 0.0;
-            for (i, blurred) in around.iter().enumerate() {
-                sum += item(&self.kernel, i.abs_diff(REACH)) * blurred;
+        out.fill(0.0);
+        for tap in 0..TAPS {
+            let weight = item(&self.kernel, tap.abs_diff(REACH));
+            for (out, blurred) in out.iter_mut().zip(blurred.iter().skip(tap)) {
+                *out += weight * *blurred;
             }
-            *out = sum * sum;
         }
+        out.iter_mut().for_each(|weight| *weight *= *weight);
         Ok(())
     }
 }
@@ -211,11 +216,11 @@ mod tests {
             (weights.distance_px(NONE, 0, 9), weights.distance_px(NONE, 29, 9), weights.distance_px(NONE, 15, 38)),
             (1, 1, 2)
         );
-        assert!(weights.line(NONE, 0, &mut [0.0; 39], &mut [0.0; 74]).is_err());
-        assert!(weights.line(NONE, 0, &mut [0.0; 40], &mut [0.0; 73]).is_err());
+        assert!(weights.line(NONE, 0, &mut [0.0; 39], &mut [0.0; 148]).is_err());
+        assert!(weights.line(NONE, 0, &mut [0.0; 40], &mut [0.0; 147]).is_err());
         let mut far = [1.0; 40];
-        weights.line(NONE, usize::MAX, &mut far, &mut [0.0; 74]).unwrap();
-        weights.line(NONE, isize::MAX as usize, &mut far, &mut [0.0; 74]).unwrap();
+        weights.line(NONE, usize::MAX, &mut far, &mut [0.0; 148]).unwrap();
+        weights.line(NONE, isize::MAX as usize, &mut far, &mut [0.0; 148]).unwrap();
         assert_eq!(far, [0.0; 40]);
     }
 }

@@ -111,7 +111,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         let counters = StripCounters::default();
         let (phase, ended, again) = (Phase::Waiting, false, false);
         let at = At { lines: 0, taken: 0, ended, tile_rows: 0, tile_cols: 0, phase, again, counters };
-        let strip = Self::at(plan, runner, memory, at)?;
+        let strip = Self::open(plan, runner, memory, at)?;
         strip.blend.sums.fill(f64::NAN);
         Ok(strip)
     }
@@ -133,10 +133,10 @@ impl<'a, 'm> Strip<'a, 'm> {
         memory: StripMemory<'m>,
         paused: &StripPaused,
     ) -> Result<Self, StripError> {
-        Self::at(plan, runner, memory, paused.at)
+        Self::open(plan, runner, memory, paused.at)
     }
 
-    fn at(plan: StripPlan, runner: Runner<'a, 'm>, memory: StripMemory<'m>, at: At) -> Result<Self, StripError> {
+    fn open(plan: StripPlan, runner: Runner<'a, 'm>, memory: StripMemory<'m>, at: At) -> Result<Self, StripError> {
         if StripPlan::new(runner.model(), plan.settings) != Ok(plan) {
             return Err(StripError::Model);
         }

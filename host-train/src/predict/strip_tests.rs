@@ -206,7 +206,7 @@ fn memory_is_as_documented() {
     }
 }
 
-/// How long each piece of work takes: `cargo test -p host-train --release --lib pieces_of_a_strip -- --ignored --nocapture`.
+/// How long each piece of work takes: `cargo test -p host-train --lib pieces_of_a_strip -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn pieces_of_a_strip() {
@@ -233,14 +233,14 @@ fn pieces_of_a_strip() {
     while strip.wants() != Next::Done {
         match strip.wants() {
             Next::Push => match lines.next() {
-                Some((image, coarse_m)) => timed(0, &mut || drop(strip.push_line(image, coarse_m).unwrap())),
+                Some((image, coarse_m)) => timed(0, &mut || assert!(strip.push_line(image, coarse_m).is_ok())),
                 None => strip.finish(),
             },
             Next::Step => {
-                timed(1 + piece, &mut || drop(strip.step(u64::MAX)));
+                timed(1 + piece, &mut || assert!(strip.step(u64::MAX) != Next::Take));
                 piece = (piece + 1) % 4;
             }
-            _ => timed(5, &mut || drop(strip.take_line(&mut line_m).unwrap())),
+            _ => timed(5, &mut || assert!(strip.take_line(&mut line_m).is_ok())),
         }
     }
     for (name, mut times) in
