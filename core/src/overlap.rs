@@ -87,14 +87,14 @@ impl OverlapWeights {
     /// such a side. Beyond an open side the tile goes on.
     #[must_use]
     pub fn distance_px(&self, open: Open, row: usize, col: usize) -> u32 {
-        self.to_rows_px(open, row as isize).min(self.to_cols_px(open, col as isize))
+        self.px_to_rows(open, row as isize).min(self.px_to_cols(open, col as isize))
     }
 
-    fn to_rows_px(&self, open: Open, row: isize) -> u32 {
+    fn px_to_rows(&self, open: Open, row: isize) -> u32 {
         along(row, self.tile.0, open.top, open.bottom)
     }
 
-    fn to_cols_px(&self, open: Open, col: isize) -> u32 {
+    fn px_to_cols(&self, open: Open, col: isize) -> u32 {
         along(col, self.tile.1, open.left, open.right)
     }
 
@@ -111,12 +111,12 @@ impl OverlapWeights {
         let (reach, row) = (REACH as isize, row.min(isize::MAX as usize) as isize);
         let (columns_px, blurred) = scratch.split_at_mut_checked(cols.saturating_add(2 * REACH)).unwrap_or_default();
         for (i, column_px) in columns_px.iter_mut().enumerate() {
-            *column_px = f64::from(self.to_cols_px(open, i as isize - reach));
+            *column_px = f64::from(self.px_to_cols(open, i as isize - reach));
         }
         blurred.fill(0.0);
         for offset in -reach..=reach {
             let weight = item(&self.kernel, offset.unsigned_abs());
-            let row_px = f64::from(self.to_rows_px(open, row.saturating_add(offset)));
+            let row_px = f64::from(self.px_to_rows(open, row.saturating_add(offset)));
             for (blurred, &column_px) in blurred.iter_mut().zip(columns_px.iter()) {
                 *blurred += weight * if column_px < row_px { column_px } else { row_px };
             }

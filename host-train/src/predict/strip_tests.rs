@@ -12,7 +12,6 @@ use elunar_core::norm::Light;
 use elunar_core::strip::{
     Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
 };
-use std::time::{Duration, Instant};
 
 fn nano() -> Int8Model {
     int8::open(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld")).unwrap()
@@ -203,55 +202,5 @@ fn memory_is_as_documented() {
             eprintln!("{row}");
             assert!(page.contains(&row), "core/docs/strip.md lacks {row}");
         }
-    }
-}
-
-/// How long each piece of work takes: `cargo test -p host-train --lib pieces_of_a_strip -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn pieces_of_a_strip() {
-    let file = nano();
-    let scene = scene(&pair(600, 701));
-    let options = Options::default();
-    let settings = settings(&scene, &file, &options, 257);
-    let model = file.model();
-    let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
-    let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
-    let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
-    let band = scene.band(0, scene.rows).unwrap();
-    let mut lines = band.image.chunks_exact(scene.cols).zip(band.coarse_m.chunks_exact(scene.cols));
-    let mut line_m = vec![0.0; scene.cols];
-    // A whole tile in one step, so that every tile takes four: prepare, network, bring back, blend.
-    let (mut pieces, mut piece) = ([vec![], vec![], vec![], vec![], vec![], vec![]], 0);
-    let mut timed = |at: usize, work: &mut dyn FnMut()| {
-        let start = Instant::now();
-        work();
-        pieces[at].push(start.elapsed());
-    };
-    while strip.wants() != Next::Done {
-        match strip.wants() {
-            Next::Push => match lines.next() {
-                Some((image, coarse_m)) => timed(0, &mut || assert!(strip.push_line(image, coarse_m).is_ok())),
-                None => strip.finish(),
-            },
-            Next::Step => {
-                timed(1 + piece, &mut || assert!(strip.step(u64::MAX) != Next::Take));
-                piece = (piece + 1) % 4;
-            }
-            _ => timed(5, &mut || assert!(strip.take_line(&mut line_m).is_ok())),
-        }
-    }
-    for (name, mut times) in
-        ["push a line", "prepare a tile", "network", "bring back", "blend", "take a line"].into_iter().zip(pieces)
-    {
-        times.sort_unstable();
-        let micros = |d: Duration| d.as_secs_f64() * 1e6;
-        eprintln!(
-            "{name}: median {:.1} us, largest {:.1} us",
-            micros(times[times.len() / 2]),
-            micros(times[times.len() - 1])
-        );
     }
 }
