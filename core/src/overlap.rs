@@ -53,7 +53,7 @@ impl Open {
 /// let (mut line, mut scratch) = ([0.0; 80], [0.0; OverlapWeights::scratch_len(80)]);
 /// weights.line(open, 0, &mut line, &mut scratch)?;
 /// // They fall towards the neighbour on the right.
-/// assert!(line[0] > 1e3 * line[79] && line[79] > 0.0);
+/// assert!(line[0] > 100.0 * line[79] && line[79] > 0.0);
 /// # Ok::<(), elunar_core::error::LengthError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -56,7 +56,7 @@ fn lines(posts: &[f32], grid: PostGrid, count: usize, px: usize, early: bool) ->
         while early && rows.peek().is_some_and(|row| made.push_row(row) == Ok(())) {
             rows.next();
         }
-        while let None = made.line(&mut line).inspect(|found| assert_eq!(*found, number)) {
+        while made.line(&mut line).inspect(|found| assert_eq!(*found, number)).is_none() {
             match rows.next() {
                 Some(row) => made.push_row(row).unwrap(),
                 None => made.finish(),
