@@ -12,6 +12,9 @@
 //!    rounding rule of [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
+//! A camera that delivers lines instead of tiles has [`strip`], which does all of this line by line: [`resample`] brings the coarse DTM onto
+//! the image's grid, [`fill`] closes gaps, [`overlap`] weighs tiles where they are blended.
+//!
 //! Beside that path stand the judges: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
 //! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals;
 //! and, line by line, the hazards of a lander's footprint).
@@ -42,14 +45,18 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod error;
+pub mod fill;
 pub mod grid;
 pub mod loss;
 pub mod mask;
 pub mod metrics;
 pub mod nn;
 pub mod norm;
+pub mod overlap;
 mod part;
 pub mod photoclinometry;
 pub mod quant;
+pub mod resample;
+pub mod strip;
 pub mod terrain;
 pub mod tile;

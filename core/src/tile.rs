@@ -62,8 +62,13 @@ impl Tiling {
 
     /// Rows and columns of windows.
     pub fn shape(&self) -> (usize, usize) {
-        let along = |scene: usize, tile: usize, stride: usize| (scene - tile).div_ceil(stride) + 1;
+        let along = |scene: usize, tile: usize, stride: usize| (scene - tile).div_ceil(stride.max(1)).saturating_add(1);
         (along(self.scene.0, self.tile.0, self.stride.0), along(self.scene.1, self.tile.1, self.stride.1))
+    }
+
+    /// Rows and columns from one window to the next, but for the last.
+    pub fn stride(&self) -> (usize, usize) {
+        self.stride
     }
 
     /// Number of windows; at least 1.
@@ -75,7 +80,7 @@ impl Tiling {
 
     /// Window `index`, counted along rows; `None` from [`Self::len`] on.
     pub fn get(&self, index: usize) -> Option<Window> {
-        let (_, across) = self.shape();
+        let across = self.shape().1.max(1);
         if index >= self.len() {
             return None;
         }

@@ -1,7 +1,9 @@
-//! The runner takes no memory but what it is lent.
+//! The runner takes no memory but what it is lent, and neither does a strip.
 #![allow(unsafe_code)] // an allocator that counts
 
 use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_core::norm::Light;
+use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
 use host_train::export::{CalibrationTile, Options, Precision, export};
 use host_train::model::weights::Weights;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -34,8 +36,8 @@ fn allocations() -> usize {
     ALLOCATIONS.with(Cell::get)
 }
 
-#[test]
-fn loading_running_and_scrubbing_allocate_nothing() {
+/// A small network, and a tile it was calibrated with.
+fn mini() -> (Vec<u8>, CalibrationTile) {
     let path = elunar_tests::repository().join("tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();
     let config = serde_json::from_str(&weights.metadata["config"]).unwrap();
@@ -48,6 +50,12 @@ fn loading_running_and_scrubbing_allocate_nothing() {
     let options = Options { tile: (image.shape[2], image.shape[3]), precision: Precision::Mixed, name: "mini".into() };
     let tiles = std::slice::from_ref(&tile);
     let bytes = export(&config, &weights, &path, tiles, &options, |_| {}).unwrap().bytes;
+    (bytes, tile)
+}
+
+#[test]
+fn loading_running_and_scrubbing_allocate_nothing() {
+    let (bytes, tile) = mini();
     let mut arena = vec![0; required(&Model::new(&bytes).unwrap())];
     let mut out = vec![0.0; tile.image.len()];
 
@@ -62,4 +70,55 @@ fn loading_running_and_scrubbing_allocate_nothing() {
     runner.output(&mut out).unwrap();
     assert_eq!(allocations(), before);
     assert!(out.iter().any(|v| *v != out[0]));
+}
+
+#[test]
+fn a_strip_allocates_nothing() {
+    let (bytes, _) = mini();
+    let model = Model::new(&bytes).unwrap();
+    let (rows, cols) = (3 * model.tile().0, 2 * model.tile().1 + 5);
+    let settings = StripSettings {
+        cols,
+        ring_lines: StripPlan::least_lines(&model),
+        overlap_px: 9,
+        pixel_m: 2.0,
+        coarse_px: 10.0,
+        anchor: true,
+        light: Some(Light::assumed(None)),
+    };
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
+    let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
+    let grid = PostGrid::spaced(cols / 10 + 3, (-10.0, -10.0), (10.0, 10.0));
+    let (mut kept, post_row) = (vec![0.0; Posts::memory_len(grid.cols)], (0..grid.cols).map(|c| (c * c) as f32));
+    let mut post_row: Vec<f32> = post_row.collect();
+    let image: Vec<f32> = (0..cols).map(|c| if c == 7 { f32::NAN } else { (c * 37 % 91) as f32 }).collect();
+    let (mut coarse_m, mut out_m, mut valid, mut lines) = (vec![0.0; cols], vec![0.0; cols], 0, 0);
+
+    let before = allocations();
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+    let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
+    let mut posts = Posts::new(grid, &mut kept).unwrap();
+    let mut take = |strip: &mut Strip| {
+        while strip.take_line(&mut out_m).unwrap().is_some() {
+            (valid, lines) = (valid + out_m.iter().filter(|z| z.is_finite()).count(), lines + 1);
+        }
+    };
+    for row in 0..rows {
+        while posts.line(&mut coarse_m).is_none() {
+            post_row[0] += row as f32;
+            posts.push_row(&post_row).unwrap();
+        }
+        strip.push_line(&image, &coarse_m).unwrap();
+        while strip.step(1 << 16) == Next::Step {}
+        take(&mut strip);
+    }
+    strip.finish();
+    while strip.wants() != Next::Done {
+        strip.step(1 << 16);
+        take(&mut strip);
+    }
+    take(&mut strip);
+    assert_eq!(allocations(), before);
+    assert_eq!((lines, valid, strip.counters().last_fault), (rows, rows * (cols - 1), None));
 }

@@ -22,6 +22,7 @@ mod error;
 pub mod format;
 mod input;
 pub mod kernels;
+mod maps;
 mod metres;
 mod model;
 mod ops;
@@ -38,7 +39,8 @@ mod tensor;
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
 pub use input::{Illumination, TruthRange};
-pub use metres::{TileError, TileInput, TileScale, validity};
+pub use maps::{GuidedMaps, InputRules, RangedMaps, TileError, TileInput, TileMaps, TileScale};
+pub use metres::validity;
 pub use model::{MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model};
 pub use prepared::Prepared;
 pub use program::{
@@ -54,4 +56,4 @@ pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;
 pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

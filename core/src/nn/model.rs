@@ -5,6 +5,7 @@ use super::error::{ModelError, OperatorFault};
 use super::format::{NONE, RawModel, i32_at, sealed, word};
 use super::input::{Illumination, TruthRange};
 use super::kernels::{PANEL, panelled, panels};
+use super::maps::InputRules;
 use super::ops::window_attention;
 use super::prepared::Prepared;
 use super::program::*;
@@ -421,6 +422,12 @@ impl<'a> Model<'a> {
     /// Which light the network knows.
     pub fn illumination(&self) -> Illumination {
         Illumination::of(self.raw.word(word::ILLUMINATION))
+    }
+
+    /// How tiles are normalised.
+    pub fn input_rules(&self) -> InputRules {
+        let (nr, range_margin) = (self.nr(), self.range_margin());
+        InputRules { nr, range_margin, truth_range: self.truth_range(), illumination: self.illumination() }
     }
 
     /// Samples of the image in every pixel: brightness, or the four maps of [`crate::photoclinometry::Guide`].

@@ -5,6 +5,7 @@
 //! (our choice; the paper leaves the network free at every wavelength).
 
 use crate::error::{LengthError, same_length};
+use crate::part::{item, put};
 
 /// Half the width of one box, in pixels of the coarse DTM. Three boxes make a low-pass of standard deviation 0.75 coarse
 /// pixels, which halves waves of four coarse pixels: finer ones a coarse DTM hardly carries.
@@ -87,17 +88,17 @@ impl Anchor {
 
     /// One box mean along `count` values from `first` on, `stride` apart.
     fn mean_along(self, map: &mut [f32], first: usize, stride: usize, count: usize, sums: &mut [f64]) {
-        let line = || (first..).step_by(stride.max(1)).take(count);
+        let line = || (0..count).map(|i| first.saturating_add(i.saturating_mul(stride)));
         let mut sum = 0.0;
-        sums[0] = 0.0;
+        put(sums, 0, sum);
         for (i, at) in line().enumerate() {
-            sum += f64::from(map[at]);
-            sums[i + 1] = sum;
+            sum += f64::from(item(map, at));
+            put(sums, i + 1, sum);
         }
         for (i, at) in line().enumerate() {
             let (low, high) =
                 (i.saturating_sub(self.radius_px), i.saturating_add(self.radius_px).saturating_add(1).min(count));
-            map[at] = ((sums[high] - sums[low]) / (high - low) as f64) as f32;
+            put(map, at, ((item(sums, high) - item(sums, low)) / (high - low) as f64) as f32);
         }
     }
 }

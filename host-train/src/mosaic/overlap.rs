@@ -2,20 +2,18 @@
 //!
 //! `dem_mosaic` joins DEMs of any shape, so every gap and edge is one. Tiles of one prediction share the scene's gaps and its border:
 //! there both of two neighbours would weigh next to nothing, and the better-placed one no more than the other, which leaves a
-//! visible step along their seam. Here only edges towards other tiles count (our choice).
+//! visible step along their seam. Here only edges towards other tiles count (our choice, see [`elunar_core::overlap`]).
 
-use super::weights::{Blend, tile_weights};
+use super::weights::Blend;
+use elunar_core::overlap::{self, Open};
 use elunar_core::tile::Window;
 use std::collections::HashMap;
-
-/// Beyond this distance (and the blur) no edge is felt.
-const FAR_PX: usize = 320;
 
 /// The weights of a scene's tiles: nine kinds at the most, each made once.
 pub struct OverlapWeights {
     scene: (usize, usize),
     blend: Blend,
-    made: HashMap<[bool; 4], Vec<f64>>,
+    made: HashMap<Open, Vec<f64>>,
 }
 
 impl OverlapWeights {
@@ -27,15 +25,23 @@ impl OverlapWeights {
 
     /// Weights of the tile at `window`, all positive, row-major.
     pub fn of(&mut self, window: Window) -> &[f64] {
-        let Window { row, col, rows, cols } = window;
-        let open = [row == 0, row + rows >= self.scene.0, col == 0, col + cols >= self.scene.1];
+        let open = Open::of(window, self.scene);
         self.made.entry(open).or_insert_with(|| {
-            // As if the tile went on far beyond the scene.
-            let [top, bottom, left, right] = open.map(|open| if open { FAR_PX } else { 0 });
-            let (wide, high) = (left + cols + right, top + rows + bottom);
-            let weights = tile_weights(&vec![true; high * wide], high, wide, self.blend);
-            let line = |r: usize| &weights[(top + r) * wide + left..][..cols];
-            (0..rows).flat_map(|r| line(r).iter().copied()).collect()
+            let (rows, cols) = (window.rows, window.cols);
+            let weights = overlap::OverlapWeights::new((rows, cols));
+            match self.blend {
+                Blend::DemMosaic => {
+                    let (mut made, mut scratch) =
+                        (vec![0.0; rows * cols], vec![0.0; overlap::OverlapWeights::scratch_len(cols)]);
+                    for (row, line) in made.chunks_exact_mut(cols).enumerate() {
+                        weights.line(open, row, line, &mut scratch).expect("buffers of these lengths");
+                    }
+                    made
+                }
+                Blend::Linear => {
+                    (0..rows * cols).map(|i| f64::from(weights.distance_px(open, i / cols, i % cols))).collect()
+                }
+            }
         })
     }
 }
@@ -43,6 +49,35 @@ impl OverlapWeights {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mosaic::tile_weights;
+
+    /// As if the tile went on far beyond the scene.
+    fn cut_from_beyond((rows, cols): (usize, usize), open: Open, blend: Blend) -> Vec<f64> {
+        let [top, bottom, left, right] =
+            [open.top, open.bottom, open.left, open.right].map(|open| if open { 320 } else { 0 });
+        let (wide, high) = (left + cols + right, top + rows + bottom);
+        let weights = tile_weights(&vec![true; high * wide], high, wide, blend);
+        let line = |r: usize| &weights[(top + r) * wide + left..][..cols];
+        (0..rows).flat_map(|r| line(r).iter().copied()).collect()
+    }
+
+    #[test]
+    fn weights_are_those_of_the_general_rule() {
+        let (scene, (rows, cols)) = ((300, 400), (70, 90));
+        for blend in [Blend::DemMosaic, Blend::Linear] {
+            let mut weights = OverlapWeights::new(scene, blend);
+            for (row, col) in [(0, 0), (0, 50), (0, 310), (50, 0), (50, 50), (50, 310), (230, 0), (230, 50), (230, 310)]
+            {
+                let window = Window { row, col, rows, cols };
+                let expected = cut_from_beyond((rows, cols), Open::of(window, scene), blend);
+                // Every sum has its terms in the same order.
+                assert!(weights.of(window) == expected, "{blend:?} {row} {col}");
+            }
+            let mut whole = OverlapWeights::new((60, 80), blend);
+            let window = Window { row: 0, col: 0, rows, cols };
+            assert!(whole.of(window) == cut_from_beyond((rows, cols), Open::of(window, (60, 80)), blend));
+        }
+    }
 
     #[test]
     fn only_inner_edges_count() {

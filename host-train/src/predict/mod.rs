@@ -3,7 +3,6 @@
 //! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict_rows`] cuts the scene into overlapping tiles, runs a
 //! [`network::Model`] over them and joins the heights, a band of rows at a time; [`Part`] keeps finished rows on disk. The network is float or int8: [`open`] looks at the file's extension.
 
-mod fill;
 pub mod float;
 pub mod int8;
 pub mod network;
@@ -15,13 +14,15 @@ mod scene;
 mod tile;
 
 #[cfg(test)]
+mod strip_tests;
+#[cfg(test)]
 mod tests;
 
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::Part;
 pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
-pub(crate) use scene::Band;
+pub(crate) use scene::{Band, Cutout};
 pub use scene::{Input, Scene, Survey};
 pub(crate) use tile::Outcome;
 

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::model::config::{Illumination, TargetRange};
+use elunar_core::nn::{self, InputRules, TruthRange};
 
 /// How a model wants its tiles normalised, and how its output turns back into metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +18,22 @@ pub struct Normalisation {
 }
 
 impl Normalisation {
+    /// The same, as `core` says it.
+    #[must_use]
+    pub fn input_rules(&self) -> InputRules {
+        let truth_range = match self.target_range {
+            TargetRange::Own => TruthRange::Own,
+            TargetRange::Reference => TruthRange::Reference,
+            TargetRange::Pixel => TruthRange::Pixel,
+        };
+        let illumination = match self.illumination {
+            Illumination::Any => nn::Illumination::Any,
+            Illumination::Northwest => nn::Illumination::Northwest,
+            Illumination::Given => nn::Illumination::Given,
+        };
+        InputRules { nr: self.nr, range_margin: self.range_margin, truth_range, illumination }
+    }
+
     /// Samples of the image in every pixel.
     #[must_use]
     pub fn image_maps(&self) -> usize {

@@ -1,12 +1,12 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
-use super::fill::fill_gaps;
 use crate::illumination::{self, KnownSun, Light, Turn};
 use crate::model::config::Illumination;
 use crate::raster::align::{Interpolation, Onto};
 use crate::raster::source::{InMemory, Source};
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
+use elunar_core::fill::fill_gaps;
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
@@ -54,7 +54,7 @@ pub struct Scene {
     coarse: Onto,
 }
 
-/// Some whole rows of a scene, without gaps, and which of their pixels are real.
+/// Some whole rows of a scene; gaps are not finite.
 #[derive(Debug, Clone)]
 pub struct Band {
     /// First row in the scene.
@@ -63,12 +63,20 @@ pub struct Band {
     pub rows: usize,
     /// Columns of the scene.
     pub cols: usize,
-    /// Relative brightness, gaps filled from their nearest neighbours within the band.
+    /// Relative brightness.
     pub image: Vec<f32>,
-    /// Coarse DTM, metres, gaps filled likewise.
+    /// Coarse DTM, metres.
     pub coarse_m: Vec<f32>,
-    /// Pixels where both inputs are real.
-    pub valid: Vec<bool>,
+}
+
+/// Maps of a tile without gaps, and which of its pixels are real: row-major.
+pub(crate) struct Cutout {
+    /// Relative brightness, gaps filled from their nearest neighbours within the tile.
+    pub(crate) image: Vec<f32>,
+    /// Coarse DTM, metres, gaps filled likewise.
+    pub(crate) coarse_m: Vec<f32>,
+    /// Pixels where both inputs are real; none lie beyond the scene.
+    pub(crate) valid: Vec<bool>,
 }
 
 /// What a look at a sample of a scene's rows tells.
@@ -127,11 +135,8 @@ impl Scene {
     /// If they leave the scene or a file cannot be read there.
     pub fn band(&self, first: usize, rows: usize) -> Result<Band> {
         let window = Window { row: first, col: 0, rows, cols: self.cols };
-        let (mut image, mut coarse_m) = (self.image.source.read(window)?, self.coarse.read(window)?);
-        let valid = image.iter().zip(&coarse_m).map(|(i, z)| i.is_finite() && z.is_finite()).collect();
-        fill_gaps(&mut image, rows, self.cols);
-        fill_gaps(&mut coarse_m, rows, self.cols);
-        Ok(Band { first, rows, cols: self.cols, image, coarse_m, valid })
+        let (image, coarse_m) = (self.image.source.read(window)?, self.coarse.read(window)?);
+        Ok(Band { first, rows, cols: self.cols, image, coarse_m })
     }
 
     /// The error that says so.
@@ -145,8 +150,8 @@ impl Scene {
     /// # Errors
     /// If a file cannot be read.
     pub fn coarse_raster(&self) -> Result<Raster> {
-        let Band { coarse_m, valid, .. } = self.band(0, self.rows)?;
-        let samples = coarse_m.into_iter().zip(valid).map(|(z, valid)| if valid { z } else { f32::NAN }).collect();
+        let band = self.band(0, self.rows)?;
+        let samples = band.valid().zip(&band.coarse_m).map(|(valid, &z)| if valid { z } else { f32::NAN }).collect();
         Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
     }
 
@@ -177,10 +182,11 @@ impl Scene {
         for block in 0..blocks {
             // Evenly spread, the last one at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
-            let band = self.band(first, rows)?;
-            light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
-            let valid = band.coarse_m.iter().zip(&band.valid).filter(|(_, valid)| **valid);
+            let mut band = self.band(first, rows)?;
+            let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
+            close_gaps([&mut band.image, &mut band.coarse_m], self.cols);
+            light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey { light, relief_m: range.1 - range.0, extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m) })
@@ -196,24 +202,39 @@ fn place(input: &Input) -> Result<&GeoRef> {
     })
 }
 
+/// Fills the gaps of maps of one size.
+fn close_gaps(maps: [&mut Vec<f32>; 2], cols: usize) {
+    let mut queue = vec![0; maps[0].len()];
+    for map in maps {
+        fill_gaps(map, cols, &mut queue).expect("whole rows, and a queue of their length");
+    }
+}
+
 impl Band {
-    /// Cuts `window` (of the scene) out of one of the band's maps. Beyond the band its last row and column repeat.
-    pub(crate) fn cut(&self, layer: &[f32], window: Window) -> Vec<f32> {
-        let mut out = Vec::with_capacity(window.rows * window.cols);
-        for row in window.row - self.first..window.row - self.first + window.rows {
-            let line = &layer[row.min(self.rows - 1) * self.cols..][..self.cols];
-            out.extend((window.col..window.col + window.cols).map(|col| line[col.min(self.cols - 1)]));
-        }
-        out
+    /// Whether both inputs are real, pixel by pixel.
+    pub(crate) fn valid(&self) -> impl Iterator<Item = bool> {
+        self.image.iter().zip(&self.coarse_m).map(|(i, z)| i.is_finite() && z.is_finite())
     }
 
-    /// The valid pixels of `window`; none lie beyond the band.
-    pub(crate) fn cut_valid(&self, window: Window) -> Vec<bool> {
-        let mut out = Vec::with_capacity(window.rows * window.cols);
-        for row in window.row - self.first..window.row - self.first + window.rows {
-            let inside = |col: usize| row < self.rows && col < self.cols && self.valid[row * self.cols + col];
-            out.extend((window.col..window.col + window.cols).map(inside));
+    /// Cuts `window` (of the scene) out of the band and closes its gaps; `None` if it has no valid pixel. Beyond the band its last row and
+    /// column repeat.
+    pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
+        let (first, rows, cols) = (window.row - self.first, window.rows, window.cols);
+        let layer = |layer: &[f32]| -> Vec<f32> {
+            let at = |row: usize, col: usize| layer[row.min(self.rows - 1) * self.cols + col.min(self.cols - 1)];
+            (first..first + rows)
+                .flat_map(|row| (window.col..window.col + cols).map(move |col| (row, col)))
+                .map(|(row, col)| at(row, col))
+                .collect()
+        };
+        let (mut image, mut coarse_m) = (layer(&self.image), layer(&self.coarse_m));
+        let inside = |i: usize| first + i / cols < self.rows && window.col + i % cols < self.cols;
+        let real = |(i, (v, z)): (usize, (&f32, &f32))| inside(i) && v.is_finite() && z.is_finite();
+        let valid: Vec<bool> = image.iter().zip(&coarse_m).enumerate().map(real).collect();
+        if !valid.contains(&true) {
+            return None;
         }
-        out
+        close_gaps([&mut image, &mut coarse_m], cols);
+        Some(Cutout { image, coarse_m, valid })
     }
 }

@@ -95,7 +95,7 @@ impl TileNetwork for Oracle<'_> {
     }
 }
 
-fn place(origin: (f64, f64), pixel_m: f64) -> Option<GeoRef> {
+pub(super) fn place(origin: (f64, f64), pixel_m: f64) -> Option<GeoRef> {
     let transform = [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m];
     Some(GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) })
 }
@@ -123,7 +123,7 @@ fn coarse() -> Raster {
     terrain(30, 40, (900.0, 2100.0), 60.0)
 }
 
-fn silent(_: usize, _: usize) -> ControlFlow<()> {
+pub(super) fn silent(_: usize, _: usize) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
@@ -213,7 +213,8 @@ fn gaps_of_either_input_stay_gaps_and_nothing_else_does() {
     coarse.samples[40 * 3 + 4] = f32::NAN;
     let scene = scene(&image, &coarse);
     let made = predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent).unwrap();
-    let scene::Band { valid, coarse_m, .. } = whole(&scene);
+    let band = whole(&scene);
+    let (valid, coarse_m) = (band.valid().collect::<Vec<bool>>(), band.coarse_m);
     let gaps = valid.iter().filter(|v| !**v).count();
     assert!(gaps > 500, "a coarse gap is many pixels wide: {gaps}");
     for (i, z) in made.dtm.samples.iter().enumerate() {

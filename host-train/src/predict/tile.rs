@@ -2,14 +2,13 @@
 
 use super::Options;
 use super::network::{Normalisation, TileNetwork};
-use super::scene::{Band, Scene};
-use crate::illumination::{Light, Turn, turned};
-use crate::model::config::{Illumination, TargetRange};
+use super::scene::{Band, Cutout, Scene};
+use crate::illumination::{Light, Turn};
 use crate::mosaic::{Blend, OverlapWeights};
 use crate::{Error, Result};
-use elunar_core::error::NormError;
-use elunar_core::norm::{Anchor, ElevationScale, intensity};
-use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use elunar_core::nn::{TileInput, TileMaps, TileScale};
+use elunar_core::norm::Anchor;
+use elunar_core::photoclinometry::Photoclinometry;
 use elunar_core::tile::Window;
 
 /// What became of a tile.
@@ -29,9 +28,7 @@ pub(super) struct Rules {
     pub(super) normalisation: Normalisation,
     /// Rows and columns of the scene.
     pub(super) scene: (usize, usize),
-    /// How tiles are mirrored before the network and back after it.
-    pub(super) turn: Turn,
-    /// How brightness answers to slope in a mirrored tile.
+    /// How brightness answers to slope.
     pub(super) light: Light,
     /// Ground size of a pixel, metres.
     pub(super) pixel_m: f32,
@@ -42,6 +39,7 @@ pub(super) struct Rules {
 }
 
 impl Rules {
+    /// For a scene whose light is `light` once it is mirrored by `turn`.
     pub(super) fn new(
         normalisation: Normalisation,
         (turn, light): (Turn, Light),
@@ -50,7 +48,9 @@ impl Rules {
     ) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
-        Self { normalisation, scene: (scene.rows, scene.cols), turn, light, pixel_m, coarse_px, blend, anchor }
+        // Mirrored twice is as it was: tiles are mirrored one by one on their way into the network.
+        let light = light.mirrored(turn);
+        Self { normalisation, scene: (scene.rows, scene.cols), light, pixel_m, coarse_px, blend, anchor }
     }
 }
 
@@ -59,6 +59,7 @@ pub(super) struct TileWorker<'a> {
     network: Box<dyn TileNetwork + 'a>,
     rules: Rules,
     sums: Vec<f64>,
+    scratch: Vec<f32>,
     weights: OverlapWeights,
 }
 
@@ -66,13 +67,13 @@ pub(super) struct TileWorker<'a> {
 struct Normalised {
     image: Vec<f32>,
     coarse: Vec<f32>,
-    scale: ElevationScale,
+    scale: TileScale,
 }
 
 impl<'a> TileWorker<'a> {
     pub(super) fn new(network: Box<dyn TileNetwork + 'a>, rules: Rules) -> Self {
         let weights = OverlapWeights::new(rules.scene, rules.blend);
-        Self { network, rules, sums: vec![], weights }
+        Self { network, rules, sums: vec![], scratch: vec![], weights }
     }
 
     /// Predicts `window` of the scene, of which `band` holds the rows.
@@ -80,29 +81,39 @@ impl<'a> TileWorker<'a> {
     /// # Errors
     /// If the network fails, or gives a height that is not finite.
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
-        let valid = band.cut_valid(window);
-        if !valid.contains(&true) {
-            return Ok(Outcome::Empty);
-        }
-        let (image, coarse_m) = (band.cut(&band.image, window), band.cut(&band.coarse_m, window));
+        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weights = self.weights(&valid, window);
-        let turn = self.rules.turn;
-        let mirrored = |map: Vec<f32>| if turn.is_none() { map } else { turned(turn, &map, window.cols) };
-        let (image, coarse_m) = (mirrored(image), mirrored(coarse_m));
-        let heights_m = match normalised(&self.rules, &image, &coarse_m, window.cols)? {
-            Some(tile) => self.predicted(tile, &coarse_m, window)?,
-            None => return Ok(Outcome::Coarse { heights_m: mirrored(coarse_m), weights }),
+        match self.normalised(&image, &coarse_m, (window.rows, window.cols))? {
+            Some(tile) => Ok(Outcome::Predicted { heights_m: self.predicted(tile, &coarse_m, window)?, weights }),
+            None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
+        }
+    }
+
+    /// A tile without gaps, made ready; `None` for one without contrast or relief.
+    fn normalised(&mut self, image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Result<Option<Normalised>> {
+        let Rules { normalisation, pixel_m, coarse_px, light, .. } = self.rules;
+        let maps = normalisation.image_maps();
+        // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
+        let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light: Some(light) };
+        if maps > 1 {
+            self.scratch.resize(Photoclinometry::new(shape).scratch_len(), 0.0);
+        }
+        let made = match TileMaps::new(&normalisation.input_rules(), shape, &tile, &mut self.scratch) {
+            Ok(made) => made,
+            Err(e) if e.nothing_to_see() => return Ok(None),
+            Err(e) => return Err(Error::usage(e.to_string())),
         };
-        Ok(Outcome::Predicted { heights_m: mirrored(heights_m), weights })
+        let (mut image, mut coarse) = (vec![0.0; maps * image.len()], vec![0.0; coarse_m.len()]);
+        made.fill(&mut image, &mut coarse).map_err(|e| Error::usage(e.to_string()))?;
+        Ok(Some(Normalised { image, coarse, scale: made.scale() }))
     }
 
     /// Heights of a normalised tile, metres.
     fn predicted(&mut self, tile: Normalised, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
         let Normalised { image, coarse, scale } = tile;
-        let mut normalised = vec![0.0; coarse.len()];
-        self.network.predict(&image, &coarse, &mut normalised)?;
-        let mut heights_m = coarse;
-        scale.recover(&normalised, &mut heights_m).map_err(|e| Error::usage(e.to_string()))?;
+        let mut heights_m = vec![0.0; coarse.len()];
+        self.network.predict(&image, &coarse, &mut heights_m)?;
+        scale.recover((window.rows, window.cols), &mut heights_m);
         if let Some(height) = heights_m.iter().find(|z| !z.is_finite()) {
             let (row, col) = (window.row, window.col);
             let what = format!("the model gave {height} in the tile at row {row}, column {col}");
@@ -111,8 +122,9 @@ impl<'a> TileWorker<'a> {
         if let Some(anchor) = self.rules.anchor {
             self.sums.resize(Anchor::sums_len(window.rows, window.cols), 0.0);
             // The normalised heights have served; their room does for the difference.
+            let mut difference = coarse;
             anchor
-                .apply(&mut heights_m, coarse_m, window.cols, &mut normalised, &mut self.sums)
+                .apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums)
                 .map_err(|e| Error::usage(e.to_string()))?;
         }
         Ok(heights_m)
@@ -122,57 +134,4 @@ impl<'a> TileWorker<'a> {
         let weight = |(&weight, &valid): (&f64, &bool)| if valid { weight } else { 0.0 };
         self.weights.of(window).iter().zip(valid).map(weight).collect()
     }
-}
-
-/// Image in [0, 1], coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or a guide's maps, and the way back to
-/// metres. `None` for a tile without contrast or relief.
-fn normalised(rules: &Rules, image: &[f32], coarse_m: &[f32], cols: usize) -> Result<Option<Normalised>> {
-    let rule = &rules.normalisation;
-    let nothing_to_see = |e: NormError| match e {
-        NormError::ConstantImage | NormError::Relief { .. } | NormError::TooFewValid { .. } => Ok(None),
-        other => Err(Error::usage(other.to_string())),
-    };
-    // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
-    let scale = match rule.target_range {
-        TargetRange::Pixel => ElevationScale::from_pixel(coarse_m, None, rules.pixel_m, rule.nr),
-        _ => ElevationScale::from_heights(coarse_m, None, rule.nr).and_then(|s| s.with_margin(rule.range_margin)),
-    };
-    let scale = match scale {
-        Ok(scale) => scale,
-        Err(e) => return nothing_to_see(e),
-    };
-    let made = match rule.illumination {
-        Illumination::Given => guided(rules, (image, coarse_m), &scale, cols),
-        _ => ranged(image, coarse_m, &scale),
-    };
-    match made {
-        Ok((image, coarse)) => Ok(Some(Normalised { image, coarse, scale })),
-        Err(e) => nothing_to_see(e),
-    }
-}
-
-type Maps = (Vec<f32>, Vec<f32>);
-
-fn ranged(image: &[f32], coarse_m: &[f32], scale: &ElevationScale) -> std::result::Result<Maps, NormError> {
-    let (mut bright, mut coarse) = (vec![0.0; image.len()], vec![0.0; coarse_m.len()]);
-    intensity::normalise(image, None, &mut bright)?;
-    scale.normalise(coarse_m, &mut coarse)?;
-    Ok((bright, coarse))
-}
-
-fn guided(
-    rules: &Rules,
-    (image, coarse_m): (&[f32], &[f32]),
-    scale: &ElevationScale,
-    cols: usize,
-) -> std::result::Result<Maps, NormError> {
-    let plan = Photoclinometry::new((image.len() / cols, cols));
-    let mut scratch = vec![0.0; plan.scratch_len()];
-    // Already mirrored.
-    let turn = Turn::default();
-    let input = GuideInput { image, coarse_m, valid: None, turn, coarse_px: rules.coarse_px };
-    let guide = Guide::new(&plan, input, scale, rules.light, &mut scratch)?;
-    let (mut maps, mut coarse) = (vec![0.0; MAPS * image.len()], vec![0.0; coarse_m.len()]);
-    guide.fill(&mut maps, &mut coarse)?;
-    Ok((maps, coarse))
 }

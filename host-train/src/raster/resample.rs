@@ -2,11 +2,12 @@
 //!
 //! The same function serves the synthetic Moon, training and prediction, so that all three see the coarse DTM alike.
 //!
-//! Catmull–Rom is our choice (SPEC A5): it passes through the nodes (0.22 m rms against thin-plate splines where GDAL's
-//! approximating B-spline leaves 1.43 m), and, unlike the prefiltered spline (0.19 m), it is local, so a hole in the coarse
-//! DTM spoils only its own neighbourhood.
+//! The arithmetic is [`elunar_core::resample`]'s. Catmull–Rom is our choice (SPEC A5): it passes through the nodes (0.22 m rms
+//! against thin-plate splines where GDAL's approximating B-spline leaves 1.43 m), and, unlike the prefiltered spline (0.19 m),
+//! it is local, so a hole in the coarse DTM spoils only its own neighbourhood.
 
 use super::GeoTransform;
+use elunar_core::resample::{EDGE_PX, bicubic, continued};
 use rayon::prelude::*;
 
 /// Where the centre of output pixel (row, col) lies on the source grid, in source pixels with (0, 0) the *centre* of the
@@ -127,51 +128,33 @@ impl Padded {
 
     /// The value at source position (`r`, `c`); NaN outside the outer pixel edges.
     pub(super) fn sample(&self, r: f64, c: f64) -> f32 {
-        // The slack keeps a pixel whose centre lies on the outer edge from being lost to rounding.
-        const EDGE: f64 = 0.5 + 1e-9;
-        if !(r >= -EDGE && c >= -EDGE && r <= self.rows as f64 - 1.0 + EDGE && c <= self.cols as f64 - 1.0 + EDGE) {
+        if !(r >= -EDGE_PX
+            && c >= -EDGE_PX
+            && r <= self.rows as f64 - 1.0 + EDGE_PX
+            && c <= self.cols as f64 - 1.0 + EDGE_PX)
+        {
             return f32::NAN;
         }
         let (row, col) = (r.floor(), c.floor());
-        let (fr, fc) = ((r - row) as f32, (c - col) as f32);
         // The first of the 4 x 4 samples is one before the floor; the slack may put the floor at -1 at the least.
         let first =
             (row as isize - 1 + RING as isize) as usize * self.stride + (col as isize - 1 + RING as isize) as usize;
-        let (wr, wc) = (catmull_rom(fr), catmull_rom(fc));
-        let mut sum = 0.0;
-        for (k, weight) in wr.iter().enumerate() {
+        let around = std::array::from_fn(|k| {
             let line = &self.samples[first + k * self.stride..][..4];
-            sum += weight * (wc[0] * line[0] + wc[1] * line[1] + wc[2] * line[2] + wc[3] * line[3]);
-        }
-        if sum.is_finite() { sum } else { self.bilinear(first + self.stride + 1, fr, fc) }
-    }
-
-    fn bilinear(&self, at: usize, fr: f32, fc: f32) -> f32 {
-        let corners = [
-            ((1.0 - fr) * (1.0 - fc), self.samples[at]),
-            ((1.0 - fr) * fc, self.samples[at + 1]),
-            (fr * (1.0 - fc), self.samples[at + self.stride]),
-            (fr * fc, self.samples[at + self.stride + 1]),
-        ];
-        corners.iter().filter(|(weight, _)| *weight > 0.0).map(|(weight, value)| weight * value).sum()
+            [line[0], line[1], line[2], line[3]]
+        });
+        bicubic(&around, (r - row) as f32, (c - col) as f32)
     }
 }
 
 /// Fills the [`RING`] samples before and after `len` samples that start at `at` and lie `step` apart.
 fn continue_line(samples: &mut [f32], at: usize, len: usize, step: usize) {
-    let (first, last) = (samples[at], samples[at + (len - 1) * step]);
-    let (rise_before, rise_after) =
-        if len > 1 { (samples[at + step] - first, last - samples[at + (len - 2) * step]) } else { (0.0, 0.0) };
+    let inner = if len > 1 { step } else { 0 };
+    let last = at + (len - 1) * step;
     for k in 1..=RING {
-        samples[at - k * step] = first - k as f32 * rise_before;
-        samples[at + (len - 1 + k) * step] = last + k as f32 * rise_after;
+        samples[at - k * step] = continued(samples[at], samples[at + inner], k);
+        samples[last + k * step] = continued(samples[last], samples[last - inner], k);
     }
-}
-
-/// Catmull–Rom weights of the four samples around a point at fraction `t` after the second; they sum to one.
-fn catmull_rom(t: f32) -> [f32; 4] {
-    let (t2, t3) = (t * t, t * t * t);
-    [0.5 * (-t + 2.0 * t2 - t3), 0.5 * (2.0 - 5.0 * t2 + 3.0 * t3), 0.5 * (t + 4.0 * t2 - 3.0 * t3), 0.5 * (t3 - t2)]
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::settings::Settings;
 use super::solver::{End, solve};
 use crate::Result;
 use crate::mosaic::OverlapWeights;
-use crate::predict::{Band, Outcome, TileMaker};
+use crate::predict::{Band, Cutout, Outcome, TileMaker};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use std::time::{Duration, Instant};
@@ -40,11 +40,7 @@ impl<'a> Solver<'a> {
 
 impl TileMaker for Solver<'_> {
     fn make(&mut self, band: &Band, window: Window) -> Result<Outcome> {
-        let valid = band.cut_valid(window);
-        if !valid.contains(&true) {
-            return Ok(Outcome::Empty);
-        }
-        let (image, coarse_m) = (band.cut(&band.image, window), band.cut(&band.coarse_m, window));
+        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weigh = |(&weight, &valid): (&f64, &bool)| if valid { weight } else { 0.0 };
         let weights = self.weights.of(window).iter().zip(&valid).map(weigh).collect();
         let truth_m = self.journal.truth(window)?;

@@ -5,19 +5,19 @@ use crate::nn::{Conv, Dtype, Edge, Entry, Operator, Tensor};
 
 /// A model being put together.
 #[derive(Clone)]
-pub(super) struct Draft {
-    pub(super) tensors: Vec<Tensor>,
-    pub(super) operators: Vec<Operator>,
-    pub(super) schedule: Vec<Entry>,
-    pub(super) constants: Vec<u8>,
-    pub(super) tile: (usize, usize),
-    pub(super) coarse: u32,
-    pub(super) output: u32,
+pub(crate) struct Draft {
+    pub(crate) tensors: Vec<Tensor>,
+    pub(crate) operators: Vec<Operator>,
+    pub(crate) schedule: Vec<Entry>,
+    pub(crate) constants: Vec<u8>,
+    pub(crate) tile: (usize, usize),
+    pub(crate) coarse: u32,
+    pub(crate) output: u32,
 }
 
 impl Draft {
     /// With an image (tensor 0) of that size and nothing else.
-    pub(super) fn new(tile: (usize, usize)) -> Self {
+    pub(crate) fn new(tile: (usize, usize)) -> Self {
         let none = Vec::new();
         let mut draft = Self {
             tensors: Vec::new(),
@@ -33,7 +33,7 @@ impl Draft {
     }
 
     /// Adds a tensor behind the others, a few bytes away.
-    pub(super) fn place(&mut self, tensor: Tensor) -> u32 {
+    pub(crate) fn place(&mut self, tensor: Tensor) -> u32 {
         let end = self.tensors.iter().map(|t| t.offset + t.size_bytes()).max();
         let pitch = tensor.pitch.max(tensor.row_bytes());
         self.tensors.push(Tensor { offset: end.map_or(0, |end| end + 3), pitch, ..tensor });
@@ -41,25 +41,25 @@ impl Draft {
     }
 
     /// Adds constants; returns where they are.
-    pub(super) fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
+    pub(crate) fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
         let at = self.constants.len();
         self.constants.extend(bytes);
         at
     }
 
     /// Adds i32 constants.
-    pub(super) fn words(&mut self, values: impl IntoIterator<Item = i32>) -> usize {
+    pub(crate) fn words(&mut self, values: impl IntoIterator<Item = i32>) -> usize {
         self.constant(values.into_iter().flat_map(i32::to_le_bytes))
     }
 
     /// Adds an operator.
-    pub(super) fn operator(&mut self, operator: Operator) -> usize {
+    pub(crate) fn operator(&mut self, operator: Operator) -> usize {
         self.operators.push(operator);
         self.operators.len() - 1
     }
 
     /// A convolution with weights and biases of 0.
-    pub(super) fn silent(&mut self, input: u32, out: u32, (kernel, stride, pad): (usize, usize, usize)) -> Conv {
+    pub(crate) fn silent(&mut self, input: u32, out: u32, (kernel, stride, pad): (usize, usize, usize)) -> Conv {
         let (x, y) = (self.tensors[input as usize], self.tensors[out as usize]);
         let weights =
             self.constant(vec![0; kernel * 4 * (kernel * x.channels).div_ceil(4) * y.channels.next_multiple_of(32)]);
@@ -85,7 +85,7 @@ impl Draft {
     }
 
     /// A tensor of the tile's size that a silent convolution makes from the image.
-    pub(super) fn made(&mut self, tensor: Tensor) -> u32 {
+    pub(crate) fn made(&mut self, tensor: Tensor) -> u32 {
         let out = self.place(tensor);
         let conv = self.silent(0, out, (1, 1, 0));
         self.operator(Operator::Conv(conv));
@@ -93,14 +93,14 @@ impl Draft {
     }
 
     /// Adds the output, made from the image.
-    pub(super) fn finish(&mut self) {
+    pub(crate) fn finish(&mut self) {
         self.output = self.place(Tensor { lo: 0, hi: 0, ..map(Dtype::F32, self.tile, 1) });
         let conv = self.silent(0, self.output, (1, 1, 0));
         self.operator(Operator::Conv(conv));
     }
 
     /// One entry per operator, in their order.
-    pub(super) fn in_order(&mut self) {
+    pub(crate) fn in_order(&mut self) {
         let entry = |(index, op): (usize, &Operator)| {
             let count = op.steps(&self.tensors[op.output() as usize]);
             Entry { operator: index, first: 0, count }
@@ -109,7 +109,7 @@ impl Draft {
     }
 
     /// The file.
-    pub(super) fn file(&self) -> Vec<u8> {
+    pub(crate) fn file(&self) -> Vec<u8> {
         let text = b"{}".to_vec();
         let mut sums = 0;
         let counted = |t: &Tensor| {
@@ -157,7 +157,7 @@ impl Draft {
 }
 
 /// A tensor that keeps all rows, without margin; [`Draft::place`] makes the pitch large enough.
-pub(super) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
+pub(crate) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
     Tensor {
         sums: 0,
         dtype,
@@ -177,7 +177,7 @@ pub(super) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -
 }
 
 /// A convolution that is nothing yet.
-pub(super) const EMPTY: Conv = Conv {
+pub(crate) const EMPTY: Conv = Conv {
     out: 0,
     first: 0,
     second: None,

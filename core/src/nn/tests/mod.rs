@@ -2,7 +2,7 @@
 
 mod attention;
 mod conv;
-mod draft;
+pub(crate) mod draft;
 mod enlarge;
 mod layer_norm;
 mod model;

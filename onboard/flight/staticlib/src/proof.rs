@@ -10,6 +10,9 @@ use elunar_capi::elunar_core::nn::slots::{
 use elunar_capi::elunar_core::nn::{
     Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
 };
+use elunar_capi::elunar_core::strip::{
+    Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
+};
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
 
 unsafe extern "C" {
@@ -128,5 +131,32 @@ root! {
         slots.write(offset_bytes, bytes)
     }
     elunar_root_slots_trial(slots: &mut Slots<Memory>, boots: u32) -> Result<(), SlotError> { slots.start_trial(boots) }
+    elunar_root_strip_plan(model: &Model<'_>, settings: StripSettings) -> Result<StripPlan, StripError> {
+        StripPlan::new(model, settings)
+    }
+    elunar_root_strip_bytes(plan: &StripPlan) -> usize { plan.bytes() }
+    elunar_root_strip(plan: StripPlan, runner: Runner<'static, 'static>, memory: StripMemory<'static>)
+        -> Result<Strip<'static, 'static>, StripError> { Strip::new(plan, runner, memory) }
+    elunar_root_strip_resume(
+        plan: StripPlan, runner: Runner<'static, 'static>, memory: StripMemory<'static>, paused: &StripPaused
+    ) -> Result<Strip<'static, 'static>, StripError> { Strip::resume(plan, runner, memory, paused) }
+    elunar_root_strip_pause(strip: &Strip<'_, '_>) -> StripPaused { strip.pause() }
+    elunar_root_strip_push(strip: &mut Strip<'_, '_>, image: &[f32], coarse_m: &[f32]) -> Result<usize, StripError> {
+        strip.push_line(image, coarse_m)
+    }
+    elunar_root_strip_finish(strip: &mut Strip<'_, '_>) -> () { strip.finish() }
+    elunar_root_strip_step(strip: &mut Strip<'_, '_>, macs: u64) -> Next { strip.step(macs) }
+    elunar_root_strip_ready(strip: &Strip<'_, '_>) -> usize { strip.ready() }
+    elunar_root_strip_take(strip: &mut Strip<'_, '_>, out_m: &mut [f32]) -> Result<Option<usize>, StripError> {
+        strip.take_line(out_m)
+    }
+    elunar_root_strip_scrub(strip: &mut Strip<'_, '_>, max_bytes: usize) -> Result<(), RunError> {
+        strip.scrub(max_bytes)
+    }
+    elunar_root_posts(grid: PostGrid, memory: &'static mut [f32]) -> Result<Posts<'static>, StripError> {
+        Posts::new(grid, memory)
+    }
+    elunar_root_posts_push(posts: &mut Posts<'_>, posts_m: &[f32]) -> Result<(), StripError> { posts.push_row(posts_m) }
+    elunar_root_posts_line(posts: &mut Posts<'_>, out_m: &mut [f32]) -> Option<usize> { posts.line(out_m) }
     elunar_root_scrub(runner: &mut Runner<'_, '_>, max_bytes: usize) -> Result<(), RunError> { runner.scrub(max_bytes) }
 }

@@ -1,0 +1,113 @@
+//! Closing gaps, so that the network never meets a hole: it sees plausible ground, and the result is masked again afterwards (our choice;
+//! the paper is silent about gaps).
+
+use crate::error::{LengthError, same_length};
+use crate::part::{head, head_mut, item, put};
+
+/// Gives every invalid (not finite) sample of a row-major map, `cols` wide, the value of the valid sample nearest to it in steps over 4
+/// neighbours; the earlier in reading order where several are as near. Without a valid sample nothing changes. `queue` is scratch of one
+/// value per sample.
+///
+/// ```
+/// let gap = f32::NAN;
+/// let mut samples = [1.0, gap, gap, gap, 5.0, gap, gap, gap, gap, 9.0];
+/// elunar_core::fill::fill_gaps(&mut samples, 5, &mut [0; 10])?;
+/// assert_eq!(samples, [1.0, 1.0, 1.0, 5.0, 5.0, 1.0, 1.0, 9.0, 9.0, 9.0]);
+/// # Ok::<(), elunar_core::error::LengthError>(())
+/// ```
+///
+/// # Errors
+/// [`LengthError`] if the map is not made of whole rows, or the queue is shorter; nothing is changed then.
+pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [u32]) -> Result<(), LengthError> {
+    let (len, found) = (samples.len(), queue.len());
+    same_length(len - len.checked_rem(cols).unwrap_or(len), len)?;
+    if found < len {
+        return Err(LengthError { expected: len, found });
+    }
+    if samples.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let queue = head_mut(queue, len);
+    // Only valid samples beside a gap can spread. Each sample queues once: when it is found valid here, or when it is filled.
+    let mut end = 0;
+    for i in 0..len {
+        let gap = |n: usize| samples.get(n).is_some_and(|v| !v.is_finite());
+        if !gap(i) && neighbours(i, cols).any(gap) {
+            put(queue, end, i as u32);
+            end += 1;
+        }
+    }
+    let mut next = 0;
+    while next < end {
+        let i = item(head(queue, end), next) as usize;
+        let value = item(samples, i);
+        for n in neighbours(i, cols) {
+            if samples.get(n).is_some_and(|v| !v.is_finite()) {
+                put(samples, n, value);
+                put(queue, end, n as u32);
+                end += 1;
+            }
+        }
+        next += 1;
+    }
+    Ok(())
+}
+
+/// The neighbours of sample `i`, from top to bottom; those below the last row are beyond the map's end.
+fn neighbours(i: usize, cols: usize) -> impl Iterator<Item = usize> {
+    let cols = cols.max(1);
+    let col = i % cols;
+    let near =
+        [i.checked_sub(cols), (col > 0).then(|| i.wrapping_sub(1)), (col + 1 < cols).then_some(i + 1), Some(i + cols)];
+    near.into_iter().flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// By definition, over all pairs; distances around gaps are those around nothing: steps cross gaps and valid samples alike.
+    fn naive(samples: &[f32], cols: usize) -> Vec<f32> {
+        let apart = |a: usize, b: usize| (a / cols).abs_diff(b / cols) + (a % cols).abs_diff(b % cols);
+        let nearest = |i: usize| (0..samples.len()).filter(|&n| samples[n].is_finite()).map(|n| apart(i, n)).min();
+        (0..samples.len()).map(|i| nearest(i).map_or(f32::NAN, |d| d as f32)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn gaps_take_a_nearest_value(rows in 1_usize..8, cols in 1_usize..8, seed in any::<u64>(), share in 1_u64..100) {
+            let mut state = seed;
+            let mut next = || { state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); state >> 33 };
+            let before: Vec<f32> = (0..rows * cols).map(|i| if next() % 100 < share { f32::NAN } else { i as f32 }).collect();
+            let mut after = before.clone();
+            fill_gaps(&mut after, cols, &mut vec![7; rows * cols]).unwrap();
+            let distance = naive(&before, cols);
+            for i in 0..rows * cols {
+                if distance[i].is_nan() {
+                    prop_assert!(after[i].is_nan());
+                    continue;
+                }
+                // The value names the sample it came from.
+                let from = after[i] as usize;
+                let apart = (i / cols).abs_diff(from / cols) + (i % cols).abs_diff(from % cols);
+                prop_assert!(before[from].is_finite() && apart as f32 == distance[i], "{} from {}", i, from);
+            }
+        }
+    }
+
+    #[test]
+    fn short_queues_and_broken_rows_are_refused() {
+        let mut samples = [1.0, f32::NAN, 3.0, 4.0];
+        assert_eq!(fill_gaps(&mut samples, 2, &mut [0; 3]), Err(LengthError { expected: 4, found: 3 }));
+        assert_eq!(fill_gaps(&mut samples, 3, &mut [0; 4]), Err(LengthError { expected: 3, found: 4 }));
+        assert!(fill_gaps(&mut samples, 0, &mut [0; 4]).is_err());
+        assert!(samples[1].is_nan());
+        fill_gaps(&mut samples, 2, &mut [0; 4]).unwrap();
+        assert_eq!(samples, [1.0, 1.0, 3.0, 4.0]);
+        assert_eq!(fill_gaps(&mut [], 0, &mut []), Ok(()));
+        let mut nothing = [f32::NAN; 4];
+        fill_gaps(&mut nothing, 2, &mut [0; 4]).unwrap();
+        assert!(nothing.iter().all(|v| v.is_nan()));
+    }
+}

@@ -1,0 +1,226 @@
+//! Weights by which overlapping tiles of one scene are blended.
+//!
+//! As the Ames Stereo Pipeline's `dem_mosaic` weighs by default: the distance to the nearest edge in steps over 4 neighbours, blurred by a
+//! Gaussian of 5 pixels and squared. But only edges towards other tiles count (our choice): tiles of one scene share its border and its
+//! gaps, and there neither of two neighbours is the better placed. So weights do not depend on the data, and tiles come in nine kinds.
+//!
+//! Nothing is kept: a line of weights is made when it is asked for, for two times [`TAPS`] multiplications per pixel. Same tile, same
+//! line, same bits, however often.
+
+use crate::error::{LengthError, same_length};
+use crate::part::item;
+use crate::tile::Window;
+
+/// Taps of the blur: the odd floor of 7 sigma (`dem_mosaic`).
+pub const TAPS: usize = 35;
+/// Distances beyond this count no more: extra crop 200 + twice the taps + 1 (`dem_mosaic`'s margin, without erosion and hole filling).
+pub const FARTHEST_PX: u32 = 271;
+/// Standard deviation of the blur, pixels.
+const SIGMA_PX: f64 = 5.0;
+/// Taps on either side of the middle.
+const REACH: usize = TAPS / 2;
+
+/// Which sides of a tile are the scene's border, where no other tile is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Open {
+    /// First row.
+    pub top: bool,
+    /// Last row.
+    pub bottom: bool,
+    /// First column.
+    pub left: bool,
+    /// Last column.
+    pub right: bool,
+}
+
+impl Open {
+    /// The sides of `window` that lie on the border of a scene of (rows, columns), or beyond it.
+    #[must_use]
+    pub fn of(window: Window, scene: (usize, usize)) -> Self {
+        let Window { row, col, rows, cols } = window;
+        let ends = |first: usize, len: usize, scene: usize| first.saturating_add(len) >= scene;
+        Self { top: row == 0, bottom: ends(row, rows, scene.0), left: col == 0, right: ends(col, cols, scene.1) }
+    }
+}
+
+/// The weights of tiles of one shape.
+///
+/// ```
+/// use elunar_core::overlap::{Open, OverlapWeights};
+///
+/// let weights = OverlapWeights::new((64, 80));
+/// let open = Open { top: true, bottom: false, left: true, right: false };
+/// let (mut line, mut scratch) = ([0.0; 80], [0.0; OverlapWeights::scratch_len(80)]);
+/// weights.line(open, 0, &mut line, &mut scratch)?;
+/// // They fall towards the neighbour on the right.
+/// assert!(line[0] > 100.0 * line[79] && line[79] > 0.0);
+/// # Ok::<(), elunar_core::error::LengthError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OverlapWeights {
+    tile: (usize, usize),
+    /// One side of the symmetric kernel, centre first: the Gaussian integrated over each pixel, summing to one.
+    kernel: [f64; REACH + 1],
+}
+
+impl OverlapWeights {
+    /// For tiles of (rows, columns).
+    #[must_use]
+    pub fn new(tile: (usize, usize)) -> Self {
+        let edge = |x: f64| libm::erf(x / (SIGMA_PX * core::f64::consts::SQRT_2));
+        let mut kernel = [0.0; REACH + 1];
+        for (i, k) in kernel.iter_mut().enumerate() {
+            *k = 0.5 * (edge(i as f64 + 0.5) - edge(i as f64 - 0.5));
+        }
+        let sum = kernel[0] + 2.0 * kernel.iter().skip(1).sum::<f64>();
+        kernel.iter_mut().for_each(|k| *k /= sum);
+        Self { tile, kernel }
+    }
+
+    /// Values of scratch memory that [`line`](Self::line) wants for tiles of `cols` columns.
+    #[must_use]
+    pub const fn scratch_len(cols: usize) -> usize {
+        cols.saturating_add(2 * REACH).saturating_mul(2)
+    }
+
+    /// Distance of pixel (`row`, `col`) to the nearest side that is not open, itself included, in pixels, at most [`FARTHEST_PX`]; 0 beyond
+    /// such a side. Beyond an open side the tile goes on.
+    #[must_use]
+    pub fn distance_px(&self, open: Open, row: usize, col: usize) -> u32 {
+        self.px_to_rows(open, row as isize).min(self.px_to_cols(open, col as isize))
+    }
+
+    fn px_to_rows(&self, open: Open, row: isize) -> u32 {
+        along(row, self.tile.0, open.top, open.bottom)
+    }
+
+    fn px_to_cols(&self, open: Open, col: isize) -> u32 {
+        along(col, self.tile.1, open.left, open.right)
+    }
+
+    /// The weights of a tile's line `row` from left to right, all positive.
+    ///
+    /// # Errors
+    /// [`LengthError`] if `out` has not the tile's columns, or `scratch` not [`scratch_len`](Self::scratch_len).
+    pub fn line(&self, open: Open, row: usize, out: &mut [f64], scratch: &mut [f64]) -> Result<(), LengthError> {
+        let cols = self.tile.1;
+        same_length(cols, out.len())?;
+        same_length(Self::scratch_len(cols), scratch.len())?;
+        // Down the columns first, those beyond an open side included; always in the order of pixels, so that sums are the same bits. Loops
+        // run along the line: there processors add several numbers at once.
+        let (reach, row) = (REACH as isize, row.min(isize::MAX as usize) as isize);
+        let (columns_px, blurred) = scratch.split_at_mut_checked(cols.saturating_add(2 * REACH)).unwrap_or_default();
+        for (i, column_px) in columns_px.iter_mut().enumerate() {
+            *column_px = f64::from(self.px_to_cols(open, i as isize - reach));
+        }
+        blurred.fill(0.0);
+        for offset in -reach..=reach {
+            let weight = item(&self.kernel, offset.unsigned_abs());
+            let row_px = f64::from(self.px_to_rows(open, row.saturating_add(offset)));
+            for (blurred, &column_px) in blurred.iter_mut().zip(columns_px.iter()) {
+                *blurred += weight * if column_px < row_px { column_px } else { row_px };
+            }
+        }
+        out.fill(0.0);
+        for tap in 0..TAPS {
+            let weight = item(&self.kernel, tap.abs_diff(REACH));
+            for (out, blurred) in out.iter_mut().zip(blurred.iter().skip(tap)) {
+                *out += weight * *blurred;
+            }
+        }
+        out.iter_mut().for_each(|weight| *weight *= *weight);
+        Ok(())
+    }
+}
+
+/// Distance to the nearer of two ends that are not open, at most [`FARTHEST_PX`].
+fn along(at: isize, len: usize, before: bool, after: bool) -> u32 {
+    let far = FARTHEST_PX as isize;
+    let first = if before { far } else { at.saturating_add(1) };
+    let last = if after { far } else { (len as isize).saturating_sub(at) };
+    first.min(last).clamp(0, far) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: Open = Open { top: false, bottom: false, left: false, right: false };
+
+    fn kinds() -> impl Iterator<Item = Open> {
+        (0..16).map(|k| Open { top: k & 1 > 0, bottom: k & 2 > 0, left: k & 4 > 0, right: k & 8 > 0 })
+    }
+
+    fn table(tile: (usize, usize), open: Open) -> Vec<f64> {
+        let weights = OverlapWeights::new(tile);
+        let (mut line, mut scratch) = (vec![0.0; tile.1], vec![7.0; OverlapWeights::scratch_len(tile.1)]);
+        let mut all = vec![];
+        for row in 0..tile.0 {
+            weights.line(open, row, &mut line, &mut scratch).unwrap();
+            all.extend_from_slice(&line);
+        }
+        all
+    }
+
+    /// The whole tile and its surroundings at once, by the definition in two dimensions.
+    fn naive((rows, cols): (usize, usize), open: Open, row: usize, col: usize) -> f64 {
+        let taps: Vec<f64> = (-17..=17).map(|i| (-f64::from(i * i) / 50.0).exp()).collect();
+        let total: f64 = taps.iter().sum();
+        let (mut sum, beyond) = (0.0, 400);
+        for (i, a) in taps.iter().enumerate() {
+            for (j, b) in taps.iter().enumerate() {
+                let (r, c) = (row as i64 + i as i64 - 17, col as i64 + j as i64 - 17);
+                let top = if open.top { r + beyond } else { r + 1 };
+                let left = if open.left { c + beyond } else { c + 1 };
+                let bottom = rows as i64 - r + if open.bottom { beyond } else { 0 };
+                let right = cols as i64 - c + if open.right { beyond } else { 0 };
+                sum += a * b / (total * total) * top.min(bottom).min(left).min(right).clamp(0, 271) as f64;
+            }
+        }
+        sum * sum
+    }
+
+    #[test]
+    fn weights_are_blurred_distances_squared() {
+        for (tile, open) in [(64, 80), (5, 9), (300, 40)].into_iter().flat_map(|t| kinds().map(move |k| (t, k))) {
+            let found = table(tile, open);
+            for i in (0..tile.0 * tile.1).step_by(97) {
+                let (row, col) = (i / tile.1, i % tile.1);
+                let expected = naive(tile, open, row, col);
+                // The Gaussian at the middle of a pixel differs from its mean over the pixel by up to 0.7 % of a tap.
+                assert!(
+                    (found[i] / expected - 1.0).abs() < 0.02,
+                    "{tile:?} {open:?} {row} {col}: {} {expected}",
+                    found[i]
+                );
+            }
+            assert!(found.iter().all(|w| *w > 0.0));
+        }
+    }
+
+    #[test]
+    fn open_sides_are_those_of_the_scene() {
+        let of = |row, col| Open::of(Window { row, col, rows: 20, cols: 30 }, (60, 90));
+        assert_eq!(of(20, 30), NONE);
+        assert_eq!(of(0, 60), Open { top: true, right: true, ..NONE });
+        assert_eq!(of(40, 0), Open { bottom: true, left: true, ..NONE });
+        assert_eq!(Open::of(Window { row: 0, col: 0, rows: 99, cols: 99 }, (3, 3)), kinds().last().unwrap());
+    }
+
+    #[test]
+    fn far_inside_nothing_is_felt_and_odd_buffers_are_refused() {
+        let all = kinds().last().unwrap();
+        assert!(table((30, 40), all).iter().all(|w| (w / 271.0_f64.powi(2) - 1.0).abs() < 1e-12));
+        let weights = OverlapWeights::new((30, 40));
+        assert_eq!(
+            (weights.distance_px(NONE, 0, 9), weights.distance_px(NONE, 29, 9), weights.distance_px(NONE, 15, 38)),
+            (1, 1, 2)
+        );
+        assert!(weights.line(NONE, 0, &mut [0.0; 39], &mut [0.0; 148]).is_err());
+        assert!(weights.line(NONE, 0, &mut [0.0; 40], &mut [0.0; 147]).is_err());
+        let mut far = [1.0; 40];
+        weights.line(NONE, usize::MAX, &mut far, &mut [0.0; 148]).unwrap();
+        weights.line(NONE, isize::MAX as usize, &mut far, &mut [0.0; 148]).unwrap();
+        assert_eq!(far, [0.0; 40]);
+    }
+}

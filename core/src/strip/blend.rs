@@ -1,0 +1,97 @@
+//! The weighted mean of overlapping tiles, line by line.
+//!
+//! Only sums of weighted heights are kept. The sums of weights are made when a line leaves: they depend on nothing but the tiles' places, as
+//! every tile has a height wherever the strip is valid.
+
+use super::lines::Lines;
+use crate::overlap::{Open, OverlapWeights};
+use crate::part::{part, part_mut};
+use crate::tile::{Tiling, Window};
+
+/// Sums of a ring of lines; NaN where no tile has come yet.
+#[derive(Debug)]
+pub(super) struct Blend<'m> {
+    pub(super) sums: &'m mut [f64],
+    /// Room for a line of the strip, a line of a tile, and what making weights wants.
+    pub(super) aside: &'m mut [f64],
+    pub(super) weights: OverlapWeights,
+    pub(super) tile: (usize, usize),
+    pub(super) cols: usize,
+}
+
+/// Where a strip ends as far as is known, and how it is cut.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cut {
+    /// Rows and columns; as many rows as can be counted while the end is not known.
+    pub(super) scene: (usize, usize),
+    pub(super) tiling: Tiling,
+}
+
+impl Blend<'_> {
+    /// Adds a tile's heights wherever the strip is valid.
+    pub(super) fn add(&mut self, cut: &Cut, window: Window, lines: &Lines<'_>, heights_m: &[f32]) {
+        let (open, cols) = (Open::of(window, cut.scene), window.cols);
+        for (r, heights_m) in heights_m.chunks_exact(cols.max(1)).enumerate() {
+            let row = window.row.saturating_add(r);
+            if row >= cut.scene.0 {
+                break;
+            }
+            let (weights, scratch) = weights_of(self.aside, self.cols, cols);
+            // The lengths are planned.
+            let _ = self.weights.line(open, r, weights, scratch);
+            let (image, coarse_m) = lines.line(row);
+            let valid = image.iter().zip(coarse_m).map(|(v, z)| v.is_finite() && z.is_finite()).skip(window.col);
+            let at = (row % self.tile.0.max(1)).saturating_mul(self.cols);
+            let sums = part_mut(self.sums, at, self.cols).iter_mut().skip(window.col);
+            for (((sum, valid), weight), &height_m) in sums.zip(valid).zip(weights).zip(heights_m) {
+                if valid {
+                    *sum = if sum.is_nan() { 0.0 } else { *sum } + *weight * f64::from(height_m);
+                }
+            }
+        }
+    }
+
+    /// The heights of a line that all of its tiles have been added to, NaN in its gaps; its sums are free for another line then.
+    pub(super) fn take(&mut self, cut: &Cut, row: usize, out_m: &mut [f32]) {
+        self.weigh(cut, row);
+        let at = (row % self.tile.0.max(1)).saturating_mul(self.cols);
+        let (sums, totals) = (part_mut(self.sums, at, self.cols), part(self.aside, 0, self.cols));
+        for ((out_m, sum), total) in out_m.iter_mut().zip(sums).zip(totals) {
+            *out_m = (*sum / total) as f32;
+            *sum = f64::NAN;
+        }
+    }
+
+    /// Adds up the weights of all tiles over a line, in the order in which tiles are added.
+    fn weigh(&mut self, cut: &Cut, row: usize) {
+        part_mut(self.aside, 0, self.cols).fill(0.0);
+        let (_, across) = cut.tiling.shape();
+        let first = row.saturating_sub(self.tile.0) / cut.tiling.stride().0.max(1);
+        let mut made = None;
+        for index in first.saturating_mul(across).. {
+            let Some(window) = cut.tiling.get(index).filter(|window| window.row <= row) else { break };
+            let r = row - window.row;
+            if r >= window.rows {
+                continue;
+            }
+            let (totals, rest) = self.aside.split_at_mut_checked(self.cols).unwrap_or_default();
+            let (weights, scratch) = weights_of(rest, 0, window.cols);
+            // Neighbours within a row of tiles have the same weights, but for the first and the last.
+            let open = Open::of(window, cut.scene);
+            if made != Some((open, r)) {
+                // The lengths are planned.
+                let _ = self.weights.line(open, r, weights, scratch);
+                made = Some((open, r));
+            }
+            for (total, weight) in totals.iter_mut().skip(window.col).zip(weights) {
+                *total += *weight;
+            }
+        }
+    }
+}
+
+/// Room for a tile's line of weights behind the first `skip` values, and for making it.
+fn weights_of(aside: &mut [f64], skip: usize, cols: usize) -> (&mut [f64], &mut [f64]) {
+    let room = part_mut(aside, skip, cols + OverlapWeights::scratch_len(cols));
+    room.split_at_mut_checked(cols).unwrap_or_default()
+}

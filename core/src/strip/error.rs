@@ -1,0 +1,82 @@
+//! Why a strip, or a line of it, is refused. Refused means that nothing has changed.
+
+use crate::error::{LengthError, TileError};
+use core::fmt;
+
+/// Why a strip, or a line of it, is refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StripError {
+    /// A strip without columns, or one whose memory this machine cannot count.
+    Columns {
+        /// Columns asked for.
+        found: usize,
+    },
+    /// The overlap does not fit the model's tile.
+    Tile(TileError),
+    /// Fewer lines kept than a row of tiles needs: those of a tile, and one that tells whether the strip goes on.
+    Ring {
+        /// Lines needed.
+        expected: usize,
+        /// Lines asked for.
+        found: usize,
+    },
+    /// The ground size of a pixel, or the width of a coarse one, is not finite and positive.
+    Pixel,
+    /// The model wants the light, and none is given.
+    Light,
+    /// The runner's model is not the one the strip was planned for.
+    Model,
+    /// A block of lent memory is shorter than planned.
+    Memory(LengthError),
+    /// A line or a row of another length.
+    Line(LengthError),
+    /// No room for another line (or row of posts): step, or take lines, first.
+    Full,
+    /// The end was announced before.
+    Ended,
+    /// A grid of posts without columns, or that does not run along the strip.
+    Posts,
+}
+
+impl fmt::Display for StripError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Columns { found } => write!(f, "strip: expected columns that memory can hold, found {found}"),
+            Self::Tile(e) => e.fmt(f),
+            Self::Ring { expected, found } => {
+                write!(f, "strip: expected at least {expected} lines to be kept, found {found}")
+            }
+            Self::Pixel => f.write_str("strip: expected pixel sizes that are finite and positive, found others"),
+            Self::Light => f.write_str("strip: expected the light that this model wants, found none"),
+            Self::Model => f.write_str("strip: expected the model it was planned for, found another"),
+            Self::Memory(LengthError { expected, found }) => {
+                write!(f, "strip: expected a block of at least {expected} values, found {found}")
+            }
+            Self::Line(LengthError { expected, found }) => {
+                write!(f, "strip: expected a line of {expected} samples, found {found}")
+            }
+            Self::Full => f.write_str("strip: expected room for a line, found none: step or take lines first"),
+            Self::Ended => f.write_str("strip: expected no line after the end, found one"),
+            Self::Posts => f.write_str("posts: expected columns and a grid that runs along the strip, found none"),
+        }
+    }
+}
+
+impl core::error::Error for StripError {}
+
+impl From<TileError> for StripError {
+    fn from(e: TileError) -> Self {
+        Self::Tile(e)
+    }
+}
+
+/// The first `expected` values of a lent block.
+pub(super) fn lent<T>(block: &mut [T], expected: usize) -> Result<&mut [T], StripError> {
+    let found = block.len();
+    block.get_mut(..expected).ok_or(StripError::Memory(LengthError { expected, found }))
+}
+
+/// Checks that a line has `expected` samples.
+pub(super) fn whole_line(expected: usize, found: usize) -> Result<(), StripError> {
+    crate::error::same_length(expected, found).map_err(StripError::Line)
+}

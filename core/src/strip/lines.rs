@@ -1,0 +1,52 @@
+//! The lines kept: a ring of image and coarse heights, and the tiles that are cut from it.
+
+use crate::mask::is_real;
+use crate::part::{item, part, part_mut};
+use crate::tile::Window;
+
+/// Image and coarse heights of the last lines; gaps are NaN.
+#[derive(Debug)]
+pub(super) struct Lines<'m> {
+    pub(super) image: &'m mut [f32],
+    pub(super) coarse_m: &'m mut [f32],
+    pub(super) cols: usize,
+    pub(super) ring: usize,
+}
+
+impl Lines<'_> {
+    /// Writes line `row`, over that which is `ring` lines older.
+    pub(super) fn keep(&mut self, row: usize, image: &[f32], coarse_m: &[f32]) {
+        let at = self.first(row);
+        for (kept, line) in [(&mut *self.image, image), (&mut *self.coarse_m, coarse_m)] {
+            for (kept, &v) in part_mut(kept, at, self.cols).iter_mut().zip(line) {
+                *kept = if is_real(v) { v } else { f32::NAN };
+            }
+        }
+    }
+
+    /// Line `row`: image and coarse heights.
+    pub(super) fn line(&self, row: usize) -> (&[f32], &[f32]) {
+        let at = self.first(row);
+        (part(self.image, at, self.cols), part(self.coarse_m, at, self.cols))
+    }
+
+    /// Cuts a tile out of a strip of `rows` lines, which goes on beyond its last line and column by repeating them; says whether both inputs
+    /// are real in any of its pixels.
+    pub(super) fn cut(&self, window: Window, rows: usize, image: &mut [f32], coarse_m: &mut [f32]) -> bool {
+        let (last_row, last_col, width) = (rows.saturating_sub(1), self.cols.saturating_sub(1), window.cols.max(1));
+        let mut any = false;
+        for (i, (image, coarse_m)) in image.chunks_mut(width).zip(coarse_m.chunks_mut(width)).enumerate() {
+            let (from, from_m) = self.line(window.row.saturating_add(i).min(last_row));
+            for (c, (v, z)) in image.iter_mut().zip(coarse_m).enumerate() {
+                let col = window.col.saturating_add(c).min(last_col);
+                (*v, *z) = (item(from, col), item(from_m, col));
+                any |= v.is_finite() && z.is_finite();
+            }
+        }
+        any
+    }
+
+    fn first(&self, row: usize) -> usize {
+        (row % self.ring.max(1)).saturating_mul(self.cols)
+    }
+}

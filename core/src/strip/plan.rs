@@ -1,0 +1,131 @@
+//! What a strip needs, before its first line.
+
+use super::error::StripError;
+use crate::nn::{Illumination, Model, required};
+use crate::norm::{Anchor, Light};
+use crate::overlap::OverlapWeights;
+use crate::tile::Tiling;
+
+/// What is known of a strip before its first line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StripSettings {
+    /// Pixels of a line. Fewer than a tile's are continued by the last one to the tile's width.
+    pub cols: usize,
+    /// Lines kept, at least a tile's rows and one ([`StripPlan::least_lines`]); each more is one that the camera can be ahead while a row of
+    /// tiles is computed.
+    pub ring_lines: usize,
+    /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
+    pub overlap_px: usize,
+    /// Ground size of a pixel, metres.
+    pub pixel_m: f32,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
+    /// Whether each tile keeps the low frequencies of the coarse DTM ([`Anchor`]).
+    pub anchor: bool,
+    /// How brightness answers to slope along the whole strip ([`Light::from_sun`], [`crate::norm::LightFit`]); models that know any light do
+    /// not ask for it.
+    pub light: Option<Light>,
+}
+
+/// The memory that a strip of these settings wants of a model: exact, and no more is ever taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StripPlan {
+    pub(super) settings: StripSettings,
+    pub(super) tile: (usize, usize),
+    arena_bytes: usize,
+    samples_len: usize,
+    sums_len: usize,
+}
+
+impl StripPlan {
+    /// Judges settings, and counts.
+    ///
+    /// # Errors
+    /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Light`].
+    pub fn new(model: &Model<'_>, settings: StripSettings) -> Result<Self, StripError> {
+        let StripSettings { cols, ring_lines, overlap_px, pixel_m, coarse_px, light, .. } = settings;
+        let tile = model.tile();
+        let many = StripError::Columns { found: cols };
+        if cols == 0 {
+            return Err(many);
+        }
+        Tiling::new((tile.0, cols.max(tile.1)), tile, overlap_px)?;
+        let expected = Self::least_lines(model);
+        if ring_lines < expected {
+            return Err(StripError::Ring { expected, found: ring_lines });
+        }
+        if ![pixel_m, coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(StripError::Pixel);
+        }
+        if light.is_none() && model.illumination() != Illumination::Any {
+            return Err(StripError::Light);
+        }
+        let pixels = tile.0.saturating_mul(tile.1);
+        let scratch_len = model.scratch_len().max(pixels);
+        let lines = ring_lines.checked_mul(cols).and_then(|n| n.checked_mul(2)).ok_or(many)?;
+        let samples_len = lines.checked_add(2 * pixels).and_then(|n| n.checked_add(scratch_len)).ok_or(many)?;
+        let rows = tile.0.checked_mul(cols).ok_or(many)?;
+        let sums_len = rows.checked_add(Self::aside_len(cols, tile)).ok_or(many)?;
+        let plan = Self { settings, tile, arena_bytes: required(model), samples_len, sums_len };
+        // What cannot be counted in bytes cannot be lent.
+        plan.checked_bytes().map(|_| plan).ok_or(many)
+    }
+
+    /// The fewest lines that a strip of this model can keep: a tile's, and the one that tells whether the strip goes on below it.
+    #[must_use]
+    pub fn least_lines(model: &Model<'_>) -> usize {
+        model.tile().0.saturating_add(1)
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn settings(&self) -> StripSettings {
+        self.settings
+    }
+
+    /// Bytes of the runner's arena.
+    #[must_use]
+    pub fn arena_bytes(&self) -> usize {
+        self.arena_bytes
+    }
+
+    /// Values of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, and scratch memory.
+    #[must_use]
+    pub fn samples_len(&self) -> usize {
+        self.samples_len
+    }
+
+    /// Values of [`super::StripMemory::sums`]: weighted heights of a tile's rows, and a few lines.
+    #[must_use]
+    pub fn sums_len(&self) -> usize {
+        self.sums_len
+    }
+
+    /// Values of [`super::StripMemory::queue`]: one per pixel of a tile.
+    #[must_use]
+    pub fn queue_len(&self) -> usize {
+        self.pixels()
+    }
+
+    /// Bytes in all, the model's own not counted.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.checked_bytes().unwrap_or(usize::MAX)
+    }
+
+    fn checked_bytes(&self) -> Option<usize> {
+        let parts = [(self.arena_bytes, 1), (self.samples_len, 4), (self.sums_len, 8), (self.queue_len(), 4)];
+        parts.into_iter().try_fold(0usize, |sum, (len, bytes)| sum.checked_add(len.checked_mul(bytes)?))
+    }
+
+    /// Pixels of a tile.
+    pub(super) fn pixels(&self) -> usize {
+        self.tile.0.saturating_mul(self.tile.1)
+    }
+
+    /// Sums beside those of rows: a line of the strip and one of a tile with its scratch memory, to weigh; or those of the anchor.
+    fn aside_len(cols: usize, tile: (usize, usize)) -> usize {
+        let weigh = cols.saturating_add(tile.1).saturating_add(OverlapWeights::scratch_len(tile.1));
+        weigh.max(Anchor::sums_len(tile.0, tile.1))
+    }
+}

@@ -1,0 +1,195 @@
+//! Rows of the coarse DTM in, coarse lines on the image's grid out.
+
+use super::error::{StripError, lent, whole_line};
+use crate::mask::is_real;
+use crate::part::{copy, item, part, part_mut};
+use crate::resample::{EDGE_PX, bicubic, continue_line, continued};
+
+/// Rows that bicubic interpolation looks at.
+const ROWS: usize = 4;
+/// Columns by which rows are continued on either side.
+const GHOSTS: usize = 2;
+
+/// How the coarse DTM's posts lie under the strip: axes parallel to its lines and columns, rows in the order of lines. The centre of the
+/// strip's pixel (line, column) lies at row `row0 + line * rows_per_line` and column `col0 + column * cols_per_px` of the posts, (0, 0) being
+/// the first post's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PostGrid {
+    /// Posts in a row.
+    pub cols: usize,
+    /// Row of the posts where the strip's first line lies.
+    pub row0: f64,
+    /// Rows of posts per line; positive, 0.03 for SLDEM2015 under lines of 2 m.
+    pub rows_per_line: f64,
+    /// Column of the posts where the strip's first column lies.
+    pub col0: f64,
+    /// Columns of posts per pixel.
+    pub cols_per_px: f64,
+}
+
+impl PostGrid {
+    /// Rows of `cols` posts, the first one's centre at (line, column) `first_px` of the strip (0, 0 being the centre of its first pixel),
+    /// the others `spacing_px` pixels apart.
+    #[must_use]
+    pub fn spaced(cols: usize, first_px: (f64, f64), spacing_px: (f64, f64)) -> Self {
+        Self {
+            cols,
+            row0: -first_px.0 / spacing_px.0,
+            rows_per_line: 1.0 / spacing_px.0,
+            col0: -first_px.1 / spacing_px.1,
+            cols_per_px: 1.0 / spacing_px.1,
+        }
+    }
+}
+
+/// The coarse DTM's rows on their way to lines: four of them are kept. Values are those of [`crate::resample`] on the whole grid, whenever a
+/// row comes.
+///
+/// ```
+/// use elunar_core::strip::{PostGrid, Posts};
+///
+/// // Posts 4 pixels apart; a plane that falls by 1 m from row to row.
+/// let mut memory = [0.0; Posts::memory_len(3)];
+/// let mut posts = Posts::new(PostGrid::spaced(3, (0.0, 0.0), (4.0, 4.0)), &mut memory)?;
+/// let (mut line_m, mut lines) = ([0.0; 9], 0);
+/// for row in 0..3 {
+///     posts.push_row(&[-row as f32; 3])?;
+///     while let Some(line) = posts.line(&mut line_m) {
+///         assert_eq!(line_m, [-0.25 * line as f32; 9]);
+///         lines += 1;
+///     }
+/// }
+/// // Line 4 lies on row 1, and waits for row 3 to shape what follows; or for the word that there is none.
+/// assert_eq!(lines, 4);
+/// posts.finish();
+/// assert_eq!(posts.line(&mut line_m), Some(4));
+/// # Ok::<(), elunar_core::strip::StripError>(())
+/// ```
+#[derive(Debug)]
+pub struct Posts<'m> {
+    grid: PostGrid,
+    ring: &'m mut [f32],
+    rows: usize,
+    lines: usize,
+    ended: bool,
+}
+
+impl<'m> Posts<'m> {
+    /// Values of memory for rows of `cols` posts.
+    #[must_use]
+    pub const fn memory_len(cols: usize) -> usize {
+        cols.saturating_add(2 * GHOSTS).saturating_mul(ROWS)
+    }
+
+    /// For a grid, in memory of [`memory_len`](Self::memory_len).
+    ///
+    /// # Errors
+    /// [`StripError::Posts`] for a grid without columns, with a place that is not finite, or whose rows do not advance with lines;
+    /// [`StripError::Memory`].
+    pub fn new(grid: PostGrid, memory: &'m mut [f32]) -> Result<Self, StripError> {
+        let numbers = [grid.row0, grid.rows_per_line, grid.col0, grid.cols_per_px];
+        if grid.cols == 0 || !numbers.iter().all(|v| v.is_finite()) || grid.rows_per_line <= 0.0 {
+            return Err(StripError::Posts);
+        }
+        let ring = lent(memory, Self::memory_len(grid.cols))?;
+        Ok(Self { grid, ring, rows: 0, lines: 0, ended: false })
+    }
+
+    /// Takes the next row of posts, metres; what is not real ([`crate::mask`]) is a gap.
+    ///
+    /// # Errors
+    /// [`StripError::Full`] while the next line still needs the oldest row kept, [`StripError::Ended`], [`StripError::Line`].
+    pub fn push_row(&mut self, posts_m: &[f32]) -> Result<(), StripError> {
+        whole_line(self.grid.cols, posts_m.len())?;
+        if self.ended {
+            return Err(StripError::Ended);
+        }
+        // What lies above the grid is made of its first rows.
+        let oldest = (libm::floor(self.row()) as usize).saturating_sub(1);
+        if self.rows >= ROWS && oldest <= self.rows - ROWS {
+            return Err(StripError::Full);
+        }
+        let stride = self.stride();
+        let line = part_mut(self.ring, self.rows % ROWS * stride, stride);
+        for (to, &z) in line.iter_mut().skip(GHOSTS).zip(posts_m) {
+            *to = if is_real(z) { z } else { f32::NAN };
+        }
+        continue_line(line, GHOSTS, self.grid.cols, GHOSTS);
+        self.rows = self.rows.saturating_add(1);
+        Ok(())
+    }
+
+    /// There are no more rows: lines up to the outer edge of the last row are continued from it, those beyond hold NaN.
+    pub fn finish(&mut self) {
+        self.ended = true;
+    }
+
+    /// Makes the next line, metres, NaN where there are no heights, and says which it is; `None` if it wants another row first. A line has as
+    /// many columns as `out_m`.
+    pub fn line(&mut self, out_m: &mut [f32]) -> Option<usize> {
+        let row = self.row();
+        // `as` keeps what is too large at the largest.
+        let wanted = (libm::floor(row) as isize).saturating_add(3);
+        if row >= -EDGE_PX && !self.ended && wanted > self.rows as isize {
+            return None;
+        }
+        if self.rows > 0 && row >= -EDGE_PX && row <= self.rows as f64 - 1.0 + EDGE_PX {
+            self.interpolate(row, out_m);
+        } else {
+            out_m.fill(f32::NAN);
+        }
+        let line = self.lines;
+        self.lines = line.saturating_add(1);
+        Some(line)
+    }
+
+    /// Where the next line lies.
+    fn row(&self) -> f64 {
+        self.grid.row0 + self.lines as f64 * self.grid.rows_per_line
+    }
+
+    fn stride(&self) -> usize {
+        self.grid.cols.saturating_add(2 * GHOSTS)
+    }
+
+    fn interpolate(&self, row: f64, out_m: &mut [f32]) {
+        let above = libm::floor(row);
+        let (first, down) = (above as isize - 1, (row - above) as f32);
+        for (col, out) in out_m.iter_mut().enumerate() {
+            let at = self.grid.col0 + col as f64 * self.grid.cols_per_px;
+            *out = if at >= -EDGE_PX && at <= self.grid.cols as f64 - 1.0 + EDGE_PX {
+                let left = libm::floor(at);
+                // One before the floor, which the slack may put at -1 at the least.
+                let start = (left as isize - 1 + GHOSTS as isize) as usize;
+                let around = core::array::from_fn(|k| self.four(first + k as isize, start));
+                let z = bicubic(&around, down, (at - left) as f32);
+                if z.is_finite() { z } else { f32::NAN }
+            } else {
+                f32::NAN
+            };
+        }
+    }
+
+    /// Four samples of a row, which may lie up to two rows beyond the first or the last.
+    fn four(&self, row: isize, start: usize) -> [f32; 4] {
+        let last = self.rows as isize - 1;
+        let kept = |row: isize| {
+            let at = row.max(0) as usize % ROWS * self.stride() + start;
+            let mut four = [0.0; 4];
+            copy(&mut four, part(self.ring, at, 4));
+            four
+        };
+        let beyond = |edge: isize, inner: isize| {
+            let (edge_m, inner_m) = (kept(edge), kept(inner));
+            let k = row.abs_diff(edge);
+            core::array::from_fn(|i| continued(item(&edge_m, i), item(&inner_m, i), k))
+        };
+        if row < 0 {
+            beyond(0, 1.min(last))
+        } else if row > last {
+            beyond(last, (last - 1).max(0))
+        } else {
+            kept(row)
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! What a strip asks for.
+
+use super::rig::{TILE, file, settings};
+use crate::error::TileError;
+use crate::nn::Model;
+use crate::strip::{StripError, StripPlan, StripSettings};
+
+#[test]
+fn memory_grows_by_what_a_line_and_a_column_hold() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let plan = |cols, ring| StripPlan::new(&model, settings(cols, ring)).unwrap();
+    assert_eq!(StripPlan::least_lines(&model), TILE.0 + 1);
+    let (least, longer, wider) = (plan(100, 13), plan(100, 14), plan(101, 13));
+    assert_eq!(longer.bytes() - least.bytes(), 2 * 4 * 100, "image and coarse heights of a line");
+    // Beside them, weighted heights for a tile's rows, and one sum of weights.
+    assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.0 + 8);
+    let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), 4 * least.queue_len()];
+    assert_eq!(least.bytes(), parts.iter().sum());
+    assert_eq!(least.queue_len(), TILE.0 * TILE.1);
+}
+
+#[test]
+fn settings_that_cannot_be_are_refused() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let good = settings(25, 20);
+    let refused = |settings| StripPlan::new(&model, settings).unwrap_err();
+    assert_eq!(refused(StripSettings { cols: 0, ..good }), StripError::Columns { found: 0 });
+    for (cols, ring_lines) in [(usize::MAX, 20), (usize::MAX / 40, 20), (25, usize::MAX), (usize::MAX >> 7, 13)] {
+        let settings = StripSettings { cols, ring_lines, ..good };
+        assert_eq!(refused(settings), StripError::Columns { found: cols });
+    }
+    let overlap = TileError::Overlap { overlap_px: 10, tile: TILE };
+    assert_eq!(refused(StripSettings { overlap_px: 10, ..good }), StripError::Tile(overlap));
+    assert_eq!(refused(StripSettings { ring_lines: 12, ..good }), StripError::Ring { expected: 13, found: 12 });
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(refused(StripSettings { pixel_m: bad, ..good }), StripError::Pixel);
+        assert_eq!(refused(StripSettings { coarse_px: bad, ..good }), StripError::Pixel);
+    }
+    assert_eq!(StripPlan::new(&model, good).unwrap().settings(), good);
+}
+
+#[test]
+fn a_model_that_wants_the_light_is_not_run_without() {
+    use crate::nn::format::{seal_file, word};
+    let mut file = file();
+    file[4 * word::ILLUMINATION..][..4].copy_from_slice(&1u32.to_le_bytes());
+    seal_file(&mut file);
+    let model = Model::new(&file).unwrap();
+    assert_eq!(StripPlan::new(&model, settings(25, 20)), Err(StripError::Light));
+    let light = crate::norm::Light::from_sun(120.0, 30.0);
+    assert!(StripPlan::new(&model, StripSettings { light, ..settings(25, 20) }).is_ok());
+}

@@ -1,0 +1,122 @@
+//! Lines that cannot be taken, and lines that nobody takes.
+
+use super::rig::{Blocks, Scene, TILE, assert_same, file, settings, take};
+use crate::error::LengthError;
+use crate::nn::{Model, Runner};
+use crate::strip::{Next, Strip, StripError, StripMemory, StripPlan};
+
+#[test]
+fn a_full_ring_refuses_lines_and_loses_none() {
+    let (file, scene) = (file(), Scene::new(40, 25));
+    let settings = settings(25, TILE.0 + 4);
+    let model = Model::new(&file).unwrap();
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let mut blocks = Blocks::new(&plan);
+    let (arena, memory) = blocks.lend();
+    let mut strip = Strip::new(plan, Runner::new(model, arena).unwrap(), memory).unwrap();
+    let mut found = vec![];
+    let mut row = 0;
+    let push = |strip: &mut Strip<'_, '_>, row: &mut usize| {
+        while *row < 40 {
+            match strip.push_line(scene.line(*row).0, scene.line(*row).1) {
+                Ok(number) => assert_eq!(number, *row),
+                Err(refused) => return assert_eq!(refused, StripError::Full),
+            }
+            *row += 1;
+        }
+    };
+    push(&mut strip, &mut row);
+    assert_eq!((row, strip.wants(), strip.ready()), (16, Next::Step, 0), "as many lines as are kept");
+    // Nobody takes lines: the next row of tiles is made, but not added, and the ring fills up again.
+    while strip.step(1000) != Next::Take {
+        push(&mut strip, &mut row);
+    }
+    assert_eq!((row, strip.wants(), strip.ready()), (25, Next::Take, 9), "9 lines further: the overlap is 3");
+    assert_eq!(strip.step(1), Next::Take, "steps change nothing");
+    let before = strip.pause();
+    assert_eq!(strip.push_line(scene.line(row).0, scene.line(row).1), Err(StripError::Full));
+    assert_eq!(strip.take_line(&mut [0.0; 24]), Err(StripError::Line(LengthError { expected: 25, found: 24 })));
+    assert_eq!(strip.pause(), before);
+    while row < 40 {
+        take(&mut strip, 25, &mut found);
+        while strip.step(1000) == Next::Step {}
+        push(&mut strip, &mut row);
+    }
+    strip.finish();
+    while strip.wants() != Next::Done {
+        take(&mut strip, 25, &mut found);
+        strip.step(u64::MAX);
+    }
+    take(&mut strip, 25, &mut found);
+    assert_same(&found, &scene.heights_m(&file, &settings), "after two full rings");
+}
+
+#[test]
+fn lines_of_other_lengths_or_after_the_end_are_refused() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let plan = StripPlan::new(&model, settings(25, 20)).unwrap();
+    let mut blocks = Blocks::new(&plan);
+    let (arena, memory) = blocks.lend();
+    let mut strip = Strip::new(plan, Runner::new(model, arena).unwrap(), memory).unwrap();
+    let wrong = |found| Err(StripError::Line(LengthError { expected: 25, found }));
+    assert_eq!(strip.push_line(&[1.0; 24], &[1.0; 25]), wrong(24));
+    assert_eq!(strip.push_line(&[1.0; 25], &[1.0; 26]), wrong(26));
+    assert_eq!((strip.wants(), strip.step(9)), (Next::Push, Next::Push));
+    strip.finish();
+    assert_eq!(strip.push_line(&[1.0; 25], &[1.0; 25]), Err(StripError::Ended));
+    assert_eq!((strip.wants(), strip.step(9), strip.ready()), (Next::Done, Next::Done, 0), "a strip without lines");
+    assert_eq!(strip.take_line(&mut [0.0; 25]), Ok(None));
+    assert_eq!(strip.scrub(100), Ok(()));
+    assert_eq!(strip.telemetry().scrubbed_bytes, 100);
+}
+
+#[test]
+fn short_memory_and_other_models_are_refused() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let plan = StripPlan::new(&model, settings(25, 20)).unwrap();
+    let whole = [plan.samples_len(), plan.sums_len(), plan.queue_len()];
+    for short in 0..3 {
+        let mut lens = whole;
+        lens[short] -= 1;
+        let (mut samples, mut sums, mut queue) = (vec![0.0; lens[0]], vec![0.0; lens[1]], vec![0; lens[2]]);
+        let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+        let mut arena = vec![0; plan.arena_bytes()];
+        let refused = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap_err();
+        assert_eq!(refused, StripError::Memory(LengthError { expected: whole[short], found: whole[short] - 1 }));
+    }
+    let other = crate::nn::tests::draft::Draft::new((12, 11));
+    let other = {
+        let mut draft = other;
+        draft.finish();
+        draft.in_order();
+        draft.file()
+    };
+    let other = Model::new(&other).unwrap();
+    let mut arena = vec![0; crate::nn::required(&other)];
+    let mut blocks = Blocks::new(&plan);
+    let refused = Strip::new(plan, Runner::new(other, &mut arena).unwrap(), blocks.lend().1).unwrap_err();
+    assert_eq!(refused, StripError::Model);
+}
+
+#[test]
+fn refusals_are_one_line_each() {
+    let length = LengthError { expected: 4, found: 3 };
+    for error in [
+        StripError::Columns { found: 0 },
+        StripError::Tile(crate::error::TileError::Overlap { overlap_px: 9, tile: (8, 8) }),
+        StripError::Ring { expected: 13, found: 12 },
+        StripError::Pixel,
+        StripError::Light,
+        StripError::Model,
+        StripError::Memory(length),
+        StripError::Line(length),
+        StripError::Full,
+        StripError::Ended,
+        StripError::Posts,
+    ] {
+        let text = error.to_string();
+        assert!(text.contains("expected") && text.contains("found") && !text.contains('\n'), "{text}");
+    }
+}

@@ -1,0 +1,200 @@
+//! A tiny model, scenes, memory with guards, and the twin that sees all of a scene.
+
+use crate::fill::fill_gaps;
+use crate::mask::is_real;
+use crate::nn::tests::draft::{Draft, map};
+use crate::nn::{Conv, Dtype, Model, Operator, Progress, Runner, Tensor, TileInput, required};
+use crate::norm::Anchor;
+use crate::overlap::{Open, OverlapWeights};
+use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
+use crate::tile::Tiling;
+
+pub(super) const TILE: (usize, usize) = (12, 10);
+
+/// A model whose heights are its image, with a layer before that only takes time.
+pub(super) fn file() -> Vec<u8> {
+    let mut draft = Draft::new(TILE);
+    draft.tensors[0].scale = 1.0 / 255.0;
+    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, TILE, 40) });
+    draft.finish();
+    let Some(Operator::Conv(Conv { weights, multipliers, .. })) = draft.operators.last().copied() else { panic!() };
+    draft.constants[weights] = 1;
+    draft.constants[multipliers..multipliers + 4].copy_from_slice(&(50.0_f32 / 255.0).to_le_bytes());
+    draft.in_order();
+    draft.file()
+}
+
+pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
+    StripSettings { cols, ring_lines, overlap_px: 3, pixel_m: 2.0, coarse_px: 4.0, anchor: true, light: None }
+}
+
+/// A scene with gaps of all kinds in both maps.
+pub(super) struct Scene {
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) image: Vec<f32>,
+    pub(super) coarse_m: Vec<f32>,
+}
+
+impl Scene {
+    pub(super) fn new(rows: usize, cols: usize) -> Self {
+        let noise = |i: usize| ((i * 2654435761) >> 7) % 251;
+        let gap = |i: usize, every: usize| match noise(i) % every {
+            0 => Some(f32::NAN),
+            1 => Some(f32::from_bits(0xFF7F_FFFB)),
+            2 => Some(f32::INFINITY),
+            _ => None,
+        };
+        let image = |i: usize| gap(i, 83).unwrap_or(100.0 + noise(i * 3 + 1) as f32);
+        let height = |i: usize| -1900.0 + ((i % cols) as f32 / 7.0).sin() * 20.0 + (i / cols) as f32 * 0.3;
+        let coarse_m = |i: usize| gap(i + 77, 61).unwrap_or(height(i));
+        let all = 0..rows * cols;
+        Self { rows, cols, image: all.clone().map(image).collect(), coarse_m: all.map(coarse_m).collect() }
+    }
+
+    pub(super) fn line(&self, row: usize) -> (&[f32], &[f32]) {
+        (&self.image[row * self.cols..][..self.cols], &self.coarse_m[row * self.cols..][..self.cols])
+    }
+
+    /// Heights of the whole scene: every tile by itself, all sums at once.
+    pub(super) fn heights_m(&self, file: &[u8], settings: &StripSettings) -> Vec<f32> {
+        let (rows, cols) = (self.rows, self.cols);
+        let tiling = Tiling::new((rows.max(TILE.0), cols.max(TILE.1)), TILE, settings.overlap_px).unwrap();
+        let weights = OverlapWeights::new(TILE);
+        let (mut sums, mut totals) = (vec![0.0; rows * cols], vec![0.0; rows * cols]);
+        for window in tiling.iter() {
+            let from = |i: usize| {
+                let (r, c) = (window.row + i / TILE.1, window.col + i % TILE.1);
+                (r.min(rows - 1) * cols + c.min(cols - 1), r < rows && c < cols)
+            };
+            let real = |v: f32| if is_real(v) { v } else { f32::NAN };
+            let image: Vec<f32> = (0..TILE.0 * TILE.1).map(|i| real(self.image[from(i).0])).collect();
+            let coarse_m: Vec<f32> = (0..TILE.0 * TILE.1).map(|i| real(self.coarse_m[from(i).0])).collect();
+            let valid = |i: usize| from(i).1 && image[i].is_finite() && coarse_m[i].is_finite();
+            let Some(heights_m) = tile(file, &image, &coarse_m, settings) else { continue };
+            let mut line = vec![0.0; TILE.1];
+            for i in 0..TILE.0 * TILE.1 {
+                let mut scratch = vec![0.0; OverlapWeights::scratch_len(TILE.1)];
+                weights.line(Open::of(window, (rows, cols)), i / TILE.1, &mut line, &mut scratch).unwrap();
+                if valid(i) {
+                    sums[from(i).0] += line[i % TILE.1] * f64::from(heights_m[i]);
+                    totals[from(i).0] += line[i % TILE.1];
+                }
+            }
+        }
+        sums.iter().zip(totals).map(|(s, t)| (s / t) as f32).collect()
+    }
+}
+
+/// Heights of one tile, its gaps not closed yet; `None` without a pixel that both maps have.
+fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) -> Option<Vec<f32>> {
+    if !image.iter().zip(coarse_m).any(|(v, z)| v.is_finite() && z.is_finite()) {
+        return None;
+    }
+    let (mut image, mut coarse_m) = (image.to_vec(), coarse_m.to_vec());
+    for map in [&mut image, &mut coarse_m] {
+        fill_gaps(map, TILE.1, &mut vec![0; TILE.0 * TILE.1]).unwrap();
+    }
+    let model = Model::new(file).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let StripSettings { pixel_m, coarse_px, light, .. } = *settings;
+    let input = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m, coarse_px, light };
+    let Ok(scale) = runner.begin_metres(&input, &mut []) else { return Some(coarse_m) };
+    while runner.step(u64::MAX).unwrap() == Progress::Running {}
+    let mut heights_m = vec![0.0; image.len()];
+    runner.heights(&scale, &mut heights_m).unwrap();
+    if settings.anchor {
+        let (mut difference, mut sums) = (vec![0.0; image.len()], vec![0.0; Anchor::sums_len(TILE.0, TILE.1)]);
+        Anchor::new(coarse_px).apply(&mut heights_m, &coarse_m, TILE.1, &mut difference, &mut sums).unwrap();
+    }
+    Some(heights_m)
+}
+
+/// Values behind each block that nobody may touch.
+const GUARDS: usize = 8;
+
+/// The blocks of a plan, exactly as long as it says, with guards behind them.
+pub(super) struct Blocks {
+    arena: Vec<u8>,
+    samples: Vec<f32>,
+    sums: Vec<f64>,
+    queue: Vec<u32>,
+}
+
+impl Blocks {
+    pub(super) fn new(plan: &StripPlan) -> Self {
+        Self {
+            arena: vec![0xA5; plan.arena_bytes() + GUARDS],
+            samples: vec![-7.5; plan.samples_len() + GUARDS],
+            sums: vec![-7.5; plan.sums_len() + GUARDS],
+            queue: vec![0xA5A5; plan.queue_len() + GUARDS],
+        }
+    }
+
+    /// What a strip is lent of them.
+    pub(super) fn lend(&mut self) -> (&mut [u8], StripMemory<'_>) {
+        let Self { arena, samples, sums, queue } = self;
+        let lent = [arena.len(), samples.len(), sums.len(), queue.len()].map(|len| len - GUARDS);
+        let memory =
+            StripMemory { samples: &mut samples[..lent[1]], sums: &mut sums[..lent[2]], queue: &mut queue[..lent[3]] };
+        (&mut arena[..lent[0]], memory)
+    }
+
+    pub(super) fn assert_guards(&self) {
+        assert!(self.arena.iter().rev().take(GUARDS).all(|v| *v == 0xA5));
+        assert!(self.samples.iter().rev().take(GUARDS).all(|v| *v == -7.5));
+        assert!(self.sums.iter().rev().take(GUARDS).all(|v| *v == -7.5));
+        assert!(self.queue.iter().rev().take(GUARDS).all(|v| *v == 0xA5A5));
+    }
+}
+
+/// Takes all finished lines, which must come in order.
+pub(super) fn take(strip: &mut Strip<'_, '_>, cols: usize, found: &mut Vec<f32>) {
+    let mut line = vec![0.0; cols];
+    while let Some(row) = strip.take_line(&mut line).unwrap() {
+        assert_eq!(row, found.len() / cols);
+        found.extend_from_slice(&line);
+    }
+}
+
+/// Runs a scene through a strip, steps of `budget_macs`; `eager` steps as long as it can after every line, otherwise only when it must.
+pub(super) fn run(file: &[u8], scene: &Scene, settings: StripSettings, budget_macs: u64, eager: bool) -> Vec<f32> {
+    let model = Model::new(file).unwrap();
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let mut blocks = Blocks::new(&plan);
+    let (arena, memory) = blocks.lend();
+    let mut strip = Strip::new(plan, Runner::new(model, arena).unwrap(), memory).unwrap();
+    let mut found = vec![];
+    for row in 0..scene.rows {
+        let (image, coarse_m) = scene.line(row);
+        while strip.push_line(image, coarse_m) == Err(crate::strip::StripError::Full) {
+            assert_ne!(strip.wants(), Next::Push, "a strip that wants a line has room for it");
+            if strip.step(budget_macs) == Next::Take {
+                take(&mut strip, scene.cols, &mut found);
+            }
+        }
+        while eager && strip.step(budget_macs) == Next::Step {}
+        if eager {
+            take(&mut strip, scene.cols, &mut found);
+        }
+    }
+    strip.finish();
+    while strip.wants() != Next::Done {
+        if strip.step(budget_macs) == Next::Take {
+            take(&mut strip, scene.cols, &mut found);
+        }
+    }
+    take(&mut strip, scene.cols, &mut found);
+    assert_eq!((strip.ready(), strip.step(1)), (0, Next::Done));
+    blocks.assert_guards();
+    found
+}
+
+/// Equal bit for bit, gaps being gaps.
+pub(super) fn assert_same(found: &[f32], expected: &[f32], what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let same = |a: &f32, b: &f32| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+    let differs = found.iter().zip(expected).position(|(a, b)| !same(a, b));
+    assert_eq!(differs.map(|i| (i, found[i], expected[i])), None, "{what}");
+}
