@@ -61,7 +61,7 @@ pub struct Recipe {
     /// What training and validation judge by.
     pub target: Target,
     /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub adversarial: Option<Adversarial>,
     /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
     pub known_sun: f64,
