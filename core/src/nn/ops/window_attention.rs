@@ -381,6 +381,7 @@ impl Softmax<'_> {
     pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
         let half = 1i64 << (self.shift.max(1) - 1);
         let mut logits = [0i32; MAX_TOKENS];
+        // Below every logit: one that is cut, with the smallest bias.
         let mut largest = -2 * LOGIT_LIMIT as i32;
         let width = self.width.max(1);
         let rows = self.bias.chunks(self.bias_pitch.max(1)).zip(head_mut(&mut logits, self.tokens).chunks_mut(width));
@@ -406,7 +407,8 @@ impl Softmax<'_> {
 }
 
 /// `2^RECIPROCAL_BITS / sum`, rounded down, for the sum of a row's exponentials: 2^13 at least, which validation sees to, and below 2^21. In
-/// pieces of 32 bits, since small processors divide 64 in a loop that ends when it may.
+/// pieces of 32 bits, since small processors divide 64 in a loop that ends when it may; sums of a table that has changed are brought into the
+/// range for which the pieces hold.
 #[inline(always)]
 fn reciprocal_of(sum: i64) -> i32 {
     const PIECES: [u32; 3] = [31, 10, 2];
