@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test checked backends no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint test checked asan backends no_std boards architecture fuzz
 #   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
@@ -36,9 +36,24 @@ test() {
     cargo test --locked --workspace
 }
 
-# The runner's own tests once more with overflow checks, which its development profile leaves out for speed.
+# The runner's own tests once more with overflow checks, which its development profile leaves out for speed: its integers must not
+# overflow on any legal model. A setting, not a profile of its own, so that what it depends on is not compiled again.
 checked() {
-    cargo test --locked --package elunar-core --profile checked
+    local core="profile.dev.package.elunar-core"
+    cargo test --locked --package elunar-core --config "$core.overflow-checks=true" --config "$core.debug-assertions=true" --config "$core.opt-level=2"
+}
+
+# Arbitrary models and calls of the C interface under AddressSanitizer, which the pinned compiler has, but calls unstable.
+asan() {
+    local host runtime
+    host="$(rustc -vV | sed -n 's/^host: //p')"
+    runtime="$(rustc --print sysroot)/lib/rustlib/$host/lib/librustc-stable_rt.asan.a"
+    if [ ! -f "$runtime" ]; then
+        echo "SKIPPED: AddressSanitizer: this compiler has no $runtime"
+        return
+    fi
+    RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Z sanitizer=address" \
+        cargo test --locked --package elunar-provoke --target "$host" --target-dir "$target/asan"
 }
 
 # Symbols that give away an allocator or the standard library, in either of Rust's mangling schemes.
@@ -108,16 +123,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test checked backends no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint test checked asan backends no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | checked | backends | no_std | boards | no_panic | architecture | fuzz)
+    format | lint | test | checked | asan | backends | no_std | boards | no_panic | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test checked backends no_std boards no_panic architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test checked asan backends no_std boards no_panic architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

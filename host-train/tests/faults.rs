@@ -10,7 +10,7 @@ fn campaign(protected: bool, threads: usize) -> Results {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
     let model = int8::open(&path).unwrap();
     let moments = Moments::record(&model, 3, 16, protected).unwrap();
-    run(&model, &moments, &Campaign { injections: INJECTIONS, seed: 3, threads }, || {}).unwrap()
+    run(&model, &moments, &Campaign { injections: INJECTIONS, seed: 3, threads }, None, || {}).unwrap()
 }
 
 #[test]

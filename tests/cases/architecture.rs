@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Our packages and the packages of ours each may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 5] = [
+const EDGES: [(&str, &[&str]); 6] = [
     ("elunar-core", &[]),
     ("host-train", &["elunar-core"]),
     ("elunar-capi", &["elunar-core"]),
-    ("elunar-tests", &["elunar-core", "host-train", "elunar-capi"]),
+    ("elunar-provoke", &["elunar-core", "elunar-capi"]),
+    ("elunar-tests", &["elunar-core", "host-train", "elunar-provoke"]),
     ("elunar-benches", &["elunar-core", "host-train", "elunar-capi"]),
 ];
 

@@ -1,7 +1,5 @@
 //! What the tests in `cases/` share: where things lie, and how close is close enough.
 
-pub mod c_abi;
-pub mod provoke;
 pub mod tolerance;
 
 use std::io::Write;

@@ -5,7 +5,7 @@ use super::input::{Illumination, TruthRange};
 use crate::error::{NormError, same_length};
 use crate::mask;
 use crate::norm::{ElevationScale, Light, LightFit, Turn};
-use crate::part::{item, part};
+use crate::part::item;
 use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use crate::terrain::PixelSize;
 use core::fmt;
@@ -101,9 +101,7 @@ impl TileScale {
             }
         }
         for z in heights {
-            let mut metres = [0.0];
-            let _ = self.elevation.recover(&[*z], &mut metres);
-            *z = metres[0];
+            *z = self.elevation.recovered_m(*z);
         }
     }
 }
@@ -193,8 +191,11 @@ impl<'t, 's> TileMaps<'t, 's> {
             Self::Ranged(maps) => {
                 same_length(maps.tile.image.len(), image.len())?;
                 same_length(maps.tile.image.len(), coarse.len())?;
-                image.iter_mut().enumerate().for_each(|(i, v)| *v = maps.image(i));
-                coarse.iter_mut().enumerate().for_each(|(i, z)| *z = maps.coarse(i));
+                let cols = maps.shape.1.max(1);
+                for (row, (image, coarse)) in image.chunks_mut(cols).zip(coarse.chunks_mut(cols)).enumerate() {
+                    maps.image(row * cols, image);
+                    maps.coarse(row * cols, coarse);
+                }
                 Ok(())
             }
         }
@@ -202,32 +203,33 @@ impl<'t, 's> TileMaps<'t, 's> {
 }
 
 impl GuidedMaps<'_, '_> {
-    /// Sample `i` of the image, the maps side by side in every pixel.
+    /// Samples of the image from `first` on within a row, the maps side by side in every pixel; both counts of samples are multiples of
+    /// [`MAPS`].
     #[inline]
-    pub(super) fn image(&self, i: usize) -> f32 {
-        item(&self.guide.image(i / MAPS), i % MAPS)
+    pub(super) fn image(&self, first: usize, out: &mut [f32]) {
+        self.guide.image(first / MAPS, out.as_chunks_mut::<MAPS>().0);
     }
 
     #[inline]
-    pub(super) fn coarse(&self, i: usize) -> f32 {
-        self.guide.coarse(i)
+    pub(super) fn coarse(&self, first: usize, out: &mut [f32]) {
+        self.guide.coarse(first, out);
     }
 }
 
 impl RangedMaps<'_> {
     #[inline]
-    pub(super) fn image(&self, i: usize) -> f32 {
+    pub(super) fn image(&self, first: usize, out: &mut [f32]) {
         let (TileInput { image, valid, .. }, (min, span)) = (self.tile, self.range);
-        let pixel = self.scale.turn.source(i, self.shape);
-        if mask::counts(image, valid, pixel) { (item(image, pixel) - min) / span } else { 0.0 }
+        for (v, pixel) in out.iter_mut().zip(self.scale.turn.sources(first, self.shape)) {
+            *v = if mask::counts(image, valid, pixel) { (item(image, pixel) - min) / span } else { 0.0 };
+        }
     }
 
     #[inline]
-    pub(super) fn coarse(&self, i: usize) -> f32 {
-        let (mut z, pixel) = ([0.0], self.scale.turn.source(i, self.shape));
-        // One sample in, one out: the lengths agree.
-        let _ = self.scale.elevation.normalise(part(self.tile.coarse_m, pixel, 1), &mut z);
-        z[0]
+    pub(super) fn coarse(&self, first: usize, out: &mut [f32]) {
+        for (z, pixel) in out.iter_mut().zip(self.scale.turn.sources(first, self.shape)) {
+            *z = self.scale.elevation.normalised(item(self.tile.coarse_m, pixel));
+        }
     }
 }
 

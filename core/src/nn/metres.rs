@@ -24,8 +24,8 @@ impl Runner<'_, '_> {
         let maps = TileMaps::new(&rules, shape, tile, scratch)?;
         // The question which kind it is stands outside of the loops over pixels.
         let loaded = match &maps {
-            TileMaps::Guided(guided) => self.load(|i| guided.image(i), |i| guided.coarse(i)),
-            TileMaps::Ranged(ranged) => self.load(|i| ranged.image(i), |i| ranged.coarse(i)),
+            TileMaps::Guided(guided) => self.load(|i, out| guided.image(i, out), |i, out| guided.coarse(i, out)),
+            TileMaps::Ranged(ranged) => self.load(|i, out| ranged.image(i, out), |i, out| ranged.coarse(i, out)),
         };
         loaded.map(|()| maps.scale()).map_err(TileError::Run)
     }

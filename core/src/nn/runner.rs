@@ -9,7 +9,7 @@ use super::model::Model;
 use super::prepared::Prepared;
 use super::program::Tensor;
 use super::self_test;
-use crate::part::{copy, head, item, part, part_mut};
+use crate::part::{copy, head, head_mut, part, part_mut};
 use crate::quant::params::quantise;
 
 /// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
@@ -144,7 +144,7 @@ impl<'a, 'm> Runner<'a, 'm> {
                 return Err(RunError::NotFinite { index });
             }
         }
-        self.load(|index| item(image, index), |index| item(coarse, index))
+        self.load(|i, out| copy(out, part(image, i, out.len())), |i, out| copy(out, part(coarse, i, out.len())))
     }
 
     /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] judges it.
@@ -154,10 +154,20 @@ impl<'a, 'm> Runner<'a, 'm> {
     pub fn begin_self_test(&mut self) -> Result<(), RunError> {
         let ((seed, _), (_, cols), nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
         let line = cols * self.model.image_maps();
-        self.load(|i| self_test::image_sample(seed, line, i), |i| self_test::coarse_sample(seed, cols, i, nr))
+        let image = |i: usize| self_test::image_sample(seed, line, i);
+        let coarse = |i: usize| self_test::coarse_sample(seed, cols, i, nr);
+        self.load(
+            |first, out| (first..).zip(out).for_each(|(i, v)| *v = image(i)),
+            |first, out| (first..).zip(out).for_each(|(i, v)| *v = coarse(i)),
+        )
     }
 
-    pub(super) fn load(&mut self, image: impl Fn(usize) -> f32, coarse: impl Fn(usize) -> f32) -> Result<(), RunError> {
+    /// Begins a tile; `image` and `coarse` write the samples from an index on, which lie in one row.
+    pub(super) fn load(
+        &mut self,
+        image: impl Fn(usize, &mut [f32]),
+        coarse: impl Fn(usize, &mut [f32]),
+    ) -> Result<(), RunError> {
         self.judge_header()?;
         let model = self.model;
         self.load_codes(model.image_tensor(), image)?;
@@ -174,7 +184,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         if holds { Ok(()) } else { Err(RunError::ModelChanged { chunk: u32::MAX }) }
     }
 
-    fn load_codes(&mut self, tensor: u32, sample: impl Fn(usize) -> f32) -> Result<(), RunError> {
+    fn load_codes(&mut self, tensor: u32, samples: impl Fn(usize, &mut [f32])) -> Result<(), RunError> {
         let tensor = self.model.sealed_tensor(tensor).ok_or(RunError::ProgramChanged { entry: 0 })?;
         let inverse = 1.0 / tensor.scale;
         for row in 0..tensor.rows {
@@ -185,9 +195,7 @@ impl<'a, 'm> Runner<'a, 'm> {
                 const TOGETHER: usize = 64;
                 let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
                 let count = TOGETHER.min(line - at);
-                for (i, value) in values.iter_mut().take(count).enumerate() {
-                    *value = sample(row * line + at + i);
-                }
+                samples(row * line + at, head_mut(&mut values, count));
                 for i in 0..TOGETHER {
                     let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
                     (codes[i], clamps[i]) = (kept, clamped as u32);

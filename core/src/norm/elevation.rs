@@ -125,10 +125,22 @@ impl ElevationScale {
     pub fn normalise(&self, heights_m: &[f32], out: &mut [f32]) -> Result<(), NormError> {
         same_length(heights_m.len(), out.len())?;
         for (out, &height_m) in out.iter_mut().zip(heights_m) {
-            // The difference first: it is exact or nearly so, and small, whatever the height above the sphere.
-            *out = if mask::is_real(height_m) { (height_m - self.min_m) / self.relief_m * self.nr } else { 0.0 };
+            *out = self.normalised(height_m);
         }
         Ok(())
+    }
+
+    /// One height as [`Self::normalise`] has it.
+    #[inline]
+    pub(crate) fn normalised(&self, height_m: f32) -> f32 {
+        // The difference first: it is exact or nearly so, and small, whatever the height above the sphere.
+        if mask::is_real(height_m) { (height_m - self.min_m) / self.relief_m * self.nr } else { 0.0 }
+    }
+
+    /// One height as [`Self::recover`] has it.
+    #[inline]
+    pub(crate) fn recovered_m(&self, normalised: f32) -> f32 {
+        normalised / self.nr * self.relief_m + self.min_m
     }
 
     /// Recovers heights in metres (Eq. 8): Z = z* ΔZ / NR + Z_min.
@@ -138,7 +150,7 @@ impl ElevationScale {
     pub fn recover(&self, normalised: &[f32], out_m: &mut [f32]) -> Result<(), NormError> {
         same_length(normalised.len(), out_m.len())?;
         for (out_m, &z) in out_m.iter_mut().zip(normalised) {
-            *out_m = z / self.nr * self.relief_m + self.min_m;
+            *out_m = self.recovered_m(z);
         }
         Ok(())
     }

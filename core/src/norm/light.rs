@@ -134,6 +134,12 @@ impl Turn {
         let row = if self.rows { rows.saturating_sub(1).wrapping_sub(row) } else { row };
         row.wrapping_mul(cols).wrapping_add(if self.cols { cols - 1 - col } else { col })
     }
+
+    /// As [`Self::source`], of the pixels from `index` on to the end of its row.
+    pub(crate) fn sources(self, index: usize, shape: (usize, usize)) -> impl Iterator<Item = usize> {
+        let first = self.source(index, shape);
+        (0..shape.1).map(move |i| if self.cols { first.wrapping_sub(i) } else { first + i })
+    }
 }
 
 /// Fits the light to as much of a scene as it is shown, by least squares over cells about as wide as the coarse DTM's pixels:

@@ -104,35 +104,30 @@ pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: 
 /// All butterflies of one factor: blocks of `span` numbers, each cut into `factor` parts.
 fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32], lanes: Lanes, way: Way) {
     let (factor, span, len) = (factor.max(1), span.max(1), len.max(1));
-    let part = span / factor;
-    let root = |k: usize| -> [f32; 2] {
-        let at = 2 * (k % len);
-        let sign = if way == Way::Forward { 1.0 } else { -1.0 };
-        [item(roots, at), sign * item(roots, at + 1)]
-    };
-    // exp(-2 pi i p q / factor), and what the parts are turned by.
-    let mut matrix = [[[0.0; 2]; 5]; 5];
-    for (p, line) in matrix.iter_mut().enumerate() {
-        for (q, entry) in line.iter_mut().enumerate() {
-            *entry = root(p * q * (len / factor));
-        }
-    }
+    let (part, turns) = (span / factor, len / span);
+    let sign = if way == Way::Forward { 1.0 } else { -1.0 };
     for j in 0..part {
-        let twiddles: [[f32; 2]; 5] = core::array::from_fn(|p| root(j * p * (len / span)));
+        // What the parts are turned by. j p < span, so no root lies beyond the table.
+        let twiddles: [[f32; 2]; MAX_FACTOR] = core::array::from_fn(|p| {
+            let at = 2 * j * p * turns;
+            [item(roots, at), sign * item(roots, at + 1)]
+        });
         for block in (0..len).step_by(span) {
             let first = block + j;
             match factor {
-                2 => butterflies::<2>(field, lanes, first, part, &matrix, &twiddles, way),
-                3 => butterflies::<3>(field, lanes, first, part, &matrix, &twiddles, way),
-                4 => butterflies::<4>(field, lanes, first, part, &matrix, &twiddles, way),
-                _ => butterflies::<5>(field, lanes, first, part, &matrix, &twiddles, way),
+                2 => butterflies::<2>(field, lanes, first, part, &twiddles, way),
+                3 => butterflies::<3>(field, lanes, first, part, &twiddles, way),
+                4 => butterflies::<4>(field, lanes, first, part, &twiddles, way),
+                _ => butterflies::<5>(field, lanes, first, part, &twiddles, way),
             }
         }
     }
 }
 
+/// Largest factor of a length.
+const MAX_FACTOR: usize = 5;
 /// Lanes that are computed together.
-const GROUP: usize = 8;
+pub(super) const GROUP: usize = 8;
 
 /// One butterfly of every lane.
 fn butterflies<const F: usize>(
@@ -140,18 +135,17 @@ fn butterflies<const F: usize>(
     lanes: Lanes,
     first: usize,
     part: usize,
-    matrix: &[[[f32; 2]; 5]; 5],
-    twiddles: &[[f32; 2]; 5],
+    twiddles: &[[f32; 2]; MAX_FACTOR],
     way: Way,
 ) {
     let mut lane = 0;
     while lane < lanes.count {
         let at: [usize; F] = core::array::from_fn(|p| (first + p * part) * lanes.stride + lane);
         if lanes.count - lane >= GROUP {
-            butterfly::<F, GROUP>(field, lanes, at, matrix, twiddles, way);
+            butterfly::<F, GROUP>(field, lanes, at, twiddles, way);
             lane += GROUP;
         } else {
-            butterfly::<F, 1>(field, lanes, at, matrix, twiddles, way);
+            butterfly::<F, 1>(field, lanes, at, twiddles, way);
             lane += 1;
         }
     }
@@ -161,42 +155,83 @@ fn butterfly<const F: usize, const G: usize>(
     field: &mut [f32],
     lanes: Lanes,
     at: [usize; F],
-    matrix: &[[[f32; 2]; 5]; 5],
-    twiddles: &[[f32; 2]; 5],
+    twiddles: &[[f32; 2]; MAX_FACTOR],
     way: Way,
 ) {
-    let (mut re, mut im) = ([[0.0f32; G]; F], [[0.0f32; G]; F]);
+    let mut z = [([0.0f32; G], [0.0f32; G]); F];
     for p in 0..F {
-        copy(&mut re[p], part(field, lanes.re + at[p], G));
-        copy(&mut im[p], part(field, lanes.im + at[p], G));
-        if way == Way::Backward {
-            turn(&mut re[p], &mut im[p], twiddles[p]);
+        copy(&mut z[p].0, part(field, lanes.re + at[p], G));
+        copy(&mut z[p].1, part(field, lanes.im + at[p], G));
+        if way == Way::Backward && p > 0 {
+            z[p] = turned(z[p], twiddles[p]);
         }
     }
+    short_transform(&mut z, way);
     for p in 0..F {
-        let (mut x, mut y) = (re[0], im[0]);
-        for q in 1..F {
-            let [c, s] = matrix[p][q];
-            for g in 0..G {
-                x[g] += re[q][g] * c - im[q][g] * s;
-                y[g] += re[q][g] * s + im[q][g] * c;
-            }
+        if way == Way::Forward && p > 0 {
+            z[p] = turned(z[p], twiddles[p]);
         }
-        if way == Way::Forward {
-            turn(&mut x, &mut y, twiddles[p]);
-        }
-        copy(part_mut(field, lanes.re + at[p], G), &x);
-        copy(part_mut(field, lanes.im + at[p], G), &y);
+        copy(part_mut(field, lanes.re + at[p], G), &z[p].0);
+        copy(part_mut(field, lanes.im + at[p], G), &z[p].1);
     }
 }
 
-/// Multiplies by c + i s.
-fn turn<const G: usize>(re: &mut [f32; G], im: &mut [f32; G], [c, s]: [f32; 2]) {
-    for g in 0..G {
-        let (x, y) = (re[g], im[g]);
-        re[g] = x * c - y * s;
-        im[g] = x * s + y * c;
+/// Complex numbers of several lanes: real and imaginary parts.
+type Numbers<const G: usize> = ([f32; G], [f32; G]);
+
+/// The transform of two to five numbers.
+fn short_transform<const G: usize>(z: &mut [Numbers<G>], way: Way) {
+    // cos and sin of a fifth of a turn and of two.
+    const C: [f32; 2] = [0.309_017, -0.809_017];
+    const S: [f32; 2] = [0.951_056_5, 0.587_785_25];
+    match z {
+        [a, b] => (*a, *b) = (sum(*a, *b), difference(*a, *b)),
+        [a, b, c] => {
+            let (both, apart) = (sum(*b, *c), scaled(difference(*b, *c), 0.866_025_4));
+            let (middle, aside) = (sum(*a, scaled(both, -0.5)), quarter(apart, way));
+            (*a, *b, *c) = (sum(*a, both), sum(middle, aside), difference(middle, aside));
+        }
+        [a, b, c, d] => {
+            let (even, odd) = ((sum(*a, *c), difference(*a, *c)), (sum(*b, *d), quarter(difference(*b, *d), way)));
+            (*a, *b) = (sum(even.0, odd.0), sum(even.1, odd.1));
+            (*c, *d) = (difference(even.0, odd.0), difference(even.1, odd.1));
+        }
+        [a, b, c, d, e] => {
+            let (near, far) = ((sum(*b, *e), difference(*b, *e)), (sum(*c, *d), difference(*c, *d)));
+            let level = |p: f32, q: f32| sum(*a, sum(scaled(near.0, p), scaled(far.0, q)));
+            let aside = |p: f32, q: f32| quarter(sum(scaled(near.1, p), scaled(far.1, q)), way);
+            let (one, two) = ((level(C[0], C[1]), aside(S[0], S[1])), (level(C[1], C[0]), aside(S[1], -S[0])));
+            *a = sum(*a, sum(near.0, far.0));
+            (*b, *e) = (sum(one.0, one.1), difference(one.0, one.1));
+            (*c, *d) = (sum(two.0, two.1), difference(two.0, two.1));
+        }
+        _ => {}
     }
+}
+
+fn sum<const G: usize>(a: Numbers<G>, b: Numbers<G>) -> Numbers<G> {
+    (core::array::from_fn(|g| a.0[g] + b.0[g]), core::array::from_fn(|g| a.1[g] + b.1[g]))
+}
+
+fn difference<const G: usize>(a: Numbers<G>, b: Numbers<G>) -> Numbers<G> {
+    (core::array::from_fn(|g| a.0[g] - b.0[g]), core::array::from_fn(|g| a.1[g] - b.1[g]))
+}
+
+fn scaled<const G: usize>(a: Numbers<G>, by: f32) -> Numbers<G> {
+    (a.0.map(|v| v * by), a.1.map(|v| v * by))
+}
+
+/// A quarter of a turn: times -i forward, times i backward.
+fn quarter<const G: usize>(a: Numbers<G>, way: Way) -> Numbers<G> {
+    match way {
+        Way::Forward => (a.1, a.0.map(|v| -v)),
+        Way::Backward => (a.1.map(|v| -v), a.0),
+    }
+}
+
+/// Times c + i s.
+fn turned<const G: usize>(a: Numbers<G>, [c, s]: [f32; 2]) -> Numbers<G> {
+    (core::array::from_fn(|g| a.0[g] * c - a.1[g] * s), core::array::from_fn(|g| a.0[g] * s + a.1[g] * c))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::{Photoclinometry, Relief};
 use crate::error::NormError;
 use crate::mask;
 use crate::norm::{ElevationScale, Light, Shading, Turn};
-use crate::part::{item, part};
+use crate::part::item;
 
 /// Maps of which the image consists: two components of slope, the relief, and how uncertain they are.
 pub const MAPS: usize = 4;
@@ -41,10 +41,12 @@ pub struct GuideInput<'t> {
 /// let light = Light::from_sun(270.0, 40.0).expect("above the horizon");
 /// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, turn: Turn::default(), coarse_px: 30.0 };
 /// let guide = Guide::new(&plan, tile, &scale, light, &mut scratch)?;
+/// let (mut maps, mut coarse) = ([[0.0; 4]; 32], [0.0; 32]);
+/// guide.image(16 * 32, &mut maps);
+/// guide.coarse(16 * 32, &mut coarse);
 /// // There the ground rises to the east, and so it is higher behind than before.
-/// let row = 16 * 32;
-/// assert!(guide.image(row + 16)[0] > 1.0);
-/// assert!(guide.coarse(row + 18) > guide.coarse(row + 14));
+/// assert!(maps[16][0] > 1.0);
+/// assert!(coarse[18] > coarse[14]);
 /// # Ok::<(), elunar_core::error::NormError>(())
 /// ```
 #[derive(Debug)]
@@ -77,31 +79,38 @@ impl<'t, 's> Guide<'t, 's> {
         }
         let shading = Shading::new(image, valid, light)?;
         let shape = plan.tile;
-        let brightness = |i: usize| {
-            let pixel = turn.source(i, shape);
-            mask::counts(image, valid, pixel).then(|| item(image, pixel))
+        let brightness = |row: usize, out: &mut [f32]| {
+            for (out, pixel) in out.iter_mut().zip(turn.sources(row * shape.1, shape)) {
+                *out = if mask::counts(image, valid, pixel) { item(image, pixel) } else { f32::NAN };
+            }
         };
-        let coarse = |i: usize| height(scale, coarse_m, turn.source(i, shape));
+        let coarse = |row: usize, out: &mut [f32]| {
+            for (out, pixel) in out.iter_mut().zip(turn.sources(row * shape.1, shape)) {
+                *out = scale.normalised(item(coarse_m, pixel));
+            }
+        };
         let relief = plan.relief(brightness, coarse, (&shading, light), coarse_px, scratch)?;
         Ok(Self { tile, shape, scale: *scale, shading, uncertainty: 1.0 / light.strength(), relief })
     }
 
-    /// The image's maps at a pixel of the mirrored tile, in units of 0.1 of slope, of a pixel of height, and of slope per contrast; level where the image
-    /// does not count.
-    #[must_use]
-    pub fn image(&self, index: usize) -> [f32; MAPS] {
+    /// The image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on, in units of 0.1 of slope, of a pixel of
+    /// height, and of slope per contrast; level where the image does not count.
+    pub fn image(&self, first: usize, out: &mut [[f32; MAPS]]) {
         let GuideInput { image, valid, turn, .. } = self.tile;
-        let pixel = turn.source(index, self.shape);
-        let [east, south] =
-            if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
-        [east, south, self.relief.at(index), self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT))
+        let pixels = turn.sources(first, self.shape).zip(self.relief.part(first, out.len()));
+        for (maps, (pixel, &relief)) in out.iter_mut().zip(pixels) {
+            let [east, south] =
+                if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
+            *maps = [east, south, relief, self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT));
+        }
     }
 
-    /// The coarse DTM with the relief at a pixel of the mirrored tile, in pixels about its mean.
-    #[must_use]
-    pub fn coarse(&self, index: usize) -> f32 {
-        let pixel = self.tile.turn.source(index, self.shape);
-        height(&self.scale, self.tile.coarse_m, pixel) + self.relief.at(index)
+    /// The coarse DTM with the relief at pixels of one row of the mirrored tile, likewise, in pixels about its mean.
+    pub fn coarse(&self, first: usize, out: &mut [f32]) {
+        let pixels = self.tile.turn.sources(first, self.shape).zip(self.relief.part(first, out.len()));
+        for (z, (pixel, relief)) in out.iter_mut().zip(pixels) {
+            *z = self.scale.normalised(item(self.tile.coarse_m, pixel)) + relief;
+        }
     }
 
     /// All maps of the image, side by side in every pixel, and the coarse DTM.
@@ -111,17 +120,12 @@ impl<'t, 's> Guide<'t, 's> {
     pub fn fill(&self, image: &mut [f32], coarse: &mut [f32]) -> Result<(), NormError> {
         crate::error::same_length(self.tile.image.len(), coarse.len())?;
         crate::error::same_length(MAPS * coarse.len(), image.len())?;
-        for (i, (maps, z)) in image.as_chunks_mut::<MAPS>().0.iter_mut().zip(coarse).enumerate() {
-            (*maps, *z) = (self.image(i), self.coarse(i));
+        let cols = self.shape.1.max(1);
+        let lines = image.as_chunks_mut::<MAPS>().0.chunks_mut(cols).zip(coarse.chunks_mut(cols));
+        for (row, (maps, heights)) in lines.enumerate() {
+            self.image(row * cols, maps);
+            self.coarse(row * cols, heights);
         }
         Ok(())
     }
-}
-
-/// A height in the scale's unit; 0 where it is not real.
-fn height(scale: &ElevationScale, coarse_m: &[f32], index: usize) -> f32 {
-    let mut z = [0.0];
-    // One sample in, one out: the lengths agree.
-    let _ = scale.normalise(part(coarse_m, index, 1), &mut z);
-    z[0]
 }

@@ -20,13 +20,16 @@ pub use guide::{Guide, GuideInput, LIMIT, MAPS};
 
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
-use crate::part::{copy, head, item, part, part_mut, put};
-use fft::{Lanes, Order, Way, transform};
+use crate::part::{copy, head_mut, item, part, part_mut, put};
+use fft::{GROUP, Lanes, Order, Way, transform};
 
 /// Weight of slopes across the light, against the misfit along it (our choice, of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
 /// Pixels by which a tile is at least continued on either side, mirrored, so that opposite sides do not touch.
 const MARGIN_PX: usize = 24;
+/// Rows that are transformed together, two by two as real and imaginary part. The margin has room for them.
+const TOGETHER: usize = 2 * GROUP;
+const _: () = assert!(TOGETHER <= MARGIN_PX);
 
 /// Sizes for tiles of one shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +50,7 @@ impl Photoclinometry {
     /// Values of scratch memory: the padded tile, and tables.
     #[must_use]
     pub fn scratch_len(&self) -> usize {
-        self.field_len() + 2 * self.rows.len() + 4 * self.cols.len()
+        self.field_len() + 2 * self.rows.len() + 2 * self.cols.len()
     }
 
     fn field_len(&self) -> usize {
@@ -59,16 +62,15 @@ impl Photoclinometry {
         ((self.rows.len() - self.tile.0) / 2, (self.cols.len() - self.tile.1) / 2)
     }
 
-    /// Finds the relief of a tile. `brightness` and `coarse` give a pixel of the image, or `None` where it does not count, and of
-    /// the coarse DTM in pixels, by row-major index; `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of
-    /// the image.
+    /// Finds the relief of a tile. `brightness` and `coarse` write a row of the image, NaN where it does not count, and of the coarse DTM in
+    /// pixels; `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn relief<'s>(
         &self,
-        brightness: impl Fn(usize) -> Option<f32>,
-        coarse: impl Fn(usize) -> f32,
+        brightness: impl Fn(usize, &mut [f32]),
+        coarse: impl Fn(usize, &mut [f32]),
         (shading, light): (&Shading, Light),
         coarse_px: f32,
         scratch: &'s mut [f32],
@@ -77,135 +79,156 @@ impl Photoclinometry {
         let scratch =
             scratch.get_mut(..self.scratch_len()).ok_or(LengthError { expected: self.scratch_len(), found })?;
         let (field, tables) = scratch.split_at_mut_checked(self.field_len()).unwrap_or_default();
-        let (row_roots, rest) = tables.split_at_mut_checked(2 * self.rows.len()).unwrap_or_default();
-        let (col_roots, line) = rest.split_at_mut_checked(2 * self.cols.len()).unwrap_or_default();
+        let (row_roots, col_roots) = tables.split_at_mut_checked(2 * self.rows.len()).unwrap_or_default();
         self.rows.roots(row_roots);
         self.cols.roots(col_roots);
         let strength = light.strength();
         let direction = [light.east / strength, light.south / strength];
-        self.fill(field, brightness, coarse, shading, strength, direction);
-        self.mirror(field);
-        self.rows_forward(field, col_roots, line);
+        self.fill(field, brightness, coarse, |v| shading.along(v, strength), direction);
+        self.rows_forward(field, col_roots);
+        self.mirror_rows(field);
         let half = self.cols.len() / 2;
         let columns = Lanes { re: 0, im: half, stride: self.cols.len(), count: half };
         transform(field, &self.rows, row_roots, columns, Way::Forward);
         self.filter(field, direction, coarse_px);
         transform(field, &self.rows, row_roots, columns, Way::Backward);
-        self.rows_backward(field, col_roots, line);
+        self.rows_backward(field, col_roots);
         let ((top, left), stride) = (self.corner(), self.cols.len());
         Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.1 })
     }
 
-    /// Puts the slope along the light that the coarse DTM leaves unexplained into the tile's part of the field, its mean taken off.
+    /// The field in two: the rows above the tile, free while rows are worked on, and the rest, which begins with the tile's.
+    fn margin<'f>(&self, field: &'f mut [f32]) -> (&'f mut [f32], &'f mut [f32]) {
+        field.split_at_mut_checked(self.corner().0 * self.cols.len()).unwrap_or_default()
+    }
+
+    /// Puts the slope along the light that the coarse DTM leaves unexplained into the tile's part of the field, its mean taken off, and
+    /// continues it to both sides by its mirror image.
     fn fill(
         &self,
         field: &mut [f32],
-        brightness: impl Fn(usize) -> Option<f32>,
-        coarse: impl Fn(usize) -> f32,
-        shading: &Shading,
-        strength: f32,
+        brightness: impl Fn(usize, &mut [f32]),
+        coarse: impl Fn(usize, &mut [f32]),
+        seen: impl Fn(f32) -> f32,
         [east, south]: [f32; 2],
     ) {
-        let ((rows, cols), (top, left)) = (self.tile, self.corner());
+        let ((rows, cols), (_, left), width) = (self.tile, self.corner(), self.cols.len());
+        let (margin, tile) = self.margin(field);
+        // Three rows of the coarse DTM, one of the image.
+        let (heights, rest) = margin.split_at_mut_checked(3 * cols).unwrap_or_default();
+        let bright = head_mut(rest, cols);
+        coarse(0, head_mut(heights, cols));
         let mut sum = 0.0f64;
         for row in 0..rows {
-            for col in 0..cols {
-                let at = |r: usize, c: usize| coarse(r * cols + c);
-                let (up, down) = (row.saturating_sub(1), (row + 1).min(rows.saturating_sub(1)));
-                let (before, after) = (col.saturating_sub(1), (col + 1).min(cols - 1));
-                let across = (at(row, after) - at(row, before)) / (after - before).max(1) as f32;
-                let along = (at(down, col) - at(up, col)) / (down - up).max(1) as f32;
-                let known = east * across + south * along;
-                let seen = brightness(row * cols + col).map(|v| shading.along(v, strength));
-                // Where nothing is seen the coarse DTM stands.
-                let missing = seen.map_or(0.0, |seen| seen - known);
-                put(field, (top + row) * self.cols.len() + left + col, missing);
-                sum += f64::from(missing);
+            let (up, down) = (row.saturating_sub(1), (row + 1).min(rows - 1));
+            if down > row {
+                coarse(down, part_mut(heights, down % 3 * cols, cols));
             }
+            brightness(row, bright);
+            let [above, here, below] = [up, row, down].map(|row| part(heights, row % 3 * cols, cols));
+            let out = part_mut(tile, row * width + left, cols);
+            let per_row = 1.0 / (down - up).max(1) as f32;
+            let missing = |across: f32, along: f32, v: f32| {
+                // Where nothing is seen the coarse DTM stands.
+                if v.is_nan() { 0.0 } else { seen(v) - (east * across + south * (along * per_row)) }
+            };
+            let columns = out.iter_mut().zip(bright.iter()).zip(above.iter().zip(below));
+            for (((out, &v), (a, b)), z) in columns.skip(1).zip(here.windows(3)) {
+                *out = missing(0.5 * (z[2] - z[0]), b - a, v);
+            }
+            // The first and the last column have one neighbour.
+            for (col, before, after) in
+                [(0, 0, 1), (cols.saturating_sub(1), cols.saturating_sub(2), cols.saturating_sub(1))]
+            {
+                let across = item(here, after.min(cols.saturating_sub(1))) - item(here, before);
+                put(out, col, missing(across, item(below, col) - item(above, col), item(bright, col)));
+            }
+            out.iter().for_each(|v| sum += f64::from(*v));
         }
         let mean = (sum / (rows * cols).max(1) as f64) as f32;
-        for row in 0..rows {
-            part_mut(field, (top + row) * self.cols.len() + left, cols).iter_mut().for_each(|v| *v -= mean);
-        }
-    }
-
-    /// Continues the tile to all sides by its mirror image.
-    fn mirror(&self, field: &mut [f32]) {
-        let ((rows, cols), (top, left)) = (self.tile, self.corner());
-        let (height, width) = (self.rows.len(), self.cols.len());
-        for row in top..top + rows {
-            let line = part_mut(field, row * width, width);
+        for line in tile.chunks_exact_mut(width.max(1)).take(rows) {
+            part_mut(line, left, cols).iter_mut().for_each(|v| *v -= mean);
             for col in (0..left).chain(left + cols..width) {
                 let from = item(line, left + mirrored(col as isize - left as isize, cols));
                 put(line, col, from);
             }
         }
-        for row in (0..top).chain(top + rows..height) {
-            let from = top + mirrored(row as isize - top as isize, rows);
-            for col in 0..width {
-                let value = item(field, from * width + col);
-                put(field, row * width + col, value);
-            }
+    }
+
+    /// Continues the tile's rows, or what they have become, above and below by their mirror image.
+    fn mirror_rows(&self, field: &mut [f32]) {
+        let (rows, (top, _), width) = (self.tile.0, self.corner(), self.cols.len());
+        let (above, rest) = self.margin(field);
+        let (tile, below) = rest.split_at_mut_checked(rows * width).unwrap_or_default();
+        let line = |row: isize| part(tile, mirrored(row, rows) * width, width);
+        for row in 0..top {
+            copy(part_mut(above, row * width, width), line(row as isize - top as isize));
+        }
+        for row in rows..self.rows.len() - top {
+            copy(part_mut(below, (row - rows) * width, width), line(row as isize));
         }
     }
 
-    /// Transforms rows two by two, as real and imaginary part; then each holds its own half spectrum: real parts of frequencies 0 to
-    /// half - 1, imaginary parts of the same, and in the place of the first imaginary part, which is 0, frequency half.
-    fn rows_forward(&self, field: &mut [f32], roots: &[f32], line: &mut [f32]) {
-        let (width, half) = (self.cols.len(), self.cols.len() / 2);
-        for row in (0..self.rows.len()).step_by(2) {
-            let pair = row * width..(row + 2) * width;
-            let lanes = Lanes { re: pair.start, im: pair.start + width, stride: 1, count: 1 };
-            transform(field, &self.cols, roots, lanes, Way::Forward);
-            let (first, second) =
-                part_mut(field, pair.start, pair.len()).split_at_mut_checked(width).unwrap_or_default();
+    /// Transforms the tile's rows, two by two as real and imaginary part; then each holds its own half spectrum: real parts of frequencies 0
+    /// to half - 1, imaginary parts of the same, and in the place of the first imaginary part, which is 0, frequency half.
+    fn rows_forward(&self, field: &mut [f32], roots: &[f32]) {
+        let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
+        let (margin, tile) = self.margin(field);
+        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.0 * width));
+        room.fill(0.0);
+        for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
+            // Lanes beyond the last row are transformed with whatever they hold, and left alone.
+            for (row, line) in rows.chunks_exact(width).enumerate() {
+                let lane = row / 2 + row % 2 * GROUP;
+                room.iter_mut().skip(lane).step_by(TOGETHER).zip(line).for_each(|(to, from)| *to = *from);
+            }
+            transform(room, &self.cols, roots, ROOM, Way::Forward);
             for k in 0..=half {
-                let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width.max(1)));
-                // Z(k) + conj Z(-k) and -i (Z(k) - conj Z(-k)), over 2.
-                let (x, y) = ([item(first, p), item(first, q)], [item(second, p), item(second, q)]);
-                let [a, b, c, d] = [x[0] + x[1], y[0] - y[1], y[0] + y[1], x[1] - x[0]].map(|v| 0.5 * v);
-                if k == half {
-                    // Both spectra's frequency half, real.
-                    put(line, half, a);
-                    put(line, width + half, c);
-                } else {
-                    put(line, k, a);
-                    put(line, width + k, c);
-                    if k > 0 {
-                        put(line, half + k, b);
-                        put(line, width + half + k, d);
+                let places = [k, (width - k) % width].map(|k| self.cols.place(k) * TOGETHER);
+                let [p, q] = places.map(|at| part(room, at, TOGETHER));
+                for (pair, lines) in rows.chunks_mut((2 * width).max(1)).enumerate() {
+                    // Z(k) + conj Z(-k) and -i (Z(k) - conj Z(-k)), over 2.
+                    let [x, y] = [pair, GROUP + pair].map(|lane| [item(p, lane), item(q, lane)]);
+                    let [a, b, c, d] = [x[0] + x[1], y[0] - y[1], y[0] + y[1], x[1] - x[0]].map(|v| 0.5 * v);
+                    // Frequency half is real.
+                    put(lines, k, a);
+                    put(lines, width + k, c);
+                    if k > 0 && k < half {
+                        put(lines, half + k, b);
+                        put(lines, width + half + k, d);
                     }
                 }
             }
-            copy(first, head(line, width));
-            copy(second, part(line, width, width));
         }
     }
 
-    /// Undoes [`Self::rows_forward`], but for the length as a factor.
-    fn rows_backward(&self, field: &mut [f32], roots: &[f32], line: &mut [f32]) {
-        let (width, half) = (self.cols.len(), self.cols.len() / 2);
-        for row in (0..self.rows.len()).step_by(2) {
-            let pair = row * width..(row + 2) * width;
-            {
-                let (first, second) =
-                    part_mut(field, pair.start, pair.len()).split_at_mut_checked(width).unwrap_or_default();
-                copy(line, first);
-                copy(part_mut(line, width, width), second);
-                for k in 0..=half {
-                    let (p, q) = (self.cols.place(k), self.cols.place((width - k) % width.max(1)));
-                    let (a, c) = (item(line, k), item(line, width + k));
-                    let inner = k > 0 && k < half;
-                    let (b, d) = if inner { (item(line, half + k), item(line, width + half + k)) } else { (0.0, 0.0) };
+    /// Undoes [`Self::rows_forward`], but for the length as a factor, and for what lies beside the tile.
+    fn rows_backward(&self, field: &mut [f32], roots: &[f32]) {
+        let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
+        let ((_, cols), (_, left)) = (self.tile, self.corner());
+        let (margin, tile) = self.margin(field);
+        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.0 * width));
+        for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
+            for k in 0..=half {
+                let inner = k > 0 && k < half;
+                let [p, q] = [k, (width - k) % width].map(|k| self.cols.place(k) * TOGETHER);
+                for (pair, lines) in rows.chunks((2 * width).max(1)).enumerate() {
+                    let (a, c) = (item(lines, k), item(lines, width + k));
+                    let (b, d) =
+                        if inner { (item(lines, half + k), item(lines, width + half + k)) } else { (0.0, 0.0) };
                     // X1 + i X2, and conj X1 + i conj X2.
-                    put(first, p, a - d);
-                    put(second, p, b + c);
-                    put(first, q, a + d);
-                    put(second, q, c - b);
+                    put(room, p + pair, a - d);
+                    put(room, p + GROUP + pair, b + c);
+                    put(room, q + pair, a + d);
+                    put(room, q + GROUP + pair, c - b);
                 }
             }
-            let lanes = Lanes { re: pair.start, im: pair.start + width, stride: 1, count: 1 };
-            transform(field, &self.cols, roots, lanes, Way::Backward);
+            transform(room, &self.cols, roots, ROOM, Way::Backward);
+            for (row, line) in rows.chunks_exact_mut(width).enumerate() {
+                let lane = row / 2 + row % 2 * GROUP;
+                let from = room.iter().skip(left * TOGETHER + lane).step_by(TOGETHER);
+                part_mut(line, left, cols).iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+            }
         }
     }
 
@@ -258,6 +281,9 @@ impl Photoclinometry {
     }
 }
 
+/// Rows side by side in the margin: real parts, then imaginary parts, of number after number.
+const ROOM: Lanes = Lanes { re: 0, im: GROUP, stride: TOGETHER, count: GROUP };
+
 /// Index of the sample that stands for sample `i` beyond the ends of `n`, the end sample not repeated.
 fn mirrored(i: isize, n: usize) -> usize {
     let period = 2 * (n.max(2) - 1);
@@ -275,11 +301,11 @@ pub struct Relief<'s> {
 }
 
 impl Relief<'_> {
-    /// The relief at the pixel of a row-major index of the tile, pixels.
+    /// The relief at `len` pixels of a row of the tile from a row-major index on, pixels; none beyond the tile.
     #[must_use]
-    pub fn at(&self, index: usize) -> f32 {
+    pub fn part(&self, index: usize, len: usize) -> &[f32] {
         let cols = self.cols.max(1);
-        self.field.get(self.first + index / cols * self.stride + index % cols).copied().unwrap_or(0.0)
+        part(self.field, self.first + index / cols * self.stride + index % cols, len)
     }
 }
 

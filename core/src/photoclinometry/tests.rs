@@ -66,8 +66,11 @@ fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], 
 fn relief(plan: &Photoclinometry, image: &[f32], coarse: &[f32], light: Light, coarse_px: f32) -> Vec<f32> {
     let shading = Shading::new(image, None, light).unwrap();
     let mut scratch = vec![9.0; plan.scratch_len()];
-    let found = plan.relief(|i| Some(image[i]), |i| coarse[i], (&shading, light), coarse_px, &mut scratch).unwrap();
-    (0..image.len()).map(|i| found.at(i)).collect()
+    let row = |map: &[f32], row: usize, out: &mut [f32]| out.copy_from_slice(&map[row * out.len()..][..out.len()]);
+    let (bright, heights) =
+        (|r: usize, out: &mut [f32]| row(image, r, out), |r: usize, out: &mut [f32]| row(coarse, r, out));
+    let found = plan.relief(bright, heights, (&shading, light), coarse_px, &mut scratch).unwrap();
+    (0..plan.tile.0).flat_map(|r| found.part(r * plan.tile.1, plan.tile.1).to_vec()).collect()
 }
 
 fn noise(n: usize) -> Vec<f32> {
@@ -146,11 +149,13 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let (light, image) = (Light { east: 1.0, south: 0.0 }, vec![1.0, 2.0]);
     let shading = Shading::new(&image, None, light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
+    let (dark, level) = (|_: usize, out: &mut [f32]| out.fill(f32::NAN), |_: usize, out: &mut [f32]| out.fill(4.0));
     for coarse_px in [30.0, 0.0, f32::NAN] {
-        let relief = plan.relief(|_| None, |_| 4.0, (&shading, light), coarse_px, &mut scratch).unwrap();
-        assert!((0..300).all(|i| relief.at(i) == 0.0));
+        let relief = plan.relief(dark, level, (&shading, light), coarse_px, &mut scratch).unwrap();
+        assert!((0..16).all(|row| relief.part(16 * row, 16) == [0.0; 16]));
+        assert!(relief.part(100 * 100, 16).is_empty());
     }
-    let short = plan.relief(|_| None, |_| 4.0, (&shading, light), 30.0, &mut scratch[1..]);
+    let short = plan.relief(dark, level, (&shading, light), 30.0, &mut scratch[1..]);
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
     let tile = GuideInput { image: &image, coarse_m: &image, valid: None, turn: Turn::default(), coarse_px: 30.0 };

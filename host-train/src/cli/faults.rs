@@ -1,9 +1,10 @@
 //! `host-train faults`: what flipped bits do to a tile.
 
 use super::output;
-use crate::faults::{Campaign, Moments, Outcome, Target, markdown, picture, run};
+use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
 use crate::picture::write_png;
 use crate::predict::int8;
+use crate::predict::network::Model as _;
 use crate::{Error, Result, interrupt};
 use std::path::PathBuf;
 
@@ -13,7 +14,8 @@ use std::path::PathBuf;
   host-train faults nano.eld --injections 100000 --out out/faults
   host-train faults nano.eld --injections 7000 --unprotected      # what it would be without
 
-One or two bits flip in the model, in the memory of a tile at work, or in its place, and the tile goes on. Writes faults.md and faults.png.")]
+One or two bits flip in the model, in the memory of a tile at work, or in its place, and the tile goes on. Writes faults.md, faults.png and
+injections.csv; the same command goes on where it was stopped.")]
 pub struct Args {
     /// Model, `.eld`.
     #[arg(value_name = "MODEL.eld")]
@@ -49,32 +51,36 @@ pub fn run_command(args: &Args) -> Result<()> {
     let available = std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = if args.threads == 0 { available } else { args.threads };
     let campaign = Campaign { injections: args.injections, seed: args.seed, threads };
-    let bar = output::progress(args.injections as usize, "injections");
+    let protection = if args.unprotected { "without protection" } else { "with protection" };
+    let what = format!("seed {}, {} moments, {protection}", args.seed, moments.moments.len());
+    let journal = args.out.as_deref().map(|out| {
+        std::fs::create_dir_all(out).map_err(Error::io(out))?;
+        let heights = moments.digest();
+        Journal::open(&out.join("injections.csv"), &format!("{what}; {}, heights {heights}", model.description()))
+    });
+    let journal = journal.transpose()?;
+    let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
+    let bar = output::progress(args.injections as usize, "injections").with_position(known);
+    // What an earlier run did says nothing about this one's rate.
+    bar.reset_eta();
     // Runs that panic are counted, not shown.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
-    let results = run(&model, &moments, &campaign, || bar.inc(1));
+    let results = run(&model, &moments, &campaign, journal.as_ref(), || bar.inc(1));
     std::panic::set_hook(hook);
     bar.finish_and_clear();
     let results = results?;
     let done = results.all().all();
-    let protection = if args.unprotected { "without protection" } else { "with protection" };
-    let mut text = format!(
-        "{done} injections, seed {}, {} moments, {protection}\n\n{}",
-        args.seed,
-        moments.moments.len(),
-        markdown(&results)
-    );
+    let mut text = format!("{done} injections, {what}\n\n{}", markdown(&results));
     if done < args.injections {
         text.push_str(&format!("\nStopped after {done} of {} injections.\n", args.injections));
     }
     println!("{text}");
     if let Some(out) = &args.out {
-        std::fs::create_dir_all(out).map_err(Error::io(out))?;
         let path = out.join("faults.md");
         std::fs::write(&path, &text).map_err(Error::io(&path))?;
         write_png(&out.join("faults.png"), picture(&results)?)?;
-        println!("{}: faults.md, faults.png", out.display());
+        println!("{}: faults.md, faults.png, injections.csv", out.display());
     }
     let all = results.all();
     let (hangs, crashes) = (all.of(Outcome::Hang), all.of(Outcome::Crash));

@@ -7,8 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use std::ops::Range;
 
 /// What is hit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Target {
     /// Constants of the model: weights, biases, multipliers, tables.
     Constants,
@@ -41,6 +40,19 @@ impl Target {
             Self::Notes => "scratch and row checksums",
             Self::StuckBit => "stuck bit in a map",
             Self::Place => "place of the run, unguarded",
+        }
+    }
+
+    /// As the journal has it.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Constants => "constants",
+            Self::Program => "program",
+            Self::Header => "header",
+            Self::Maps => "maps",
+            Self::Notes => "notes",
+            Self::StuckBit => "stuck-bit",
+            Self::Place => "place",
         }
     }
 

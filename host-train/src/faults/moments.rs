@@ -1,6 +1,7 @@
 //! A clean run, and its memory at some moments.
 
 use super::run::fault;
+use crate::digest::sha256_hex;
 use crate::predict::int8::Int8Model;
 use crate::predict::network::Model as _;
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
@@ -37,6 +38,12 @@ pub struct Moments {
 }
 
 impl Moments {
+    /// SHA-256 of the clean run's heights: a library that computes anything else makes another campaign.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        sha256_hex(&self.heights_m.iter().flat_map(|z| z.to_le_bytes()).collect::<Vec<_>>())
+    }
+
     /// Runs a tile of the synthetic Moon of `seed` and keeps its memory at `count` moments: just begun, and then in the middle of whatever
     /// is at work, evenly spread over the multiply-accumulates.
     ///

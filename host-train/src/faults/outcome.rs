@@ -4,8 +4,7 @@
 pub const LIMIT_M: f32 = 0.1;
 
 /// How a run with flipped bits ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Outcome {
     /// The runner said so; begun again, the tile came out right.
     Recovered,
@@ -32,6 +31,18 @@ impl Outcome {
             Self::Reported => "detected, reported",
             Self::Masked => "masked",
             Self::Silent => "silent, above 0.1 m",
+            Self::Hang => "hang",
+            Self::Crash => "crash",
+        }
+    }
+
+    /// As the journal has it.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Recovered => "recovered",
+            Self::Reported => "reported",
+            Self::Masked => "masked",
+            Self::Silent => "silent",
             Self::Hang => "hang",
             Self::Crash => "crash",
         }

@@ -1,6 +1,7 @@
 //! The injections, on several threads.
 
 use super::injection::{Injection, Target};
+use super::journal::{Journal, Tried};
 use super::moments::{Moments, STEP_MACS};
 use super::outcome::{LIMIT_M, Outcome};
 use super::table::Results;
@@ -30,11 +31,17 @@ pub(super) fn fault(error: RunError) -> Error {
     Error::usage(format!("faults: {error}"))
 }
 
-/// Runs a campaign; `progress` is told of every injection. Stops early, with what there is, on Ctrl-C.
+/// Runs a campaign, but for what its journal has; `progress` is told of every injection. Stops early, with what there is, on Ctrl-C.
 ///
 /// # Errors
-/// If a thread fails by itself.
-pub fn run(model: &Int8Model, moments: &Moments, campaign: &Campaign, progress: impl Fn() + Sync) -> Result<Results> {
+/// If a thread fails by itself, or the journal cannot be written.
+pub fn run(
+    model: &Int8Model,
+    moments: &Moments,
+    campaign: &Campaign,
+    journal: Option<&Journal>,
+    progress: impl Fn() + Sync,
+) -> Result<Results> {
     let next = AtomicU64::new(0);
     let worker = || -> Result<Results> {
         let mut desk = Desk::new(model, moments);
@@ -44,16 +51,21 @@ pub fn run(model: &Int8Model, moments: &Moments, campaign: &Campaign, progress: 
             if index >= campaign.injections || interrupt::requested() {
                 return Ok(results);
             }
+            if journal.is_some_and(|journal| journal.has(index)) {
+                continue;
+            }
             let injection = Injection::new(&model.model(), moments.moments.len(), campaign.seed, index);
             let outcome = desk.try_one(&injection, index);
-            let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator);
-            results.add(injection.target, injection.count(), operator, outcome);
+            let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator).into();
+            let tried = Tried { index, target: injection.target, bits: injection.count(), operator, outcome };
+            journal.map_or(Ok(()), |journal| journal.add(&tried))?;
+            results.add(&tried);
             progress();
         }
     };
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..campaign.threads.max(1)).map(|_| scope.spawn(worker)).collect();
-        let mut all = Results::default();
+        let mut all = journal.map(|journal| journal.results().clone()).unwrap_or_default();
         for worker in workers {
             all.merge(&worker.join().unwrap_or_else(|_| Err(Error::usage("faults: a thread failed")))?);
         }

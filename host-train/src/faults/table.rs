@@ -1,6 +1,7 @@
 //! A campaign as tables and a picture.
 
 use super::injection::Target;
+use super::journal::Tried;
 use super::outcome::{Counts, Outcome};
 use crate::Result;
 use crate::picture::{Bars, bars};
@@ -12,15 +13,15 @@ use std::fmt::Write as _;
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     by_target: BTreeMap<(Target, usize), Counts>,
-    by_operator: BTreeMap<&'static str, Counts>,
+    by_operator: BTreeMap<String, Counts>,
 }
 
 impl Results {
     /// One injection more.
-    pub fn add(&mut self, target: Target, bits: usize, operator: &'static str, outcome: Outcome) {
-        self.by_target.entry((target, bits)).or_default().add(outcome);
-        if !target.is_model() && target != Target::Place {
-            self.by_operator.entry(operator).or_default().add(outcome);
+    pub fn add(&mut self, tried: &Tried) {
+        self.by_target.entry((tried.target, tried.bits)).or_default().add(tried.outcome);
+        if !tried.target.is_model() && tried.target != Target::Place {
+            self.by_operator.entry(tried.operator.clone()).or_default().add(tried.outcome);
         }
     }
 
@@ -30,7 +31,7 @@ impl Results {
             self.by_target.entry(*key).or_default().merge(counts);
         }
         for (key, counts) in &other.by_operator {
-            self.by_operator.entry(key).or_default().merge(counts);
+            self.by_operator.entry(key.clone()).or_default().merge(counts);
         }
     }
 

@@ -6,7 +6,7 @@
 
 /* Largest tile, and bytes of a context for the model that flies: from eld_model_check, on the ground (onboard/docs/budgets.md). */
 #define DUTY_PX (256u * 320u)
-#define DUTY_MEMORY_BYTES 1419720u
+#define DUTY_MEMORY_BYTES 1416648u
 
 /* Work between two kicks of the watchdog. See "Budget and watchdog" in onboard/docs/integration.md. */
 #define DUTY_BUDGET_MACS 5000000u

@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    elunar_tests::c_abi::c_abi(bytes);
+    elunar_provoke::c_abi::c_abi(bytes);
 });

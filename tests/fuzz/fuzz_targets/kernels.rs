@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    elunar_tests::provoke::kernels(bytes);
+    elunar_provoke::model::kernels(bytes);
 });

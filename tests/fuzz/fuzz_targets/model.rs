@@ -2,6 +2,6 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    elunar_tests::provoke::raw_model(bytes);
-    elunar_tests::provoke::mutated_model(bytes);
+    elunar_provoke::model::raw_model(bytes);
+    elunar_provoke::model::mutated_model(bytes);
 });

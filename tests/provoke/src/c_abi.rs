@@ -4,7 +4,7 @@
 //! that keeps the rules of the header says what may come back.
 #![allow(unsafe_code)] // C's functions
 
-use crate::provoke::{Reader, mutated, sound_models};
+use crate::model::{Reader, mutated, sound_models};
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
@@ -142,7 +142,7 @@ fn expected(model: usize, tile: usize) -> u32 {
     if let Some(crc) = known.lock().expect("no test panics here").get(&(model, tile)) {
         return *crc;
     }
-    let mut slot = Slot::new(sound_models()[model].clone(), Some(model)).expect("a sound model");
+    let mut slot = Slot::new(sound_models()[model].to_vec(), Some(model)).expect("a sound model");
     let good = Tile::good(tile, slot.shape());
     // SAFETY: a context and a tile of our own.
     let statuses = unsafe { [ffi::eld_begin(slot.handle, &good.c), ffi::eld_step(slot.handle, u64::MAX)] };
@@ -258,7 +258,7 @@ impl Play<'_> {
     /// A slot with a context, mostly of a sound model.
     fn make(&mut self) -> Option<Slot> {
         let (how, which) = (self.reader.byte(), self.reader.byte() as usize % sound_models().len());
-        let sound = &sound_models()[which];
+        let sound = sound_models()[which];
         let made = match how % 8 {
             0 => {
                 let patches: Vec<u8> = (0..1 + 10 * (1 + how as usize / 64)).map(|_| self.reader.byte()).collect();
@@ -266,12 +266,12 @@ impl Play<'_> {
             }
             1 => Slot::new(self.reader.0.to_vec(), None),
             2 => {
-                let mut model = sound.clone();
+                let mut model = sound.to_vec();
                 let at = self.reader.word() as usize % model.len();
                 model[at] ^= 1 << (how / 32);
                 Slot::new(model, None)
             }
-            _ => Slot::new(sound.clone(), Some(which)),
+            _ => Slot::new(sound.to_vec(), Some(which)),
         };
         match made {
             Ok(slot) => {

@@ -1,7 +1,7 @@
 //! The fuzz target `c_abi` on seeded bytes: for those who have no nightly compiler.
 
-use elunar_tests::c_abi::{Tally, c_abi};
-use elunar_tests::provoke::Random;
+use elunar_provoke::Random;
+use elunar_provoke::c_abi::{Tally, c_abi};
 
 #[test]
 fn calls_in_any_order_return_with_a_status_that_fits() {

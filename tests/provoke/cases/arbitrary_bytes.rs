@@ -1,6 +1,7 @@
 //! The fuzz targets `kernels` and `model` on seeded bytes: for those who have no nightly compiler.
 
-use elunar_tests::provoke::{Random, kernels, mutated_model, raw_model};
+use elunar_provoke::Random;
+use elunar_provoke::model::{kernels, mutated_model, raw_model};
 
 #[test]
 fn kernels_agree_on_products_of_any_shape() {

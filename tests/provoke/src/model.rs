@@ -1,15 +1,9 @@
-//! Arbitrary bytes against the integer runner: what the fuzz targets and the seeded replays in `cases/` both run.
+//! Arbitrary bytes against the integer runner: as products, as models, as changes to sound models.
 
 use elunar_core::nn::format::seal_file;
 use elunar_core::nn::format::{HEADER_BYTES, word};
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{ENTRY_BYTES, Model, OPERATOR_BYTES, Progress, RunError, Runner, TENSOR_BYTES, required};
-use host_train::export::build::manifest;
-use host_train::export::{CalibrationTile, Options, Precision, export};
-use host_train::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
-use host_train::model::weights::{Array, Weights};
-use std::path::Path;
-use std::sync::OnceLock;
 
 /// Bytes laid around a lent arena, to be found again as they were.
 const GUARD: usize = 64;
@@ -101,9 +95,9 @@ pub fn mutated_model(patches: &[u8]) -> bool {
 pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
     let mut reader = Reader(patches);
     let models = sound_models();
-    let sound = &models[reader.byte() as usize % models.len()];
+    let sound = models[reader.byte() as usize % models.len()];
     let sections = sections(sound);
-    let mut bytes = sound.clone();
+    let mut bytes = sound.to_vec();
     while !reader.0.is_empty() {
         let (start, len) = sections[reader.byte() as usize % sections.len()];
         let at = start + reader.word() as usize % (len / 4).max(1) * 4;
@@ -174,79 +168,12 @@ fn run(bytes: &[u8]) -> bool {
     true
 }
 
-/// Models of the smallest networks that have every operator, made once.
-pub(crate) fn sound_models() -> &'static [Vec<u8>] {
-    static MODELS: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
-    MODELS.get_or_init(|| {
-        // The taller tile is large enough for enlargements to be folded into filters.
-        [
-            ((32, 32), Precision::Mixed, Illumination::Any),
-            ((64, 32), Precision::Int8, Illumination::Any),
-            ((64, 32), Precision::Int16, Illumination::Northwest),
-            ((32, 64), Precision::Mixed, Illumination::Given),
-        ]
-        .into_iter()
-        .map(|(tile, precision, illumination)| small_model(tile, precision, illumination))
-        .collect()
-    })
-}
-
-fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumination) -> Vec<u8> {
-    let given = illumination == Illumination::Given;
-    let config = NetConfig {
-        illumination,
-        target_range: if given { TargetRange::Pixel } else { TargetRange::Own },
-        embed: 2,
-        depths: [2, 1, 1, 1],
-        heads: [1, 1, 2, 1],
-        window: 3,
-        stem: 1,
-        dtm: [1; 5],
-        decoder: [2; 5],
-        head: Head::Residual,
-        ..NetConfig::preset(Preset::Nano)
-    };
-    let mut random = Random(0x9e37_79b9_7f4a_7c15);
-    let mut weights = Weights::default();
-    for (name, shape) in manifest(&config).expect("a legal configuration") {
-        let fan_in: usize = shape[1..].iter().product();
-        let one = |r: f32| match name.rsplit('.').next() {
-            Some("running_var") => 0.5 + r.abs(),
-            Some("weight") if shape.len() == 1 => 1.0 + 0.2 * r,
-            Some("weight") => 1.5 * r / (fan_in as f32).sqrt(),
-            _ => 0.2 * r,
-        };
-        let data = (0..shape.iter().product()).map(|_| one(random.sample())).collect();
-        weights.tensors.insert(name.clone(), Array { shape, data });
-    }
-    let samples = tile.0 * tile.1;
-    let maps = if given { elunar_core::photoclinometry::MAPS } else { 1 };
-    let image = (0..maps * samples).map(|_| 0.5 + 0.25 * random.sample()).collect();
-    let coarse = (0..samples).map(|i| 25.0 + 20.0 * (i as f32 / 97.0).sin()).collect();
-    let tiles = [CalibrationTile { image, coarse, ground: None }];
-    let options = Options { tile, precision, name: "provoked".into() };
-    export(&config, &weights, Path::new("provoked"), &tiles, &options, |_| {}).expect("a sound network").bytes
-}
-
-/// Reproducible bytes and numbers (xorshift64*).
-pub struct Random(pub u64);
-
-impl Random {
-    /// The next number.
-    pub fn number(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    /// Some bytes.
-    pub fn bytes(&mut self, count: usize) -> Vec<u8> {
-        (0..count).map(|_| (self.number() >> 56) as u8).collect()
-    }
-
-    /// A number in -1..1.
-    fn sample(&mut self) -> f32 {
-        (self.number() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
+/// Models of the smallest networks that have every operator, as `host-train` exports them: ../../golden/provoked.
+pub(crate) fn sound_models() -> [&'static [u8]; 4] {
+    [
+        include_bytes!("../../golden/provoked/mixed.eld"),
+        include_bytes!("../../golden/provoked/int8.eld"),
+        include_bytes!("../../golden/provoked/int16.eld"),
+        include_bytes!("../../golden/provoked/guided.eld"),
+    ]
 }

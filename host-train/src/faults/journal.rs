@@ -1,0 +1,164 @@
+//! A campaign's file: what it is, then one line per injection, so that a campaign that was stopped goes on where it was.
+
+use super::injection::Target;
+use super::outcome::Outcome;
+use super::table::Results;
+use crate::{Error, Result};
+use std::collections::HashSet;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// The columns after the line that says which campaign it is.
+const COLUMNS: &str = "injection,hit,bits,operator,outcome";
+
+/// An injection that was made, and how it ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tried {
+    /// Its number.
+    pub index: u64,
+    /// What was hit.
+    pub target: Target,
+    /// How many bits flipped.
+    pub bits: usize,
+    /// Kind of operator at work.
+    pub operator: String,
+    /// How it ended.
+    pub outcome: Outcome,
+}
+
+/// The lines of a campaign, on disk as soon as they are known.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: Mutex<File>,
+    known: HashSet<u64>,
+    results: Results,
+}
+
+impl Journal {
+    /// Opens the journal of the campaign that `identity` names, or begins one. A last line that was cut off is dropped.
+    ///
+    /// # Errors
+    /// If the file belongs to another campaign, or is none, or cannot be read or written.
+    pub fn open(path: &Path, identity: &str) -> Result<Self> {
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
+        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        file.set_len(whole as u64).map_err(Error::io(path))?;
+        let head = format!("# {identity}\n{COLUMNS}\n");
+        let (mut known, mut results) = (HashSet::new(), Results::default());
+        let text = text.get(..whole).unwrap_or_default();
+        match text.strip_prefix(&head) {
+            Some(lines) => {
+                for (number, line) in lines.lines().enumerate() {
+                    let tried = parse(line).ok_or_else(|| {
+                        Error::broken(path, format!("line {}: expected {COLUMNS}, found '{line}'", number + 3))
+                    })?;
+                    if known.insert(tried.index) {
+                        results.add(&tried);
+                    }
+                }
+            }
+            // Nothing, or a head that was cut off.
+            None if head.starts_with(text) => {
+                file.set_len(0).map_err(Error::io(path))?;
+                file.write_all(head.as_bytes()).map_err(Error::io(path))?;
+            }
+            None => {
+                let found = text.lines().next().unwrap_or_default();
+                return Err(Error::usage(format!(
+                    "{}: expected the campaign '# {identity}', found '{found}': give another folder, or remove it",
+                    path.display()
+                )));
+            }
+        }
+        Ok(Self { path: path.to_path_buf(), file: Mutex::new(file), known, results })
+    }
+
+    /// Whether the file had this injection when it was opened.
+    #[must_use]
+    pub fn has(&self, index: u64) -> bool {
+        self.known.contains(&index)
+    }
+
+    /// How many injections below `limit` the file had when it was opened.
+    #[must_use]
+    pub fn count_below(&self, limit: u64) -> u64 {
+        self.known.iter().filter(|&&index| index < limit).count() as u64
+    }
+
+    /// Writes a line.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn add(&self, tried: &Tried) -> Result<()> {
+        let Tried { index, target, bits, operator, outcome } = tried;
+        let line = format!("{index},{},{bits},{operator},{}\n", target.key(), outcome.key());
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.write_all(line.as_bytes()).map_err(Error::io(&self.path))
+    }
+
+    /// What the file had when it was opened.
+    #[must_use]
+    pub fn results(&self) -> &Results {
+        &self.results
+    }
+}
+
+fn parse(line: &str) -> Option<Tried> {
+    let fields: Vec<&str> = line.split(',').collect();
+    let [index, target, bits, operator, outcome] = fields.as_slice() else { return None };
+    Some(Tried {
+        index: index.parse().ok()?,
+        target: *Target::ALL.iter().find(|t| t.key() == *target)?,
+        bits: bits.parse().ok()?,
+        operator: (*operator).into(),
+        outcome: *Outcome::ALL.iter().find(|o| o.key() == *outcome)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tried(index: u64) -> Tried {
+        let (target, outcome) = (Target::ALL[index as usize % 7], Outcome::ALL[index as usize % 6]);
+        Tried { index, target, bits: 1 + index as usize % 2, operator: "conv".into(), outcome }
+    }
+
+    #[test]
+    fn a_campaign_goes_on_wherever_its_file_was_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("injections.csv");
+        let journal = Journal::open(&path, "seed 1").unwrap();
+        (0..14).for_each(|index| journal.add(&tried(index)).unwrap());
+        let whole = std::fs::read(&path).unwrap();
+        for cut in 0..=whole.len() {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            let journal = Journal::open(&path, "seed 1").unwrap();
+            let done: Vec<u64> = (0..14).filter(|&index| journal.has(index)).collect();
+            assert_eq!(journal.results().all().all(), done.len() as u64, "cut at {cut}");
+            let missing: Vec<u64> = (0..14).filter(|index| !done.contains(index)).collect();
+            missing.iter().for_each(|&index| journal.add(&tried(index)).unwrap());
+            assert_eq!(std::fs::read(&path).unwrap(), whole, "cut at {cut}");
+        }
+        assert_eq!(Journal::open(&path, "seed 1").unwrap().count_below(10), 10);
+    }
+
+    #[test]
+    fn another_campaign_and_another_file_are_refused_and_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("injections.csv");
+        Journal::open(&path, "seed 1").unwrap().add(&tried(0)).unwrap();
+        let before = std::fs::read(&path).unwrap();
+        let error = Journal::open(&path, "seed 2").unwrap_err().to_string();
+        assert!(error.contains("expected the campaign '# seed 2', found '# seed 1'"), "{error}");
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+        let broken = String::from_utf8(before).unwrap() + "1,moon,1,conv,masked\n";
+        std::fs::write(&path, broken).unwrap();
+        let error = Journal::open(&path, "seed 1").unwrap_err().to_string();
+        assert!(error.contains("line 4") && error.contains("moon"), "{error}");
+    }
+}
