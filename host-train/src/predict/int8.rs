@@ -5,7 +5,7 @@ use crate::digest::sha256_hex;
 use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
 use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{self, Progress, Runner, TruthRange, required};
+use elunar_core::nn::{self, Progress, Runner, TruthRange, Verdict, required};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -15,6 +15,7 @@ const STEP_MACS: u64 = 1 << 28;
 pub struct Int8Model {
     kernel: Kernel,
     bytes: Vec<u8>,
+    verdict: Verdict,
     description: String,
 }
 
@@ -24,10 +25,10 @@ pub struct Int8Model {
 /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not right.
 pub fn open(path: &Path) -> Result<Int8Model> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
-    nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
+    let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
     let hash = sha256_hex(&bytes);
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    Ok(Int8Model { kernel: Kernel::best(), bytes, description: format!("int8 network {name} sha256:{hash}") })
+    Ok(Int8Model { kernel: Kernel::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
 }
 
 impl Int8Model {
@@ -43,12 +44,12 @@ impl Int8Model {
         self.kernel
     }
 
-    /// The validated model.
+    /// The validated model; its bytes are judged when the file is opened, not again.
     ///
     /// # Panics
     /// Never: [`open`] has validated these bytes.
     pub fn model(&self) -> nn::Model<'_> {
-        nn::Model::new(&self.bytes).expect("validated when opened")
+        nn::Model::again(&self.bytes, &self.verdict).expect("validated when opened")
     }
 }
 
