@@ -2,6 +2,7 @@
 
 use host_train::faults::{Campaign, Moments, Outcome, Results, Target, markdown, run};
 use host_train::predict::int8;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 const INJECTIONS: u64 = 7 * 48;
@@ -32,6 +33,18 @@ fn what_is_protected_is_never_silently_wrong() {
     assert!(results.of(Target::Maps).of(Outcome::Recovered) > 0, "maps that are still wanted are found changed");
     // The same seed, the same injections, whoever makes them.
     assert_eq!(markdown(&campaign(true, 1)), markdown(&results));
+}
+
+#[test]
+fn bits_flip_in_every_kind_of_operator() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
+    let opened = int8::open(&path).unwrap();
+    let (model, moments) = (opened.model(), Moments::record(&opened, 3, 2, true).unwrap());
+    let entries = (0..model.entry_count()).filter_map(|entry| model.entry(entry));
+    let kinds: BTreeSet<_> = entries.filter_map(|entry| model.operator(entry.operator)).map(|o| o.name()).collect();
+    let mut hit: BTreeSet<_> = moments.moments.iter().map(|moment| moment.operator).collect();
+    assert!(hit.remove("judgement"), "while the model is compared");
+    assert_eq!(hit, kinds);
 }
 
 #[test]

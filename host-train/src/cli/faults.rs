@@ -26,7 +26,7 @@ pub struct Args {
     /// Seed of the injections and of the tile.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Moments of the run at which bits flip.
+    /// Moments of the run at which bits flip; one more for every kind of operator that they miss.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
     pub moments: u64,
     /// Threads; 0 takes as many as the machine offers.

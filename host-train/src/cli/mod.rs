@@ -16,6 +16,7 @@ pub mod mosaic;
 mod output;
 pub mod predict;
 pub mod prepare;
+pub mod render;
 pub mod report;
 pub mod sfs;
 pub mod suite;
@@ -67,6 +68,8 @@ pub enum Command {
     Faults(faults::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
+    /// Take an image of a DTM under a Sun of one's choice.
+    Render(render::Args),
     /// Subtract one DTM from another, with statistics.
     Diff(diff::Args),
     /// Join overlapping DTMs, as `dem_mosaic` does.
@@ -100,6 +103,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Suite(args)) => suite::run(args),
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Hillshade(args)) => hillshade::run(args),
+        Some(Command::Render(args)) => render::run(args),
         Some(Command::Diff(args)) => diff::run(args),
         Some(Command::Mosaic(args)) => mosaic::run(args),
         Some(Command::Lola(args)) => lola::run(args),

@@ -2,12 +2,12 @@
 //! outcome is put into a class.
 //!
 //! ```text
-//! once      a tile is run; the memory is put aside at some moments, evenly spread over the work       moments.rs
+//! once      a tile is run; the memory is put aside at some moments, in every kind of operator          moments.rs
 //! often     one of these moments is taken up again, bits are flipped, the run goes on to its end      injection.rs, run.rs
 //!           outcome: what the runner says, and how far the heights are from those of the clean run     outcome.rs
 //! ```
-//! Injection number i of a seed is the same whatever the number of threads, so a campaign can be made in parts (journal.rs). Bits stay flipped in a model, as they would in a memory without
-//! correction; the arena is overwritten as the run goes on.
+//! Injection number i of a seed is the same whatever the number of threads, so a campaign can be made in parts (journal.rs). Bits stay
+//! flipped in a model, as they would in a memory without correction; the arena is overwritten as the run goes on.
 
 mod injection;
 mod journal;

@@ -6,9 +6,11 @@ use crate::predict::int8::Int8Model;
 use crate::predict::network::Model as _;
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use crate::{Error, Result};
+use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, Progress, Runner, Suspended, TileInput, TileScale, Verdict, required};
 use elunar_core::norm::{Light, LightFit};
 use elunar_core::terrain::PixelSize;
+use std::collections::BTreeMap;
 
 /// Multiply-accumulates of a step.
 pub(super) const STEP_MACS: u64 = 20_000_000;
@@ -25,7 +27,7 @@ pub struct Moment {
 
 /// A clean run of a tile.
 pub struct Moments {
-    /// The moments, in order.
+    /// The moments: the even ones in order, then the others.
     pub moments: Vec<Moment>,
     /// The way back to metres.
     pub scale: TileScale,
@@ -45,7 +47,8 @@ impl Moments {
     }
 
     /// Runs a tile of the synthetic Moon of `seed` and keeps its memory at `count` moments: just begun, and then in the middle of whatever
-    /// is at work, evenly spread over the multiply-accumulates.
+    /// is at work, evenly spread over the multiply-accumulates; and one more in every kind of operator, and in the comparison of the
+    /// model, that none of these falls into.
     ///
     /// # Errors
     /// If the model cannot take such a tile.
@@ -74,31 +77,34 @@ impl Moments {
         let scale =
             runner.begin_metres(&input, &mut scratch).map_err(|e| Error::usage(format!("faults: the tile: {e}")))?;
         let mut place = runner.suspend();
-        let mut moments = Vec::with_capacity(count);
+        let kernel = Kernel::best();
+        let (mut moments, mut first) = (Vec::with_capacity(count), BTreeMap::new());
         let (mut next_macs, distance) = (0, model.macs() / count.max(1) as u64);
         loop {
-            let mut runner = resume(model, &mut arena, &place)?;
+            let mut runner = Runner::resume(kernel, model, &mut arena, &place).map_err(fault)?;
             let done = place.telemetry.macs;
-            // A prime number of products, so that moments fall between the units of a step.
-            let finished = runner.step((next_macs.max(done + 1) - done).min(99_991)).map_err(fault)?;
+            // A prime number of products, so that moments fall between the units of a step; few enough to fall into the shortest operator.
+            let finished = runner.step((next_macs.max(done + 1) - done).min(9_973)).map_err(fault)?;
             place = runner.suspend();
             let operator = operator_at(&model, &place);
             if finished == Progress::Done {
                 break;
             }
+            let now = || Moment { place, arena: arena.clone(), operator };
+            first.entry(operator).or_insert_with(now);
             if place.telemetry.macs >= next_macs && moments.len() < count {
-                moments.push(Moment { place, arena: arena.clone(), operator });
+                moments.push(now());
                 next_macs += distance.max(1);
             }
         }
+        let missed = first.into_values().filter(|one| moments.iter().all(|other| other.operator != one.operator));
+        let missed: Vec<Moment> = missed.collect();
+        moments.extend(missed);
         let mut heights_m = vec![0.0; rows * cols];
-        resume(model, &mut arena, &place)?.heights(&scale, &mut heights_m).map_err(fault)?;
+        let runner = Runner::resume(kernel, model, &mut arena, &place).map_err(fault)?;
+        runner.heights(&scale, &mut heights_m).map_err(fault)?;
         Ok(Self { moments, scale, heights_m, verdict: model.verdict(), protected })
     }
-}
-
-fn resume<'a, 'm>(model: Model<'a>, arena: &'m mut [u8], place: &Suspended) -> Result<Runner<'a, 'm>> {
-    Runner::resume(elunar_core::nn::kernels::Kernel::best(), model, arena, place).map_err(fault)
 }
 
 fn operator_at(model: &Model<'_>, place: &Suspended) -> &'static str {

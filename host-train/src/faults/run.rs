@@ -76,6 +76,7 @@ pub fn run(
 /// A thread's own model and arena.
 struct Desk<'c> {
     moments: &'c Moments,
+    kernel: Kernel,
     clean: Vec<u8>,
     model: Vec<u8>,
     arena: Vec<u8>,
@@ -86,7 +87,7 @@ impl<'c> Desk<'c> {
     fn new(model: &Int8Model, moments: &'c Moments) -> Self {
         let clean = model.model().raw().bytes().to_vec();
         let heights_m = vec![0.0; moments.heights_m.len()];
-        Self { moments, model: clean.clone(), clean, arena: Vec::new(), heights_m }
+        Self { moments, kernel: model.kernel(), model: clean.clone(), clean, arena: Vec::new(), heights_m }
     }
 
     fn try_one(&mut self, injection: &Injection, index: u64) -> Outcome {
@@ -134,7 +135,7 @@ impl<'c> Desk<'c> {
             if let Some(injection) = stuck {
                 injection.stick(&mut self.arena);
             }
-            let Ok(mut runner) = Runner::resume(Kernel::best(), model, &mut self.arena, &place) else {
+            let Ok(mut runner) = Runner::resume(self.kernel, model, &mut self.arena, &place) else {
                 return Ended::Refused;
             };
             match runner.step(STEP_MACS) {

@@ -1,16 +1,18 @@
 //! The loop on a miniature network and made-up tiles.
 
 use super::adversarial::Adversarial;
-use super::feed::TileSource;
+use super::feed::{Feed, TileSource, tensors};
 use super::recipe::{Recipe, trained_network};
 use super::run::{BEST, LAST, Record, Run};
 use super::sample::RawTile;
 use super::source::DataSpec;
+use super::step::Trainer;
 use crate::Result;
 use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::model::config::{NetConfig, Preset};
 use crate::model::init::initial_weights;
+use crate::model::store;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -157,4 +159,47 @@ fn a_critic_learns_and_is_felt() {
     let path = folder.path().join("begun");
     run_of(rival(), &path, false, Some(1)).train().unwrap();
     assert!(critic("begun").unwrap() != critic("with").unwrap());
+}
+
+/// Trainable weights after a step on micro-batches, each the crops of one of the feed's steps.
+fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
+    let (network, _) = miniature();
+    let weights = initial_weights(&network, 1);
+    let device = Backend::Flex.device().unwrap();
+    let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), device).unwrap();
+    let feed = Feed::new(Arc::new(Ripples), network.clone(), recipe.clone(), 5);
+    let batch = |&step: &usize| tensors(&feed.batch(step).unwrap(), &trainer.device);
+    let micro = micro.iter().map(batch).collect();
+    trainer.step(recipe, 0, micro).unwrap();
+    let after = store::save(&network, &trainer.net);
+    after
+        .tensors
+        .into_iter()
+        .filter(|(name, _)| !name.contains(".running_"))
+        .flat_map(|(_, array)| array.data)
+        .collect()
+}
+
+#[test]
+fn checkpointing_changes_no_weight() {
+    let (_, recipe) = miniature();
+    let saving = Recipe { checkpointing: true, ..recipe.clone() };
+    assert!(learnt(&recipe, &[0]) == learnt(&saving, &[0]));
+}
+
+#[test]
+fn every_micro_batch_counts_and_their_order_does_not() {
+    let (_, recipe) = miniature();
+    let apart = |a: &[usize], b: &[usize]| -> f64 {
+        let (a, b) = (learnt(&recipe, a), learnt(&recipe, b));
+        let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));
+        (squares.sum::<f64>() / a.len() as f64).sqrt() / recipe.learning_rate_at(0)
+    };
+    // AdamW's first step goes by the gradient's sign: what is far apart differs by steps.
+    for same in [apart(&[0, 1], &[1, 0]), apart(&[0, 0, 0, 0], &[0])] {
+        assert!(same < 0.02, "{same}");
+    }
+    for other in [apart(&[0, 1], &[0]), apart(&[0, 1], &[1]), apart(&[0], &[1])] {
+        assert!(other > 0.2, "{other}");
+    }
 }
