@@ -164,20 +164,20 @@ fn a_critic_learns_and_is_felt() {
 /// Trainable weights after a step on micro-batches, each the crops of one of the feed's steps.
 fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
     let (network, _) = miniature();
-    let weights = initial_weights(&network, 1);
+    let mut weights = initial_weights(&network, 1);
+    // A head of zeros lets no gradient through: what stands before it would learn nothing in the first step.
+    for array in weights.tensors.values_mut().filter(|array| array.data.iter().all(|w| *w == 0.0)) {
+        (0..).zip(&mut array.data).for_each(|(i, w)| *w = 0.1 * (i as f32).sin());
+    }
     let device = Backend::Flex.device().unwrap();
     let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), device).unwrap();
     let feed = Feed::new(Arc::new(Ripples), network.clone(), recipe.clone(), 5);
     let batch = |&step: &usize| tensors(&feed.batch(step).unwrap(), &trainer.device);
     let micro = micro.iter().map(batch).collect();
     trainer.step(recipe, 0, micro).unwrap();
-    let after = store::save(&network, &trainer.net);
-    after
-        .tensors
-        .into_iter()
-        .filter(|(name, _)| !name.contains(".running_"))
-        .flat_map(|(_, array)| array.data)
-        .collect()
+    let after = store::save(&network, &trainer.net).tensors;
+    let trained = after.into_iter().filter(|(name, _)| !name.contains(".running_"));
+    trained.flat_map(|(_, array)| array.data).collect()
 }
 
 #[test]
@@ -190,14 +190,14 @@ fn checkpointing_changes_no_weight() {
 #[test]
 fn every_micro_batch_counts_and_their_order_does_not() {
     let (_, recipe) = miniature();
+    // AdamW's first step goes by the gradients' signs: a weight that another gradient moves elsewhere is two rates off.
     let apart = |a: &[usize], b: &[usize]| -> f64 {
         let (a, b) = (learnt(&recipe, a), learnt(&recipe, b));
         let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));
         (squares.sum::<f64>() / a.len() as f64).sqrt() / recipe.learning_rate_at(0)
     };
-    // AdamW's first step goes by the gradient's sign: what is far apart differs by steps.
     for same in [apart(&[0, 1], &[1, 0]), apart(&[0, 0, 0, 0], &[0])] {
-        assert!(same < 0.02, "{same}");
+        assert!(same < 1e-3, "{same}");
     }
     for other in [apart(&[0, 1], &[0]), apart(&[0, 1], &[1]), apart(&[0], &[1])] {
         assert!(other > 0.2, "{other}");
