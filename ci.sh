@@ -27,9 +27,10 @@ lint() {
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
 }
 
-# The network once more on the reference backend, which shares no kernel with the default one.
+# The network once more on the reference backend, which shares no kernel with the default one. A small network: what is computed is worth no
+# optimised build, which takes five times as long.
 backends() {
-    cargo run --locked --package host-train --features ndarray -- check --backend ndarray tests/golden/mini/case.safetensors
+    cargo run --locked --package host-train --features ndarray --config profile.dev.package.host-train.opt-level=0 -- check --backend ndarray tests/golden/mini/case.safetensors
 }
 
 test() {
