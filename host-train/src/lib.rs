@@ -28,6 +28,7 @@ pub mod quantile;
 pub mod raster;
 pub mod report;
 pub mod sfs;
+pub mod stopwatch;
 pub mod suite;
 pub mod synth;
 #[cfg(test)]

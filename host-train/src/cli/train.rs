@@ -6,11 +6,13 @@ use crate::model::init::initial_weights;
 use crate::model::weights::Weights;
 use crate::model::{published, store};
 use crate::prepare::Split;
+use crate::raster::atomic_write;
 use crate::train::recipe::{Recipe, RecipeFlags, trained_network};
 use crate::train::run::{BEST, LAST, Outcome, Record, Run};
 use crate::train::source::{DataSpec, VALIDATION_SEED};
-use crate::{Error, Result};
+use crate::{Error, Result, stopwatch};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
@@ -24,6 +26,9 @@ pub struct Args {
     /// Go on from the folder's checkpoint; everything else comes from its record.
     #[arg(long)]
     pub resume: bool,
+    /// Say where the time of the steps went, when they are done; also in the run's profile.md.
+    #[arg(long)]
+    pub profile: bool,
     /// What to train, and how.
     #[command(flatten)]
     pub start: Start,
@@ -79,8 +84,24 @@ pub fn run(args: Args) -> Result<()> {
         record.recipe.crop[1],
         record.backend
     );
-    report(&folder, &run.train()?);
+    let begun = Instant::now();
+    if args.profile {
+        stopwatch::start();
+    }
+    let outcome = run.train()?;
+    report(&folder, &outcome);
+    if args.profile {
+        profile(&folder, &outcome, begun.elapsed())?;
+    }
     Ok(())
+}
+
+fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
+    let threads = rayon::current_num_threads();
+    let steps = outcome.steps_here;
+    let text = format!("{steps} steps, {threads} threads\n\n{}", stopwatch::table(steps, wall));
+    print!("\n{text}");
+    atomic_write(&folder.join("profile.md"), text.as_bytes())
 }
 
 /// Trainable numbers: everything but the running statistics.

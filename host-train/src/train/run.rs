@@ -12,6 +12,7 @@ use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
 use crate::model::store;
 use crate::model::weights::Weights;
+use crate::stopwatch::{Part, time};
 use crate::{Error, Result, interrupt};
 use burn::module::Module;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -79,6 +80,8 @@ pub struct Run {
 pub struct Outcome {
     /// Steps done in all.
     pub steps: usize,
+    /// Steps done since the run was started or resumed.
+    pub steps_here: usize,
     /// Whether the recipe was finished.
     pub finished: bool,
     /// The last validation.
@@ -113,9 +116,11 @@ impl Run {
         let bar = progress(first, recipe.steps);
         let (start, mut done) = (Instant::now(), first);
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
-            let batch = batches.recv().map_err(|_| Error::usage("the data feed stopped early"))??;
+            let batch =
+                time(Part::Tiles, || batches.recv()).map_err(|_| Error::usage("the data feed stopped early"))??;
             let micro = batch.chunks(recipe.batch / recipe.accumulate);
-            let micro = micro.map(|samples| tensors(samples, &state.trainer.device)).collect();
+            let device = &state.trainer.device;
+            let micro = time(Part::Tensors, || micro.map(|samples| tensors(samples, device)).collect());
             let figures = state.trainer.step(recipe, done, micro)?;
             done += 1;
             state.journal.step(&figures)?;
@@ -136,7 +141,7 @@ impl Run {
         bar.abandon();
         store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(LAST))?;
         let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
-        Ok(Outcome { steps: done, finished, last: state.last, best: state.best, steps_per_s })
+        Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
     }
 
     /// Sets the loop up at step 0 or at the checkpoint.

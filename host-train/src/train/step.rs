@@ -9,6 +9,7 @@ use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::weights::Weights;
+use crate::stopwatch::{Part, time};
 use crate::{Error, Result};
 use burn::grad_clipping::GradientClippingConfig;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
@@ -83,8 +84,8 @@ impl Trainer {
         let share = 1.0 / batches.len() as f64;
         let mut gradients = GradientsAccumulator::new();
         for [image, coarse, truth] in batches {
-            let prediction = self.net.forward(image.clone(), coarse.clone());
-            let terms = terms(truth.clone(), prediction.clone(), recipe.elevation);
+            let prediction = time(Part::Forward, || self.net.forward(image.clone(), coarse.clone()));
+            let terms = time(Part::Loss, || terms(truth.clone(), prediction.clone(), recipe.elevation));
             let mut total = recipe.weights_at(step).total(&terms);
             if let Some(opponent) = self.opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
                 total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
@@ -99,9 +100,11 @@ impl Trainer {
                 return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
             }
             let total = if share < 1.0 { total.mul_scalar(share) } else { total };
-            gradients.accumulate(&self.net, GradientsParams::from_grads(total.backward(), &self.net));
+            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), &self.net));
+            gradients.accumulate(&self.net, found);
         }
-        self.net = self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
+        let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
+        self.net = time(Part::Optimiser, learn);
         Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::super::{conv, up2};
 use super::{dims, numbers, tensor};
+use crate::stopwatch::{Part, Pass, time};
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
@@ -66,9 +67,15 @@ impl Convolutions for Flex {
     fn convolve(x: FloatTensor<Self>, weight: FloatTensor<Self>, kind: Kind) -> FloatTensor<Self> {
         let (x, weight) = (x.to_contiguous(), weight.to_contiguous());
         let (images, outputs) = (dims::<4>(&x)[0], dims::<4>(&weight)[0]);
+        let (map, kernel) = (numbers(&x), numbers(&weight));
         let (out, [rows, cols]) = match kind.sized(&x, &weight) {
-            Sized::Conv(shape) => (conv::forward(&shape, numbers(&x), numbers(&weight)), shape.output),
-            Sized::Up2(shape) => (up2::forward(&shape, numbers(&x), numbers(&weight)), shape.small.map(|n| 2 * n)),
+            Sized::Conv(shape) => {
+                (time(Part::Convolution(Pass::Forward), || conv::forward(&shape, map, kernel)), shape.output)
+            }
+            Sized::Up2(shape) => {
+                let out = time(Part::Enlargement(Pass::Forward), || up2::forward(&shape, map, kernel));
+                (out, shape.small.map(|n| 2 * n))
+            }
         };
         tensor(out, [images, outputs, rows, cols])
     }
@@ -85,8 +92,12 @@ fn backward(
     let (x, weight, gradient) = (x.to_contiguous(), weight.to_contiguous(), gradient.to_contiguous());
     let (map, kernel, slope) = (numbers(&x), numbers(&weight), numbers(&gradient));
     let [of_x, of_weight] = match kind.sized(&x, &weight) {
-        Sized::Conv(shape) => conv::backward(&shape, map, kernel, slope, wanted),
-        Sized::Up2(shape) => up2::backward(&shape, map, kernel, slope, wanted),
+        Sized::Conv(shape) => {
+            time(Part::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
+        }
+        Sized::Up2(shape) => {
+            time(Part::Enlargement(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
+        }
     };
     [of_x.map(|data| tensor(data, dims::<4>(&x))), of_weight.map(|data| tensor(data, dims::<4>(&weight)))]
 }

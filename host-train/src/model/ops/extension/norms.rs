@@ -2,6 +2,7 @@
 
 use super::super::batch_norm::{self, Parameters, Shape};
 use super::{dims, numbers, tensor};
+use crate::stopwatch::{Part, Pass, time};
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
@@ -58,7 +59,8 @@ impl Norms for Flex {
     fn channel_statistics(x: FloatTensor<Self>) -> FloatTensor<Self> {
         let x = x.to_contiguous();
         let shape = shape(&x);
-        tensor(batch_norm::statistics(&shape, numbers(&x)), [2, shape.channels])
+        let found = time(Part::BatchNorm(Pass::Forward), || batch_norm::statistics(&shape, numbers(&x)));
+        tensor(found, [2, shape.channels])
     }
 
     fn normalise_channels(
@@ -69,7 +71,9 @@ impl Norms for Flex {
         options: Options,
     ) -> FloatTensor<Self> {
         let [x, weight, bias, statistics] = [x, weight, bias, statistics].map(|t| t.to_contiguous());
-        let out = batch_norm::forward(&shape(&x), numbers(&x), &parameters(&weight, &bias, &statistics, options));
+        let parameters = parameters(&weight, &bias, &statistics, options);
+        let normalise = || batch_norm::forward(&shape(&x), numbers(&x), &parameters);
+        let out = time(Part::BatchNorm(Pass::Forward), normalise);
         tensor(out, dims::<4>(&x))
     }
 }
@@ -97,7 +101,8 @@ impl Backward<Flex, 3> for Step {
             [x, weight, bias].map(|id| checkpointer.retrieve_node_output::<FloatTensor<Flex>>(id).to_contiguous());
         let statistics = statistics.to_contiguous();
         let parameters = parameters(&weight, &bias, &statistics, options);
-        let [of_x, of_weight, of_bias] = batch_norm::backward(&shape(&x), numbers(&x), &parameters, numbers(&gradient));
+        let back = || batch_norm::backward(&shape(&x), numbers(&x), &parameters, numbers(&gradient));
+        let [of_x, of_weight, of_bias] = time(Part::BatchNorm(Pass::Backward), back);
         let channels = [of_weight.len()];
         let found = [tensor(of_x, dims::<4>(&x)), tensor(of_weight, channels), tensor(of_bias, channels)];
         for (node, gradient) in ops.parents.iter().zip(found) {
