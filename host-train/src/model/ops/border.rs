@@ -28,26 +28,24 @@ const FOLDED: usize = SMALL * SIDE;
 /// `DEEP[u][s]`: share of small row s in upsampled row u, counted from the edge, which is repeated.
 const DEEP: [[f32; SMALL]; UP] = [[1.0, 0.0, 0.0], [0.75, 0.25, 0.0], [0.25, 0.75, 0.0], [0.0, 0.75, 0.25]];
 
-/// A share of one number of a folded kernel in one of the kernel, for all columns alike.
-struct Share {
-    out: usize,
-    small: usize,
-    row: usize,
-    share: f32,
-}
-
-/// What kernel rows contribute to output rows per unit of the small rows.
-fn shares() -> Vec<Share> {
-    let mut found = Vec::new();
-    for (out, small, row) in (0..OUT * SMALL * SIDE).map(|i| (i / SIDE / SMALL, i / SIDE % SMALL, i % SIDE)) {
+/// `SHARES[out][small][row]`: what kernel row `row` contributes to output row `out` per unit of small row `small`, in all columns alike.
+const SHARES: [[[f32; SIDE]; SMALL]; OUT] = {
+    let mut shares = [[[0.0; SIDE]; SMALL]; OUT];
+    let mut i = 0;
+    while i < OUT * SMALL * SIDE {
+        let (out, small, row) = (i / SIDE / SMALL, i / SIDE % SMALL, i % SIDE);
         // The kernel's middle row meets upsampled row `out`.
-        let up = (out + row).checked_sub(SIDE / 2).and_then(|up| DEEP.get(up));
-        let share = up.map_or(0.0, |up| up[small]);
-        if share != 0.0 {
-            found.push(Share { out, small, row, share });
+        if out + row >= SIDE / 2 && out + row - SIDE / 2 < UP {
+            shares[out][small][row] = DEEP[out + row - SIDE / 2][small];
         }
+        i += 1;
     }
-    found
+    shares
+};
+
+/// Writes `[outputs, images, columns]` of lines whose images have one row each.
+fn multiply_rows(taps: &Taps, lines: &[f32], frame: &Frame, cols: usize, out: &mut [f32]) {
+    multiply(taps, lines, &frame.images_as_rows(), Area { origin: [0, 0], size: [frame.images, cols] }, out);
 }
 
 /// An edge of the map.
@@ -139,28 +137,34 @@ impl Edge {
 
     /// The folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
     fn fold(self, weight: &[f32]) -> Scratch {
-        let (shares, turned, kernels) = (shares(), self.turned(), weight.len() / KERNEL);
+        let (turned, kernels) = (self.turned(), weight.len() / KERNEL);
         let mut folded = Scratch::new(OUT * kernels * FOLDED);
-        folded.par_chunks_mut(FOLDED).with_min_len(MIN_KERNELS).enumerate().for_each(|(i, to)| {
-            to.fill(0.0);
-            let kernel = &weight[i % kernels * KERNEL..][..KERNEL];
-            let kernel = turned.map(|k| kernel[k]);
-            for &Share { small, row, share, .. } in shares.iter().filter(|share| share.out == i / kernels) {
-                let from = &kernel[row * SIDE..][..SIDE];
-                to[small * SIDE..][..SIDE].iter_mut().zip(from).for_each(|(to, from)| *to += share * from);
-            }
-        });
+        for (to, shares) in folded.chunks_exact_mut(kernels * FOLDED).zip(&SHARES) {
+            let work = to.par_chunks_exact_mut(FOLDED).zip(weight.par_chunks_exact(KERNEL));
+            work.with_min_len(MIN_KERNELS).for_each(|(to, kernel)| {
+                let kernel = turned.map(|k| kernel[k]);
+                let sums = shares.map(|of_rows| -> [f32; SIDE] {
+                    std::array::from_fn(|x| (0..SIDE).map(|row| of_rows[row] * kernel[row * SIDE + x]).sum())
+                });
+                to.copy_from_slice(sums.as_flattened());
+            });
+        }
         folded
     }
 
     /// Adds to the gradient of the weights what that of the folded weights says.
     fn unfold(self, folded: &[f32], whole: &mut [f32]) {
-        let (shares, turned, kernels) = (shares(), self.turned(), whole.len() / KERNEL);
-        whole.par_chunks_mut(KERNEL).with_min_len(MIN_KERNELS).enumerate().for_each(|(i, kernel)| {
+        let (turned, kernels) = (self.turned(), whole.len() / KERNEL);
+        let [first, second] = [0, 1].map(|out| folded[out * kernels * FOLDED..].par_chunks_exact(FOLDED));
+        let work = whole.par_chunks_exact_mut(KERNEL).zip(first).zip(second);
+        work.with_min_len(MIN_KERNELS).for_each(|((kernel, first), second)| {
             let mut sums = [0.0; KERNEL];
-            for &Share { out, small, row, share } in &shares {
-                let from = &folded[(out * kernels + i) * FOLDED + small * SIDE..][..SIDE];
-                sums[row * SIDE..][..SIDE].iter_mut().zip(from).for_each(|(to, from)| *to += share * from);
+            for (shares, folded) in SHARES.iter().zip([first, second]) {
+                for (of_rows, from) in shares.iter().zip(folded.chunks_exact(SIDE)) {
+                    for (share, sums) in of_rows.iter().zip(sums.chunks_exact_mut(SIDE)) {
+                        sums.iter_mut().zip(from).for_each(|(sum, from)| *sum += share * from);
+                    }
+                }
             }
             turned.iter().zip(sums).for_each(|(&k, sum)| kernel[k] += sum);
         });
@@ -183,12 +187,13 @@ impl Edge {
         let (frame, outputs) = (self.frame(shape), shape.channels[1]);
         let lines = self.input_lines(shape, &frame, x);
         let (folded, depth) = (self.fold(weight), shape.channels[0] * FOLDED);
-        let taps = Taps::new(OUT * outputs, self.shifts(shape, &frame), |m, k| folded[m * depth + k]);
+        let columns: Vec<usize> = (0..depth).collect();
+        let taps = Taps::new(OUT * outputs, self.shifts(shape, &frame), &folded, |m| m * depth, &columns);
         let wide = 2 * self.length(shape);
         let mut strip = Scratch::new(shape.images * OUT * outputs * wide);
-        multiply(&taps, &lines, &frame, Area { origin: [0, 0], size: [1, wide] }, &mut strip);
+        multiply_rows(&taps, &lines, &frame, wide, &mut strip);
         for (i, row) in strip.chunks_exact(wide).enumerate() {
-            let (image, deep, channel) = (i / (OUT * outputs), i / outputs % OUT, i % outputs);
+            let (deep, channel, image) = (i / shape.images / outputs, i / shape.images % outputs, i % shape.images);
             for along in self.own(shape) {
                 out[self.output(shape, image * outputs + channel, deep, along)] = row[along];
             }
@@ -220,22 +225,23 @@ impl Edge {
         let folded = self.fold(weight);
         let reads = (0..OUT * outputs).flat_map(|line| REACH.map(move |dx| (line, dx)));
         let shifts = reads.map(|(line, dx)| frame.neighbour(line, 0, -dx)).collect();
-        let taps = Taps::new(inputs * SMALL, shifts, |m, k| {
-            folded[((k / SIDE) * inputs + m / SMALL) * FOLDED + m % SMALL * SIDE + k % SIDE]
-        });
+        let columns: Vec<usize> = (0..OUT * outputs * SIDE).map(|k| k / SIDE * inputs * FOLDED + k % SIDE).collect();
+        // Small rows follow each other in the folded weights, and so do inputs.
+        let taps = Taps::new(inputs * SMALL, shifts, &folded, |m| m * SIDE, &columns);
         let wide = 2 * length;
         let mut up = Scratch::new(shape.images * inputs * SMALL * wide);
-        multiply(&taps, lines, frame, Area { origin: [0, 0], size: [1, wide] }, &mut up);
+        multiply_rows(&taps, lines, frame, wide, &mut up);
         // The transpose of the upsampling along the edge.
         let plane = shape.small[0] * shape.small[1];
         for (i, row) in up.chunks_exact(wide).enumerate() {
-            let map = &mut whole[i / SMALL * plane..][..plane];
+            let (input, small, image) = (i / shape.images / SMALL, i / shape.images % SMALL, i % shape.images);
+            let map = &mut whole[(image * inputs + input) * plane..][..plane];
             for along in 0..length {
                 let (left, right) = (row[2 * along], row[2 * along + 1]);
                 let before = if along == 0 { left } else { row[2 * along - 1] };
                 let after = if along + 1 == length { right } else { row[2 * along + 2] };
                 let value = 0.25 * (before + after) + 0.75 * (left + right);
-                map[self.index(shape.small, i % SMALL, along)] += value;
+                map[self.index(shape.small, small, along)] += value;
             }
         }
     }

@@ -114,7 +114,8 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let lines = shape.input_lines(&frame, x);
     let shifts = shape.input_shifts(&frame);
     let depth = shifts.len();
-    let taps = Taps::new(shape.channels[1], shifts, |m, k| weight[m * depth + k]);
+    let columns: Vec<usize> = (0..depth).collect();
+    let taps = Taps::new(shape.channels[1], shifts, weight, |m| m * depth, &columns);
     let mut out = vec![0.0; shape.lengths()[2]];
     multiply(&taps, &lines, &frame, Area { origin: [0, 0], size: shape.output }, &mut out);
     out
@@ -149,10 +150,9 @@ fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -
             .filter(|&(_, ky, kx)| (shape.tap(0, ky).0, shape.tap(1, kx).0) == (py, px))
             .collect();
         let shifts = taps.iter().map(|&(o, ky, kx)| frame.neighbour(o, -shape.tap(0, ky).1, -shape.tap(1, kx).1));
-        let packed = Taps::new(inputs, shifts.collect(), |m, k| {
-            let (o, ky, kx) = taps[k];
-            weight[(o * inputs + m) * kernel + ky * shape.kernel[1] + kx]
-        });
+        let columns = taps.iter().map(|&(o, ky, kx)| o * inputs * kernel + ky * shape.kernel[1] + kx);
+        let columns: Vec<usize> = columns.collect();
+        let packed = Taps::new(inputs, shifts.collect(), weight, |m| m * kernel, &columns);
         let size = shape.phase([py, px]);
         let area = Area { origin: [0, 0], size };
         if s == 1 {

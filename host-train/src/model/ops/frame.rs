@@ -49,6 +49,15 @@ impl Frame {
         line * self.length + usize::try_from(ahead).expect("neighbour within the frame's reach")
     }
 
+    /// The images of a line as the rows of one: blocks of pixels reach over them, which short rows are glad of.
+    ///
+    /// # Panics
+    /// If images have more than one row.
+    pub(super) fn images_as_rows(&self) -> Self {
+        assert_eq!(self.rows, 1, "rows of an image");
+        Self { images: 1, rows: self.images, ..*self }
+    }
+
     /// From the first pixel's position to beyond the last one's.
     pub(super) fn span(&self) -> usize {
         self.images * self.rows * self.pitch

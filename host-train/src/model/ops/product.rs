@@ -32,9 +32,16 @@ fn block_at(m: usize, outputs: usize) -> usize {
 }
 
 impl Taps {
-    /// `weight(m, k)` for `m < outputs`; `shifts[k]` as [`Frame::neighbour`] gives it.
-    pub(super) fn new(outputs: usize, shifts: Vec<usize>, weight: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+    /// The weight of output `m < outputs` and shift k is `weights[output(m) + columns[k]]`; `shifts[k]` as [`Frame::neighbour`] gives it.
+    pub(super) fn new(
+        outputs: usize,
+        shifts: Vec<usize>,
+        weights: &[f32],
+        output: impl Fn(usize) -> usize + Sync,
+        columns: &[usize],
+    ) -> Self {
         let depth = shifts.len();
+        debug_assert_eq!(columns.len(), depth);
         let whole = outputs / BLOCK * BLOCK;
         let last = if whole < outputs { block_at(whole, outputs) } else { 0 };
         let mut packed = Scratch::new((whole + last) * depth);
@@ -42,9 +49,10 @@ impl Taps {
             let first = i * BLOCK;
             let block = block_at(first, outputs);
             let count = block.min(outputs - first);
-            for (k, to) in to.chunks_exact_mut(block).enumerate() {
+            let rows: [&[f32]; BLOCK] = std::array::from_fn(|m| &weights[output(first + m.min(count - 1))..]);
+            for (&k, to) in columns.iter().zip(to.chunks_exact_mut(block)) {
                 let (real, rest) = to.split_at_mut(count);
-                real.iter_mut().enumerate().for_each(|(m, to)| *to = weight(first + m, k));
+                real.iter_mut().zip(rows).for_each(|(to, row)| *to = row[k]);
                 rest.fill(0.0);
             }
         });

@@ -33,7 +33,9 @@ impl Scratch {
         });
         let mut buffer = best.map(|i| pool.swap_remove(i)).unwrap_or_default();
         drop(pool);
-        buffer.resize(needed, 0.0);
+        if buffer.len() < needed {
+            buffer.resize(needed, 0.0);
+        }
         let start = buffer.as_ptr().align_offset(LINE_BYTES).min(LINE_BYTES / size_of::<f32>());
         Self { buffer, start, length }
     }

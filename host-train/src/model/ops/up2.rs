@@ -103,7 +103,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
         let reads = (0..inputs).flat_map(|i| taps(phase).map(move |(dy, dx, k)| (i, dy, dx, k)));
         let kernel: Vec<usize> = reads.clone().map(|(i, _, _, k)| i * KERNEL + k).collect();
         let shifts = reads.map(|(i, dy, dx, _)| frame.neighbour(i, dy, dx)).collect();
-        let taps = Taps::new(outputs, shifts, |m, k| weight[m * inputs * KERNEL + kernel[k]]);
+        let taps = Taps::new(outputs, shifts, weight, |m| m * inputs * KERNEL, &kernel);
         multiply(&taps, &lines, &frame, Area { origin: [1, 1], size: shape.small }, out);
     }
     let mut out = vec![0.0; shape.lengths()[2]];
@@ -144,9 +144,9 @@ fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -
     let reads = PHASES.into_iter().enumerate().flat_map(|(p, phase)| {
         (0..outputs).flat_map(move |o| taps(phase).map(move |(dy, dx, k)| (p * outputs + o, -dy, -dx, o, k)))
     });
-    let kernel: Vec<(usize, usize)> = reads.clone().map(|(.., o, k)| (o, k)).collect();
+    let kernel: Vec<usize> = reads.clone().map(|(.., o, k)| o * inputs * KERNEL + k).collect();
     let shifts = reads.map(|(line, dy, dx, ..)| frame.neighbour(line, dy, dx)).collect();
-    let taps = Taps::new(inputs, shifts, |m, k| weight[(kernel[k].0 * inputs + m) * KERNEL + kernel[k].1]);
+    let taps = Taps::new(inputs, shifts, weight, |m| m * KERNEL, &kernel);
     let wide = cols + 2;
     let mut around = Scratch::new(shape.images * inputs * (rows + 2) * wide);
     multiply(&taps, lines, frame, Area { origin: [0, 0], size: [rows + 2, wide] }, &mut around);
