@@ -108,6 +108,14 @@ pub fn time<T>(part: Part, work: impl FnOnce() -> T) -> T {
     done
 }
 
+/// Does `work` without adding anything of it up.
+pub fn pause<T>(work: impl FnOnce() -> T) -> T {
+    let ran = RUNS.swap(false, Ordering::Relaxed);
+    let done = work();
+    RUNS.store(ran, Ordering::Relaxed);
+    done
+}
+
 /// Milliseconds per step and shares of `wall`, which `steps` took in all. What no operator's line names is in "the rest": of the forward and
 /// backward passes attention, matrix products, activations and copies; of the whole validation, checkpoints and the journal.
 #[must_use]

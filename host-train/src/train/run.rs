@@ -12,7 +12,7 @@ use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
 use crate::model::store;
 use crate::model::weights::Weights;
-use crate::stopwatch::{Part, time};
+use crate::stopwatch::{Part, pause, time};
 use crate::{Error, Result, interrupt};
 use burn::module::Module;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -190,7 +190,8 @@ impl Run {
     }
 
     fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
-        let found = state.set.run(&state.trainer.net.valid(), &state.trainer.device.clone().inner())?;
+        let device = state.trainer.device.clone().inner();
+        let found = pause(|| state.set.run(&state.trainer.net.valid(), &device))?;
         state.journal.validation(step, &found)?;
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {

@@ -8,6 +8,7 @@ use super::frame::Frame;
 use super::product::{Area, Taps, multiply};
 use super::scratch::Scratch;
 use super::up2::Shape;
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Side of the kernel.
@@ -18,8 +19,10 @@ const KERNEL: usize = SIDE * SIDE;
 const SMALL: usize = 3;
 const UP: usize = 4;
 const OUT: usize = 2;
-/// Kernels worth a task of their own.
-const MIN_KERNELS: usize = 512;
+/// Kernels of a task.
+const TOGETHER: usize = 512;
+/// A kernel's row with what makes it a whole vector.
+const WIDE: usize = 8;
 /// Columns a kernel reaches.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
 /// Numbers of a folded kernel: small rows by columns.
@@ -137,36 +140,56 @@ impl Edge {
 
     /// The folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
     fn fold(self, weight: &[f32]) -> Scratch {
-        let (turned, kernels) = (self.turned(), weight.len() / KERNEL);
+        let (turned, kernels, arch) = (self.turned(), weight.len() / KERNEL, Arch::new());
         let mut folded = Scratch::new(OUT * kernels * FOLDED);
-        for (to, shares) in folded.chunks_exact_mut(kernels * FOLDED).zip(&SHARES) {
-            let work = to.par_chunks_exact_mut(FOLDED).zip(weight.par_chunks_exact(KERNEL));
-            work.with_min_len(MIN_KERNELS).for_each(|(to, kernel)| {
-                let kernel = turned.map(|k| kernel[k]);
-                let sums = shares.map(|of_rows| -> [f32; SIDE] {
-                    std::array::from_fn(|x| (0..SIDE).map(|row| of_rows[row] * kernel[row * SIDE + x]).sum())
-                });
-                to.copy_from_slice(sums.as_flattened());
+        let (first, second) = folded.split_at_mut(kernels * FOLDED);
+        let to = first.par_chunks_mut(TOGETHER * FOLDED).zip(second.par_chunks_mut(TOGETHER * FOLDED));
+        to.zip(weight.par_chunks(TOGETHER * KERNEL)).for_each(|((first, second), weight)| {
+            let to = first.chunks_exact_mut(FOLDED).zip(second.chunks_exact_mut(FOLDED));
+            arch.dispatch(|| {
+                for ((first, second), kernel) in to.zip(weight.chunks_exact(KERNEL)) {
+                    let mut rows = [0.0; KERNEL + WIDE];
+                    rows.iter_mut().zip(turned).for_each(|(to, k)| *to = kernel[k]);
+                    for (to, shares) in [first, second].into_iter().zip(&SHARES) {
+                        for (to, shares) in to.chunks_exact_mut(SIDE).zip(shares) {
+                            let mut sums = [0.0; WIDE];
+                            for (row, share) in shares.iter().enumerate() {
+                                let row = &rows[row * SIDE..][..WIDE];
+                                sums.iter_mut().zip(row).for_each(|(sum, from)| *sum += share * from);
+                            }
+                            to.copy_from_slice(&sums[..SIDE]);
+                        }
+                    }
+                }
             });
-        }
+        });
         folded
     }
 
     /// Adds to the gradient of the weights what that of the folded weights says.
     fn unfold(self, folded: &[f32], whole: &mut [f32]) {
-        let (turned, kernels) = (self.turned(), whole.len() / KERNEL);
-        let [first, second] = [0, 1].map(|out| folded[out * kernels * FOLDED..].par_chunks_exact(FOLDED));
-        let work = whole.par_chunks_exact_mut(KERNEL).zip(first).zip(second);
-        work.with_min_len(MIN_KERNELS).for_each(|((kernel, first), second)| {
-            let mut sums = [0.0; KERNEL];
-            for (shares, folded) in SHARES.iter().zip([first, second]) {
-                for (of_rows, from) in shares.iter().zip(folded.chunks_exact(SIDE)) {
-                    for (share, sums) in of_rows.iter().zip(sums.chunks_exact_mut(SIDE)) {
-                        sums.iter_mut().zip(from).for_each(|(sum, from)| *sum += share * from);
+        let (turned, kernels, arch) = (self.turned(), whole.len() / KERNEL, Arch::new());
+        let (first, second) = folded.split_at(kernels * FOLDED);
+        let from = first.par_chunks(TOGETHER * FOLDED).zip(second.par_chunks(TOGETHER * FOLDED));
+        whole.par_chunks_mut(TOGETHER * KERNEL).zip(from).for_each(|(whole, (first, second))| {
+            let from = first.chunks_exact(FOLDED).zip(second.chunks_exact(FOLDED));
+            arch.dispatch(|| {
+                for (kernel, (first, second)) in whole.chunks_exact_mut(KERNEL).zip(from) {
+                    let mut rows = [[0.0; WIDE]; SIDE];
+                    for (from, shares) in [first, second].into_iter().zip(&SHARES) {
+                        for (from, shares) in from.chunks_exact(SIDE).zip(shares) {
+                            let mut small = [0.0; WIDE];
+                            small[..SIDE].copy_from_slice(from);
+                            for (row, share) in rows.iter_mut().zip(shares) {
+                                row.iter_mut().zip(small).for_each(|(sum, from)| *sum += share * from);
+                            }
+                        }
+                    }
+                    for (k, &to) in turned.iter().enumerate() {
+                        kernel[to] += rows[k / SIDE][k % SIDE];
                     }
                 }
-            }
-            turned.iter().zip(sums).for_each(|(&k, sum)| kernel[k] += sum);
+            });
         });
     }
 
