@@ -7,44 +7,75 @@ use super::correlate::correlate;
 use super::frame::Frame;
 use super::product::{Area, Taps, multiply};
 use super::scratch::Scratch;
+use super::smooth::{FAR, NEAR};
 use super::up2::Shape;
-use pulp::Arch;
 use rayon::prelude::*;
 
 /// Side of the kernel.
 const SIDE: usize = 5;
 /// Numbers of a kernel.
 const KERNEL: usize = SIDE * SIDE;
-/// Small rows, upsampled rows and output rows of a strip.
+/// Small rows and output rows of a strip.
 const SMALL: usize = 3;
-const UP: usize = 4;
 const OUT: usize = 2;
-/// Kernels of a task.
-const TOGETHER: usize = 512;
-/// A kernel's row with what makes it a whole vector.
-const WIDE: usize = 8;
+/// Kernels worth a task of their own.
+const MIN_KERNELS: usize = 512;
 /// Columns a kernel reaches.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
 /// Numbers of a folded kernel: small rows by columns.
 const FOLDED: usize = SMALL * SIDE;
 
-/// `DEEP[u][s]`: share of small row s in upsampled row u, counted from the edge, which is repeated.
-const DEEP: [[f32; SMALL]; UP] = [[1.0, 0.0, 0.0], [0.75, 0.25, 0.0], [0.25, 0.75, 0.0], [0.0, 0.75, 0.25]];
+/// Folds one column of a kernel's rows: what each small row gives to output row 0, and to output row 1.
+///
+/// Counted from the edge, which is repeated, the upsampled rows are `s0, (3 s0 + s1) / 4, (s0 + 3 s1) / 4, (3 s1 + s2) / 4`; kernel row r meets
+/// upsampled row r - 2 for output row 0, r - 1 for output row 1, and zeros beyond the edge.
+#[inline(always)]
+fn fold_column([_, b, c, d, e]: [f32; SIDE]) -> [[f32; SMALL]; OUT] {
+    let first = [c + NEAR * d + FAR * e, FAR * d + NEAR * e, 0.0];
+    let second = [b + NEAR * c + FAR * d, FAR * c + NEAR * (d + e), FAR * e];
+    [first, second]
+}
 
-/// `SHARES[out][small][row]`: what kernel row `row` contributes to output row `out` per unit of small row `small`, in all columns alike.
-const SHARES: [[[f32; SIDE]; SMALL]; OUT] = {
-    let mut shares = [[[0.0; SIDE]; SMALL]; OUT];
-    let mut i = 0;
-    while i < OUT * SMALL * SIDE {
-        let (out, small, row) = (i / SIDE / SMALL, i / SIDE % SMALL, i % SIDE);
-        // The kernel's middle row meets upsampled row `out`.
-        if out + row >= SIDE / 2 && out + row - SIDE / 2 < UP {
-            shares[out][small][row] = DEEP[out + row - SIDE / 2][small];
+/// The transpose of [`fold_column`].
+#[inline(always)]
+fn unfold_column([[f0, f1, _], [s0, s1, s2]]: [[f32; SMALL]; OUT]) -> [f32; SIDE] {
+    let c = f0 + NEAR * s0 + FAR * s1;
+    let d = NEAR * (f0 + s1) + FAR * (f1 + s0);
+    let e = FAR * (f0 + s2) + NEAR * (f1 + s1);
+    [0.0, s0, c, d, e]
+}
+
+/// Folds every kernel of `weight` whose row and column stand at `at(row, column)`.
+fn fold(weight: &[f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
+    let kernels = weight.len() / KERNEL;
+    let mut folded = Scratch::new(OUT * kernels * FOLDED);
+    let (first, second) = folded.split_at_mut(kernels * FOLDED);
+    let to = first.par_chunks_exact_mut(FOLDED).zip(second.par_chunks_exact_mut(FOLDED));
+    to.zip(weight.par_chunks_exact(KERNEL)).with_min_len(MIN_KERNELS).for_each(|((first, second), kernel)| {
+        for x in 0..SIDE {
+            let [of_first, of_second] = fold_column(std::array::from_fn(|row| kernel[at(row, x)]));
+            for small in 0..SMALL {
+                first[small * SIDE + x] = of_first[small];
+                second[small * SIDE + x] = of_second[small];
+            }
         }
-        i += 1;
-    }
-    shares
-};
+    });
+    folded
+}
+
+/// Adds to the gradient of the weights what that of the folded weights says; `at` as in [`fold`].
+fn unfold(folded: &[f32], whole: &mut [f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) {
+    let (first, second) = folded.split_at(whole.len() / KERNEL * FOLDED);
+    let from = first.par_chunks_exact(FOLDED).zip(second.par_chunks_exact(FOLDED));
+    whole.par_chunks_exact_mut(KERNEL).zip(from).with_min_len(MIN_KERNELS).for_each(|(kernel, (first, second))| {
+        for x in 0..SIDE {
+            let small = |folded: &[f32]| std::array::from_fn(|small| folded[small * SIDE + x]);
+            for (row, value) in unfold_column([small(first), small(second)]).into_iter().enumerate() {
+                kernel[at(row, x)] += value;
+            }
+        }
+    });
+}
 
 /// Writes `[outputs, images, columns]` of lines whose images have one row each.
 fn multiply_rows(taps: &Taps, lines: &[f32], frame: &Frame, cols: usize, out: &mut [f32]) {
@@ -69,6 +100,7 @@ impl Edge {
     pub(super) const ALL: [Self; 4] = [Self::Top, Self::Bottom, Self::Left, Self::Right];
 
     /// Index into a map (or kernel) of `size` of what is `deep` from the edge and at `along` it.
+    #[inline(always)]
     fn index(self, [rows, cols]: [usize; 2], deep: usize, along: usize) -> usize {
         match self {
             Self::Top => deep * cols + along,
@@ -133,64 +165,25 @@ impl Edge {
         lines
     }
 
-    /// Where the numbers of the turned kernel stand in the kernel.
-    fn turned(self) -> [usize; KERNEL] {
-        std::array::from_fn(|k| self.index([SIDE; 2], k / SIDE, k % SIDE))
-    }
-
     /// The folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
     fn fold(self, weight: &[f32]) -> Scratch {
-        let (turned, kernels, arch) = (self.turned(), weight.len() / KERNEL, Arch::new());
-        let mut folded = Scratch::new(OUT * kernels * FOLDED);
-        let (first, second) = folded.split_at_mut(kernels * FOLDED);
-        let to = first.par_chunks_mut(TOGETHER * FOLDED).zip(second.par_chunks_mut(TOGETHER * FOLDED));
-        to.zip(weight.par_chunks(TOGETHER * KERNEL)).for_each(|((first, second), weight)| {
-            let to = first.chunks_exact_mut(FOLDED).zip(second.chunks_exact_mut(FOLDED));
-            arch.dispatch(|| {
-                for ((first, second), kernel) in to.zip(weight.chunks_exact(KERNEL)) {
-                    let mut rows = [0.0; KERNEL + WIDE];
-                    rows.iter_mut().zip(turned).for_each(|(to, k)| *to = kernel[k]);
-                    for (to, shares) in [first, second].into_iter().zip(&SHARES) {
-                        for (to, shares) in to.chunks_exact_mut(SIDE).zip(shares) {
-                            let mut sums = [0.0; WIDE];
-                            for (row, share) in shares.iter().enumerate() {
-                                let row = &rows[row * SIDE..][..WIDE];
-                                sums.iter_mut().zip(row).for_each(|(sum, from)| *sum += share * from);
-                            }
-                            to.copy_from_slice(&sums[..SIDE]);
-                        }
-                    }
-                }
-            });
-        });
-        folded
+        // One loop per edge, each with places it knows.
+        match self {
+            Self::Top => fold(weight, |row, x| Self::Top.index([SIDE; 2], row, x)),
+            Self::Bottom => fold(weight, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
+            Self::Left => fold(weight, |row, x| Self::Left.index([SIDE; 2], row, x)),
+            Self::Right => fold(weight, |row, x| Self::Right.index([SIDE; 2], row, x)),
+        }
     }
 
     /// Adds to the gradient of the weights what that of the folded weights says.
     fn unfold(self, folded: &[f32], whole: &mut [f32]) {
-        let (turned, kernels, arch) = (self.turned(), whole.len() / KERNEL, Arch::new());
-        let (first, second) = folded.split_at(kernels * FOLDED);
-        let from = first.par_chunks(TOGETHER * FOLDED).zip(second.par_chunks(TOGETHER * FOLDED));
-        whole.par_chunks_mut(TOGETHER * KERNEL).zip(from).for_each(|(whole, (first, second))| {
-            let from = first.chunks_exact(FOLDED).zip(second.chunks_exact(FOLDED));
-            arch.dispatch(|| {
-                for (kernel, (first, second)) in whole.chunks_exact_mut(KERNEL).zip(from) {
-                    let mut rows = [[0.0; WIDE]; SIDE];
-                    for (from, shares) in [first, second].into_iter().zip(&SHARES) {
-                        for (from, shares) in from.chunks_exact(SIDE).zip(shares) {
-                            let mut small = [0.0; WIDE];
-                            small[..SIDE].copy_from_slice(from);
-                            for (row, share) in rows.iter_mut().zip(shares) {
-                                row.iter_mut().zip(small).for_each(|(sum, from)| *sum += share * from);
-                            }
-                        }
-                    }
-                    for (k, &to) in turned.iter().enumerate() {
-                        kernel[to] += rows[k / SIDE][k % SIDE];
-                    }
-                }
-            });
-        });
+        match self {
+            Self::Top => unfold(folded, whole, |row, x| Self::Top.index([SIDE; 2], row, x)),
+            Self::Bottom => unfold(folded, whole, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
+            Self::Left => unfold(folded, whole, |row, x| Self::Left.index([SIDE; 2], row, x)),
+            Self::Right => unfold(folded, whole, |row, x| Self::Right.index([SIDE; 2], row, x)),
+        }
     }
 
     /// Where an output reads the input's lines, in the order of the folded weights.

@@ -112,12 +112,9 @@ impl Chunk<'_> {
                 S::as_simd_f32s(&self.lines[shift + self.start..][..length]).0
             });
             products::<S, M>(simd, panel, lines, &mut sums);
-            let sums = pulp::bytemuck::cast_slice_mut::<S::f32s, f32>(&mut sums[..M * SHIFTS]);
-            for (i, sums) in sums.chunks_exact_mut(SHIFTS * S::F32_LANES).take(count).enumerate() {
+            for (i, sums) in sums[..M * SHIFTS].chunks_exact(SHIFTS).take(count).enumerate() {
                 let out = &mut self.out[(first + i) * self.shifts.len()..][..self.shifts.len()][r..];
-                for (out, lanes) in out.iter_mut().zip(sums.chunks_exact_mut(S::F32_LANES)) {
-                    *out += sum(lanes);
-                }
+                out.iter_mut().zip(sums).for_each(|(out, &lanes)| *out += simd.reduce_sum_f32s(lanes));
             }
         }
         M
@@ -143,16 +140,4 @@ fn products<S: Simd, const M: usize>(simd: S, panel: &[S::f32s], lines: [&[S::f3
             sums[i * SHIFTS + j] = acc[i][j];
         }
     }
-}
-
-/// Sum of a vector's lanes, halves added to halves.
-#[inline(always)]
-fn sum(lanes: &mut [f32]) -> f32 {
-    let mut half = lanes.len() / 2;
-    while half > 0 {
-        let (low, high) = lanes.split_at_mut(half);
-        low.iter_mut().zip(&*high).for_each(|(low, high)| *low += high);
-        half /= 2;
-    }
-    lanes[0]
 }

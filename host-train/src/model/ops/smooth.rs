@@ -11,8 +11,8 @@
 use pulp::Arch;
 
 /// Weights of the two nearest and the two farther pixels.
-const NEAR: f32 = 0.75;
-const FAR: f32 = 0.25;
+pub(super) const NEAR: f32 = 0.75;
+pub(super) const FAR: f32 = 0.25;
 
 /// Row `n` of the smoothed map, `n` in `2..2 * rows - 2`, from four phases `[2][2][rows, cols]`; columns `2..2 * cols - 2` of
 /// `out` are written. `columns` is working memory of `2 * cols`.
