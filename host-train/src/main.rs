@@ -5,6 +5,7 @@ use host_train::cli::{Cli, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    end_with_the_reader();
     match run(Cli::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -12,4 +13,17 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Where nobody reads on, as behind `| head`, `println!` panics: end as other programs do then, without a word, with the status of a
+/// broken pipe.
+fn end_with_the_reader() {
+    const BROKEN_PIPE: i32 = 128 + 13;
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if panic.payload_as_str().is_some_and(|text| text.contains("stdout: Broken pipe")) {
+            std::process::exit(BROKEN_PIPE);
+        }
+        hook(panic);
+    }));
 }

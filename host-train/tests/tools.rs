@@ -3,6 +3,7 @@
 use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
 use host_train::raster::{Crs, Raster};
 use std::path::Path;
+use std::process::Stdio;
 use support::Shell;
 
 mod support;
@@ -214,4 +215,15 @@ fn a_mosaic_in_another_system_lies_where_its_dtms_lie() {
     let unknown = bench.run(&["mosaic", "left.tif", "-o", "x.tif", "--t_srs", "EPSG:4326"]);
     assert!(!unknown.status.success() && String::from_utf8_lossy(&unknown.stderr).contains("EPSG:4326"));
     assert!(!bench.path("x.tif").exists());
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let bench = bench();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let child = bench.command(&["inspect", "left.tif", "--json"]).stdout(writer).stderr(Stdio::piped()).spawn();
+    let out = child.unwrap().wait_with_output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&out.stderr), "");
+    assert_eq!(out.status.code(), Some(141));
 }
