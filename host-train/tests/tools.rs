@@ -222,7 +222,7 @@ fn a_reader_that_leaves_early_is_no_error() {
     let bench = bench();
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let child = bench.command(&["inspect", "left.tif", "--json"]).stdout(writer).stderr(Stdio::piped()).spawn();
+    let child = bench.command(&["inspect", "left.tif"]).stdout(writer).stderr(Stdio::piped()).spawn();
     let out = child.unwrap().wait_with_output().unwrap();
     assert_eq!(String::from_utf8_lossy(&out.stderr), "");
     assert_eq!(out.status.code(), Some(141));
