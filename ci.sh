@@ -27,8 +27,8 @@ lint() {
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
 }
 
-# The network once more on the reference backend, which shares no kernel with the default one. A small network: what is computed is worth no
-# optimised build, which takes five times as long.
+# The network once more on the reference backend, which shares no kernel with the default one; unoptimised, because a small network is
+# computed sooner than a large crate is optimised.
 backends() {
     cargo run --locked --package host-train --features ndarray --config profile.dev.package.host-train.opt-level=0 -- check --backend ndarray tests/golden/mini/case.safetensors
 }

@@ -1,4 +1,4 @@
-//! Parse, dispatch, print errors; nothing else.
+//! Parse, dispatch, print errors, end with the reader; nothing else.
 
 use clap::Parser;
 use host_train::cli::{Cli, run};

@@ -2,7 +2,7 @@
 //! outcome is put into a class.
 //!
 //! ```text
-//! once      a tile is run; the memory is put aside at some moments, in every kind of operator          moments.rs
+//! once      a tile is run; the memory is put aside at some moments, in every kind of operator           moments.rs
 //! often     one of these moments is taken up again, bits are flipped, the run goes on to its end      injection.rs, run.rs
 //!           outcome: what the runner says, and how far the heights are from those of the clean run     outcome.rs
 //! ```

@@ -82,7 +82,7 @@ impl Moments {
         let (mut next_macs, distance) = (0, model.macs() / count.max(1) as u64);
         loop {
             let mut runner = Runner::resume(kernel, model, &mut arena, &place).map_err(fault)?;
-            // A unit at a time: the shortest operators are none but one.
+            // A unit at a time: the shortest operators have a single one.
             let finished = runner.step(1).map_err(fault)?;
             place = runner.suspend();
             let operator = operator_at(&model, &place);
