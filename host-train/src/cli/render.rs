@@ -54,8 +54,7 @@ pub fn run(args: Args) -> Result<()> {
         _ => {
             let options = WriteOptions::image(SampleType::U16, "image rendered from a DTM, relative DN")
                 .with_item("SYNTHETIC", "yes")
-                .with_item("SUN_AZIMUTH_DEG", format!("{:.3}", sun.0))
-                .with_item("SUN_ELEVATION_DEG", format!("{:.3}", sun.1));
+                .with_sun(Some(sun.0), Some(sun.1));
             geotiff::write(&args.output, &image, &options)?;
         }
     }

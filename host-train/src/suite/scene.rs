@@ -85,11 +85,9 @@ impl TestScene {
     /// If a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let file = |what: &str| folder.join(format!("{}_{what}.tif", self.entry.name));
-        let mut image = WriteOptions::image(SampleType::F32, "image of a test scene, relative brightness");
         let (azimuth, elevation) = self.sun_deg;
-        for (key, angle) in [("SUN_AZIMUTH_DEG", azimuth), ("SUN_ELEVATION_DEG", elevation)] {
-            image = angle.into_iter().fold(image, |image, deg| image.with_item(key, format!("{deg:.3}")));
-        }
+        let image = WriteOptions::image(SampleType::F32, "image of a test scene, relative brightness")
+            .with_sun(azimuth, elevation);
         write(&file("image"), &self.raw_image, &image)?;
         write(&file("coarse"), &self.coarse, &WriteOptions::heights("coarse DTM of a test scene"))?;
         write(&file("truth"), &self.truth, &WriteOptions::heights("true DTM of a test scene"))

@@ -104,8 +104,7 @@ impl SynthScene {
         };
         let image = WriteOptions::image(SampleType::U16, "synthetic orbiter image, relative DN")
             .with_item("SYNTHETIC", "yes")
-            .with_item("SUN_AZIMUTH_DEG", format!("{:.3}", self.sun_azimuth_deg))
-            .with_item("SUN_ELEVATION_DEG", format!("{:.3}", self.sun_elevation_deg));
+            .with_sun(Some(self.sun_azimuth_deg), Some(self.sun_elevation_deg));
         geotiff::write(&file("image"), &self.image_raster(), &image)?;
         geotiff::write(&file("coarse"), &self.coarse_raster(), &about("coarse DTM"))?;
         geotiff::write(&file("truth"), &self.truth_raster(), &about("true DTM"))?;

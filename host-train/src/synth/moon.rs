@@ -12,6 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+/// What parts the numbers that draw the albedo's contrast from those that draw all else.
+const ALBEDO_SEED: u64 = 0x0a1b_edc0;
 /// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
 const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
@@ -187,7 +189,9 @@ impl Moon {
         };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
-        let (heights_m, log_albedo) = self.terrain(rng, kind, shop);
+        let (heights_m, mut log_albedo) = self.terrain(rng, kind, shop);
+        let contrast = self.albedo_contrast(index) as f32;
+        log_albedo.iter_mut().for_each(|log| *log *= contrast);
         let (_, cols) = shop.plan.shape();
         let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
         let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
@@ -204,6 +208,13 @@ impl Moon {
             sun_elevation_deg: sun.elevation_deg,
             kind,
         }
+    }
+
+    /// Drawn from numbers of its own: whatever the contrast, ground, light, camera and coarse DTM are the same.
+    fn albedo_contrast(&self, index: u64) -> f64 {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ALBEDO_SEED);
+        rng.set_stream(index);
+        within(&mut rng, self.options.albedo_contrast)
     }
 
     /// Heights, metres, and logarithm of the albedo over the whole domain.

@@ -33,6 +33,9 @@ pub struct SynthOptions {
     pub coarse_error_m: (f64, f64),
     /// Largest horizontal misregistration of the coarse DTM, metres. Default 10 (SLDEM2015).
     pub misregistration_m: f64,
+    /// Factor on the albedo's contrast (on its logarithm: some 2 % between the craters, more where ejecta are fresh); drawn uniformly.
+    /// Default 1.
+    pub albedo_contrast: (f64, f64),
     /// Whether fresh craters have boulders. Default true.
     pub boulders: bool,
 }
@@ -49,6 +52,7 @@ impl Default for SynthOptions {
             sun_elevation_deg: (18.0, 64.0),
             coarse_error_m: (1.5, 4.0),
             misregistration_m: 10.0,
+            albedo_contrast: (1.0, 1.0),
             boulders: true,
         }
     }
@@ -78,6 +82,7 @@ impl SynthOptions {
         range("sun_azimuth_deg", self.sun_azimuth_deg, 0.0, 360.0)?;
         range("sun_elevation_deg", self.sun_elevation_deg, 2.0, 90.0)?;
         range("coarse_error_m", self.coarse_error_m, 0.0, 100.0)?;
+        range("albedo_contrast", self.albedo_contrast, 0.0, 10.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
     }
 }

@@ -61,10 +61,28 @@ fn illegal_options_are_refused() {
         SynthOptions { pixel_m: f64::NAN, ..legal.clone() },
         SynthOptions { rows: 8, ..legal.clone() },
         SynthOptions { sun_elevation_deg: (50.0, 20.0), ..legal.clone() },
-        SynthOptions { misregistration_m: -1.0, ..legal },
+        SynthOptions { misregistration_m: -1.0, ..legal.clone() },
+        SynthOptions { albedo_contrast: (1.0, 11.0), ..legal },
     ] {
         assert!(Moon::new(0, bad.clone()).is_err(), "{bad:?}");
     }
+}
+
+#[test]
+fn albedo_contrast_changes_the_image_alone() {
+    let tile = |albedo_contrast| {
+        let options = SynthOptions { rows: 64, cols: 80, albedo_contrast, ..Default::default() };
+        Moon::new(3, options).unwrap().tile(1)
+    };
+    let [none, usual, strong, drawn] = [(0.0, 0.0), (1.0, 1.0), (4.0, 4.0), (1.0, 4.0)].map(tile);
+    assert_eq!(usual, Moon::new(3, SynthOptions { rows: 64, cols: 80, ..Default::default() }).unwrap().tile(1));
+    for other in [&none, &strong, &drawn] {
+        assert_eq!((&other.truth_m, &other.coarse_m), (&usual.truth_m, &usual.coarse_m));
+        assert_eq!(other.sun_azimuth_deg, usual.sun_azimuth_deg);
+    }
+    let apart = |a: &SynthTile| a.image.iter().zip(&none.image).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+    assert!(apart(&usual) > 0.0 && apart(&strong) > 2.0 * apart(&usual), "{} {}", apart(&usual), apart(&strong));
+    assert!((apart(&usual)..apart(&strong)).contains(&apart(&drawn)), "{}", apart(&drawn));
 }
 
 #[test]

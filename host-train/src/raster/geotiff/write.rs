@@ -77,6 +77,17 @@ impl WriteOptions {
         self
     }
 
+    /// Says under which Sun an image was taken or made: azimuth clockwise from the raster's up and elevation above the horizon, degrees,
+    /// each where it is known.
+    #[must_use]
+    pub fn with_sun(self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Self {
+        let angles = [("SUN_AZIMUTH_DEG", azimuth_deg), ("SUN_ELEVATION_DEG", elevation_deg)];
+        angles.into_iter().fold(self, |options, (key, angle)| match angle {
+            Some(deg) => options.with_item(key, format!("{deg:.3}")),
+            None => options,
+        })
+    }
+
     /// Chooses the compression.
     #[must_use]
     pub fn with_compression(mut self, compression: Compression) -> Self {
