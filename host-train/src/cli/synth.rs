@@ -40,6 +40,9 @@ pub struct Args {
     /// Least and greatest Sun elevation, degrees.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [18.0, 64.0])]
     pub sun_elevation_deg: Vec<f64>,
+    /// Least and greatest factor on all relief, 0 to 4.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
+    pub relief: Vec<f64>,
     /// Least and greatest factor on the albedo's contrast, 0 to 10.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
     pub albedo_contrast: Vec<f64>,
@@ -62,6 +65,7 @@ pub fn run(args: Args) -> Result<()> {
         pixel_m: args.pixel_m,
         kind: args.kind,
         sun_elevation_deg: (args.sun_elevation_deg[0], args.sun_elevation_deg[1]),
+        relief: (args.relief[0], args.relief[1]),
         albedo_contrast: (args.albedo_contrast[0], args.albedo_contrast[1]),
         ..SynthOptions::default()
     };
@@ -125,6 +129,7 @@ mod tests {
             pixel_m: 2.0,
             kind: None,
             sun_elevation_deg: vec![18.0, 64.0],
+            relief: vec![1.0, 1.0],
             albedo_contrast: vec![1.0, 1.0],
         }
     }

@@ -81,6 +81,6 @@ pub fn curves(comparison: &Comparison, out: &Path) -> Result<()> {
         Ok(Series { points: History::read(&out.join(&name).join(TRAINING))?.slope_deg, name })
     });
     let series: Vec<Series> = series.collect::<Result<_>>()?;
-    let chart = Chart { title: "Validation", x: "step", y: "mean |slope error|, degrees", log_y: false };
+    let chart = Chart { title: "Validation", x: "step", y: "mean |slope error|, degrees", log_y: true };
     draw(&out.join(CURVES), &chart, &series)
 }

@@ -34,13 +34,20 @@ pub struct Chart<'a> {
 /// Size of the picture, pixels.
 const SIZE_PX: (u32, u32) = (900, 480);
 /// Colours of the curves, in turn.
-const COLOURS: [RGBColor; 6] = [
+const COLOURS: [RGBColor; 13] = [
     RGBColor(31, 90, 165),
     RGBColor(214, 90, 30),
     RGBColor(40, 140, 70),
     RGBColor(170, 40, 60),
     RGBColor(120, 80, 170),
     RGBColor(110, 110, 110),
+    RGBColor(0, 160, 170),
+    RGBColor(230, 170, 20),
+    RGBColor(225, 110, 175),
+    RGBColor(120, 70, 30),
+    RGBColor(140, 190, 60),
+    RGBColor(95, 170, 230),
+    RGBColor(20, 20, 20),
 ];
 
 /// Draws the curves into a PNG file.
@@ -70,7 +77,12 @@ pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
     let drawn = {
         let area = BitMapBackend::with_buffer(pixels.as_mut(), SIZE_PX).into_drawing_area();
         let mut builder = ChartBuilder::on(&area);
-        builder.caption(chart.title, (FONT, 20)).margin(10).x_label_area_size(44).y_label_area_size(64);
+        builder
+            .caption(chart.title, (FONT, 20))
+            .margin(10)
+            .margin_right(28)
+            .x_label_area_size(44)
+            .y_label_area_size(64);
         area.fill(&WHITE).map_err(|e| e.to_string()).and_then(|()| {
             if chart.log_y {
                 let context = builder.build_cartesian_2d(x, (y.start / 1.1..y.end * 1.1).log_scale());

@@ -12,8 +12,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// What parts the numbers that draw the albedo's contrast from those that draw all else.
-const ALBEDO_SEED: u64 = 0x0a1b_edc0;
+/// What parts the numbers that draw the factors on relief and albedo from those that draw all else.
+const FACTORS_SEED: u64 = 0x0fac_7025;
 /// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
 const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
@@ -189,8 +189,8 @@ impl Moon {
         };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
-        let (heights_m, mut log_albedo) = self.terrain(rng, kind, shop);
-        let contrast = self.albedo_contrast(index) as f32;
+        let (relief, contrast) = self.factors(index);
+        let (heights_m, mut log_albedo) = self.terrain(rng, kind, relief, shop);
         log_albedo.iter_mut().for_each(|log| *log *= contrast);
         let (_, cols) = shop.plan.shape();
         let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
@@ -210,15 +210,16 @@ impl Moon {
         }
     }
 
-    /// Drawn from numbers of its own: whatever the contrast, ground, light, camera and coarse DTM are the same.
-    fn albedo_contrast(&self, index: u64) -> f64 {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ ALBEDO_SEED);
+    /// Factors on relief and on the albedo's contrast, from numbers of their own: with other ranges the rest of a scene stays as it is.
+    fn factors(&self, index: u64) -> (f32, f32) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ FACTORS_SEED);
         rng.set_stream(index);
-        within(&mut rng, self.options.albedo_contrast)
+        let relief = within(&mut rng, self.options.relief);
+        (relief as f32, within(&mut rng, self.options.albedo_contrast) as f32)
     }
 
     /// Heights, metres, and logarithm of the albedo over the whole domain.
-    fn terrain(&self, rng: &mut ChaCha8Rng, kind: TerrainKind, shop: &Workshop) -> (Vec<f32>, Vec<f32>) {
+    fn terrain(&self, rng: &mut ChaCha8Rng, kind: TerrainKind, relief: f32, shop: &Workshop) -> (Vec<f32>, Vec<f32>) {
         let (rows, cols) = shop.plan.shape();
         let pixel_m = self.options.pixel_m;
         let recipe = kind.recipe();
@@ -241,7 +242,7 @@ impl Moon {
                 boulder::strew(rng, &crater, pixel_m, &mut heights_m, cols);
             }
         }
-        heights_m.iter_mut().for_each(|height| *height += base_m);
+        heights_m.iter_mut().for_each(|height| *height = *height * relief + base_m);
         (heights_m, log_albedo)
     }
 

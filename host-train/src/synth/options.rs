@@ -29,6 +29,8 @@ pub struct SynthOptions {
     pub sun_azimuth_deg: (f64, f64),
     /// Sun elevation above the horizon, degrees; drawn uniformly. Default 18–64, the paper's training images.
     pub sun_elevation_deg: (f64, f64),
+    /// Factor on all relief, craters included; drawn uniformly. Default 1: the roughness of two NAC DTMs.
+    pub relief: (f64, f64),
     /// RMS of the coarse DTM's low-frequency error, metres; drawn uniformly. Default 1.5–4 (SLDEM2015: 3–4).
     pub coarse_error_m: (f64, f64),
     /// Largest horizontal misregistration of the coarse DTM, metres. Default 10 (SLDEM2015).
@@ -50,6 +52,7 @@ impl Default for SynthOptions {
             kind: None,
             sun_azimuth_deg: (0.0, 360.0),
             sun_elevation_deg: (18.0, 64.0),
+            relief: (1.0, 1.0),
             coarse_error_m: (1.5, 4.0),
             misregistration_m: 10.0,
             albedo_contrast: (1.0, 1.0),
@@ -81,6 +84,7 @@ impl SynthOptions {
         }
         range("sun_azimuth_deg", self.sun_azimuth_deg, 0.0, 360.0)?;
         range("sun_elevation_deg", self.sun_elevation_deg, 2.0, 90.0)?;
+        range("relief", self.relief, 0.0, 4.0)?;
         range("coarse_error_m", self.coarse_error_m, 0.0, 100.0)?;
         range("albedo_contrast", self.albedo_contrast, 0.0, 10.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)

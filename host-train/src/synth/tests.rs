@@ -62,7 +62,8 @@ fn illegal_options_are_refused() {
         SynthOptions { rows: 8, ..legal.clone() },
         SynthOptions { sun_elevation_deg: (50.0, 20.0), ..legal.clone() },
         SynthOptions { misregistration_m: -1.0, ..legal.clone() },
-        SynthOptions { albedo_contrast: (1.0, 11.0), ..legal },
+        SynthOptions { albedo_contrast: (1.0, 11.0), ..legal.clone() },
+        SynthOptions { relief: (2.0, 1.0), ..legal },
     ] {
         assert!(Moon::new(0, bad.clone()).is_err(), "{bad:?}");
     }
@@ -83,6 +84,22 @@ fn albedo_contrast_changes_the_image_alone() {
     let apart = |a: &SynthTile| a.image.iter().zip(&none.image).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
     assert!(apart(&usual) > 0.0 && apart(&strong) > 2.0 * apart(&usual), "{} {}", apart(&usual), apart(&strong));
     assert!((apart(&usual)..apart(&strong)).contains(&apart(&drawn)), "{}", apart(&drawn));
+}
+
+#[test]
+fn relief_scales_heights_about_their_base() {
+    let tile = |relief| {
+        let options = SynthOptions { rows: 64, cols: 80, kind: Some(TerrainKind::Mare), relief, ..Default::default() };
+        Moon::new(3, options).unwrap().tile(1)
+    };
+    let [flat, usual, rough, drawn] = [(0.0, 0.0), (1.0, 1.0), (2.5, 2.5), (1.0, 2.5)].map(tile);
+    let base_m = flat.truth_m[0];
+    assert!(flat.truth_m.iter().all(|&height| height == base_m));
+    for (one, two) in usual.truth_m.iter().zip(&rough.truth_m) {
+        assert!((2.5 * (one - base_m) - (two - base_m)).abs() < 1e-3 * base_m.abs(), "{one} and {two} above {base_m}");
+    }
+    let height = |tile: &SynthTile| tile.truth_m.iter().map(|h| (h - base_m).abs()).sum::<f32>();
+    assert!((height(&usual)..height(&rough)).contains(&height(&drawn)) && height(&drawn) > height(&usual));
 }
 
 #[test]

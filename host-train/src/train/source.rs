@@ -35,12 +35,15 @@ pub enum DataSpec {
     },
 }
 
-/// The Moon that networks are trained on: as most NAC DTMs every other tile, finer and coarser ones between them, and a Sun that is
-/// sometimes low (our choice).
+/// The Moon that networks are trained on: as most NAC DTMs every other tile, finer and coarser ones between them, a Sun that is
+/// sometimes low, ground up to three times as rough and patches up to three times as contrasty as usual, since what a network never saw
+/// it does not do (our choice).
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
         sun_elevation_deg: (7.0, 64.0),
+        relief: (0.7, 3.0),
+        albedo_contrast: (0.5, 3.0),
         ..SynthOptions::default()
     }
 }
@@ -64,10 +67,12 @@ impl DataSpec {
         })
     }
 
-    /// What to validate on where nothing is named: the validation tiles of a prepared folder, else a Moon of another seed.
+    /// What to validate on where nothing is named: the validation tiles of a prepared folder, else a Moon of another seed, like the one
+    /// trained on if that is one.
     pub fn validation(&self, seed: u64) -> Self {
         match self {
             Self::Prepared { path, .. } => Self::Prepared { path: path.clone(), split: Split::Validation },
+            Self::Synth { options, .. } => Self::Synth { seed, options: options.clone() },
             _ => Self::Synth { seed, options: SynthOptions::default() },
         }
     }
