@@ -39,7 +39,7 @@ fn serve(path: &Path, size: [&String; 3]) -> Result<(), Box<dyn Error>> {
     let recipe = Recipe { warm_up: 0, steps: 1_000_000_000, ..Recipe::preset(Preset::Nano) };
     let weights = Weights::read(path)?;
     let config = store::config_of(&weights, path)?;
-    let mut trainer = Trainer::new(&config, &recipe, &weights, path, Backend::Flex.device()?)?;
+    let mut trainer = Trainer::new(&config, &recipe, &weights, path, vec![Backend::Flex.device()?])?;
     let mut input = std::io::stdin().lock();
     let mut maps = |count: usize| -> Result<Vec<f32>, Box<dyn Error>> {
         let mut bytes = vec![0; 4 * count * size.iter().product::<usize>()];

@@ -46,6 +46,18 @@ pub struct Args {
     /// Least and greatest factor on the albedo's contrast, 0 to 10.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
     pub albedo_contrast: Vec<f64>,
+    /// Least and greatest addition to the weight of the Lommel-Seeliger law, -1 to 1.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0], allow_negative_numbers = true)]
+    pub lunar_weight_shift: Vec<f64>,
+    /// Least and greatest power of the radiance that DN go as, 0.2 to 5.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
+    pub response_exponent: Vec<f64>,
+    /// Least and greatest DN without light, as a share of the mean DN, -0.5 to 2.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0], allow_negative_numbers = true)]
+    pub pedestal: Vec<f64>,
+    /// Least and greatest RMS of stripes and steps of the coarse DTM, metres, 0 to 100.
+    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0])]
+    pub coarse_stripes_m: Vec<f64>,
 }
 
 /// Scenes on the contact sheet at most.
@@ -59,14 +71,19 @@ const LARGE_SCENE_PX: usize = 4_000_000;
 /// [`Error::Usage`] for options out of range, [`Error::Io`] if the folder cannot be written.
 pub fn run(args: Args) -> Result<()> {
     let (rows, cols) = (args.rows, args.cols);
+    let range = |ends: &[f64]| (ends[0], ends[1]);
     let options = SynthOptions {
         rows,
         cols,
         pixel_m: args.pixel_m,
         kind: args.kind,
-        sun_elevation_deg: (args.sun_elevation_deg[0], args.sun_elevation_deg[1]),
-        relief: (args.relief[0], args.relief[1]),
-        albedo_contrast: (args.albedo_contrast[0], args.albedo_contrast[1]),
+        sun_elevation_deg: range(&args.sun_elevation_deg),
+        relief: range(&args.relief),
+        albedo_contrast: range(&args.albedo_contrast),
+        lunar_weight_shift: range(&args.lunar_weight_shift),
+        response_exponent: range(&args.response_exponent),
+        pedestal: range(&args.pedestal),
+        coarse_stripes_m: range(&args.coarse_stripes_m),
         ..SynthOptions::default()
     };
     let moon = Moon::new(args.seed, options.clone())?;
@@ -131,6 +148,10 @@ mod tests {
             sun_elevation_deg: vec![18.0, 64.0],
             relief: vec![1.0, 1.0],
             albedo_contrast: vec![1.0, 1.0],
+            lunar_weight_shift: vec![0.0, 0.0],
+            response_exponent: vec![1.0, 1.0],
+            pedestal: vec![0.0, 0.0],
+            coarse_stripes_m: vec![0.0, 0.0],
         }
     }
 

@@ -2,6 +2,8 @@
 
 use crate::{Error, Result};
 use burn::tensor::Device;
+#[cfg(any(feature = "cuda", feature = "vulkan"))]
+use burn::tensor::DeviceType;
 
 /// A compute backend; each is a Cargo feature of the same name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
@@ -46,6 +48,27 @@ impl Backend {
                 )))
             }
         }
+    }
+
+    /// `count` devices to share the work: GPUs one each, the first ones; of the CPU, which is one device, as many copies.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if this build lacks the backend's feature, or the machine so many devices.
+    pub fn devices(self, count: usize) -> Result<Vec<Device>> {
+        let first = self.device()?;
+        let all: Vec<Device> = match self {
+            _ if count == 1 => return Ok(vec![first]),
+            #[cfg(feature = "cuda")]
+            Self::Cuda => Device::enumerate(DeviceType::Cuda).into_vec(),
+            #[cfg(feature = "vulkan")]
+            Self::Vulkan => Device::enumerate(DeviceType::Vulkan).into_vec(),
+            _ => vec![first; count],
+        };
+        if all.len() < count {
+            let what = format!("devices: expected at least {count} of {self:?}, found {}", all.len());
+            return Err(Error::usage(what));
+        }
+        Ok(all.into_iter().take(count).collect())
     }
 
     /// Names of the backends in this build.

@@ -4,10 +4,11 @@ use super::config::{Head, NetConfig};
 use super::conv::{ConvBn, ConvBnShape, conv, convolve};
 use super::decoder::{DecoderBlock, decoder};
 use super::encoder::{ImageEncoder, dtm_encoder};
+use super::precision::cast;
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{DType, Device, Tensor};
 
 /// ELunarDTMNet: image and coarse DTM in, DTM at the image's resolution out.
 #[derive(Module, Debug)]
@@ -74,11 +75,13 @@ impl ELunarDtmNet {
             Some(scale) => Tensor::cat(vec![image, coarse.clone().mul_scalar(scale)], 1),
             None => image,
         };
-        let e = self.image_encoder.forward(image);
+        // In whichever precision the weights are, the maps are.
+        let dtype = self.head.weight.val().dtype();
+        let e = self.image_encoder.forward(cast(image, dtype));
         e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));
         let mut deepest = vec![e[4].clone()];
         if !self.dtm_encoder.is_empty() {
-            let s5 = self.dtm_encoder.iter().fold(coarse.clone(), |x, unit| unit.forward(x));
+            let s5 = self.dtm_encoder.iter().fold(cast(coarse.clone(), dtype), |x, unit| unit.forward(x));
             note("s5".into(), &s5);
             deepest.push(s5);
         }
@@ -89,7 +92,7 @@ impl ELunarDtmNet {
             d = block.forward(d, (u > 0).then(|| e[4 - u].clone()));
             note(format!("d{}", u + 1), &d);
         }
-        let z = convolve(&self.head, d);
+        let z = cast(convolve(&self.head, d), DType::F32);
         if self.residual { z.add(coarse) } else { relu(z) }
     }
 }

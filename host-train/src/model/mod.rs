@@ -10,6 +10,7 @@ pub mod encoder;
 pub mod init;
 pub mod norm;
 pub mod ops;
+pub mod precision;
 pub mod published;
 pub mod resnet;
 pub mod store;

@@ -1,10 +1,11 @@
 //! Batch normalisation with PyTorch's running statistics.
 
 use super::ops::batch_norm_train;
+use super::precision::cast;
 use burn::module::{Initializer, Module, Param, RunningState};
 use burn::tensor::activation::relu;
 use burn::tensor::module::batch_norm;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{DType, Device, Tensor};
 
 /// Added to the variance; PyTorch's default.
 pub const EPSILON: f64 = 1e-5;
@@ -35,13 +36,14 @@ impl BatchNorm2d {
         }
     }
 
-    /// `[B, C, H, W]` to the same shape, through a ReLU if asked.
+    /// `[B, C, H, W]` to the same shape, through a ReLU if asked; in `f32` inside.
     pub fn forward(&self, x: Tensor<4>, with_relu: bool) -> Tensor<4> {
-        let device = x.device();
+        let (device, dtype) = (x.device(), x.dtype());
+        let x = cast(x, DType::F32);
         if !device.is_autodiff() {
             let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
             let y = batch_norm(x, self.weight.val(), self.bias.val(), mean, var, EPSILON);
-            return if with_relu { relu(y) } else { y };
+            return cast(if with_relu { relu(y) } else { y }, dtype);
         }
         let [b, _, h, w] = x.dims();
         let samples = (b * h * w) as f64;
@@ -53,6 +55,6 @@ impl BatchNorm2d {
         };
         blend(&self.running_mean, out.mean, 1.0);
         blend(&self.running_var, out.variance, unbiased);
-        out.output
+        cast(out.output, dtype)
     }
 }

@@ -46,6 +46,32 @@ impl Exposure {
     }
 }
 
+/// How numbers follow radiance: a calibrated image's are proportional to it, a picture's are stretched for the eye.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Response {
+    /// Numbers go as radiance to this power.
+    pub exponent: f32,
+    /// Added to all numbers, as a share of their mean: stray light, or a stretch that does not begin at black.
+    pub pedestal: f32,
+}
+
+impl Response {
+    /// Gives a calibrated image, in DN, this response; a pixel of the mean DN keeps it, but for the pedestal. DN are whole numbers
+    /// from 0 to 4095.
+    pub(super) fn apply(&self, image: &mut [f32]) {
+        if *self == (Self { exponent: 1.0, pedestal: 0.0 }) {
+            return;
+        }
+        let mean = (image.iter().map(|v| f64::from(*v)).sum::<f64>() / image.len() as f64) as f32;
+        if mean > 0.0 {
+            for value in image {
+                let share = (*value / mean).powf(self.exponent) + self.pedestal;
+                *value = (share * mean).round().clamp(0.0, DN_MAX);
+            }
+        }
+    }
+}
+
 /// Gaussian blur with five taps; the edge pixels repeat beyond the edge.
 ///
 /// A Gaussian this narrow must not simply be sampled: at 0.51 px that lets 55 % pass at the Nyquist frequency. The taps are those whose
@@ -92,6 +118,23 @@ mod tests {
             assert!((mean * per_dn / mean_signal_e - 1.0).abs() < 0.01, "mean {mean} DN");
             assert!((deviation / expected - 1.0).abs() < 0.03, "{deviation} DN of noise, expected {expected}");
         }
+    }
+
+    #[test]
+    fn a_response_bends_and_lifts() {
+        let plain = vec![100.0, 200.0, 300.0, 400.0];
+        let respond = |exponent, pedestal| {
+            let mut image = plain.clone();
+            Response { exponent, pedestal }.apply(&mut image);
+            image
+        };
+        assert_eq!(respond(1.0, 0.0), plain);
+        assert_eq!(respond(1.0, 0.2), [150.0, 250.0, 350.0, 450.0]);
+        assert_eq!(respond(2.0, 0.0), [40.0, 160.0, 360.0, 640.0]);
+        assert_eq!(respond(1.0, 20.0), [4095.0; 4], "saturated");
+        let mut dark = vec![0.0; 4];
+        Response { exponent: 0.5, pedestal: 0.1 }.apply(&mut dark);
+        assert_eq!(dark, [0.0; 4]);
     }
 
     #[test]

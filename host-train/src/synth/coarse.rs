@@ -11,6 +11,10 @@ pub const COARSE_PIXEL_M: f64 = 59.2252938;
 const SPARE: usize = 2;
 /// Wavelengths of the error, metres: its correlation length (about a quarter wave) is a few hundred metres to a kilometre.
 const ERROR_WAVELENGTH_M: std::ops::Range<f64> = 800.0..5000.0;
+/// Share of the tracks of a striped coarse DTM whose heights are off (our choice).
+const TRACKS_OFF: f64 = 0.3;
+/// How far the tracks lean from the grid's columns at most, columns per row (our choice).
+const TRACK_LEAN: f64 = 0.15;
 /// Plane waves the error is made of.
 const ERROR_WAVES: usize = 24;
 
@@ -129,6 +133,33 @@ fn add_error(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f6
     }
 }
 
+/// Adds what laser tracks and the seams between stereo strips leave behind, `rms_m` in all over many scenes: heights that are off along some
+/// of the columns, which may lean a little, and one step across the scene. Half of the squared error each.
+pub(super) fn add_stripes(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f64) {
+    if rms_m <= 0.0 {
+        return;
+    }
+    let rows = heights_m.len() / cols;
+    let gaussian = |rng: &mut ChaCha8Rng| -> f64 { StandardNormal.sample(rng) };
+    let lean = TRACK_LEAN * (2.0 * rng.random::<f64>() - 1.0);
+    let shift = lean.abs() * rows as f64;
+    let track_m = rms_m * (0.5 / TRACKS_OFF).sqrt();
+    let tracks: Vec<f64> = (0..cols + shift.ceil() as usize + 1)
+        .map(|_| if rng.random::<f64>() < TRACKS_OFF { track_m * gaussian(rng) } else { 0.0 })
+        .collect();
+    // A step up on one side of a line through the middle half of the grid, and down as much on the other: its square does not depend on where.
+    let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
+    let through = |rng: &mut ChaCha8Rng, size: usize| (0.25 + 0.5 * rng.random::<f64>()) * size as f64;
+    let (row0, col0) = (through(rng, rows), through(rng, cols));
+    let step_m = rms_m * 0.5f64.sqrt() * gaussian(rng);
+    for (k, height) in heights_m.iter_mut().enumerate() {
+        let (row, col) = ((k / cols) as f64, (k % cols) as f64);
+        let track = tracks[(col + lean * row + if lean < 0.0 { shift } else { 0.0 }) as usize];
+        let side = ((row - row0) * south + (col - col0) * east).signum();
+        *height += (track + step_m * side) as f32;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,6 +194,26 @@ mod tests {
             let below_m = coarse.south_m + coarse.rows as f64 * COARSE_PIXEL_M - 160.0;
             assert!(below_m >= 2.0 * COARSE_PIXEL_M, "{below_m} m below the scene");
         }
+    }
+
+    #[test]
+    fn stripes_have_the_size_asked_for_and_run_down_the_columns() {
+        let (mut square, mut down, mut across, mut count) = (0.0f64, 0.0f64, 0.0f64, 0.0);
+        for seed in 0..600 {
+            let mut heights_m = vec![0.0f32; 12 * 14];
+            add_stripes(&mut ChaCha8Rng::seed_from_u64(seed), &mut heights_m, 14, 2.0);
+            square += heights_m.iter().map(|v| f64::from(v * v)).sum::<f64>() / heights_m.len() as f64;
+            let apart = |a: usize, b: usize| f64::from(heights_m[a] - heights_m[b]).powi(2);
+            down += (0..11 * 14).map(|k| apart(k, k + 14)).sum::<f64>() / (11.0 * 14.0);
+            across += (0..12 * 14).filter(|k| k % 14 < 13).map(|k| apart(k, k + 1)).sum::<f64>() / (12.0 * 13.0);
+            count += 1.0;
+        }
+        let rms_m = (square / count).sqrt();
+        assert!((rms_m / 2.0 - 1.0).abs() < 0.08, "{rms_m} m");
+        assert!(down * 4.0 < across, "{} m down, {} m across", (down / count).sqrt(), (across / count).sqrt());
+        let mut none = vec![1.0f32; 12];
+        add_stripes(&mut ChaCha8Rng::seed_from_u64(1), &mut none, 4, 0.0);
+        assert_eq!(none, [1.0; 12]);
     }
 
     #[test]

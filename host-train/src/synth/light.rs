@@ -25,11 +25,18 @@ impl Sun {
     }
 }
 
-/// Reflectance (per unit albedo) of a row-major height field for a camera at nadir, shadows included.
-pub(super) fn reflectance(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<f32> {
+/// Reflectance (per unit albedo) of a row-major height field for a camera at nadir, shadows included. `weight_shift` is added to the weight
+/// of the Lommel–Seeliger law that belongs to the phase angle; the sum stays between 0 and 1.
+pub(super) fn reflectance(
+    heights_m: &[f32],
+    [rows, cols]: [usize; 2],
+    pixel_m: f64,
+    sun: &Sun,
+    weight_shift: f32,
+) -> Vec<f32> {
     let lit = visibility(heights_m, rows, cols, pixel_m, sun);
     let [east, south, up] = sun.direction().map(|v| v as f32);
-    let weight = lunar_lambert_weight(90.0 - sun.elevation_deg) as f32;
+    let weight = (lunar_lambert_weight(90.0 - sun.elevation_deg) as f32 + weight_shift).clamp(0.0, 1.0);
     let mut out = vec![0.0; rows * cols];
     let per_m = (0.5 / pixel_m) as f32;
     for row in 0..rows {
@@ -164,20 +171,28 @@ mod tests {
 
     #[test]
     fn level_ground_reflects_by_the_formula() {
-        let out = reflectance(&[5.0; 64], 8, 8, 2.0, &sun(70.0, 30.0));
+        let out = reflectance(&[5.0; 64], [8, 8], 2.0, &sun(70.0, 30.0), 0.0);
         let (weight, mu0) = (0.416f32, 0.5);
         let expected = 2.0 * weight * mu0 / (mu0 + 1.0) + (1.0 - weight) * mu0 + SCATTERED * mu0;
         assert!(out.iter().all(|v| (v - expected).abs() < 2e-3), "{} instead of {expected}", out[0]);
     }
 
     #[test]
+    fn a_shifted_weight_runs_from_lambert_to_lommel_seeliger() {
+        let level = |shift| reflectance(&[5.0; 64], [8, 8], 2.0, &sun(70.0, 30.0), shift)[0] - SCATTERED * 0.5;
+        for (shift, expected) in [(-1.0, 0.5), (1.0, 2.0 * 0.5 / 1.5)] {
+            assert!((level(shift) - expected).abs() < 1e-5, "{} instead of {expected}", level(shift));
+        }
+    }
+
+    #[test]
     fn slopes_towards_the_sun_are_brighter() {
         let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k % 20) as f32).collect();
         // Rising eastwards: it faces west. Rising southwards: it faces north.
-        let at = |azimuth_deg| reflectance(&ramp, 20, 20, 2.0, &sun(azimuth_deg, 40.0))[210];
+        let at = |azimuth_deg| reflectance(&ramp, [20, 20], 2.0, &sun(azimuth_deg, 40.0), 0.0)[210];
         assert!(at(270.0) > at(0.0) && at(0.0) > at(90.0));
         let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k / 20) as f32).collect();
-        let at = |azimuth_deg| reflectance(&ramp, 20, 20, 2.0, &sun(azimuth_deg, 40.0))[210];
+        let at = |azimuth_deg| reflectance(&ramp, [20, 20], 2.0, &sun(azimuth_deg, 40.0), 0.0)[210];
         assert!(at(0.0) > at(90.0) && at(90.0) > at(180.0));
     }
 

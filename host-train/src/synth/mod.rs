@@ -3,8 +3,8 @@
 //!
 //! One scene is made in this order: `field` draws the spectral terrain and the albedo, `crater` adds craters in all
 //! states of decay, `boulder` strews blocks around the fresh ones, `light` illuminates it (Lunar–Lambert, cast shadows), `camera` turns radiance into DN, `coarse`
-//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, `files` writes it. [`structure`] measures how rough
-//! the result is.
+//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, `files` writes it. `factors` draws how far a scene departs from
+//! the usual one; [`structure`] measures how rough the result is.
 //!
 //! Everything follows from `(seed, options, index)`; the number of threads changes nothing.
 
@@ -12,6 +12,7 @@ mod boulder;
 mod camera;
 mod coarse;
 mod crater;
+mod factors;
 mod field;
 mod files;
 mod kind;

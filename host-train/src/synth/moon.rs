@@ -3,6 +3,7 @@
 use super::camera::Exposure;
 use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
 use super::crater::{self, Profiles};
+use super::factors::{Factors, within};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::{SynthOptions, TerrainKind, boulder};
@@ -12,8 +13,6 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// What parts the numbers that draw the factors on relief and albedo from those that draw all else.
-const FACTORS_SEED: u64 = 0x0fac_7025;
 /// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
 const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
 /// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
@@ -189,13 +188,15 @@ impl Moon {
         };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
-        let (relief, contrast) = self.factors(index);
-        let (heights_m, mut log_albedo) = self.terrain(rng, kind, relief, shop);
-        log_albedo.iter_mut().for_each(|log| *log *= contrast);
+        let mut factors = Factors::draw(self.seed, index, options);
+        let (heights_m, mut log_albedo) = self.terrain(rng, kind, factors.relief, shop);
+        log_albedo.iter_mut().for_each(|log| *log *= factors.albedo_contrast);
         let (_, cols) = shop.plan.shape();
         let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
-        let coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
-        let image = self.image(rng, &heights_m, &log_albedo, &sun, shop);
+        let mut coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
+        coarse::add_stripes(&mut factors.stripes, &mut coarse.heights_m, coarse.cols, factors.stripes_m);
+        let mut image = self.image(rng, &heights_m, &log_albedo, (&sun, factors.lunar_weight_shift), shop);
+        factors.response.apply(&mut image);
         SynthScene {
             index,
             rows: shop.rows,
@@ -208,14 +209,6 @@ impl Moon {
             sun_elevation_deg: sun.elevation_deg,
             kind,
         }
-    }
-
-    /// Factors on relief and on the albedo's contrast, from numbers of their own: with other ranges the rest of a scene stays as it is.
-    fn factors(&self, index: u64) -> (f32, f32) {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ FACTORS_SEED);
-        rng.set_stream(index);
-        let relief = within(&mut rng, self.options.relief);
-        (relief as f32, within(&mut rng, self.options.albedo_contrast) as f32)
     }
 
     /// Heights, metres, and logarithm of the albedo over the whole domain.
@@ -251,22 +244,17 @@ impl Moon {
         rng: &mut ChaCha8Rng,
         heights_m: &[f32],
         log_albedo: &[f32],
-        sun: &Sun,
+        (sun, weight_shift): (&Sun, f32),
         shop: &Workshop,
     ) -> Vec<f32> {
         let (rows, cols) = shop.plan.shape();
-        let reflected = reflectance(heights_m, rows, cols, self.options.pixel_m, sun);
+        let reflected = reflectance(heights_m, [rows, cols], self.options.pixel_m, sun, weight_shift);
         let mut radiance = crop(&reflected, cols, shop);
         for (value, log_albedo) in radiance.iter_mut().zip(crop(log_albedo, cols, shop)) {
             *value *= log_albedo.exp();
         }
         Exposure::draw(rng).take(rng, &radiance, shop.rows, shop.cols)
     }
-}
-
-/// Uniform between the two ends, which may coincide.
-fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
-    low + (high - low) * rng.random::<f64>()
 }
 
 /// The scene's part of a domain of `cols` columns.

@@ -38,6 +38,15 @@ pub struct SynthOptions {
     /// Factor on the albedo's contrast (on its logarithm: some 2 % between the craters, more where ejecta are fresh); drawn uniformly.
     /// Default 1.
     pub albedo_contrast: (f64, f64),
+    /// Added to the weight of the Lommel–Seeliger law that the phase angle gives (the sum stays within 0–1), for a ground that is not the
+    /// average one; drawn uniformly. Default 0.
+    pub lunar_weight_shift: (f64, f64),
+    /// DN go as radiance to this power; drawn uniformly. Default 1: a calibrated image.
+    pub response_exponent: (f64, f64),
+    /// DN without light, as a share of the mean DN: stray light, or a picture stretched for the eye; drawn uniformly. Default 0.
+    pub pedestal: (f64, f64),
+    /// RMS of the coarse DTM's stripes along laser tracks and steps at seams, metres; drawn uniformly. Default 0.
+    pub coarse_stripes_m: (f64, f64),
     /// Whether fresh craters have boulders. Default true.
     pub boulders: bool,
 }
@@ -56,6 +65,10 @@ impl Default for SynthOptions {
             coarse_error_m: (1.5, 4.0),
             misregistration_m: 10.0,
             albedo_contrast: (1.0, 1.0),
+            lunar_weight_shift: (0.0, 0.0),
+            response_exponent: (1.0, 1.0),
+            pedestal: (0.0, 0.0),
+            coarse_stripes_m: (0.0, 0.0),
             boulders: true,
         }
     }
@@ -87,6 +100,10 @@ impl SynthOptions {
         range("relief", self.relief, 0.0, 4.0)?;
         range("coarse_error_m", self.coarse_error_m, 0.0, 100.0)?;
         range("albedo_contrast", self.albedo_contrast, 0.0, 10.0)?;
+        range("lunar_weight_shift", self.lunar_weight_shift, -1.0, 1.0)?;
+        range("response_exponent", self.response_exponent, 0.2, 5.0)?;
+        range("pedestal", self.pedestal, -0.5, 2.0)?;
+        range("coarse_stripes_m", self.coarse_stripes_m, 0.0, 100.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
     }
 }

@@ -27,7 +27,7 @@ pub fn photograph(dtm: &Raster, (azimuth_deg, elevation_deg): (f64, f64), seed: 
         return Err(Error::usage(format!("image of a DTM: expected square pixels, found {row_m} x {col_m} m")));
     }
     let sun = Sun { azimuth_deg, elevation_deg };
-    let radiance = reflectance(&dtm.samples, dtm.rows, dtm.cols, (row_m * col_m).sqrt(), &sun);
+    let radiance = reflectance(&dtm.samples, [dtm.rows, dtm.cols], (row_m * col_m).sqrt(), &sun, 0.0);
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
     let samples = Exposure::draw(rng).take(rng, &radiance, dtm.rows, dtm.cols);
     Ok(Raster { samples, ..dtm.clone() })

@@ -63,6 +63,8 @@ fn illegal_options_are_refused() {
         SynthOptions { sun_elevation_deg: (50.0, 20.0), ..legal.clone() },
         SynthOptions { misregistration_m: -1.0, ..legal.clone() },
         SynthOptions { albedo_contrast: (1.0, 11.0), ..legal.clone() },
+        SynthOptions { response_exponent: (0.1, 1.0), ..legal.clone() },
+        SynthOptions { lunar_weight_shift: (-2.0, 0.0), ..legal.clone() },
         SynthOptions { relief: (2.0, 1.0), ..legal },
     ] {
         assert!(Moon::new(0, bad.clone()).is_err(), "{bad:?}");
@@ -84,6 +86,31 @@ fn albedo_contrast_changes_the_image_alone() {
     let apart = |a: &SynthTile| a.image.iter().zip(&none.image).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
     assert!(apart(&usual) > 0.0 && apart(&strong) > 2.0 * apart(&usual), "{} {}", apart(&usual), apart(&strong));
     assert!((apart(&usual)..apart(&strong)).contains(&apart(&drawn)), "{}", apart(&drawn));
+}
+
+#[test]
+fn photometry_and_tones_change_the_image_alone_and_stripes_the_coarse_dtm_alone() {
+    let small = SynthOptions { rows: 64, cols: 80, ..Default::default() };
+    let usual = Moon::new(3, small.clone()).unwrap().tile(1);
+    let images = [
+        SynthOptions { lunar_weight_shift: (0.3, 0.3), ..small.clone() },
+        SynthOptions { response_exponent: (0.7, 0.7), ..small.clone() },
+        SynthOptions { pedestal: (0.2, 0.2), ..small.clone() },
+    ]
+    .map(|options| Moon::new(3, options).unwrap().tile(1));
+    for tile in &images {
+        assert_eq!((&tile.truth_m, &tile.coarse_m), (&usual.truth_m, &usual.coarse_m));
+        assert_ne!(tile.image, usual.image);
+    }
+    // A lift and a softer curve both lower the contrast.
+    let contrast = |tile: &SynthTile| {
+        let (low, high) = tile.image.iter().fold((f32::MAX, 0.0f32), |(low, high), v| (low.min(*v), high.max(*v)));
+        (high - low) / (high + low)
+    };
+    assert!(contrast(&images[1]) < contrast(&usual) && contrast(&images[2]) < contrast(&usual));
+    let striped = Moon::new(3, SynthOptions { coarse_stripes_m: (1.0, 1.0), ..small }).unwrap().tile(1);
+    assert_eq!((&striped.truth_m, &striped.image), (&usual.truth_m, &usual.image));
+    assert_ne!(striped.coarse_m, usual.coarse_m);
 }
 
 #[test]

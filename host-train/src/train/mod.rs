@@ -1,7 +1,7 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
 //! [`run`] is the loop, [`step`] one step of it; [`feed`] hands it normalised, cropped batches ([`sample`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
-//! holds the hyper-parameters, [`adversarial`] a rival's opponent; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
+//! holds the hyper-parameters, [`adversarial`] a rival's opponent; `parallel` lets several devices share a step; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
 //! how it goes.
 
 pub mod adversarial;
@@ -11,6 +11,7 @@ pub mod feed;
 pub mod folder;
 pub mod journal;
 pub mod loss;
+mod parallel;
 pub mod prepared;
 pub mod recipe;
 pub mod run;

@@ -4,6 +4,7 @@ use super::adversarial::Adversarial;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
 use crate::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
+use crate::model::precision::Precision;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -35,13 +36,19 @@ impl Target {
 pub struct Recipe {
     /// Tiles (or crops) per step.
     pub batch: usize,
-    /// Parts into which the batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
-    /// time. Divides the batch.
+    /// Parts into which a device's batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
+    /// time.
     #[serde(default = "one")]
     pub accumulate: usize,
+    /// Devices that share a step's batch, each working on `accumulate` parts of it. Parts of all devices divide the batch.
+    #[serde(default = "one")]
+    pub devices: usize,
     /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
     #[serde(default)]
     pub checkpointing: bool,
+    /// What the network computes in.
+    #[serde(default)]
+    pub precision: Precision,
     /// Optimiser steps; the cosine ends here.
     pub steps: usize,
     /// Learning rate at the start of the cosine, after warm-up.
@@ -87,7 +94,9 @@ impl Recipe {
         let paper = Self {
             batch: 4,
             accumulate: 1,
+            devices: 1,
             checkpointing: false,
+            precision: Precision::F32,
             steps: 60_000,
             learning_rate: 1e-4,
             warm_up: 0,
@@ -124,6 +133,11 @@ impl Recipe {
                 ..paper
             },
         }
+    }
+
+    /// Micro-batches of a step.
+    pub fn parts(&self) -> usize {
+        self.accumulate.saturating_mul(self.devices)
     }
 
     /// Learning rate of a step, counted from 0: linear warm-up, then one cosine to zero.
@@ -172,13 +186,18 @@ impl Recipe {
                 return Err(format!("{name}: expected at least 1, found 0"));
             }
         }
-        if self.accumulate == 0 || !self.batch.is_multiple_of(self.accumulate) {
-            return Err(format!("accumulate: expected a divisor of batch {}, found {}", self.batch, self.accumulate));
+        if self.parts() == 0 || !self.batch.is_multiple_of(self.parts()) {
+            let Self { batch, accumulate, devices, .. } = self;
+            return Err(format!(
+                "accumulate times devices: expected a divisor of batch {batch}, found {accumulate} times {devices}"
+            ));
         }
         if let Some(adversarial) = &self.adversarial {
             adversarial.check()?;
-            if self.accumulate > 1 {
-                return Err(format!("accumulate: expected 1 with a critic, found {}", self.accumulate));
+            for (name, n) in [("accumulate", self.accumulate), ("devices", self.devices)] {
+                if n > 1 {
+                    return Err(format!("{name}: expected 1 with a critic, found {n}"));
+                }
             }
         }
         if !(0.0..=1.0).contains(&self.known_sun) {
@@ -203,9 +222,15 @@ pub struct RecipeFlags {
     /// Parts into which the batch is divided to save memory; batch normalisation sees one at a time [default: 1].
     #[arg(long, value_name = "N")]
     pub accumulate: Option<usize>,
+    /// Devices that share a batch: GPUs, or shares of the processor's threads; batch normalisation sees one share at a time [default: 1].
+    #[arg(long, value_name = "N")]
+    pub devices: Option<usize>,
     /// Compute cheap operations again for the gradients instead of keeping their results in memory.
     #[arg(long)]
     pub checkpointing: bool,
+    /// What products and convolutions are computed in [default: f32].
+    #[arg(long)]
+    pub precision: Option<Precision>,
     /// Learning rate at the start of the cosine [default: the preset's].
     #[arg(long)]
     pub learning_rate: Option<f64>,
@@ -253,7 +278,9 @@ impl RecipeFlags {
         recipe.steps = self.steps.unwrap_or(recipe.steps);
         recipe.batch = self.batch.unwrap_or(recipe.batch);
         recipe.accumulate = self.accumulate.unwrap_or(recipe.accumulate);
+        recipe.devices = self.devices.unwrap_or(recipe.devices);
         recipe.checkpointing |= self.checkpointing;
+        recipe.precision = self.precision.unwrap_or(recipe.precision);
         recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
         recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
         if let Some([rows, cols]) = self.crop.as_deref() {

@@ -5,6 +5,7 @@ use super::curves;
 use super::feed::{Feed, TileSource, tensors};
 use super::journal::Journal;
 use super::recipe::Recipe;
+use super::sample::Sample;
 use super::source::DataSpec;
 use super::step::Trainer;
 use super::validate::{Validation, ValidationSet};
@@ -118,9 +119,10 @@ impl Run {
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
             let batch =
                 time(Part::Tiles, || batches.recv()).map_err(|_| Error::usage("the data feed stopped early"))??;
-            let micro = batch.chunks(recipe.batch / recipe.accumulate);
-            let device = &state.trainer.device;
-            let micro = time(Part::Tensors, || micro.map(|samples| tensors(samples, device)).collect());
+            let parts = recipe.parts();
+            let micro = batch.chunks(recipe.batch / parts).enumerate();
+            let place = |(i, samples): (usize, &[Sample])| tensors(samples, state.trainer.device_of(i, parts));
+            let micro = time(Part::Tensors, || micro.map(place).collect());
             let figures = state.trainer.step(recipe, done, micro)?;
             done += 1;
             state.journal.step(&figures)?;
@@ -154,8 +156,8 @@ impl Run {
         let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
         let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
         let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
-        let device = self.record.backend.device()?;
-        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, device)?;
+        let devices = self.record.backend.devices(recipe.devices)?;
+        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
         if let Some(saved) = &saved {
             trainer.restore(saved)?;
         }

@@ -35,15 +35,20 @@ pub enum DataSpec {
     },
 }
 
-/// The Moon that networks are trained on: as most NAC DTMs every other tile, finer and coarser ones between them, a Sun that is
-/// sometimes low, ground up to three times as rough and patches up to three times as contrasty as usual, since what a network never saw
-/// it does not do (our choice).
+/// The Moon that networks are trained on, wide, since what a network never saw it does not do (our choice): as most NAC DTMs every other
+/// tile, finer and coarser ones between them, a Sun that is sometimes low, ground up to three times as rough and patches up to three
+/// times as contrasty as usual, photometry and tones that are not the average ground's and a calibrated camera's, and coarse DTMs with
+/// stripes and steps.
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
         sun_elevation_deg: (7.0, 64.0),
         relief: (0.7, 3.0),
         albedo_contrast: (0.5, 3.0),
+        lunar_weight_shift: (-0.3, 0.3),
+        response_exponent: (0.7, 1.3),
+        pedestal: (0.0, 0.2),
+        coarse_stripes_m: (0.0, 1.5),
         ..SynthOptions::default()
     }
 }

@@ -4,6 +4,7 @@ use super::adversarial::{Opponent, Scene};
 use super::checkpoint::Checkpoint;
 use super::journal::StepRecord;
 use super::loss::terms;
+use super::parallel::Crew;
 use super::recipe::Recipe;
 use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
@@ -16,9 +17,12 @@ use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOpti
 use burn::tensor::{Device, Tensor, TensorData};
 use std::path::Path;
 
-/// A network and its optimiser on a device with automatic differentiation.
+/// Image, coarse DTM and truth, each `[B, maps, H, W]`.
+pub type Maps = [Tensor<4>; 3];
+
+/// A network and its optimiser on devices with automatic differentiation.
 pub struct Trainer {
-    /// Where both are.
+    /// Where all is that there is once; with several devices, the first of them.
     pub device: Device,
     /// The network.
     pub net: ELunarDtmNet,
@@ -26,20 +30,44 @@ pub struct Trainer {
     pub optimiser: ModuleOptimizer,
     /// The recipe's opponent.
     pub opponent: Option<Opponent>,
+    /// Where micro-batches are worked on.
+    devices: Vec<Device>,
+    /// Who works on them, if there are several devices.
+    crew: Option<Crew>,
+}
+
+/// What one device, or all, found in a step: gradients and figures, already weighted by the share of the batch they stand for.
+pub(super) struct Found {
+    pub(super) gradients: GradientsParams,
+    loss: f64,
+    elevation: f64,
+    gradient: f64,
+    normal: f64,
 }
 
 /// Seed of an opponent's weights: its own stream beside any network's, by the names of its tensors.
 const OPPONENT_SEED: u64 = 1;
 
 impl Trainer {
-    /// A network with these weights, named `path` in messages, and a fresh optimiser on `device`, where `recipe` wants gradients
-    /// to be computed.
+    /// A network with these weights, named `path` in messages, and a fresh optimiser on the first of `devices`, of which there is at least
+    /// one; each computes gradients as `recipe` wants it.
     ///
     /// # Errors
     /// If the weights do not fit the configuration.
-    pub fn new(config: &NetConfig, recipe: &Recipe, weights: &Weights, path: &Path, device: Device) -> Result<Self> {
-        let device = device.autodiff();
-        let device = if recipe.checkpointing { device.gradient_checkpointing() } else { device };
+    pub fn new(
+        config: &NetConfig,
+        recipe: &Recipe,
+        weights: &Weights,
+        path: &Path,
+        devices: Vec<Device>,
+    ) -> Result<Self> {
+        let differentiate = |device: Device| {
+            let device = device.autodiff();
+            if recipe.checkpointing { device.gradient_checkpointing() } else { device }
+        };
+        let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
+        let device = devices.first().ok_or_else(|| Error::usage("devices: expected at least one, found none"))?.clone();
+        let crew = if devices.len() > 1 { Some(Crew::new(&devices)?) } else { None };
         let optimiser = AdamWConfig::new()
             .with_weight_decay(recipe.weight_decay)
             .with_epsilon(1e-8)
@@ -47,7 +75,12 @@ impl Trainer {
             .init();
         let net = store::load(config, weights, path, &device)?;
         let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
-        Ok(Self { device, net, optimiser, opponent })
+        Ok(Self { device, net, optimiser, opponent, devices, crew })
+    }
+
+    /// Where micro-batch `index` of `count` is worked on.
+    pub fn device_of(&self, index: usize, count: usize) -> &Device {
+        &self.devices[index * self.devices.len() / count]
     }
 
     /// Goes on with a checkpoint's moments.
@@ -73,21 +106,58 @@ impl Trainer {
         })
     }
 
-    /// Step `step` (from 0) of `recipe` on micro-batches of image, coarse DTM and truth, each `[B, maps, H, W]`. Gradients and figures
-    /// are means over the micro-batches; batch normalisation sees one at a time.
+    /// Step `step` (from 0) of `recipe` on micro-batches, as many to each device, each where [`Self::device_of`] says. Gradients and figures are
+    /// means over the micro-batches; batch normalisation sees one at a time.
     ///
     /// # Errors
     /// If the loss is not finite; nothing has been learnt then.
-    pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<[Tensor<4>; 3]>) -> Result<StepRecord> {
-        let learning_rate = recipe.learning_rate_at(step);
-        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
+    ///
+    /// # Panics
+    /// If the devices cannot have as many each.
+    pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<Maps>) -> Result<StepRecord> {
+        assert!(batches.len().is_multiple_of(self.devices.len()), "every device works on as many micro-batches");
         let share = 1.0 / batches.len() as f64;
+        let task = Task { recipe, step, share };
+        let found = match &self.crew {
+            None => vec![task.work(&self.net, batches, self.opponent.as_mut())?],
+            Some(crew) => crew.work(&mut self.net, batches, |net, batches| task.work(net, batches, None))?,
+        };
+        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
         let mut gradients = GradientsAccumulator::new();
+        for one in found {
+            loss += one.loss;
+            elevation += one.elevation;
+            gradient += one.gradient;
+            normal += one.normal;
+            gradients.accumulate(&self.net, one.gradients);
+        }
+        let learning_rate = recipe.learning_rate_at(step);
+        let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
+        self.net = time(Part::Optimiser, learn);
+        Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
+    }
+}
+
+/// What is to be done with the micro-batches of a step.
+struct Task<'a> {
+    recipe: &'a Recipe,
+    step: usize,
+    /// What one micro-batch counts.
+    share: f64,
+}
+
+impl Task<'_> {
+    /// Forward, loss and backward, one micro-batch after the other.
+    fn work(&self, net: &ELunarDtmNet, batches: Vec<Maps>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
+        let Self { recipe, step, share } = *self;
+        let mut gradients = GradientsAccumulator::new();
+        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
         for [image, coarse, truth] in batches {
-            let prediction = time(Part::Forward, || self.net.forward(image.clone(), coarse.clone()));
+            let seen = recipe.precision.of(net);
+            let prediction = time(Part::Forward, || seen.forward(image.clone(), coarse.clone()));
             let terms = time(Part::Loss, || terms(truth.clone(), prediction.clone(), recipe.elevation));
             let mut total = recipe.weights_at(step).total(&terms);
-            if let Some(opponent) = self.opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
+            if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
                 total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
             }
             let number = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
@@ -100,11 +170,9 @@ impl Trainer {
                 return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
             }
             let total = if share < 1.0 { total.mul_scalar(share) } else { total };
-            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), &self.net));
-            gradients.accumulate(&self.net, found);
+            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), net));
+            gradients.accumulate(net, found);
         }
-        let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
-        self.net = time(Part::Optimiser, learn);
-        Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
+        Ok(Found { gradients: gradients.grads(), loss, elevation, gradient, normal })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::adversarial::Adversarial;
 use super::feed::{Feed, TileSource, tensors};
-use super::recipe::{Recipe, trained_network};
+use super::recipe::Recipe;
 use super::run::{BEST, LAST, Record, Run};
 use super::sample::RawTile;
 use super::source::DataSpec;
@@ -12,7 +12,9 @@ use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::model::config::{NetConfig, Preset};
 use crate::model::init::initial_weights;
+use crate::model::precision::Precision;
 use crate::model::store;
+use crate::testing::{miniature_network, without_zeros};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -42,16 +44,7 @@ impl TileSource for Ripples {
 }
 
 fn miniature() -> (NetConfig, Recipe) {
-    let network = NetConfig {
-        embed: 8,
-        depths: [1, 2, 1, 1],
-        heads: [1, 1, 2, 2],
-        window: 4,
-        stem: 4,
-        dtm: [4, 4, 4, 4, 8],
-        decoder: [8, 8, 8, 4, 4],
-        ..trained_network(Preset::Nano)
-    };
+    let network = miniature_network();
     let recipe = Recipe {
         batch: 2,
         steps: 8,
@@ -96,7 +89,9 @@ fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, s
 
 #[test]
 fn a_killed_run_resumes_bit_for_bit() {
-    for kind in [miniature(), rival()] {
+    let (network, recipe) = miniature();
+    let shared = (network, Recipe { devices: 2, precision: Precision::Bf16, ..recipe });
+    for kind in [miniature(), rival(), shared] {
         resumes_bit_for_bit(&kind);
     }
 }
@@ -161,23 +156,65 @@ fn a_critic_learns_and_is_felt() {
     assert!(critic("begun").unwrap() != critic("with").unwrap());
 }
 
-/// Trainable weights after a step on micro-batches, each the crops of one of the feed's steps.
-fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
+/// Trainable weights and running statistics after steps on the same micro-batches, each the crops of one of the feed's steps.
+fn learnt_and_seen(recipe: &Recipe, micro: &[usize], steps: usize) -> [Vec<f32>; 2] {
     let (network, _) = miniature();
-    let mut weights = initial_weights(&network, 1);
     // A head of zeros lets no gradient through: what stands before it would learn nothing in the first step.
-    for array in weights.tensors.values_mut().filter(|array| array.data.iter().all(|w| *w == 0.0)) {
-        (0..).zip(&mut array.data).for_each(|(i, w)| *w = 0.1 * (i as f32).sin());
-    }
-    let device = Backend::Flex.device().unwrap();
-    let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), device).unwrap();
+    let weights = without_zeros(initial_weights(&network, 1));
+    let devices = Backend::Flex.devices(recipe.devices).unwrap();
+    let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), devices).unwrap();
     let feed = Feed::new(Arc::new(Ripples), network.clone(), recipe.clone(), 5);
-    let batch = |&step: &usize| tensors(&feed.batch(step).unwrap(), &trainer.device);
-    let micro = micro.iter().map(batch).collect();
-    trainer.step(recipe, 0, micro).unwrap();
+    for step in 0..steps {
+        let batch = |(i, &of): (usize, &usize)| tensors(&feed.batch(of).unwrap(), trainer.device_of(i, micro.len()));
+        let micro = micro.iter().enumerate().map(batch).collect();
+        trainer.step(recipe, step, micro).unwrap();
+    }
     let after = store::save(&network, &trainer.net).tensors;
-    let trained = after.into_iter().filter(|(name, _)| !name.contains(".running_"));
-    trained.flat_map(|(_, array)| array.data).collect()
+    let (seen, trained): (Vec<_>, Vec<_>) = after.into_iter().partition(|(name, _)| name.contains(".running_"));
+    [trained, seen].map(|arrays| arrays.into_iter().flat_map(|(_, array)| array.data).collect())
+}
+
+/// Trainable weights after a step on micro-batches.
+fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
+    let [learnt, _] = learnt_and_seen(recipe, micro, 1);
+    learnt
+}
+
+#[test]
+fn half_precision_learns_as_well() {
+    let (network, recipe) = miniature();
+    let folder = tempfile::tempdir().unwrap();
+    let losses = |precision: Precision| -> Vec<f64> {
+        let recipe = Recipe { precision, steps: 30, validate_every: 30, checkpoint_every: 30, ..recipe.clone() };
+        let path = folder.path().join(format!("{precision:?}"));
+        assert!(run_of((network.clone(), recipe), &path, false, None).train().unwrap().finished);
+        let text = std::fs::read_to_string(path.join("steps.csv")).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect()
+    };
+    let [full, half] = [Precision::F32, Precision::Bf16].map(losses);
+    let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
+    let [(first, last), (_, half)] = [&full, &half].map(|losses| (mean(&losses[..5]), mean(&losses[25..])));
+    println!("loss {first:.4} at first, {last:.4} in f32 and {half:.4} in bf16 at last");
+    assert!(last < 0.8 * first && (half / last - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn devices_learn_what_one_learns_from_their_micro_batches() {
+    let (_, one) = miniature();
+    let two = Recipe { devices: 2, ..one.clone() };
+    let [alone, together] = [&one, &two].map(|recipe| learnt_and_seen(recipe, &[0, 1], 3));
+    assert!(alone[0] == together[0], "weights differ");
+    // Of four micro-batches each works on two, and sums are rounded in another order.
+    let [alone, together] = [&one, &two].map(|recipe| learnt(recipe, &[0, 1, 2, 3]));
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+    assert!(apart(&alone, &together) < 1e-3 * apart(&alone, &learnt(&one, &[0, 1])));
+    // Running statistics are the means of what each has seen.
+    let [[_, first], [_, second]] = [0, 1].map(|micro| learnt_and_seen(&one, &[micro], 1));
+    let [_, both] = learnt_and_seen(&two, &[0, 1], 1);
+    for ((a, b), mean) in first.iter().zip(&second).zip(&both) {
+        assert!((0.5 * (a + b) - mean).abs() <= 1e-6 * mean.abs().max(1e-3), "{mean} of {a} and {b}");
+    }
+    assert!(first != second);
 }
 
 #[test]

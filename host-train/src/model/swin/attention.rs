@@ -1,10 +1,11 @@
 //! Multi-head self-attention inside windows, with a learned relative position bias.
 
 use super::windows::relative_index;
+use crate::model::precision::cast;
 use burn::module::{Initializer, Module, Param};
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::softmax;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{DType, Device, Tensor};
 
 /// Attention among the tokens of each window.
 #[derive(Module, Debug)]
@@ -37,7 +38,8 @@ impl WindowAttention {
         let qkv: Tensor<5> = self.qkv.forward(x).reshape([b, n, 3, heads, depth]).permute([2, 0, 3, 1, 4]);
         let part = |i: usize| -> Tensor<4> { qkv.clone().narrow(0, i, 1).reshape([b, heads, n, depth]) };
         let q = part(0).mul_scalar((depth as f64).powf(-0.5));
-        let scores = q.matmul(part(1).swap_dims(2, 3)).add(self.bias());
+        let dtype = q.dtype();
+        let scores = cast(q.matmul(part(1).swap_dims(2, 3)), DType::F32).add(cast(self.bias(), DType::F32));
         let scores = match mask {
             None => scores,
             Some(mask) => {
@@ -46,7 +48,7 @@ impl WindowAttention {
                 by_window.add(mask.unsqueeze_dim::<5>(0)).reshape([b, heads, n, n])
             }
         };
-        let mixed = softmax(scores, 3).matmul(part(2)).swap_dims(1, 2).reshape([b, n, c]);
+        let mixed = cast(softmax(scores, 3), dtype).matmul(part(2)).swap_dims(1, 2).reshape([b, n, c]);
         self.proj.forward(mixed)
     }
 

@@ -2,6 +2,7 @@
 
 use super::attention::WindowAttention;
 use super::windows::{WindowPlan, merge, partition};
+use crate::model::precision::in_f32;
 use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::gelu;
@@ -46,8 +47,8 @@ impl Block {
 
     /// `[B, H, W, C]` to the same shape.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = x.clone().add(self.attend(self.norm1.forward(x)));
-        let y = self.mlp.fc1.forward(self.norm2.forward(x.clone()));
+        let x = x.clone().add(self.attend(in_f32(x, |x| self.norm1.forward(x))));
+        let y = self.mlp.fc1.forward(in_f32(x.clone(), |x| self.norm2.forward(x)));
         x.add(self.mlp.fc2.forward(gelu(y)))
     }
 
