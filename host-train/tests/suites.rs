@@ -2,7 +2,9 @@
 
 mod support;
 
+use host_train::digest::sha256_hex;
 use host_train::raster::source;
+use std::path::Path;
 use support::Shell;
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.eld");
@@ -56,4 +58,41 @@ fn mistakes_are_named() {
     let refused = shell.refused(&["suite", "--out", "out", "--against", "known"]);
     assert!(refused.contains("NAME=DIR"), "{refused}");
     assert!(!shell.path("out").exists(), "nothing half made");
+}
+
+#[test]
+fn every_shipped_model_is_on_its_card_and_finds_slopes() {
+    let folder = Path::new(MODEL).parent().unwrap();
+    let card = std::fs::read_to_string(folder.join("README.md")).unwrap();
+    let (mut bytes, mut runners) = (0, Vec::new());
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        let kind = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        if !["eld", "safetensors"].contains(&kind) {
+            continue;
+        }
+        let contents = std::fs::read(&path).unwrap();
+        bytes += contents.len();
+        let row = format!("| `{name}` | `{}` |", sha256_hex(&contents));
+        assert!(card.contains(&row), "expected on the card: {row}");
+        if kind == "eld" {
+            runners.push((name, path.to_str().unwrap().to_owned()));
+        }
+    }
+    assert!(bytes <= 40_000_000, "{bytes} bytes of models are more than a checkout should carry");
+
+    let shell = Shell::new();
+    std::fs::write(shell.path("list.toml"), LIST.replace("rows = 96, cols = 128", "rows = 256, cols = 320")).unwrap();
+    let mut request = vec!["suite", "--suite", "list.toml", "--out", "out"];
+    runners.iter().for_each(|(_, path)| request.extend(["--model", path]));
+    shell.made(&request);
+    let rows = std::fs::read_to_string(shell.path("out/sums.csv")).unwrap();
+    for (name, _) in runners {
+        let row = rows.lines().find(|row| row.contains(&name)).unwrap();
+        // Behind scenes, method, number, three shares, MAE, RMSE and its ratio, slope MAE and slope vector error.
+        let ratio: f64 = row.split(',').nth(11).unwrap().parse().unwrap();
+        println!("{name}: slope-vector error {ratio} of the coarse DTM's");
+        assert!(ratio < 0.7, "{name}: {ratio} of the coarse DTM's slope error");
+    }
 }
