@@ -1,5 +1,6 @@
 //! The command line: one file per command, each with its `Args` and its `run`.
 
+pub mod average;
 pub mod check;
 pub mod demo;
 pub mod diff;
@@ -50,6 +51,8 @@ pub enum Command {
     Check(check::Args),
     /// Train a network.
     Train(Box<train::Args>),
+    /// Take the mean of several weight files.
+    Average(average::Args),
     /// Train experiments from their files, test them, and put them side by side.
     Experiment(experiment::Args),
     /// Turn weights into the model file of the int8 runner.
@@ -95,6 +98,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Train(args)) => train::run(*args),
+        Some(Command::Average(args)) => average::run(args),
         Some(Command::Experiment(args)) => experiment::run(args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),

@@ -57,6 +57,22 @@ impl Weights {
         Ok(Self { tensors, metadata })
     }
 
+    /// Adds another file's numbers, tensor by tensor; the metadata stay.
+    ///
+    /// # Errors
+    /// What was expected, if names or shapes differ; some tensors may have been added by then.
+    pub fn add(&mut self, other: &Self) -> std::result::Result<(), String> {
+        if let Some(name) = other.tensors.keys().find(|name| !self.tensors.contains_key(*name)) {
+            return Err(format!("{name}: expected no such tensor"));
+        }
+        for (name, sum) in &mut self.tensors {
+            let more = other.tensors.get(name).filter(|more| more.shape == sum.shape);
+            let more = more.ok_or_else(|| format!("{name}: expected {:?}", sum.shape))?;
+            sum.data.iter_mut().zip(&more.data).for_each(|(a, b)| *a += b);
+        }
+        Ok(())
+    }
+
     /// The file's bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let raw: Vec<(&String, Vec<usize>, Vec<u8>)> = self
