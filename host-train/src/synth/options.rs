@@ -10,7 +10,8 @@ const PIXEL_M_MIN: f64 = 1.0;
 /// Coarsest pixel, metres: beyond it the ~59 m coarse DTM is hardly coarser than the image.
 const PIXEL_M_MAX: f64 = 8.0;
 
-/// Options of the synthetic Moon; the default is what training uses.
+/// Options of the synthetic Moon; the default is the usual one, of the demo, the experiments and most of the built-in suite. `train` has a
+/// wider one of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SynthOptions {

@@ -40,7 +40,7 @@ pub struct Recipe {
     /// time.
     #[serde(default = "one")]
     pub accumulate: usize,
-    /// Devices that share a step's batch, each working on `accumulate` parts of it. Parts of all devices divide the batch.
+    /// Devices that share a step's batch, each working on `accumulate` parts of it; `accumulate` times `devices` divides `batch`.
     #[serde(default = "one")]
     pub devices: usize,
     /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
