@@ -2,6 +2,7 @@
 
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use crate::model::config::{DecoderKind, Head, ImageEncoderKind, NetConfig};
+use crate::model::resnet;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -9,9 +10,6 @@ use std::path::Path;
 
 /// Batch and layer norm epsilon (PyTorch's default).
 pub const NORM_EPSILON: f64 = 1e-5;
-
-/// Residual blocks per stage of the residual image encoder.
-const RESNET_BLOCKS: usize = 2;
 
 /// Builds the graph for tiles of `rows` by `cols`; `path` names the weights in messages.
 ///
@@ -156,7 +154,7 @@ impl<'a> Builder<'a> {
         let mut x = stem;
         std::array::from_fn(|i| {
             let output = self.config.embed << i;
-            for j in 0..RESNET_BLOCKS {
+            for j in 0..resnet::BLOCKS {
                 let prefix = format!("image_encoder.resnet.stages.{i}.{j}");
                 let stride = if j == 0 { 2 } else { 1 };
                 let spec = |side, stride, activation| Spec { output, side, stride, activation, precise: false };

@@ -39,10 +39,14 @@ pub struct Trainer {
 /// What one device, or all, found in a step: gradients and figures, already weighted by the share of the batch they stand for.
 pub(super) struct Found {
     pub(super) gradients: GradientsParams,
-    loss: f64,
-    elevation: f64,
-    gradient: f64,
-    normal: f64,
+    figures: Figures,
+}
+
+/// Weighted loss, elevation, gradient and normal term.
+type Figures = [f64; 4];
+
+fn add(sum: &mut Figures, more: Figures) {
+    sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
 }
 
 /// Seed of an opponent's weights: its own stream beside any network's, by the names of its tensors.
@@ -122,18 +126,16 @@ impl Trainer {
             None => vec![task.work(&self.net, batches, self.opponent.as_mut())?],
             Some(crew) => crew.work(&mut self.net, batches, |net, batches| task.work(net, batches, None))?,
         };
-        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
+        let mut figures = Figures::default();
         let mut gradients = GradientsAccumulator::new();
         for one in found {
-            loss += one.loss;
-            elevation += one.elevation;
-            gradient += one.gradient;
-            normal += one.normal;
+            add(&mut figures, one.figures);
             gradients.accumulate(&self.net, one.gradients);
         }
         let learning_rate = recipe.learning_rate_at(step);
         let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
         self.net = time(Part::Optimiser, learn);
+        let [loss, elevation, gradient, normal] = figures;
         Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
     }
 }
@@ -151,7 +153,7 @@ impl Task<'_> {
     fn work(&self, net: &ELunarDtmNet, batches: Vec<Maps>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
         let Self { recipe, step, share } = *self;
         let mut gradients = GradientsAccumulator::new();
-        let (mut loss, mut elevation, mut gradient, mut normal) = (0.0, 0.0, 0.0, 0.0);
+        let mut figures = Figures::default();
         for [image, coarse, truth] in batches {
             let seen = recipe.precision.of(net);
             let prediction = time(Part::Forward, || seen.forward(image.clone(), coarse.clone()));
@@ -161,10 +163,8 @@ impl Task<'_> {
                 total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
             }
             let number = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
-            loss += number(&total);
-            elevation += number(&terms.elevation);
-            gradient += number(&terms.gradient);
-            normal += number(&terms.normal);
+            add(&mut figures, [&total, &terms.elevation, &terms.gradient, &terms.normal].map(number));
+            let loss = figures[0];
             if !loss.is_finite() {
                 let what = "expected a finite loss; lower the learning rate or look at the data";
                 return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
@@ -173,6 +173,6 @@ impl Task<'_> {
             let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), net));
             gradients.accumulate(net, found);
         }
-        Ok(Found { gradients: gradients.grads(), loss, elevation, gradient, normal })
+        Ok(Found { gradients: gradients.grads(), figures })
     }
 }
