@@ -13,7 +13,7 @@ use elunar_benches::peak;
 use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Model, Operator, Runner, required};
-use host_train::model::config::Preset;
+use elunar_net::config::Preset;
 use std::collections::BTreeMap;
 use std::time::Duration;
 

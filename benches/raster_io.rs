@@ -7,8 +7,8 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use elunar_core::tile::Window;
-use host_train::raster::geotiff::{Compression, WriteOptions, Writer};
-use host_train::raster::{Crs, GeoRef, source};
+use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
+use elunar_raster::{Crs, GeoRef, source};
 use std::hint::black_box;
 
 const ROWS: usize = 2_048;

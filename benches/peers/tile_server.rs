@@ -6,8 +6,8 @@
 
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::required;
-use host_train::predict::int8::{self, Int8Model};
-use host_train::predict::network::Model;
+use elunar_scene::predict::int8::{self, Int8Model};
+use elunar_scene::predict::network::Model;
 use std::error::Error;
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;

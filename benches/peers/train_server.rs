@@ -5,12 +5,12 @@
 //! printing one line of JSON: the seconds they took together and the loss before each. Backend flex; the recipe is that of
 //! `tiny` and `nano` with a constant learning rate.
 
-use host_train::model::backend::Backend;
-use host_train::model::config::Preset;
-use host_train::model::store;
-use host_train::model::weights::Weights;
-use host_train::train::recipe::Recipe;
-use host_train::train::step::Trainer;
+use elunar_learn::model::backend::Backend;
+use elunar_learn::train::recipe::Recipe;
+use elunar_learn::train::step::Trainer;
+use elunar_net::config::Preset;
+use elunar_net::config::config_of;
+use elunar_net::weights::Weights;
 use std::error::Error;
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
@@ -38,7 +38,7 @@ fn serve(path: &Path, size: [&String; 3]) -> Result<(), Box<dyn Error>> {
     // The cosine never gets anywhere.
     let recipe = Recipe { warm_up: 0, steps: 1_000_000_000, ..Recipe::preset(Preset::Nano) };
     let weights = Weights::read(path)?;
-    let config = store::config_of(&weights, path)?;
+    let config = config_of(&weights, path)?;
     let mut trainer = Trainer::new(&config, &recipe, &weights, path, vec![Backend::Flex.device()?])?;
     let mut input = std::io::stdin().lock();
     let mut maps = |count: usize| -> Result<Vec<f32>, Box<dyn Error>> {

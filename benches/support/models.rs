@@ -1,10 +1,10 @@
 //! Networks to measure: every preset with random weights, exported on the spot, and a tile for them.
 
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
-use host_train::Result;
-use host_train::export::{CalibrationTile, Options, Precision, export};
-use host_train::model::config::{NetConfig, Preset};
-use host_train::model::init::initial_weights;
+use elunar_learn::model::init::initial_weights;
+use elunar_net::config::{NetConfig, Preset};
+use elunar_net::export::{CalibrationTile, Options, Precision, export};
+use elunar_raster::Result;
 use std::path::Path;
 
 /// Seed of the weights. Time does not depend on them.

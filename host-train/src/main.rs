@@ -1,29 +1,11 @@
 //! Parse, dispatch, print errors, end with the reader; nothing else.
 
-use clap::Parser;
-use host_train::cli::{Cli, run};
+use clap::FromArgMatches;
+use elunar::program::finish;
+use host_train::cli::{Cli, command_line, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    end_with_the_reader();
-    match run(Cli::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("ERROR: {error}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-/// Where nobody reads on, as behind `| head`, `println!` panics: end as other programs do then, without a word, with the status of a
-/// broken pipe.
-fn end_with_the_reader() {
-    const BROKEN_PIPE: i32 = 128 + 13;
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        if panic.payload_as_str().is_some_and(|text| text.contains("stdout: Broken pipe")) {
-            std::process::exit(BROKEN_PIPE);
-        }
-        hook(panic);
-    }));
+    let parsed = Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
+    finish(|| run(parsed))
 }

@@ -1,11 +1,12 @@
 //! The whole tour, small.
 
+use elunar_learn::train::recipe::Recipe;
+use elunar_learn::train::run::Record;
+use elunar_net::config::trained_network;
+use elunar_net::config::{NetConfig, Preset};
+use elunar_raster::{align::Named, geotiff::read};
+use elunar_scene::evaluate::{Candidate, compare};
 use host_train::demo::{Settings, Start, run};
-use host_train::evaluate::{Candidate, compare};
-use host_train::model::config::{NetConfig, Preset};
-use host_train::raster::{align::Named, geotiff::read};
-use host_train::train::recipe::{Recipe, trained_network};
-use host_train::train::run::Record;
 use std::path::Path;
 
 /// A narrow network, one tile, two steps.

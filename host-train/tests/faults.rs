@@ -1,7 +1,7 @@
 //! A short fault campaign on the shipped model; the long one is a command: docs of the flight library.
 
+use elunar_scene::predict::int8;
 use host_train::faults::{Campaign, Moments, Outcome, Results, Target, markdown, run};
-use host_train::predict::int8;
 use std::collections::BTreeSet;
 use std::path::Path;
 

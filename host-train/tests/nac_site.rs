@@ -2,8 +2,8 @@
 //! SLDEM2015 tile (kilometres, another central meridian, OFFSET = radius), a stereo DTM as TIFF behind a detached label, and a table of
 //! laser points. What comes out is what comes out of plain GeoTIFFs.
 
-use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, MOON_RADIUS_M, Raster};
+use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
+use elunar_raster::{Crs, MOON_RADIUS_M, Raster};
 use std::path::Path;
 use support::Shell;
 

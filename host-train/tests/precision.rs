@@ -1,19 +1,19 @@
 //! What precision costs, where a model's bytes and time go: measured on the narrow network of the golden case.
 
+use elunar::picture::{arena, costs};
 use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{Model, required};
-use host_train::export::calibrate::{Ground, Range, calibrate};
-use host_train::export::choose::{Job, choose};
-use host_train::export::codes::{can_widen, wide_by_rule};
-use host_train::export::compile::{Export, finish};
-use host_train::export::graph::{Graph, Operation};
-use host_train::export::report::compare;
-use host_train::export::sensitivity::{Plan, Sensitivity};
-use host_train::export::{CalibrationTile, Options, Precision, build, costs};
-use host_train::inspect::{self, model, timing};
-use host_train::model::config::NetConfig;
-use host_train::model::weights::Weights;
-use host_train::picture;
+use elunar_net::config::NetConfig;
+use elunar_net::export::calibrate::{Ground, Range, calibrate};
+use elunar_net::export::choose::{Job, choose};
+use elunar_net::export::codes::{can_widen, wide_by_rule};
+use elunar_net::export::compile::{Export, finish};
+use elunar_net::export::graph::{Graph, Operation};
+use elunar_net::export::report::compare;
+use elunar_net::export::sensitivity::{Plan, Sensitivity};
+use elunar_net::export::{CalibrationTile, Options, Precision, build};
+use elunar_net::inspect::{model, plan_text, timing};
+use elunar_net::weights::Weights;
 use std::path::Path;
 use support::Shell;
 
@@ -125,7 +125,7 @@ fn sensitivities_are_shown_by_their_size() {
     let place = |name: &str| text.find(&format!("\n{name} ")).unwrap_or_else(|| panic!("{name}: {text}"));
     let ranked = found.ranked();
     assert!(ranked.windows(2).all(|pair| place(&pair[0].name) < place(&pair[1].name)), "{text}");
-    assert_eq!(costs::picture(&found).unwrap().width(), 1000);
+    assert_eq!(costs(&found).unwrap().width(), 1000);
     let untrue = [CalibrationTile { ground: None, ..bench.tiles[0].clone() }];
     let wide = wide_by_rule(&bench.graph, Precision::Mixed);
     let refused = Plan::new(&bench.graph, &bench.ranges, bench.config.nr, &wide).measure(&untrue, |_| {});
@@ -157,7 +157,7 @@ fn a_plan_tells_what_the_runner_does() {
         assert!((shares - 1.0).abs() < 1e-9 && plan.operators.iter().all(|line| line.ms.unwrap() > 0.0));
         assert_eq!(plan.time.as_ref().unwrap().kernel, kernel.name());
     }
-    let text = inspect::plan_text(&plan);
+    let text = plan_text(&plan);
     assert!(text.contains("GMAC/s") && text.lines().count() == plan.operators.len() + 9, "{text}");
 }
 
@@ -166,7 +166,7 @@ fn memory_is_drawn_where_it_lies() {
     let bench = bench();
     let made = bench.export(&wide_by_rule(&bench.graph, Precision::Mixed));
     let plan = model::Plan::of(&Model::new(&made.bytes).unwrap());
-    let drawn = picture::arena(&plan).unwrap();
+    let drawn = arena(&plan).unwrap();
     let of = |colour: [u8; 3]| drawn.pixels().filter(|pixel| pixel.0 == colour).count() as f64;
     // The output's rectangle as a share of the plot, which is about 1299 x 701 pixels and 1.12 arenas high; less the line on it.
     let output = plan.tensors.iter().find(|t| t.name == "output").unwrap();

@@ -1,9 +1,9 @@
 //! The commands as a user meets them: files in, files out, one line for every mistake.
 
-use host_train::model::config::{NetConfig, Preset};
-use host_train::model::init::initial_weights;
-use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, Raster};
+use elunar_learn::model::init::initial_weights;
+use elunar_net::config::{NetConfig, Preset};
+use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
+use elunar_raster::{Crs, Raster};
 use std::path::Path;
 use support::Shell;
 

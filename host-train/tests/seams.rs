@@ -1,10 +1,11 @@
 //! Where tiles join, nobody must see it.
 
 use elunar_core::tile::Tiling;
-use host_train::illumination::KnownSun;
-use host_train::model::backend::Backend;
-use host_train::predict::{Input, Options, Scene, open, predict};
-use host_train::raster::{Crs, Raster};
+use elunar_learn::float::open_any;
+use elunar_learn::model::backend::Backend;
+use elunar_net::illumination::KnownSun;
+use elunar_raster::{Crs, Raster};
+use elunar_scene::predict::{Input, Options, Scene, predict};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -40,7 +41,7 @@ fn seams_are_no_steps() {
     let image = Input::in_memory("image", raster(ROWS, COLS, 2.0, brightness));
     let coarse = Input::in_memory("coarse DTM", raster(24, 32, 60.0, hills));
     let scene = Scene::new(image, coarse).unwrap();
-    let model = open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld"), Backend::Flex).unwrap();
+    let model = open_any(&Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld"), Backend::Flex).unwrap();
     let options = Options { sun: KnownSun { azimuth_deg: Some(315.0), elevation_deg: None }, ..Options::default() };
     let dtm = predict(&scene, model.as_ref(), &options, &mut |_, _| ControlFlow::Continue(())).unwrap().dtm;
     let at = |row: usize, col: usize| dtm.samples[row * COLS + col];

@@ -2,8 +2,8 @@
 
 mod support;
 
-use host_train::digest::sha256_hex;
-use host_train::raster::source;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::source;
 use std::path::Path;
 use support::Shell;
 

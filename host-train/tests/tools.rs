@@ -1,7 +1,7 @@
 //! `hillshade`, `diff`, `mosaic` and `prepare` as a user meets them: files in, files out, one line for every mistake.
 
-use host_train::raster::geotiff::{SampleType, WriteOptions, read, write};
-use host_train::raster::{Crs, Raster};
+use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
+use elunar_raster::{Crs, Raster};
 use std::path::Path;
 use std::process::Stdio;
 use support::Shell;

@@ -6,13 +6,35 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Our packages and the packages of ours each may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 6] = [
+const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-core", &[]),
-    ("host-train", &["elunar-core"]),
+    ("elunar-testing", &[]),
+    ("elunar-raster", &["elunar-core", "elunar-testing"]),
+    ("elunar-synth", &["elunar-core", "elunar-raster"]),
+    ("elunar-net", &["elunar-core", "elunar-raster", "elunar-synth"]),
+    ("elunar-scene", &["elunar-core", "elunar-testing", "elunar-raster", "elunar-synth", "elunar-net"]),
+    ("elunar-learn", &["elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
+    ("elunar", &["elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
+    (
+        "host-train",
+        &[
+            "elunar-core",
+            "elunar-testing",
+            "elunar-raster",
+            "elunar-synth",
+            "elunar-net",
+            "elunar-scene",
+            "elunar-learn",
+            "elunar",
+        ],
+    ),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
-    ("elunar-tests", &["elunar-core", "host-train", "elunar-provoke"]),
-    ("elunar-benches", &["elunar-core", "host-train", "elunar-capi"]),
+    (
+        "elunar-tests",
+        &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "host-train", "elunar-provoke"],
+    ),
+    ("elunar-benches", &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "elunar-capi"]),
 ];
 
 /// All that flies: foreign packages a flight archive may contain, those of `libm` and `heapless` included.
@@ -110,6 +132,18 @@ fn what_flies_is_core_libm_and_heapless() {
     }
     let host = tree(&["--package", "host-train", "--edges", "normal,build,dev"]);
     assert!(host.iter().any(|(_, p)| p == "elunar-core") && !host.iter().any(|(_, p)| p == "elunar-capi"));
+}
+
+#[test]
+fn only_learn_and_what_stands_on_it_is_built_with_burn() {
+    let has_burn = |package: &str| {
+        let whole = tree(&["--package", package, "--edges", "normal,build,dev"]);
+        whole.iter().any(|(_, package)| package == "burn" || package.starts_with("burn-"))
+    };
+    assert!(has_burn("elunar-learn") && has_burn("host-train"));
+    for package in ["elunar-raster", "elunar-synth", "elunar-net", "elunar-scene", "elunar"] {
+        assert!(!has_burn(package), "{package} is built with Burn");
+    }
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, terms};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
+use elunar_net::weights::{Array, Weights};
 use elunar_tests::{golden_networks, tolerance};
-use host_train::model::weights::{Array, Weights};
 use std::collections::BTreeMap;
 
 /// (truth, predicted) of every golden case, with its file.

@@ -3,10 +3,10 @@
 use burn::tensor::{Tensor, TensorData};
 use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, Terms, Weights, add_gradient};
+use elunar_learn::model::backend::Backend;
+use elunar_learn::train::loss::{Elevation, LossWeights, terms};
+use elunar_net::weights::Weights as File;
 use elunar_tests::{golden_networks, tolerance};
-use host_train::model::backend::Backend;
-use host_train::model::weights::Weights as File;
-use host_train::train::loss::{Elevation, LossWeights, terms};
 
 /// True and predicted tiles of one batch, all of `rows * cols`.
 struct Batch {

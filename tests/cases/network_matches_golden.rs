@@ -1,8 +1,8 @@
 //! The Burn network against the golden files: every traced map, the output, the losses.
 
+use elunar_learn::model::backend::Backend;
 use elunar_tests::golden_networks;
 use host_train::cli::check::compare;
-use host_train::model::backend::Backend;
 
 #[test]
 fn every_map_of_every_golden_case_matches() {
@@ -19,7 +19,7 @@ fn every_map_of_every_golden_case_matches() {
 #[test]
 fn a_changed_weight_is_noticed() {
     let path = &golden_networks()[0];
-    let mut file = host_train::model::weights::Weights::read(path).unwrap();
+    let mut file = elunar_net::weights::Weights::read(path).unwrap();
     file.tensors.get_mut("decoder.2.shortcut.bn.running_var").unwrap().data[0] *= 1.01;
     let folder = tempfile::tempdir().unwrap();
     let changed = folder.path().join("changed.safetensors");

@@ -4,8 +4,8 @@
 use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_core::norm::Light;
 use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
-use host_train::export::{CalibrationTile, Options, Precision, export};
-use host_train::model::weights::Weights;
+use elunar_net::export::{CalibrationTile, Options, Precision, export};
+use elunar_net::weights::Weights;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

@@ -2,12 +2,12 @@
 
 use elunar_core::nn::Model;
 use elunar_core::nn::format::word;
+use elunar_net::config::{Head, Illumination, NetConfig, Preset, TargetRange};
+use elunar_net::export::build::manifest;
+use elunar_net::export::{CalibrationTile, Options, Precision, export};
+use elunar_net::weights::{Array, Weights};
 use elunar_provoke::Random;
 use elunar_tests::repository;
-use host_train::export::build::manifest;
-use host_train::export::{CalibrationTile, Options, Precision, export};
-use host_train::model::config::{Head, Illumination, NetConfig, Preset, TargetRange};
-use host_train::model::weights::{Array, Weights};
 use std::path::{Path, PathBuf};
 
 /// The taller tiles are large enough for enlargements to be folded into filters.

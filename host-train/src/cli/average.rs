@@ -1,6 +1,6 @@
 //! `host-train average`: the mean of several weight files.
 
-use crate::model::store;
+use crate::model::config::config_of;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let read = |path: &PathBuf| {
         let weights = Weights::read(path)?;
-        Ok((store::config_of(&weights, path)?, weights))
+        Ok((config_of(&weights, path)?, weights))
     };
     let (first, rest) = args.weights.split_first().ok_or_else(|| Error::usage("expected weight files, found none"))?;
     let (config, mut sum) = read(first)?;
@@ -50,8 +50,8 @@ pub fn run(args: Args) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::config::miniature_network;
     use crate::model::init::initial_weights;
-    use crate::testing::miniature_network;
 
     #[test]
     fn the_mean_lies_in_the_middle_and_strangers_are_refused() {

@@ -1,6 +1,7 @@
 //! `host-train check`: the network against a golden file, map by map.
 
 use crate::model::backend::Backend;
+use crate::model::config::config_of;
 use crate::model::store;
 use crate::model::weights::{Array, Weights};
 use crate::train::loss::{Elevation, LossWeights, terms};
@@ -73,7 +74,7 @@ pub fn run(args: Args) -> Result<()> {
 /// If the file is unreadable, broken or incomplete.
 pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
     let golden = Weights::read(path)?;
-    let config = store::config_of(&golden, path)?;
+    let config = config_of(&golden, path)?;
     let net = store::load(&config, &golden, path, device)?;
     let map = |name: &str| tensor(&golden, name, path, device);
     let (output, trace) = net.forward_traced(map("input.image")?, map("input.coarse")?);

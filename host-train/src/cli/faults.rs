@@ -1,11 +1,11 @@
 //! `host-train faults`: what flipped bits do to a tile.
 
-use super::output;
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
 use crate::picture::write_png;
 use crate::predict::int8;
 use crate::predict::network::Model as _;
 use crate::{Error, Result, interrupt};
+use elunar_scene::progress;
 use std::path::PathBuf;
 
 /// Options of `faults`.
@@ -60,7 +60,7 @@ pub fn run_command(args: &Args) -> Result<()> {
     });
     let journal = journal.transpose()?;
     let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
-    let bar = output::progress(args.injections as usize, "injections").with_position(known);
+    let bar = progress::bar("", args.injections as u64, "injections").with_position(known);
     // What an earlier run did says nothing about this one's rate.
     bar.reset_eta();
     // Runs that panic are counted, not shown.

@@ -3,29 +3,18 @@
 pub mod average;
 pub mod check;
 pub mod demo;
-pub mod diff;
-pub mod evaluate;
 pub mod experiment;
-pub mod export;
 pub mod faults;
-pub mod hillshade;
 pub mod init;
-pub mod inspect;
 pub mod latency;
-pub mod lola;
-pub mod mosaic;
-mod output;
 pub mod predict;
-pub mod prepare;
-pub mod render;
 pub mod report;
-pub mod sfs;
 pub mod suite;
-pub mod synth;
 pub mod train;
 
 use crate::Result;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use elunar::cli::{Shared, run_shared};
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]
@@ -36,15 +25,11 @@ pub struct Cli {
     pub command: Option<Command>,
 }
 
-/// One per file of this folder.
+/// The commands: those of `elunar`, and what needs the float network or is built on it.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Make a scene, train, export, predict and evaluate, with a report (the default).
     Demo(demo::Args),
-    /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
-    Synth(synth::Args),
-    /// Make a training set from images, DTMs and coarse DTMs.
-    Prepare(prepare::Args),
     /// Write freshly initialised weights.
     Init(init::Args),
     /// Compare the network with a golden file, map by map.
@@ -55,34 +40,32 @@ pub enum Command {
     Average(average::Args),
     /// Train experiments from their files, test them, and put them side by side.
     Experiment(experiment::Args),
-    /// Turn weights into the model file of the int8 runner.
-    Export(export::Args),
     /// Predict a DTM from an image and a coarse DTM.
     Predict(predict::Args),
-    /// Make a DTM by shape from shading, for comparison.
-    Sfs(Box<sfs::Args>),
-    /// Judge a DTM against a truth.
-    Evaluate(evaluate::Args),
     /// Judge models on test scenes, with tables and pictures.
     Suite(suite::Args),
     /// Make one page of test suites, experiments and training runs.
     Report(report::Args),
     /// Flip bits while a tile is at work, and count what comes of it.
     Faults(faults::Args),
-    /// Shade a DTM, as `gdaldem hillshade` does.
-    Hillshade(hillshade::Args),
-    /// Take an image of a DTM under a Sun of one's choice.
-    Render(render::Args),
-    /// Subtract one DTM from another, with statistics.
-    Diff(diff::Args),
-    /// Join overlapping DTMs, as `dem_mosaic` does.
-    Mosaic(mosaic::Args),
-    /// Shift laser altimeter tracks over a DTM and say how well they fit.
-    Lola(lola::Args),
-    /// Say what a file is understood as: raster, label, track, model or weights.
-    Inspect(inspect::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
+    /// Those that `elunar` has, too.
+    #[command(flatten)]
+    Shared(Shared),
+}
+
+/// The program's command line. Commands that are shared with `elunar` give examples of themselves under this program's name.
+#[must_use]
+pub fn command_line() -> clap::Command {
+    let named = |command: clap::Command| {
+        let here = |text: String| text.replace("  elunar ", "  host-train ");
+        match command.get_after_help().map(ToString::to_string) {
+            Some(text) => command.after_help(here(text)),
+            None => command,
+        }
+    };
+    Cli::command().mut_subcommands(named)
 }
 
 /// Runs the parsed command.
@@ -93,26 +76,16 @@ pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Some(Command::Demo(args)) => demo::run(args),
         None => demo::run(demo::Args::default()),
-        Some(Command::Synth(args)) => synth::run(args),
-        Some(Command::Prepare(args)) => prepare::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Train(args)) => train::run(*args),
         Some(Command::Average(args)) => average::run(args),
         Some(Command::Experiment(args)) => experiment::run(args),
-        Some(Command::Export(args)) => export::run(args),
         Some(Command::Predict(args)) => predict::run(args),
-        Some(Command::Sfs(args)) => sfs::run(*args),
-        Some(Command::Evaluate(args)) => evaluate::run(args),
         Some(Command::Suite(args)) => suite::run(args),
         Some(Command::Report(args)) => report::run(args),
-        Some(Command::Hillshade(args)) => hillshade::run(args),
-        Some(Command::Render(args)) => render::run(args),
-        Some(Command::Diff(args)) => diff::run(args),
-        Some(Command::Mosaic(args)) => mosaic::run(args),
-        Some(Command::Lola(args)) => lola::run(args),
-        Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Faults(args)) => faults::run_command(&args),
         Some(Command::Latency(args)) => latency::run(args),
+        Some(Command::Shared(shared)) => run_shared(shared),
     }
 }

@@ -1,7 +1,7 @@
 //! `host-train report`: one page of what suites, experiments and training runs found.
 
-use super::output;
 use crate::{Result, report};
+use elunar::cli::output;
 use std::path::PathBuf;
 
 /// Options of `report`.

@@ -1,10 +1,10 @@
 //! `host-train suite`: models, and other programs' DTMs, on test scenes.
 
-use super::output;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::{self, SCENES, tables};
 use crate::{Error, Result, interrupt};
+use elunar_scene::progress;
 use std::path::{Path, PathBuf};
 
 /// Options of `suite`.
@@ -62,7 +62,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
     let methods = methods(&args, usage)?;
-    let bar = output::progress(list.scene.len(), "scenes");
+    let bar = progress::bar("", list.scene.len() as u64, "scenes");
     let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
     // Scenes of weak truth have no sums.

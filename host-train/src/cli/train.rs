@@ -2,15 +2,17 @@
 
 use crate::model::backend::Backend;
 use crate::model::config::{Preset, Switches};
+use crate::model::config::{config_of, trained_network};
 use crate::model::init::initial_weights;
 use crate::model::weights::Weights;
 use crate::model::{published, store};
 use crate::prepare::Split;
 use crate::raster::atomic_write;
-use crate::train::recipe::{Recipe, RecipeFlags, trained_network};
+use crate::train::recipe::{Recipe, RecipeFlags};
 use crate::train::run::{BEST, LAST, Outcome, Record, Run};
 use crate::train::source::{DataSpec, VALIDATION_SEED};
-use crate::{Error, Result, stopwatch};
+use crate::{Error, Result};
+use elunar_learn::stopwatch;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -141,7 +143,7 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
     let seed = start.seed.unwrap_or(0);
     let loaded = start.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
     let network = match (&loaded, &start.start_from) {
-        (Some(weights), Some(path)) => store::config_of(weights, path)?,
+        (Some(weights), Some(path)) => config_of(weights, path)?,
         _ => trained_network(preset),
     };
     let network = start.switches.apply(network)?;

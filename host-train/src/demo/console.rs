@@ -1,7 +1,6 @@
 //! What the newcomer sees: numbered steps with their times, and bars for what takes long.
 
 use crate::{Error, Result, interrupt};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Instant;
 
 /// Announces and times the steps of a tour.
@@ -61,13 +60,6 @@ impl Console {
 /// One line under the title of the step in progress.
 pub(super) fn say(line: impl std::fmt::Display) {
     println!("     {line}");
-}
-
-/// A bar on stderr, cleared when it is done.
-pub(super) fn bar(what: &str, len: u64, unit: &str) -> ProgressBar {
-    let style = format!("     {what} {{bar:24}} {{pos}}/{{len}} {unit}  {{per_sec}}  {{eta}} left");
-    let style = ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(len).with_style(style)
 }
 
 /// `4.2 s` or `3 min 05 s`.

@@ -1,13 +1,15 @@
 //! Step 4: the scene through both networks.
 
 use super::Settings;
-use super::console::{bar, minutes, say};
+use super::console::{minutes, say};
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::scene::DemoScene;
 use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
-use crate::predict::{DtmWriter, Options, Prediction, Provenance, open, predict};
+use crate::predict::{DtmWriter, Options, Prediction, Provenance, predict};
 use crate::{Result, interrupt};
+use elunar_learn::float::open_any;
+use elunar_scene::progress::bar;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -45,7 +47,7 @@ pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Re
 }
 
 fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
-    let model = open(&folder.file(file), Backend::Flex)?;
+    let model = open_any(&folder.file(file), Backend::Flex)?;
     let overlap_px = Options::overlap_for(model.tile());
     // Archives tell the Sun's place in the sky for every image.
     let (azimuth_deg, elevation_deg) = (scene.about.sun_azimuth_deg, scene.about.sun_elevation_deg);

@@ -13,8 +13,9 @@ mod scene;
 mod shrink;
 mod tune;
 
+use crate::model::config::trained_network;
 use crate::model::config::{NetConfig, Preset};
-use crate::train::recipe::{Recipe, trained_network};
+use crate::train::recipe::Recipe;
 use crate::{Error, Result, interrupt};
 use console::Console;
 use folder::Folder;

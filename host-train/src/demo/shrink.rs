@@ -1,18 +1,19 @@
 //! Step 3: float weights become the model file of the int8 runner.
 
-use super::console::{bar, say};
+use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::{Seeds, Settings, tune};
-use crate::cli::export::calibration_tiles;
 use crate::export::report::{Comparison, compare};
 use crate::export::{Options, Precision, export};
-use crate::model::store;
+use crate::model::config::config_of;
 use crate::model::weights::Weights;
 use crate::raster::atomic_write;
 use crate::synth::SceneEntry;
 use crate::{Error, Result};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_scene::data::calibration::calibration_tiles;
+use elunar_scene::progress::bar;
 
 /// What the int8 model costs, and how far it is from float.
 pub(super) struct Shrunk {
@@ -37,7 +38,7 @@ pub(super) struct Shrunk {
 pub(super) fn run(settings: &Settings, folder: &Folder, seeds: Seeds, scene: &SceneEntry) -> Result<Shrunk> {
     let path = folder.file(FLOAT_MODEL);
     let weights = Weights::read(&path)?;
-    let config = store::config_of(&weights, &path)?;
+    let config = config_of(&weights, &path)?;
     let source = tune::moon(seeds.calibration, scene).open()?;
     let tiles = calibration_tiles(&*source, &config, 0, settings.calibration_tiles)?;
     let held_out = calibration_tiles(&*source, &config, settings.calibration_tiles, settings.comparison_tiles)?;

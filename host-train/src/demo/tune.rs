@@ -5,6 +5,7 @@ use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
 use super::{Seeds, Settings, Start};
 use crate::model::backend::Backend;
 use crate::model::config::NetConfig;
+use crate::model::config::config_of;
 use crate::model::init::initial_weights;
 use crate::model::store;
 use crate::model::weights::Weights;
@@ -58,7 +59,7 @@ pub(super) fn start(settings: &Settings) -> Result<(NetConfig, Weights)> {
         ))),
         Start::Weights(path) => {
             let weights = Weights::read(path)?;
-            let network = store::config_of(&weights, path)?;
+            let network = config_of(&weights, path)?;
             // Also fails early if tensors are missing or do not fit.
             store::load(&network, &weights, path, &Backend::Flex.device()?)?;
             Ok((network, weights))

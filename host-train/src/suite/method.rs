@@ -7,10 +7,11 @@ use crate::evaluate::CoAlignment;
 use crate::illumination::KnownSun;
 use crate::model::backend::Backend;
 use crate::predict::network::Model;
-use crate::predict::{Options, Prediction, open, predict};
+use crate::predict::{Options, Prediction, predict};
 use crate::raster::align::{Interpolation, Named, onto};
 use crate::raster::{Raster, source};
 use crate::{Error, Result, interrupt};
+use elunar_learn::float::open_any;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -64,7 +65,7 @@ impl Method {
     /// If the file cannot be read, or the name cannot be part of a file's name.
     pub fn network(name: &str, path: &Path, usage: Usage) -> Result<Self> {
         check(name)?;
-        let model = open(path, Backend::Flex)?;
+        let model = open_any(path, Backend::Flex)?;
         Ok(Self { name: name.into(), description: model.description(), source: DtmSource::Network { model, usage } })
     }
 

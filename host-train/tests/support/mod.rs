@@ -3,7 +3,7 @@
 // Each test program uses its part of it.
 #![allow(dead_code)]
 
-use host_train::raster::{Crs, GeoRef, Raster};
+use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 

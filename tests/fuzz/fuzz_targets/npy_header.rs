@@ -1,7 +1,7 @@
 //! Any text is a NumPy header or not.
 #![no_main]
 
-use host_train::raster::npy::Header;
+use elunar_raster::npy::Header;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
     let _ = Header::parse(text);

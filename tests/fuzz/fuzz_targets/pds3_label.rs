@@ -1,7 +1,7 @@
 //! Any bytes are a label or a defect with its line.
 #![no_main]
 
-use host_train::raster::pds3::Block;
+use elunar_raster::pds3::Block;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let Err(defect) = Block::parse(bytes) {

@@ -1,7 +1,7 @@
 //! Any bytes are a raster or refused.
 #![no_main]
 
-use host_train::raster::geotiff::read;
+use elunar_raster::geotiff::read;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     // The reader takes paths: files are read by windows, so there is no way around one.

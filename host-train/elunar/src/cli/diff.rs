@@ -1,0 +1,74 @@
+//! `elunar diff`: one DTM minus another.
+
+use super::output;
+use elunar_raster::align::Named;
+use elunar_raster::geotiff::{self, WriteOptions};
+use elunar_raster::source;
+use elunar_raster::{Error, Result};
+use elunar_scene::diff::{Options, Statistics, difference};
+use elunar_scene::picture;
+use std::path::PathBuf;
+
+/// Options of `diff`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar diff dtm.tif stereo.tif -o diff.tif --picture error.png
+
+The first minus the second on the grid of the first, the second interpolated bilinearly, as the Ames Stereo Pipeline's geodiff does.
+Statistics go to stdout.")]
+pub struct Args {
+    /// DTM that gives the grid, heights in metres.
+    #[arg(value_name = "DEM1")]
+    pub first: PathBuf,
+    /// DTM to subtract.
+    #[arg(value_name = "DEM2")]
+    pub second: PathBuf,
+    /// Take the absolute difference.
+    #[arg(long)]
+    pub absolute: bool,
+    /// Subtract the first from the second; the grid stays that of the first.
+    #[arg(long)]
+    pub reverse: bool,
+    /// Write the difference.
+    #[arg(short, long, value_name = "DIFF.tif")]
+    pub output: Option<PathBuf>,
+    /// Draw the difference, coloured by the paper's limits of 2, 4 and 10 m.
+    #[arg(long, value_name = "ERROR.png")]
+    pub picture: Option<PathBuf>,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading the DTMs, from DTMs that do not fit each other, and from writing; no file is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    for path in args.output.iter().chain(&args.picture) {
+        output::check(path, &[&args.first, &args.second])?;
+    }
+    let (first, second) = (source::read(&args.first)?, source::read(&args.second)?);
+    let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
+    let options = Options { reverse: args.reverse, absolute: args.absolute };
+    let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;
+    let statistics = Statistics::of(&made.samples).ok_or_else(|| Error::usage("diff: no difference found"))?;
+    let (a, b) = if args.reverse { (&second_name, &first_name) } else { (&first_name, &second_name) };
+    let what = if args.absolute { format!("|{a} - {b}|") } else { format!("{a} - {b}") };
+    if let Some(path) = &args.picture {
+        picture::write_png(path, picture::error_map(&made.samples, made.rows, made.cols)?)?;
+    }
+    if let Some(path) = &args.output {
+        let undo = |_: &Error| args.picture.iter().for_each(|picture| drop(std::fs::remove_file(picture)));
+        geotiff::write(path, &made, &WriteOptions::heights(format!("difference of heights: {what}")))
+            .inspect_err(undo)?;
+    }
+    if args.json {
+        let mut object = statistics.json();
+        object["difference"] = what.into();
+        println!("{object:#}");
+    } else {
+        print!("{what}\n{}", statistics.table());
+    }
+    Ok(())
+}

@@ -1,0 +1,58 @@
+//! `elunar evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
+
+use elunar_raster::Result;
+use elunar_raster::align::Named;
+use elunar_raster::source;
+use elunar_scene::evaluate::{Candidate, compare, json, table};
+use elunar_scene::picture;
+use std::path::PathBuf;
+
+/// Options of `evaluate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar evaluate --dtm dtm.tif --truth scene_0000_truth.tif --coarse scene_0000_coarse.tif --error-map error.png
+
+All DTMs are judged on the truth's grid, on the pixels valid in all of them. A DTM on another grid is interpolated bilinearly, a coarse
+DTM bicubically, as the network gets it. Errors are DTM minus truth.")]
+pub struct Args {
+    /// DTM to judge, GeoTIFF, heights in metres.
+    #[arg(long, value_name = "D.tif")]
+    pub dtm: PathBuf,
+    /// True DTM.
+    #[arg(long, value_name = "T.tif")]
+    pub truth: PathBuf,
+    /// Coarse DTM the prediction started from: judged beside it.
+    #[arg(long, value_name = "C.tif")]
+    pub coarse: Option<PathBuf>,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    pub json: bool,
+    /// Also draw the DTM's errors, coloured by the limits of 2, 4 and 10 m.
+    #[arg(long, value_name = "MAP.png")]
+    pub error_map: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading the rasters, from rasters that do not fit each other, and from writing the map.
+pub fn run(args: Args) -> Result<()> {
+    let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
+    let coarse = args.coarse.as_deref().map(source::read).transpose()?;
+    let name = |path: &PathBuf| path.display().to_string();
+    let (truth_name, dtm_name) = (name(&args.truth), name(&args.dtm));
+    let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();
+    let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
+    candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
+    let comparison = compare(Named::new(&truth_name, &truth), &candidates)?;
+    if let (Some(path), Some(judged)) = (&args.error_map, comparison.judged.first()) {
+        let error = &judged.error_m;
+        picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
+    }
+    if args.json {
+        println!("{}", json(&comparison));
+    } else {
+        print!("{}", table(&comparison));
+    }
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! `elunar hillshade`: the shaded relief of a DTM.
+
+use super::output;
+use elunar_core::terrain::Sun;
+use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
+use elunar_raster::source;
+use elunar_raster::{Error, Result};
+use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
+use elunar_scene::picture;
+use elunar_scene::progress;
+use std::path::PathBuf;
+
+/// Options of `hillshade`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar hillshade dtm.tif -o shade.tif --sun-azimuth 300 --sun-elevation 20
+
+The result is that of `gdaldem hillshade` (Horn): bytes, 0 where there is no value, else 1 to 255. The azimuth is counted clockwise
+from north. Rasters in degrees are shaded with metres on their sphere.")]
+pub struct Args {
+    /// DTM, heights in metres.
+    #[arg(value_name = "INPUT")]
+    pub input: PathBuf,
+    /// Hillshade to write: a GeoTIFF with the DTM's place, or a PNG picture.
+    #[arg(short, long, value_name = "OUT.tif|OUT.png")]
+    pub output: PathBuf,
+    /// Azimuth of the light, degrees clockwise from north.
+    #[arg(
+        long,
+        visible_alias = "sun-azimuth",
+        value_name = "DEG",
+        default_value_t = 315.0,
+        allow_negative_numbers = true
+    )]
+    pub azimuth: f64,
+    /// Elevation of the light above the horizon, degrees, 0 to 90.
+    #[arg(
+        long,
+        visible_alias = "sun-elevation",
+        value_name = "DEG",
+        default_value_t = 45.0,
+        allow_negative_numbers = true
+    )]
+    pub altitude: f64,
+    /// Factor on the heights.
+    #[arg(long, value_name = "Z", default_value_t = 1.0)]
+    pub z_factor: f64,
+    /// Shade the outermost pixels and those beside gaps too.
+    #[arg(long)]
+    pub compute_edges: bool,
+}
+
+/// Rows shaded at a time.
+const BAND_ROWS: usize = 512;
+
+/// Runs the command.
+///
+/// # Errors
+/// From options out of range, reading the DTM and writing the result; no file is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
+    output::check(&args.output, &[&args.input])?;
+    let shading = args.shading()?;
+    let source = source::open(&args.input)?;
+    let (rows, cols) = (source.info().rows, source.info().cols);
+    let pixel = pixel_of(source.as_ref(), &args.input.display().to_string())?;
+    let mut target = match kind {
+        "png" => Target::Picture(Vec::with_capacity(rows * cols)),
+        _ => {
+            let Sun { azimuth_deg, elevation_deg, exaggeration } = shading.sun;
+            let about = format!(
+                "hillshade, light from {azimuth_deg} deg, {elevation_deg} deg high, heights times {exaggeration}"
+            );
+            let options = WriteOptions::image(SampleType::U8, about);
+            let georef = source.info().georef.as_ref();
+            Target::Raster(Box::new(Writer::create(&args.output, rows, cols, georef, &options)?))
+        }
+    };
+    let bar = progress::bar("", rows as u64, "rows");
+    let mut valid = 0;
+    for first in (0..rows).step_by(BAND_ROWS) {
+        let band = first..(first + BAND_ROWS).min(rows);
+        bar.inc(band.len() as u64);
+        let shade = shade_rows(source.as_ref(), band, pixel, &shading)?;
+        valid += shade.iter().filter(|&&b| b > 0).count();
+        match &mut target {
+            Target::Picture(bytes) => bytes.extend(shade),
+            Target::Raster(writer) => {
+                let samples = shade.into_iter().map(|b| if b == 0 { f32::NAN } else { f32::from(b) });
+                writer.write_rows(&samples.collect::<Vec<f32>>())?;
+            }
+        }
+    }
+    bar.finish_and_clear();
+    if valid == 0 {
+        let what = format!("{}: 3 x 3 valid heights expected, none found", args.input.display());
+        return Err(Error::usage(what));
+    }
+    match target {
+        Target::Picture(bytes) => picture::write_png(&args.output, picture::grey(bytes, rows, cols)?)?,
+        Target::Raster(writer) => writer.finish()?,
+    }
+    println!("{}: {rows} x {cols} pixels, {valid} of them shaded", args.output.display());
+    Ok(())
+}
+
+/// What becomes of the bytes.
+enum Target {
+    Picture(Vec<u8>),
+    Raster(Box<Writer>),
+}
+
+impl Args {
+    fn shading(&self) -> Result<Shading> {
+        if !(0.0..=90.0).contains(&self.altitude) {
+            return Err(Error::usage(format!("--altitude: 0 to 90 degrees expected, {} found", self.altitude)));
+        }
+        if !(self.z_factor.is_finite() && self.z_factor > 0.0 && self.azimuth.is_finite()) {
+            let (z, azimuth) = (self.z_factor, self.azimuth);
+            let what = format!("a finite --azimuth and a --z-factor above 0 expected, {azimuth} and {z} found");
+            return Err(Error::usage(what));
+        }
+        let sun = Sun { azimuth_deg: self.azimuth, elevation_deg: self.altitude, exaggeration: self.z_factor };
+        Ok(Shading { sun, compute_edges: self.compute_edges })
+    }
+}

@@ -1,0 +1,68 @@
+//! `elunar inspect`: what a file is understood as.
+
+use crate::picture::arena;
+use elunar_net::inspect::plan_text;
+use elunar_raster::{Error, Result};
+use elunar_scene::{inspect, picture};
+use std::path::PathBuf;
+
+/// Options of `inspect`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  elunar inspect SLDEM2015_512_00N_30N_000_045_FLOAT.LBL
+  elunar inspect nano.eld --time --plan plan.png
+
+Understood are GeoTIFF, PDS3 images and labels, NumPy arrays, tables of laser points, models (.eld), float weights and golden cases
+(.safetensors); the content decides. Large rasters are sampled: the range of values is that of rows at even distances.
+
+Of a model all operators are listed, with the rows of their output that are kept at a time (of a map that is made row by row while
+it is read), and the place of it in memory. --time runs the built-in tile entry by entry of the schedule; that costs a little, and
+the little is contained in the figures.")]
+pub struct Args {
+    /// Any file.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Of a model: measure the time of every operator.
+    #[arg(long)]
+    pub time: bool,
+    /// Kernel to measure [default: the fastest this processor runs].
+    #[arg(long, value_name = "NAME", requires = "time")]
+    pub kernel: Option<String>,
+    /// Tiles to measure.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000), requires = "time")]
+    pub tiles: u64,
+    /// Of a model: draw the memory over the course of a tile, tensor by tensor.
+    #[arg(long, value_name = "P.png")]
+    pub plan: Option<PathBuf>,
+    /// Of a model: print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Why the file is not understood.
+pub fn run(args: Args) -> Result<()> {
+    let bytes = std::fs::metadata(&args.file).map_err(Error::io(&args.file))?.len();
+    let print = |text: String| println!("{}: {bytes} bytes\n{text}", args.file.display());
+    if !args.time && !args.json && args.plan.is_none() {
+        print(inspect::describe(&args.file, print)?);
+        return Ok(());
+    }
+    if let Some(picture) = &args.plan {
+        super::output::extension(picture, &["png"])?;
+        super::output::check(picture, &[&args.file])?;
+    }
+    let kernel = super::latency::kernel(args.kernel.as_deref())?;
+    let plan = inspect::plan(&args.file, args.time.then_some((kernel, args.tiles as usize)))?;
+    if let Some(path) = &args.plan {
+        picture::write_png(path, arena(&plan)?)?;
+    }
+    if args.json {
+        println!("{}", plan.json()?);
+    } else {
+        print(plan_text(&plan));
+    }
+    Ok(())
+}

@@ -1,0 +1,217 @@
+//! `elunar latency`: how long a tile takes.
+
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{self, Progress, Runner, required};
+use elunar_raster::{Error, Result};
+use elunar_scene::predict::int8;
+use elunar_scene::predict::network::Model;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// What stands below the options in the help.
+pub const HELP: &str = "Examples:
+  elunar latency --model nano.eld --threads 2
+  elunar latency --model nano.eld --tiles 20 --json
+
+Every thread runs one tile before the clock starts.";
+
+/// Options of `latency`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct Args {
+    /// Model: `.eld` for the int8 runner; `host-train` takes `.safetensors`, the float network, too.
+    #[arg(long, value_name = "M")]
+    pub model: PathBuf,
+    /// Threads, each with a tile of its own; 0 takes as many as the machine offers. The float backend may use more inside.
+    #[arg(long, default_value_t = 1)]
+    pub threads: usize,
+    /// Seconds to measure for.
+    #[arg(long, default_value_t = 3.0, conflicts_with = "tiles")]
+    pub seconds: f64,
+    /// Tiles to measure on every thread, instead of a time.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub tiles: Option<u64>,
+    /// Kernel of the int8 runner [default: the fastest this processor runs].
+    #[arg(long, value_name = "NAME")]
+    pub kernel: Option<String>,
+    /// Let the int8 runner trust its memory: without the checksums of rows, records and model.
+    #[arg(long)]
+    pub unprotected: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is known of a model beside its time.
+struct Facts {
+    kernel: String,
+    macs: Option<u64>,
+    /// Of one thread.
+    arena_bytes: Option<usize>,
+    model_bytes: Option<usize>,
+}
+
+/// How long to measure.
+#[derive(Debug, Clone, Copy)]
+enum Extent {
+    Time(Duration),
+    Tiles(u64),
+}
+
+impl Extent {
+    /// Runs tiles until it is enough; returns the seconds of each.
+    fn measure(self, mut tile: impl FnMut() -> Result<()>) -> Result<Vec<f64>> {
+        let (mut tiles_s, start) = (Vec::new(), Instant::now());
+        let enough = |done: usize| match self {
+            Self::Time(duration) => done > 0 && start.elapsed() >= duration,
+            Self::Tiles(count) => done as u64 >= count,
+        };
+        while !enough(tiles_s.len()) {
+            let start = Instant::now();
+            tile()?;
+            tiles_s.push(start.elapsed().as_secs_f64());
+        }
+        Ok(tiles_s)
+    }
+}
+
+/// What was measured on all threads together.
+struct Measured {
+    threads: usize,
+    /// Sorted.
+    tiles_s: Vec<f64>,
+    /// Sum of the threads' rates, each over its own time.
+    tiles_per_s: f64,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the model cannot be read or fails its self test.
+pub fn run(args: Args) -> Result<()> {
+    let (opened, kernel) = (int8::open(&args.model)?, kernel(args.kernel.as_deref())?);
+    let model = opened.model();
+    let facts = Facts {
+        kernel: kernel.name().into(),
+        macs: Some(model.macs()),
+        arena_bytes: Some(required(&model)),
+        model_bytes: Some(model.raw().bytes().len()),
+    };
+    let extent = args.extent();
+    let measured = on_threads(args.threads, || measure_int8(kernel, model, !args.unprotected, extent))?;
+    print(&args, &facts, &measured);
+    Ok(())
+}
+
+/// Measures a network of another kind, computed by what `kernel` names.
+///
+/// # Errors
+/// If the network fails.
+pub fn run_other(args: &Args, model: &dyn Model, kernel: String) -> Result<()> {
+    let facts = Facts { kernel, macs: None, arena_bytes: None, model_bytes: None };
+    let extent = args.extent();
+    let measured = on_threads(args.threads, || measure_other(model, extent))?;
+    print(args, &facts, &measured);
+    Ok(())
+}
+
+impl Args {
+    fn extent(&self) -> Extent {
+        let seconds = Duration::from_secs_f64(self.seconds.clamp(0.1, 3600.0));
+        self.tiles.map_or(Extent::Time(seconds), Extent::Tiles)
+    }
+}
+
+/// The kernel of that name, or the fastest.
+pub(super) fn kernel(name: Option<&str>) -> Result<Kernel> {
+    let Some(name) = name else { return Ok(Kernel::best()) };
+    Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
+        Error::usage(format!("--kernel: expected one of {}, found {name}", names.join(", ")))
+    })
+}
+
+/// Runs `measure` on every thread.
+fn on_threads(threads: usize, measure: impl Fn() -> Result<Vec<f64>> + Sync) -> Result<Measured> {
+    let available = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let threads = if threads == 0 { available } else { threads.min(256) };
+    let runs: Result<Vec<Vec<f64>>> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(&measure)).collect();
+        workers
+            .into_iter()
+            .map(|w| w.join().unwrap_or_else(|_| Err(Error::usage("latency: a thread failed"))))
+            .collect()
+    });
+    let runs = runs?;
+    let tiles_per_s = runs.iter().map(|run| run.len() as f64 / run.iter().sum::<f64>()).sum();
+    let mut tiles_s: Vec<f64> = runs.into_iter().flatten().collect();
+    tiles_s.sort_by(f64::total_cmp);
+    Ok(Measured { threads, tiles_s, tiles_per_s })
+}
+
+fn print(args: &Args, facts: &Facts, measured: &Measured) {
+    let Measured { threads, tiles_s, tiles_per_s } = measured;
+    let (median_ms, fastest_ms) = (tiles_s[tiles_s.len() / 2] * 1e3, tiles_s[0] * 1e3);
+    let gmac_per_s = facts.macs.map(|macs| macs as f64 * tiles_per_s / 1e9);
+    if args.json {
+        let report = serde_json::json!({
+            "median_ms": median_ms, "min_ms": fastest_ms, "tiles": tiles_s.len(), "threads": threads,
+            "tiles_per_s": tiles_per_s, "gmac_per_s": gmac_per_s, "macs": facts.macs,
+            "arena_bytes": facts.arena_bytes, "model_bytes": facts.model_bytes, "kernel": facts.kernel,
+        });
+        println!("{report}");
+        return;
+    }
+    println!("{}: kernel {}, {threads} thread(s), {} tiles", args.model.display(), facts.kernel, tiles_s.len());
+    println!("  median {median_ms:.1} ms per tile, fastest {fastest_ms:.1} ms, {tiles_per_s:.2} tiles/s");
+    if let (Some(macs), Some(rate), Some(arena)) = (facts.macs, gmac_per_s, facts.arena_bytes) {
+        println!("  {:.3} GMAC per tile, {rate:.2} GMAC/s, arena {arena} bytes", macs as f64 / 1e9);
+    }
+}
+
+/// Seconds of each tile of a network, on one made-up tile over and over.
+fn measure_other(model: &dyn Model, extent: Extent) -> Result<Vec<f64>> {
+    let (rows, cols) = model.tile();
+    let samples = model.normalisation().image_maps() * rows * cols;
+    let image: Vec<f32> = (0..samples).map(|i| (i % 97) as f32 / 96.0).collect();
+    let coarse: Vec<f32> = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
+    let (mut worker, mut output) = (model.worker()?, vec![0.0; rows * cols]);
+    let mut tile = || worker.predict(&image, &coarse, &mut output);
+    tile()?;
+    extent.measure(tile)
+}
+
+/// Seconds of each tile: the built-in self-test tile over and over, checked each time.
+fn measure_int8(kernel: Kernel, model: nn::Model<'_>, protect: bool, extent: Extent) -> Result<Vec<f64>> {
+    let fault = |e: nn::RunError| Error::usage(format!("latency: {e}"));
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;
+    runner.protect(protect);
+    let mut tile = || {
+        runner.begin_self_test().map_err(fault)?;
+        while runner.step(u64::MAX).map_err(fault)? == Progress::Running {}
+        runner.check_self_test().map_err(fault)
+    };
+    tile()?;
+    extent.measure(tile)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_tiles_are_timed_as_asked_for() {
+        let mut runs = 0;
+        let mut tile = || {
+            runs += 1;
+            Ok(())
+        };
+        assert_eq!(Extent::Tiles(3).measure(&mut tile).unwrap().len(), 3);
+        let timed = Extent::Time(Duration::ZERO).measure(&mut tile).unwrap().len();
+        assert_eq!((timed, runs), (1, 4), "at least one tile, however short the time");
+        let measured = on_threads(2, || Ok(vec![0.5, 0.25, 0.25])).unwrap();
+        assert_eq!((measured.threads, measured.tiles_s.len(), measured.tiles_per_s), (2, 6, 6.0));
+        assert!(Extent::Tiles(1).measure(|| Err(Error::usage("no"))).is_err());
+    }
+}

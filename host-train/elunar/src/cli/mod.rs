@@ -1,0 +1,99 @@
+//! The commands, one file each with its `Args` and its `run`.
+
+pub mod diff;
+pub mod evaluate;
+pub mod export;
+pub mod hillshade;
+pub mod inspect;
+pub mod latency;
+pub mod lola;
+pub mod mosaic;
+pub mod output;
+pub mod predict;
+pub mod prepare;
+pub mod render;
+pub mod sfs;
+pub mod synth;
+
+use clap::{Parser, Subcommand};
+use elunar_raster::Result;
+
+/// Terrain models of the Moon from one orbiter image and a coarse DTM.
+#[derive(Debug, Parser)]
+#[command(name = "elunar", version, about, arg_required_else_help = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands of `elunar`.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Predict a DTM from an image and a coarse DTM.
+    Predict(predict::Args),
+    /// Measure the latency of one tile.
+    Latency(latency::Args),
+    /// Those that `host-train` has as they are.
+    #[command(flatten)]
+    Shared(Shared),
+}
+
+/// The commands that know no network but the exported one: the same in both programs.
+#[derive(Debug, Subcommand)]
+pub enum Shared {
+    /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
+    Synth(synth::Args),
+    /// Make a training set from images, DTMs and coarse DTMs.
+    Prepare(prepare::Args),
+    /// Turn weights into the model file of the int8 runner.
+    Export(export::Args),
+    /// Make a DTM by shape from shading, for comparison.
+    Sfs(Box<sfs::Args>),
+    /// Judge a DTM against a truth.
+    Evaluate(evaluate::Args),
+    /// Shade a DTM, as `gdaldem hillshade` does.
+    Hillshade(hillshade::Args),
+    /// Take an image of a DTM under a Sun of one's choice.
+    Render(render::Args),
+    /// Subtract one DTM from another, with statistics.
+    Diff(diff::Args),
+    /// Join overlapping DTMs, as `dem_mosaic` does.
+    Mosaic(mosaic::Args),
+    /// Shift laser altimeter tracks over a DTM and say how well they fit.
+    Lola(lola::Args),
+    /// Say what a file is understood as: raster, label, track, model or weights.
+    Inspect(inspect::Args),
+}
+
+/// Runs a command of `elunar`.
+///
+/// # Errors
+/// The command's own.
+pub fn run(command: Command) -> Result<()> {
+    match command {
+        Command::Predict(args) => predict::run(args),
+        Command::Latency(args) => latency::run(args),
+        Command::Shared(shared) => run_shared(shared),
+    }
+}
+
+/// Runs a command that both programs have.
+///
+/// # Errors
+/// The command's own.
+pub fn run_shared(command: Shared) -> Result<()> {
+    match command {
+        Shared::Synth(args) => synth::run(args),
+        Shared::Prepare(args) => prepare::run(args),
+        Shared::Export(args) => export::run(args),
+        Shared::Sfs(args) => sfs::run(*args),
+        Shared::Evaluate(args) => evaluate::run(args),
+        Shared::Hillshade(args) => hillshade::run(args),
+        Shared::Render(args) => render::run(args),
+        Shared::Diff(args) => diff::run(args),
+        Shared::Mosaic(args) => mosaic::run(args),
+        Shared::Lola(args) => lola::run(args),
+        Shared::Inspect(args) => inspect::run(args),
+    }
+}

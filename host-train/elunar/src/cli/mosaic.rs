@@ -1,0 +1,137 @@
+//! `elunar mosaic`: several DTMs joined to one.
+
+use super::output;
+use elunar_raster::align::{Interpolation, Reprojected};
+use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
+use elunar_raster::source::Source as _;
+use elunar_raster::{Crs, MOON_RADIUS_M, source};
+use elunar_raster::{Error, Result};
+use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
+use elunar_scene::progress;
+use std::path::{Path, PathBuf};
+
+/// Options of `mosaic`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar mosaic left.tif right.tif -o mosaic.tif --priority-blending-length 50
+
+Weights, blending and option names are those of the Ames Stereo Pipeline's dem_mosaic: each DTM weighs most where it is far from its
+edges and gaps. Without --t_srs all DTMs must be in one reference system; spacing and system of the mosaic are those of the first.")]
+pub struct Args {
+    /// DTMs, heights in metres; the order matters only with --priority-blending-length.
+    #[arg(value_name = "DEM", required_unless_present = "dem_list", conflicts_with = "dem_list")]
+    pub dems: Vec<PathBuf>,
+    /// Text file with one DTM a line, instead of naming them here.
+    #[arg(short = 'l', long, alias = "dem-list-file", value_name = "FILE")]
+    pub dem_list: Option<PathBuf>,
+    /// Mosaic to write.
+    #[arg(short, long, value_name = "OUT.tif")]
+    pub output: PathBuf,
+    /// Reference system of the mosaic, into which every DTM is brought (bilinearly) before it is weighed: IAU_2015:30110 and the
+    /// like, or a PROJ text [default: that of the DTMs, which must be one].
+    #[arg(long = "t_srs", value_name = "SRS", value_parser = Crs::parse)]
+    pub t_srs: Option<Crs>,
+    /// Side of a pixel, map units [default: that of the first DTM].
+    #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
+    pub tr: Option<f64>,
+    /// Region wanted, map units.
+    #[arg(long = "t_projwin", num_args = 4, value_names = ["XMIN", "YMIN", "XMAX", "YMAX"], allow_negative_numbers = true)]
+    pub t_projwin: Option<Vec<f64>>,
+    /// Pixels to take off at every edge and gap.
+    #[arg(long, value_name = "PX", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1000))]
+    pub erode_length: u32,
+    /// Power of the distance by which DTMs are weighed.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(i32).range(1..=16))]
+    pub weights_exponent: i32,
+    /// Gaussian blur of the weights, pixels; 0 for none.
+    #[arg(long, value_name = "PX", default_value_t = 5.0, allow_negative_numbers = true)]
+    pub weights_blur_sigma: f64,
+    /// Keep earlier DTMs as they are, but for a band this wide along their edges, where the next one is blended in; 0 for none.
+    #[arg(long, value_name = "PX", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
+    pub priority_blending_length: u32,
+    /// Compression of the mosaic.
+    #[arg(long, default_value = "deflate")]
+    pub compress: Compression,
+}
+
+/// Rows joined at a time.
+const BAND_ROWS: usize = 1024;
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading the DTMs, from DTMs that do not fit each other, and from writing; no file is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    let paths = match &args.dem_list {
+        Some(list) => listed(list)?,
+        None => args.dems.clone(),
+    };
+    output::extension(&args.output, &["tif", "tiff"])?;
+    output::check(&args.output, &paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    if !(0.0..=100.0).contains(&args.weights_blur_sigma) {
+        let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
+        return Err(Error::usage(what));
+    }
+    let mut inputs: Vec<Input> = paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
+    if let Some(crs) = &args.t_srs {
+        inputs = reprojected(inputs, crs, args.tr)?;
+    }
+    let window = args.t_projwin.as_deref().map(|w| [w[0], w[1], w[2], w[3]]);
+    let grid = Grid::around(&inputs, GridOptions { spacing: args.tr, window })?;
+    let weights = WeightRules {
+        erode_px: args.erode_length,
+        blur_sigma_px: args.weights_blur_sigma,
+        exponent: args.weights_exponent,
+    };
+    let rules = JoinRules { weights, priority_px: args.priority_blending_length };
+    let names: Vec<String> =
+        paths.iter().map(|p| p.file_name().unwrap_or(p.as_os_str()).to_string_lossy().into_owned()).collect();
+    let radius_m = grid.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
+    let about = format!("mosaic of {} DTMs: heights above the {radius_m} m sphere", names.len());
+    let options = WriteOptions::heights(about).with_item("INPUTS", names.join(", ")).with_compression(args.compress);
+    let mut writer = Writer::create(&args.output, grid.rows, grid.cols, Some(&grid.georef), &options)?;
+    let bar = progress::bar("", grid.rows as u64, "rows");
+    let (mut valid, mut low, mut high) = (0_usize, f32::INFINITY, f32::NEG_INFINITY);
+    for first in (0..grid.rows).step_by(BAND_ROWS) {
+        let band = first..(first + BAND_ROWS).min(grid.rows);
+        let heights_m = join(&inputs, &grid.rows(band.clone()), &rules)?;
+        for &z in heights_m.iter().filter(|z| z.is_finite()) {
+            (valid, low, high) = (valid + 1, low.min(z), high.max(z));
+        }
+        writer.write_rows(&heights_m)?;
+        bar.inc(band.len() as u64);
+    }
+    bar.finish_and_clear();
+    if valid == 0 {
+        let what = format!("{}: a valid height on the mosaic's grid expected, none found", names.join(", "));
+        return Err(Error::usage(what));
+    }
+    writer.finish()?;
+    let (rows, cols) = (grid.rows, grid.cols);
+    println!("{}: {rows} x {cols} pixels, {valid} of them valid, {low:.1} to {high:.1} m", args.output.display());
+    Ok(())
+}
+
+fn open(path: &Path) -> Result<Input> {
+    Ok(Input { name: path.display().to_string(), source: source::open(path)? })
+}
+
+/// The DTMs in another system, all with pixels of one size: the stated one, or the first DTM's.
+fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<Input>> {
+    let mut seen = Vec::with_capacity(inputs.len());
+    for Input { name, source } in inputs {
+        let source = Reprojected::new(source.into(), &name, crs, spacing, Interpolation::Bilinear)?;
+        spacing = spacing.or_else(|| source.info().georef.as_ref().map(|georef| georef.transform[1]));
+        seen.push(Input { name, source: Box::new(source) });
+    }
+    Ok(seen)
+}
+
+fn listed(list: &Path) -> Result<Vec<PathBuf>> {
+    let text = std::fs::read_to_string(list).map_err(Error::io(list))?;
+    let paths: Vec<PathBuf> = text.lines().map(str::trim).filter(|l| !l.is_empty()).map(PathBuf::from).collect();
+    if paths.is_empty() {
+        return Err(Error::usage(format!("{}: one DTM a line expected, none found", list.display())));
+    }
+    Ok(paths)
+}

@@ -1,0 +1,33 @@
+//! What commands that write a file do first.
+
+use elunar_raster::{Error, Result};
+use std::path::Path;
+
+/// Fails before the work rather than after it: if `output` is one of `inputs`, or its folder cannot be written.
+///
+/// # Errors
+/// [`Error::Usage`] or [`Error::Io`] that says so.
+pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
+    let same = |input: &Path| {
+        input.canonicalize().is_ok_and(|input| output.canonicalize().is_ok_and(|output| input == output))
+    };
+    if let Some(input) = inputs.iter().find(|input| same(input)) {
+        return Err(Error::usage(format!("{}: the output must not overwrite an input", input.display())));
+    }
+    if output.is_dir() {
+        return Err(Error::usage(format!("{}: a file to write expected, a folder found", output.display())));
+    }
+    let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::NamedTempFile::new_in(folder).map_err(Error::io(output)).map(drop)
+}
+
+/// Which of the extensions (lower case) the output's name has.
+///
+/// # Errors
+/// [`Error::Usage`] if it has none of them.
+pub fn extension<'a>(output: &Path, known: &[&'a str]) -> Result<&'a str> {
+    let found = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    known.iter().copied().find(|k| *k == found).ok_or_else(|| {
+        Error::usage(format!("{}: a name ending in .{} expected", output.display(), known.join(" or .")))
+    })
+}

@@ -1,0 +1,136 @@
+//! `elunar predict`: an image and a coarse DTM in, a DTM out.
+
+use super::output;
+use elunar_net::illumination::KnownSun;
+use elunar_raster::stated::{HeightUnit, Statements};
+use elunar_raster::{Crs, Error, Result};
+use elunar_scene::mosaic::Blend;
+use elunar_scene::predict::job::{fill, finish, state, summary};
+use elunar_scene::predict::network::Model;
+use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
+use std::path::{Path, PathBuf};
+
+/// What stands below the options in the help.
+pub const HELP: &str = "Example:
+  elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif
+
+The coarse DTM may lie on a grid of its own, but must be in the image's reference system. The DTM gets the image's grid; pixels
+without a valid image sample or coarse height become nodata. A hillshade, dtm_hillshade.png, is written beside it.
+
+Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there.";
+
+/// Options of `predict`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = HELP)]
+pub struct Args {
+    /// Orbiter image, GeoTIFF.
+    #[arg(long, value_name = "I.tif")]
+    pub image: PathBuf,
+    /// Coarse DTM, GeoTIFF, heights in metres above the sphere.
+    #[arg(long, value_name = "C.tif")]
+    pub coarse: PathBuf,
+    /// Model: .eld for the int8 runner; `host-train` takes .safetensors, the float network, too.
+    #[arg(long, value_name = "M")]
+    pub model: PathBuf,
+    /// DTM to write.
+    #[arg(short, long, value_name = "DTM.tif")]
+    pub output: PathBuf,
+    /// Threads; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Reference system of the image, where the file does not say it: IAU_2015:30110 and the like, or a PROJ text.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub image_srs: Option<Crs>,
+    /// Reference system of the coarse DTM, likewise.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub coarse_srs: Option<Crs>,
+    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    #[arg(long)]
+    pub coarse_unit: Option<HeightUnit>,
+    /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_azimuth: Option<f64>,
+    /// Elevation of the Sun, degrees above the horizon [default: how brightness answers to slope is fitted to image and coarse DTM].
+    #[arg(long, value_name = "DEG")]
+    pub sun_elevation: Option<f64>,
+    /// Pixels by which neighbouring tiles overlap [default: 100, or a third of a smaller tile].
+    #[arg(long, value_name = "PX")]
+    pub overlap: Option<usize>,
+    /// How overlapping tiles are weighed.
+    #[arg(long, default_value = "dem-mosaic")]
+    pub blend: Blend,
+    /// Let the network change the low frequencies of the coarse DTM too, as in the paper.
+    #[arg(long)]
+    pub no_anchor: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// From reading the inputs, opening the model, predicting and writing; no DTM is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    run_with(args, open)
+}
+
+/// Opens a model file of the int8 runner.
+///
+/// # Errors
+/// [`Error::Unsupported`] if it is called float weights, or nothing that is known; else as [`int8::open`].
+pub fn open(path: &Path) -> Result<Box<dyn Model>> {
+    let wrong = |what| Err(Error::unsupported(path, what));
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("eld") => Ok(Box::new(int8::open(path)?)),
+        Some("safetensors") => {
+            wrong("expected a model (.eld); `host-train` runs float weights, `export` makes a model of them")
+        }
+        _ => wrong("expected a model with extension .eld"),
+    }
+}
+
+/// Runs the command with models that `open` opens.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
+    let model = open(&args.model)?;
+    let scene = scene(&args)?;
+    let survey = scene.survey()?;
+    if survey.suspects_kilometres() && args.coarse_unit.is_none() {
+        let Survey { relief_m, extent_m, .. } = survey;
+        eprintln!(
+            "WARNING: {}: {relief_m:.3} m of relief over {extent_m:.0} m: kilometres taken for metres? Say --coarse-unit km, or m",
+            args.coarse.display()
+        );
+    }
+    let options = Options {
+        overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
+        blend: args.blend,
+        anchor: !args.no_anchor,
+        threads: args.threads,
+        sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
+    };
+    let part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
+    let (part, tally) = fill(part, &scene, |from, keep, progress| {
+        predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
+    })?;
+    let model = model.description();
+    let range = finish(part, &args.output, &scene, &model, (&args.image, &args.coarse))?;
+    println!("{}", summary(&args.output, &scene, range, &tally));
+    Ok(())
+}
+
+fn scene(args: &Args) -> Result<Scene> {
+    let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
+    let image = Statements { srs: args.image_srs.clone(), unit: None };
+    Scene::new(Input::stated(&args.image, image)?, Input::stated(&args.coarse, coarse)?)
+}
+
+/// What tells this job from others: a changed input, model or option begins anew.
+fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
+    // The result is the same for every number of threads.
+    let options = Options { threads: 0, ..*options };
+    let (image, coarse) = (state(&args.image)?, state(&args.coarse)?);
+    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit);
+    Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
+}

@@ -1,0 +1,97 @@
+//! `elunar render`: an image of a DTM under a Sun of one's choice.
+
+use super::output;
+use elunar_raster::geotiff::{self, SampleType, WriteOptions};
+use elunar_raster::source;
+use elunar_raster::{Error, Result};
+use elunar_scene::picture;
+use elunar_synth::photograph;
+use std::path::PathBuf;
+
+/// Options of `render`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar render dtm.tif -o image.tif --sun-azimuth 300 --sun-elevation 20
+
+What an orbiter's camera would see from straight above: Lunar-Lambert reflectance, cast shadows, blur, noise, relative DN from 0 to 4095,
+as on the synthetic Moon; the albedo is one everywhere. The image lies on the DTM's grid and says which Sun it was made with. With a
+coarse DTM it makes real ground a test or training scene (host-train prepare, suite). For a relief to look at, see hillshade.")]
+pub struct Args {
+    /// DTM, heights in metres; every pixel has one, and pixels are square.
+    #[arg(value_name = "DTM")]
+    pub input: PathBuf,
+    /// Image to write: a GeoTIFF of 16 bits with the DTM's place, or a PNG picture of 8 bits.
+    #[arg(short, long, value_name = "OUT.tif|OUT.png")]
+    pub output: PathBuf,
+    /// Azimuth of the Sun, degrees clockwise from the top of the raster.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_azimuth: f64,
+    /// Elevation of the Sun above the horizon, degrees, 2 to 90.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_elevation: f64,
+    /// Seed of blur, exposure and noise.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the DTM cannot be read, has gaps, no pixel size or none that is square, or the Sun is out of range; no file is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
+    output::check(&args.output, &[&args.input])?;
+    let dtm = source::read(&args.input)?;
+    let sun = (args.sun_azimuth, args.sun_elevation);
+    let image = photograph(&dtm, sun, args.seed).map_err(|e| Error::usage(format!("{}: {e}", args.input.display())))?;
+    let (rows, cols) = (image.rows, image.cols);
+    let (low, high) = image.range().unwrap_or_default();
+    match kind {
+        "png" => {
+            let grey = |dn: f32| (255.0 * (dn - low) / (high - low).max(1.0)).round() as u8;
+            let bytes = image.samples.iter().map(|&dn| grey(dn)).collect();
+            picture::write_png(&args.output, picture::grey(bytes, rows, cols)?)?;
+        }
+        _ => {
+            let options = WriteOptions::image(SampleType::U16, "image rendered from a DTM, relative DN")
+                .with_item("SYNTHETIC", "yes")
+                .with_sun(Some(sun.0), Some(sun.1));
+            geotiff::write(&args.output, &image, &options)?;
+        }
+    }
+    println!("{}: {rows} x {cols} pixels, DN {low} to {high}", args.output.display());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_synth::{Moon, SynthOptions};
+
+    fn args(input: PathBuf, output: PathBuf, sun_elevation: f64) -> Args {
+        Args { input, output, sun_azimuth: 300.0, sun_elevation, seed: 4 }
+    }
+
+    #[test]
+    fn an_image_lies_on_the_grid_of_its_dtm_and_bad_input_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let truth = Moon::new(3, SynthOptions::default()).unwrap().scene(1, 64, 80).unwrap().truth_raster();
+        geotiff::write(&at("dtm.tif"), &truth, &WriteOptions::heights("a DTM")).unwrap();
+        run(args(at("dtm.tif"), at("image.tif"), 25.0)).unwrap();
+        run(args(at("dtm.tif"), at("image.png"), 25.0)).unwrap();
+        let image = source::read(&at("image.tif")).unwrap();
+        assert_eq!(image.georef, truth.georef);
+        // Sixteen bits hold the camera's whole numbers.
+        assert_eq!(image.samples, photograph(&truth, (300.0, 25.0), 4).unwrap().samples);
+        assert!(at("image.png").exists());
+        for (output, elevation, expected) in
+            [("low.tif", 1.0, "elevation 1"), ("nan.tif", f64::NAN, "elevation NaN"), ("dtm.tif", 25.0, "overwrite")]
+        {
+            let error = run(args(at("dtm.tif"), at(output), elevation)).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        assert!(!at("low.tif").exists() && !at("nan.tif").exists());
+        assert_eq!(source::read(&at("dtm.tif")).unwrap().samples, truth.samples);
+    }
+}

@@ -1,0 +1,223 @@
+//! `elunar sfs`: shape from shading, the rival that needs no network.
+
+use super::output;
+use elunar_raster::stated::{HeightUnit, Statements};
+use elunar_raster::{Crs, Result};
+use elunar_scene::predict::job::{fill, finish, state, summary};
+use elunar_scene::predict::{Input, Part, Scene};
+use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
+use std::path::PathBuf;
+
+/// Options of `sfs`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  elunar sfs --image scene_0000_image.tif --coarse scene_0000_coarse.tif --sun-azimuth 312.5 --sun-elevation 31 -o sfs.tif
+
+Takes and makes the same files as predict, from the Sun's direction instead of a model. With --truth the curve also has errors by step.
+
+Finished rows wait in sfs.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there, and the curve is
+that of the tiles it makes.")]
+pub struct Args {
+    /// Orbiter image, GeoTIFF.
+    #[arg(long, value_name = "I.tif")]
+    pub image: PathBuf,
+    /// Coarse DTM, GeoTIFF, heights in metres above the sphere.
+    #[arg(long, value_name = "C.tif")]
+    pub coarse: PathBuf,
+    /// Azimuth of the Sun, degrees clockwise from the grid's up.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_azimuth: f64,
+    /// Elevation of the Sun above the horizontal, degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub sun_elevation: f64,
+    /// DTM to write.
+    #[arg(short, long, value_name = "DTM.tif")]
+    pub output: PathBuf,
+    /// Weight of second derivatives against relative brightness, metres [default: a quarter of a pixel].
+    #[arg(long, value_name = "M")]
+    pub smoothness_weight: Option<f64>,
+    /// Weight of the departure from the coarse DTM against relative brightness, per metre [default: 0.06 per pixel].
+    #[arg(long, value_name = "PER_M")]
+    pub dem_constraint_weight: Option<f64>,
+    /// Pixels at or below this share of the tile's mean brightness are shadow and count nothing [default: 0].
+    #[arg(long, value_name = "SHARE")]
+    pub shadow_threshold: Option<f64>,
+    /// Levels of the pyramid [default: 4].
+    #[arg(long, value_name = "N")]
+    pub levels: Option<usize>,
+    /// Most Gauss-Newton steps of a level [default: 40].
+    #[arg(long, value_name = "N")]
+    pub iterations: Option<usize>,
+    /// A level is done when three steps together lower its cost by no more than this share [default: 0.001].
+    #[arg(long, value_name = "SHARE")]
+    pub tolerance: Option<f64>,
+    /// Threads, each with tiles of its own; 0 takes as many as the machine offers.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Write cost (and errors) by step, as a table or a picture.
+    #[arg(long, value_name = "CURVE.csv|CURVE.png")]
+    pub curve: Vec<PathBuf>,
+    /// True DTM, for the curve alone.
+    #[arg(long, value_name = "T.tif")]
+    pub truth: Option<PathBuf>,
+    /// Print settings, tiles, times and the curve as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Reference system of the image, where the file does not say it: IAU_2015:30110 and the like, or a PROJ text.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub image_srs: Option<Crs>,
+    /// Reference system of the coarse DTM, likewise.
+    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
+    pub coarse_srs: Option<Crs>,
+    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    #[arg(long)]
+    pub coarse_unit: Option<HeightUnit>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// From options out of range, reading the inputs, and writing; no DTM is left behind then.
+pub fn run(args: Args) -> Result<()> {
+    let mut inputs = vec![args.image.as_path(), &args.coarse];
+    inputs.extend(args.truth.as_deref());
+    output::check(&args.output, &inputs)?;
+    for path in &args.curve {
+        output::extension(path, &["csv", "png"])?;
+        output::check(path, &inputs)?;
+    }
+    let image = Input::stated(&args.image, Statements { srs: args.image_srs.clone(), unit: None })?;
+    let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
+    let coarse = Input::stated(&args.coarse, coarse)?;
+    let truth = args.truth.as_deref().map(Input::open).transpose()?;
+    let settings = args.settings(image.source.info().side_m(&image.name)?);
+    settings.light()?;
+    let scene = Scene::new(image.clone(), coarse)?;
+    let journal = Journal::new(&scene, &image, truth)?;
+    let part = Part::open(&args.output, &args.job(&settings)?, scene.cols)?;
+    let (part, tally) =
+        fill(part, &scene, |from, keep, progress| solve_rows(&scene, &settings, &journal, from, keep, progress))?;
+    let range = finish(part, &args.output, &scene, &settings.description(), (&args.image, &args.coarse))?;
+    let tiles = journal.tiles();
+    let points = curve(&tiles);
+    for path in &args.curve {
+        write_curve(path, &points)?;
+    }
+    if args.json {
+        println!("{}", json(&settings, &tiles));
+        return Ok(());
+    }
+    println!("{}", summary(&args.output, &scene, range, &tally));
+    if let Some((median, mean, largest)) = seconds_per_tile(&tiles) {
+        let done = tiles.iter().filter(|tile| tile.converged()).count();
+        println!(
+            "seconds per tile, one thread: median {median:.2}, mean {mean:.2}, largest {largest:.2}; {done} of {} converged",
+            tiles.len()
+        );
+    }
+    Ok(())
+}
+
+impl Args {
+    fn settings(&self, pixel_m: f64) -> Settings {
+        let default = Settings::new(self.sun_azimuth, self.sun_elevation, pixel_m);
+        Settings {
+            smoothness_weight_m: self.smoothness_weight.unwrap_or(default.smoothness_weight_m),
+            dem_constraint_weight_per_m: self.dem_constraint_weight.unwrap_or(default.dem_constraint_weight_per_m),
+            shadow_threshold: self.shadow_threshold.unwrap_or(default.shadow_threshold),
+            levels: self.levels.unwrap_or(default.levels),
+            iterations: self.iterations.unwrap_or(default.iterations),
+            tolerance: self.tolerance.unwrap_or(default.tolerance),
+            threads: self.threads,
+            ..default
+        }
+    }
+
+    /// What tells this job from others.
+    fn job(&self, settings: &Settings) -> Result<String> {
+        let settings = Settings { threads: 0, ..*settings };
+        let (image, coarse) = (state(&self.image)?, state(&self.coarse)?);
+        let stated = (&self.image_srs, &self.coarse_srs, self.coarse_unit);
+        Ok(format!("{} {image} {coarse} {stated:?} {settings:?}", env!("CARGO_PKG_VERSION")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Cli;
+    use clap::Parser;
+    use elunar_raster::geotiff;
+    use elunar_synth::{Moon, SynthOptions};
+    use std::path::Path;
+
+    fn scene(folder: &Path) -> (f64, f64) {
+        let scene = Moon::new(3, SynthOptions::default()).unwrap().scene(0, 60, 70).unwrap();
+        scene.write(folder).unwrap();
+        (scene.sun_azimuth_deg, scene.sun_elevation_deg)
+    }
+
+    fn run_with(folder: &Path, more: &[(&str, &str)]) -> Result<()> {
+        let file = |name: &str| folder.join(name).display().to_string();
+        let mut options = vec![
+            ("--image", file("scene_0000_image.tif")),
+            ("--coarse", file("scene_0000_coarse.tif")),
+            ("--sun-azimuth", "100".into()),
+            ("--sun-elevation", "30".into()),
+            ("--output", file("dtm.tif")),
+        ];
+        for &(name, value) in more {
+            options.retain(|(known, _)| *known != name);
+            options.push((name, value.into()));
+        }
+        let words = options.into_iter().flat_map(|(name, value)| [name.to_string(), value]);
+        let words = ["elunar".to_string(), "sfs".into()].into_iter().chain(words);
+        crate::cli::run(Cli::try_parse_from(words).unwrap().command)
+    }
+
+    #[test]
+    fn files_go_in_and_a_dtm_with_its_provenance_comes_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let (azimuth, elevation) = scene(folder.path());
+        let curve = folder.path().join("curve.csv").display().to_string();
+        let truth = folder.path().join("scene_0000_truth.tif").display().to_string();
+        let (azimuth, elevation) = (azimuth.to_string(), elevation.to_string());
+        let sun = [("--sun-azimuth", azimuth.as_str()), ("--sun-elevation", &elevation)];
+        run_with(folder.path(), &[&sun[..], &[("--curve", &curve), ("--truth", &truth)]].concat()).unwrap();
+        let dtm = geotiff::read(folder.path().join("dtm.tif")).unwrap();
+        assert_eq!((dtm.rows, dtm.cols, dtm.valid_count()), (60, 70, 60 * 70));
+        let text = std::fs::read(folder.path().join("dtm.tif")).unwrap();
+        let said = |what: &str| text.windows(what.len()).any(|bytes| bytes == what.as_bytes());
+        assert!(said("shape from shading") && said("smoothness weight 0.5 m") && said("0.03 /m"));
+        assert!(folder.path().join("dtm_hillshade.png").exists() && !folder.path().join("dtm.tif.part").exists());
+        let curve = std::fs::read_to_string(curve).unwrap();
+        assert!(curve.lines().count() > 5 && !curve.lines().last().unwrap().ends_with(','), "{curve}");
+    }
+
+    #[test]
+    fn mistakes_are_named_and_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        scene(folder.path());
+        let files = || {
+            let mut names: Vec<_> =
+                std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        let before = files();
+        let image = folder.path().join("scene_0000_image.tif").display().to_string();
+        let cases = [
+            (("--sun-elevation", "-2"), "elevation"),
+            (("--smoothness-weight", "0"), "smoothness weight"),
+            (("--shadow-threshold", "2"), "shadow threshold"),
+            (("--curve", "curve.txt"), ".csv or .png"),
+            (("--truth", "nowhere.tif"), "nowhere.tif"),
+            (("--output", image.as_str()), "overwrite"),
+        ];
+        for (option, expected) in cases {
+            let text = run_with(folder.path(), &[option]).unwrap_err().to_string();
+            assert!(text.contains(expected), "{option:?}: {text}");
+        }
+        assert_eq!(files(), before);
+    }
+}

@@ -1,0 +1,98 @@
+//! Float weights as a model the tile loop can run.
+
+use crate::digest::sha256_hex;
+use crate::model::backend::Backend;
+use crate::model::config::NetConfig;
+use crate::model::elunar::ELunarDtmNet;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::train::feed::side_by_side;
+use crate::{Error, Result};
+use burn::tensor::Device;
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_net::config::config_of;
+use elunar_scene::predict::int8;
+use elunar_scene::predict::network::{Model, Normalisation, TileNetwork};
+use std::path::Path;
+
+/// Opens a model of either kind: `.safetensors` is a float network, run on `backend`; `.eld` an exported one for the int8 runner.
+///
+/// # Errors
+/// [`Error::Unsupported`] for another extension; else as [`open`] and [`int8::open`].
+pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("safetensors") => Ok(Box::new(open(path, backend)?)),
+        Some("eld") => Ok(Box::new(int8::open(path)?)),
+        _ => Err(Error::unsupported(path, "expected a model with extension .eld or .safetensors")),
+    }
+}
+
+/// Whether a file is called float weights.
+#[must_use]
+pub fn is_float(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "safetensors")
+}
+
+/// A float network loaded from a `.safetensors` file.
+pub struct FloatModel {
+    config: NetConfig,
+    net: ELunarDtmNet,
+    device: Device,
+    description: String,
+}
+
+/// Opens float weights on a backend.
+///
+/// # Errors
+/// If the file cannot be read, is broken, holds no configuration, or its tensors do not fit it.
+pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let hash = sha256_hex(&bytes);
+    let weights = Weights::from_bytes(path, &bytes)?;
+    let config = config_of(&weights, path)?;
+    let device = backend.device()?;
+    let net = store::load(&config, &weights, path, &device)?;
+    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    Ok(FloatModel { config, net, device, description: format!("float network {name} sha256:{hash}") })
+}
+
+impl Model for FloatModel {
+    fn tile(&self) -> (usize, usize) {
+        (TILE_ROWS, TILE_COLS)
+    }
+
+    fn normalisation(&self) -> Normalisation {
+        let NetConfig { nr, range_margin, target_range, illumination, .. } = self.config;
+        Normalisation { nr, range_margin, target_range, illumination }
+    }
+
+    fn description(&self) -> String {
+        self.description.clone()
+    }
+
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        Ok(Box::new(Worker { model: self }))
+    }
+}
+
+struct Worker<'a> {
+    model: &'a FloatModel,
+}
+
+impl TileNetwork for Worker<'_> {
+    fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
+        let (rows, cols) = self.model.tile();
+        let maps = self.model.config.image_maps();
+        for (name, maps, found) in
+            [("image", maps, image.len()), ("coarse DTM", 1, coarse.len()), ("output", 1, output.len())]
+        {
+            if found != maps * rows * cols {
+                return Err(Error::usage(format!("{name} tile: expected {maps}x{rows}x{cols} samples, found {found}")));
+            }
+        }
+        let tensor = |data: &[f32]| side_by_side(data.to_vec(), [1, rows, cols], &self.model.device);
+        let found = self.model.net.forward(tensor(image), tensor(coarse)).into_data().try_to_vec::<f32>();
+        output.copy_from_slice(&found.map_err(|e| Error::usage(format!("network output: {e:?}")))?);
+        Ok(())
+    }
+}

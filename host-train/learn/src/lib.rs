@@ -1,0 +1,13 @@
+//! The float network in Burn, the only package that knows Burn: [`model`] is the network, [`train`] teaches it, [`float`] runs it over a scene.
+
+pub mod float;
+pub mod model;
+pub mod stopwatch;
+#[cfg(test)]
+mod testing;
+pub mod train;
+
+use elunar_net::{digest, illumination};
+use elunar_raster as raster;
+use elunar_raster::{Error, Result};
+use elunar_scene::{interrupt, picture};

@@ -1,0 +1,153 @@
+//! Between the Burn modules and named arrays: parameter names and layouts of the reference implementation.
+
+use super::elunar::ELunarDtmNet;
+use crate::{Error, Result};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::tensor::{Device, Tensor, TensorData};
+use elunar_net::config::NetConfig;
+use elunar_net::fit::check_fit;
+use elunar_net::weights::{Array, Weights};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// The network with these weights, on `device`; `path` names them in messages.
+///
+/// # Errors
+/// [`Error::Broken`] if names or shapes do not fit the configuration; every misfit is listed.
+pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
+    config.check().map_err(|what| Error::broken(path, what))?;
+    put(ELunarDtmNet::new(config, device), weights, path, device)
+}
+
+/// A module with these weights in place of its own; `path` names them in messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn put<M: Module>(module: M, weights: &Weights, path: &Path, device: &Device) -> Result<M> {
+    let expected = arrays(&module).tensors.into_iter().map(|(name, array)| (name, array.shape)).collect();
+    check_fit(&expected, weights, path)?;
+    Ok(module.map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
+}
+
+/// The network's weights and buffers, with `config` in the metadata.
+pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
+    // `valid` settles pending running statistics.
+    let mut weights = arrays(&net.valid());
+    let text = serde_json::to_string(config).expect("a plain struct");
+    weights.metadata.insert("config".into(), text);
+    weights
+}
+
+/// A module's weights and buffers.
+pub fn arrays<M: Module>(module: &M) -> Weights {
+    let mut saver = Saver::default();
+    module.visit(&mut saver);
+    saver.weights
+}
+
+/// Every expected tensor with its shape, zero-filled.
+pub fn shapes(config: &NetConfig, device: &Device) -> Weights {
+    save(config, &ELunarDtmNet::new(config, device))
+}
+
+/// Where a walk through the modules stands.
+#[derive(Default)]
+struct Walk {
+    names: Vec<String>,
+    kinds: Vec<String>,
+}
+
+impl Walk {
+    fn enter(&mut self, name: &str, kind: &str) {
+        self.names.push(name.into());
+        self.kinds.push(kind.into());
+    }
+
+    fn exit(&mut self) {
+        self.names.pop();
+        self.kinds.pop();
+    }
+
+    /// Interchange name of the parameter underfoot: Burn's layer norm calls weight and bias gamma and beta.
+    fn name(&self) -> String {
+        let joined = self.names.join(".");
+        match joined.rsplit_once('.') {
+            Some((module, "gamma")) => format!("{module}.weight"),
+            Some((module, "beta")) => format!("{module}.bias"),
+            _ => joined,
+        }
+    }
+
+    /// Burn keeps linear weights as `[in, out]`, PyTorch as `[out, in]`.
+    fn transposed(&self) -> bool {
+        self.kinds.last().is_some_and(|k| k == "Struct:Linear") && self.names.last().is_some_and(|n| n == "weight")
+    }
+}
+
+fn transpose(data: &[f32], rows: usize, cols: usize) -> Vec<f32> {
+    (0..rows * cols).map(|i| data[(i % rows) * cols + i / rows]).collect()
+}
+
+#[derive(Default)]
+struct Saver {
+    walk: Walk,
+    weights: Weights,
+}
+
+impl ModuleVisitor for Saver {
+    fn enter_module(&mut self, name: &str, kind: &str) {
+        self.walk.enter(name, kind);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.walk.exit();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let tensor = param.val();
+        let mut shape = tensor.dims().to_vec();
+        let mut data = tensor.into_data().try_to_vec::<f32>().expect("the network is f32");
+        if self.walk.transposed() {
+            data = transpose(&data, shape[0], shape[1]);
+            shape.reverse();
+        }
+        self.weights.tensors.insert(self.walk.name(), Array { shape, data });
+    }
+}
+
+struct Loader<'a> {
+    weights: &'a Weights,
+    walk: Walk,
+    device: Device,
+}
+
+impl ModuleMapper for Loader<'_> {
+    fn enter_module(&mut self, name: &str, kind: &str) {
+        self.walk.enter(name, kind);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.walk.exit();
+    }
+
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        let name = self.walk.name();
+        let array = &self.weights.tensors[&name];
+        let mut shape = array.shape.clone();
+        let mut data = array.data.clone();
+        if self.walk.transposed() {
+            data = transpose(&data, shape[0], shape[1]);
+            shape.reverse();
+        }
+        let (_, old, mapper) = param.consume();
+        let value =
+            Tensor::from_data(TensorData::new(data, shape), &self.device).set_require_grad(old.is_require_grad());
+        Param::from_mapped_value(stable_id(&name), value, mapper)
+    }
+}
+
+/// A parameter id that depends on the name alone, so that a saved optimiser finds its parameters after a restart.
+fn stable_id(name: &str) -> ParamId {
+    let digest = Sha256::digest(name.as_bytes());
+    ParamId::from(u64::from_le_bytes(digest[..8].try_into().expect("eight bytes")))
+}

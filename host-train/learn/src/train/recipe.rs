@@ -1,0 +1,323 @@
+//! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
+
+use super::adversarial::Adversarial;
+use super::loss::{Elevation, LossWeights};
+use super::sample::RawTile;
+use crate::model::config::Preset;
+use crate::model::precision::Precision;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// What the network learns to reach.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Target {
+    /// The truth as it is (the paper).
+    Truth,
+    /// The truth with the low frequencies of the coarse DTM ([`RawTile::anchored`]; our choice).
+    Anchored,
+}
+
+impl Target {
+    /// The tile with its truth replaced by the target.
+    ///
+    /// # Errors
+    /// If the tile's maps differ in size.
+    pub fn of(self, tile: RawTile) -> Result<RawTile> {
+        match self {
+            Self::Truth => Ok(tile),
+            Self::Anchored => tile.anchored(),
+        }
+    }
+}
+
+/// Everything that, with the data and the seed, determines a training run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recipe {
+    /// Tiles (or crops) per step.
+    pub batch: usize,
+    /// Parts into which a device's batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
+    /// time.
+    #[serde(default = "one")]
+    pub accumulate: usize,
+    /// Devices that share a step's batch, each working on `accumulate` parts of it; `accumulate` times `devices` divides `batch`.
+    #[serde(default = "one")]
+    pub devices: usize,
+    /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
+    #[serde(default)]
+    pub checkpointing: bool,
+    /// What the network computes in.
+    #[serde(default)]
+    pub precision: Precision,
+    /// Optimiser steps; the cosine ends here.
+    pub steps: usize,
+    /// Learning rate at the start of the cosine, after warm-up.
+    pub learning_rate: f64,
+    /// Steps of linear warm-up.
+    pub warm_up: usize,
+    /// AdamW weight decay.
+    pub weight_decay: f32,
+    /// Gradients are scaled down to this norm, parameter by parameter.
+    pub clip_norm: f32,
+    /// Share of the steps trained on the elevation term alone (the paper: 5k of 15k).
+    pub elevation_only: f64,
+    /// Weights of the loss terms (Eq. 5).
+    pub weights: LossWeights,
+    /// Elevation term.
+    pub elevation: Elevation,
+    /// What training and validation judge by.
+    pub target: Target,
+    /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
+    #[serde(default)]
+    pub adversarial: Option<Adversarial>,
+    /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
+    pub known_sun: f64,
+    /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
+    pub crop: [usize; 2],
+    /// Crops taken from one tile.
+    pub crops_per_tile: usize,
+    /// Steps between validations.
+    pub validate_every: usize,
+    /// Tiles of the fixed validation set.
+    pub validation_tiles: usize,
+    /// Steps between checkpoints.
+    pub checkpoint_every: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+impl Recipe {
+    /// The recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
+    pub fn preset(preset: Preset) -> Self {
+        let paper = Self {
+            batch: 4,
+            accumulate: 1,
+            devices: 1,
+            checkpointing: false,
+            precision: Precision::F32,
+            steps: 60_000,
+            learning_rate: 1e-4,
+            warm_up: 0,
+            weight_decay: 1e-4,
+            clip_norm: 1.0,
+            elevation_only: 1.0 / 3.0,
+            weights: LossWeights::PAPER,
+            elevation: Elevation::MeanNormalised,
+            target: Target::Truth,
+            adversarial: None,
+            known_sun: 0.5,
+            crop: [256, 320],
+            crops_per_tile: 1,
+            validate_every: 5_000,
+            validation_tiles: 64,
+            checkpoint_every: 1_000,
+        };
+        match preset {
+            Preset::Paper | Preset::Small => paper,
+            Preset::Tiny | Preset::Nano => Self {
+                batch: 8,
+                steps: 2_400,
+                learning_rate: 1e-3,
+                warm_up: 100,
+                elevation_only: 0.0,
+                weights: LossWeights::PIXELS,
+                elevation: Elevation::L1,
+                target: Target::Anchored,
+                crop: [128, 160],
+                crops_per_tile: 1,
+                validate_every: 200,
+                validation_tiles: 32,
+                checkpoint_every: 100,
+                ..paper
+            },
+        }
+    }
+
+    /// Micro-batches of a step.
+    pub fn parts(&self) -> usize {
+        self.accumulate.saturating_mul(self.devices)
+    }
+
+    /// Learning rate of a step, counted from 0: linear warm-up, then one cosine to zero.
+    pub fn learning_rate_at(&self, step: usize) -> f64 {
+        if step < self.warm_up {
+            return self.learning_rate * (step + 1) as f64 / self.warm_up as f64;
+        }
+        let done = (step - self.warm_up) as f64 / (self.steps.saturating_sub(self.warm_up)).max(1) as f64;
+        self.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos())
+    }
+
+    /// Whether a step is one of those on the elevation term alone.
+    pub fn elevation_alone(&self, step: usize) -> bool {
+        (step as f64) < self.elevation_only * self.steps as f64
+    }
+
+    /// Loss weights of a step.
+    pub fn weights_at(&self, step: usize) -> LossWeights {
+        if self.elevation_alone(step) {
+            LossWeights { gradient: 0.0, normal: 0.0, ..self.weights }
+        } else {
+            self.weights
+        }
+    }
+
+    /// What is wrong with the recipe, if anything.
+    ///
+    /// # Errors
+    /// One line naming the field, what is expected and what was found.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        for (name, n) in [("crop rows", self.crop[0]), ("crop columns", self.crop[1])] {
+            if n == 0 || !n.is_multiple_of(32) {
+                return Err(format!("{name}: expected a multiple of 32, found {n}"));
+            }
+        }
+        let counts = [
+            ("batch", self.batch),
+            ("steps", self.steps),
+            ("crops per tile", self.crops_per_tile),
+            ("validate every", self.validate_every),
+            ("validation tiles", self.validation_tiles),
+            ("checkpoint every", self.checkpoint_every),
+        ];
+        for (name, n) in counts {
+            if n == 0 {
+                return Err(format!("{name}: expected at least 1, found 0"));
+            }
+        }
+        if self.parts() == 0 || !self.batch.is_multiple_of(self.parts()) {
+            let Self { batch, accumulate, devices, .. } = self;
+            return Err(format!(
+                "accumulate times devices: expected a divisor of batch {batch}, found {accumulate} times {devices}"
+            ));
+        }
+        if let Some(adversarial) = &self.adversarial {
+            adversarial.check()?;
+            for (name, n) in [("accumulate", self.accumulate), ("devices", self.devices)] {
+                if n > 1 {
+                    return Err(format!("{name}: expected 1 with a critic, found {n}"));
+                }
+            }
+        }
+        if !(0.0..=1.0).contains(&self.known_sun) {
+            return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
+        }
+        if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
+            return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
+        }
+        Ok(())
+    }
+}
+
+/// Departures from a recipe, as command-line options.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+pub struct RecipeFlags {
+    /// Optimiser steps [default: the preset's].
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Tiles or crops per step [default: the preset's].
+    #[arg(long)]
+    pub batch: Option<usize>,
+    /// Parts into which the batch is divided to save memory; batch normalisation sees one at a time [default: 1].
+    #[arg(long, value_name = "N")]
+    pub accumulate: Option<usize>,
+    /// Devices that share a batch: GPUs, or shares of the processor's threads; batch normalisation sees one share at a time [default: 1].
+    #[arg(long, value_name = "N")]
+    pub devices: Option<usize>,
+    /// Compute cheap operations again for the gradients instead of keeping their results in memory.
+    #[arg(long)]
+    pub checkpointing: bool,
+    /// What products and convolutions are computed in [default: f32].
+    #[arg(long)]
+    pub precision: Option<Precision>,
+    /// Learning rate at the start of the cosine [default: the preset's].
+    #[arg(long)]
+    pub learning_rate: Option<f64>,
+    /// Steps of linear warm-up [default: the preset's].
+    #[arg(long)]
+    pub warm_up: Option<usize>,
+    /// Rows and columns of the crop [default: the preset's].
+    #[arg(long, num_args = 2, value_names = ["ROWS", "COLS"])]
+    pub crop: Option<Vec<usize>>,
+    /// Crops taken from one tile [default: the preset's].
+    #[arg(long)]
+    pub crops_per_tile: Option<usize>,
+    /// Share of the steps on the elevation term alone [default: the preset's].
+    #[arg(long)]
+    pub elevation_only: Option<f64>,
+    /// Elevation term of the loss [default: mean-normalised].
+    #[arg(long)]
+    pub elevation: Option<Elevation>,
+    /// What training and validation judge by [default: the preset's].
+    #[arg(long)]
+    pub target: Option<Target>,
+    /// Share of the tiles whose Sun the network is told [default: the preset's].
+    #[arg(long)]
+    pub known_sun: Option<f64>,
+    /// Weights of elevation, gradient and normal term [default: the preset's].
+    #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
+    pub loss_weights: Option<Vec<f32>>,
+    /// Steps between validations [default: the preset's].
+    #[arg(long)]
+    pub validate_every: Option<usize>,
+    /// Tiles of the validation set [default: the preset's].
+    #[arg(long)]
+    pub validation_tiles: Option<usize>,
+    /// Steps between checkpoints [default: the preset's].
+    #[arg(long)]
+    pub checkpoint_every: Option<usize>,
+}
+
+impl RecipeFlags {
+    /// `recipe` with the given options set.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the option that is out of range.
+    pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
+        recipe.steps = self.steps.unwrap_or(recipe.steps);
+        recipe.batch = self.batch.unwrap_or(recipe.batch);
+        recipe.accumulate = self.accumulate.unwrap_or(recipe.accumulate);
+        recipe.devices = self.devices.unwrap_or(recipe.devices);
+        recipe.checkpointing |= self.checkpointing;
+        recipe.precision = self.precision.unwrap_or(recipe.precision);
+        recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
+        recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
+        if let Some([rows, cols]) = self.crop.as_deref() {
+            recipe.crop = [*rows, *cols];
+        }
+        recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
+        recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
+        recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
+        recipe.target = self.target.unwrap_or(recipe.target);
+        recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
+        if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
+            recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
+        }
+        recipe.validate_every = self.validate_every.unwrap_or(recipe.validate_every);
+        recipe.validation_tiles = self.validation_tiles.unwrap_or(recipe.validation_tiles);
+        recipe.checkpoint_every = self.checkpoint_every.unwrap_or(recipe.checkpoint_every);
+        recipe.check().map_err(Error::usage)?;
+        Ok(recipe)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cosine_ends_at_zero_and_never_restarts() {
+        let recipe = Recipe::preset(Preset::Nano);
+        let rates: Vec<f64> = (recipe.warm_up..=recipe.steps).map(|s| recipe.learning_rate_at(s)).collect();
+        assert!(rates.windows(2).all(|w| w[1] <= w[0]), "must fall monotonically");
+        assert!(rates[rates.len() - 1].abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_papers_first_third_trains_elevation_alone() {
+        let recipe = Recipe { steps: 15_000, ..Recipe::preset(Preset::Paper) };
+        assert_eq!(recipe.weights_at(4_999).gradient, 0.0);
+        assert_eq!(recipe.weights_at(5_000), LossWeights::PAPER);
+    }
+}

@@ -1,0 +1,229 @@
+//! The training loop: steps, validation, checkpoints, progress, and an end that Ctrl-C or a kill cannot spoil.
+
+use super::checkpoint::{self, Checkpoint};
+use super::curves;
+use super::feed::{Feed, tensors};
+use super::journal::Journal;
+use super::recipe::Recipe;
+use super::sample::Sample;
+use super::source::DataSpec;
+use super::source::TileSource;
+use super::step::Trainer;
+use super::validate::{Validation, ValidationSet};
+use crate::model::backend::Backend;
+use crate::model::config::NetConfig;
+use crate::model::store;
+use crate::model::weights::Weights;
+use crate::stopwatch::{Part, pause, time};
+use crate::{Error, Result, interrupt};
+use burn::module::Module;
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Weights with the lowest validation RMSE.
+pub const BEST: &str = "best.safetensors";
+/// Weights after the last step.
+pub const LAST: &str = "last.safetensors";
+/// The run's record: network, recipe, data, seed, backend.
+pub const RECORD: &str = "run.json";
+
+/// All that determines a run; written to its folder before the first step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The network.
+    pub network: NetConfig,
+    /// The hyper-parameters.
+    pub recipe: Recipe,
+    /// Where the training tiles come from.
+    pub data: DataSpec,
+    /// Where the validation tiles come from.
+    pub validation_data: DataSpec,
+    /// Seed of initial weights and of cropping.
+    pub seed: u64,
+    /// Backend.
+    pub backend: Backend,
+    /// What the weights started from.
+    pub started_from: String,
+}
+
+impl Record {
+    /// The record of a run folder.
+    ///
+    /// # Errors
+    /// If it is missing or malformed.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(RECORD);
+        let text = std::fs::read(&path).map_err(Error::io(&path))?;
+        serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("run record: {e}")))
+    }
+}
+
+/// A run about to start or to go on.
+pub struct Run {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What determines it.
+    pub record: Record,
+    /// Weights of step 0; `None` goes on from the folder's checkpoint.
+    pub initial: Option<Weights>,
+    /// Training tiles.
+    pub training: Arc<dyn TileSource>,
+    /// Validation tiles.
+    pub validation: Arc<dyn TileSource>,
+    /// Stop after this step although the recipe goes on, as if killed there (`None`: run to the end).
+    pub stop_after: Option<usize>,
+}
+
+/// How a run ended.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Steps done in all.
+    pub steps: usize,
+    /// Steps done since the run was started or resumed.
+    pub steps_here: usize,
+    /// Whether the recipe was finished.
+    pub finished: bool,
+    /// The last validation.
+    pub last: Option<Validation>,
+    /// Validation of the best weights since the run was started or resumed.
+    pub best: Option<Validation>,
+    /// Training steps per second since the run was started or resumed, validation and checkpoints included.
+    pub steps_per_s: f64,
+}
+
+struct Loop {
+    trainer: Trainer,
+    journal: Journal,
+    set: ValidationSet,
+    best_rmse: Option<f64>,
+    best: Option<Validation>,
+    last: Option<Validation>,
+}
+
+impl Run {
+    /// Trains until the recipe is done, the user interrupts, or `stop_after`.
+    ///
+    /// # Errors
+    /// If the folder holds another run, tiles cannot be made, the loss is not finite, or files cannot be written.
+    pub fn train(self) -> Result<Outcome> {
+        self.record.recipe.check().map_err(Error::usage)?;
+        interrupt::listen();
+        let (mut state, first) = self.open()?;
+        let recipe = &self.record.recipe;
+        let feed = Feed::new(self.training.clone(), self.record.network.clone(), recipe.clone(), self.record.seed);
+        let batches = feed.ahead(first);
+        let bar = progress(first, recipe.steps);
+        let (start, mut done) = (Instant::now(), first);
+        while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
+            let batch =
+                time(Part::Tiles, || batches.recv()).map_err(|_| Error::usage("the data feed stopped early"))??;
+            let parts = recipe.parts();
+            let micro = batch.chunks(recipe.batch / parts).enumerate();
+            let place = |(i, samples): (usize, &[Sample])| tensors(samples, state.trainer.device_of(i, parts));
+            let micro = time(Part::Tensors, || micro.map(place).collect());
+            let figures = state.trainer.step(recipe, done, micro)?;
+            done += 1;
+            state.journal.step(&figures)?;
+            bar.set_message(format!("loss {:.4}", figures.loss));
+            bar.set_position(done as u64);
+            if done.is_multiple_of(recipe.validate_every) || done == recipe.steps {
+                self.validate(&mut state, done, &bar)?;
+            }
+            if done.is_multiple_of(recipe.checkpoint_every) || done == recipe.steps {
+                self.checkpoint(&state, done)?;
+            }
+        }
+        let finished = done == recipe.steps;
+        if !finished {
+            self.checkpoint(&state, done)?;
+            curves::draw(&self.folder)?;
+        }
+        bar.abandon();
+        store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(LAST))?;
+        let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
+        Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
+    }
+
+    /// Sets the loop up at step 0 or at the checkpoint.
+    fn open(&self) -> Result<(Loop, usize)> {
+        let saved = match &self.initial {
+            Some(_) => self.claim().map(|()| None)?,
+            None => Some(self.checkpointed()?),
+        };
+        let recipe = &self.record.recipe;
+        let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
+        let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
+        let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
+        let devices = self.record.backend.devices(recipe.devices)?;
+        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
+        if let Some(saved) = &saved {
+            trainer.restore(saved)?;
+        }
+        let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
+        let journal = Journal::open(&self.folder, first)?;
+        let state = Loop { trainer, journal, set, best_rmse, best: None, last: None };
+        if first == 0 {
+            self.checkpoint(&state, 0)?;
+        }
+        Ok((state, first))
+    }
+
+    /// Makes the folder this run's: writes the record, refuses a folder that has one.
+    fn claim(&self) -> Result<()> {
+        std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
+        let path = self.folder.join(RECORD);
+        if path.exists() {
+            let what = "expected a new folder, found a run in it; choose another --out or add --resume";
+            return Err(Error::usage(format!("{}: {what}", self.folder.display())));
+        }
+        crate::raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
+    }
+
+    /// The folder's checkpoint, if the folder holds this very run.
+    fn checkpointed(&self) -> Result<Checkpoint> {
+        if Record::read(&self.folder)? != self.record {
+            let what = format!("{}: expected the record of the run to resume, found another", self.folder.display());
+            return Err(Error::usage(what));
+        }
+        let found = checkpoint::load(&self.folder)?;
+        found.ok_or_else(|| Error::usage(format!("{}: expected a checkpoint, found none", self.folder.display())))
+    }
+
+    fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
+        let device = state.trainer.device.clone().inner();
+        let found = pause(|| state.set.run(&state.trainer.net.valid(), &device))?;
+        state.journal.validation(step, &found)?;
+        let best = state.best_rmse.is_none_or(|best| found.rmse < best);
+        bar.suspend(|| {
+            eprintln!(
+                "step {step:6}  validation: RMSE {:.2} m (coarse {:.2}), slope {:.2}° (coarse {:.2}°){}",
+                found.network.rmse_m,
+                found.coarse.rmse_m,
+                found.network.slope_mae_deg,
+                found.coarse.slope_mae_deg,
+                if best { "  best" } else { "" }
+            );
+        });
+        if best {
+            state.best_rmse = Some(found.rmse);
+            state.best = Some(found);
+            store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(BEST))?;
+        }
+        state.last = Some(found);
+        curves::draw(&self.folder)
+    }
+
+    fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
+        let weights = store::save(&self.record.network, &state.trainer.net);
+        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.trainer)
+    }
+}
+
+fn progress(first: usize, steps: usize) -> ProgressBar {
+    let bar = elunar_scene::progress::bar("training", steps as u64, "steps").with_position(first as u64);
+    bar.reset_eta();
+    bar
+}

@@ -1,0 +1,244 @@
+//! The loop on a miniature network and made-up tiles.
+
+use super::adversarial::Adversarial;
+use super::feed::{Feed, tensors};
+use super::recipe::Recipe;
+use super::run::{BEST, LAST, Record, Run};
+use super::sample::RawTile;
+use super::source::DataSpec;
+use super::source::TileSource;
+use super::step::Trainer;
+use crate::Result;
+use crate::illumination::KnownSun;
+use crate::model::backend::Backend;
+use crate::model::config::{NetConfig, Preset};
+use crate::model::init::initial_weights;
+use crate::model::precision::Precision;
+use crate::model::store;
+use crate::testing::without_zeros;
+use elunar_net::config::miniature_network;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Ripples lit from the west: enough relation between image and relief for a network to find.
+struct Ripples;
+
+impl TileSource for Ripples {
+    fn tile(&self, index: u64) -> Result<RawTile> {
+        let (rows, cols) = (96, 96);
+        let phase = index as f32 * 0.7;
+        let height = |r: f32, c: f32| 10.0 * (r * 0.05 + phase).sin() + (c * 0.4 + phase).sin();
+        let map = |f: &dyn Fn(f32, f32) -> f32| -> Vec<f32> {
+            (0..rows * cols).map(|i| f((i / cols) as f32, (i % cols) as f32)).collect()
+        };
+        Ok(RawTile {
+            rows,
+            cols,
+            pixel_m: 2.0,
+            image: map(&|r, c| 3.0 + height(r, c + 1.0) - height(r, c)),
+            coarse_m: map(&|r, _| 10.0 * (r * 0.05 + phase).sin()),
+            truth_m: map(&height),
+            coarse_px: 30.0,
+            sun: KnownSun { azimuth_deg: Some(270.0), elevation_deg: None },
+            light: None,
+        })
+    }
+}
+
+fn miniature() -> (NetConfig, Recipe) {
+    let network = miniature_network();
+    let recipe = Recipe {
+        batch: 2,
+        steps: 8,
+        warm_up: 2,
+        crop: [64, 64],
+        validate_every: 3,
+        validation_tiles: 2,
+        checkpoint_every: 2,
+        ..Recipe::preset(Preset::Nano)
+    };
+    (network, recipe)
+}
+
+/// The same as an adversarial rival: one branch, and a critic from the third step on.
+fn rival() -> (NetConfig, Recipe) {
+    let (network, recipe) = miniature();
+    let network = NetConfig { use_coarse: false, coarse_channel: true, ..network };
+    let adversarial = Some(Adversarial { weight: 0.1, learning_rate: 2e-3, width: 4 });
+    (network, Recipe { adversarial, elevation_only: 0.25, ..recipe })
+}
+
+fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
+    run_of(miniature(), folder, resume, stop_after)
+}
+
+fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
+    let initial = (!resume).then(|| initial_weights(&network, 1));
+    // Never opened: the sources below stand in.
+    let spec = DataSpec::Folder { path: "ripples".into() };
+    let record = Record {
+        network,
+        recipe,
+        data: spec.clone(),
+        validation_data: spec,
+        seed: 5,
+        backend: Backend::Flex,
+        started_from: "seed 1".into(),
+    };
+    let source: Arc<dyn TileSource> = Arc::new(Ripples);
+    Run { folder: folder.into(), record, initial, training: source.clone(), validation: source, stop_after }
+}
+
+#[test]
+fn a_killed_run_resumes_bit_for_bit() {
+    let (network, recipe) = miniature();
+    let shared = (network, Recipe { devices: 2, precision: Precision::Bf16, ..recipe });
+    for kind in [miniature(), rival(), shared] {
+        resumes_bit_for_bit(&kind);
+    }
+}
+
+fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
+    let run = |folder: &Path, resume, stop_after| run_of(kind.clone(), folder, resume, stop_after);
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
+    assert!(run(&whole, false, None).train().unwrap().finished);
+    assert!(!run(&parts, false, Some(5)).train().unwrap().finished);
+    // A kill after the checkpoint leaves rows of steps that will be done again.
+    let steps = parts.join("steps.csv");
+    let text = std::fs::read_to_string(&steps).unwrap() + "6,0,0,0,0,0\n7,0,";
+    std::fs::write(&steps, text).unwrap();
+    assert!(run(&parts, true, None).train().unwrap().finished);
+    for file in [BEST, LAST, "steps.csv", "validation.csv"] {
+        let [a, b] = [&whole, &parts].map(|f| std::fs::read(f.join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
+}
+
+#[test]
+fn a_run_is_never_overwritten_or_mixed_with_another() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), false, Some(1)).train().unwrap();
+    let again = run(folder.path(), false, None).train().unwrap_err().to_string();
+    assert!(again.contains("--resume"), "{again}");
+    let mut other = run(folder.path(), true, None);
+    other.record.seed = 6;
+    let mixed = other.train().unwrap_err().to_string();
+    assert!(mixed.contains("found another"), "{mixed}");
+}
+
+#[test]
+fn a_flipped_byte_in_a_checkpoint_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), false, Some(2)).train().unwrap();
+    let path = folder.path().join("checkpoint/optimiser.bpk");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let error = run(folder.path(), true, None).train().unwrap_err().to_string();
+    assert!(error.contains("SHA-256"), "{error}");
+}
+
+#[test]
+fn a_critic_learns_and_is_felt() {
+    let folder = tempfile::tempdir().unwrap();
+    let (network, recipe) = rival();
+    let without = Recipe { adversarial: None, ..recipe.clone() };
+    let weights = |name: &str, recipe: Recipe| {
+        let path = folder.path().join(name);
+        assert!(run_of((network.clone(), recipe), &path, false, None).train().unwrap().finished);
+        std::fs::read(path.join(LAST)).unwrap()
+    };
+    assert!(weights("with", recipe) != weights("without", without));
+    let critic = |step: &str| std::fs::read(folder.path().join(step).join("checkpoint/critic.safetensors"));
+    assert!(critic("without").is_err());
+    let path = folder.path().join("begun");
+    run_of(rival(), &path, false, Some(1)).train().unwrap();
+    assert!(critic("begun").unwrap() != critic("with").unwrap());
+}
+
+/// Trainable weights and running statistics after steps on the same micro-batches, each the crops of one of the feed's steps.
+fn learnt_and_seen(recipe: &Recipe, micro: &[usize], steps: usize) -> [Vec<f32>; 2] {
+    let (network, _) = miniature();
+    // A head of zeros lets no gradient through: what stands before it would learn nothing in the first step.
+    let weights = without_zeros(initial_weights(&network, 1));
+    let devices = Backend::Flex.devices(recipe.devices).unwrap();
+    let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), devices).unwrap();
+    let feed = Feed::new(Arc::new(Ripples), network.clone(), recipe.clone(), 5);
+    for step in 0..steps {
+        let batch = |(i, &of): (usize, &usize)| tensors(&feed.batch(of).unwrap(), trainer.device_of(i, micro.len()));
+        let micro = micro.iter().enumerate().map(batch).collect();
+        trainer.step(recipe, step, micro).unwrap();
+    }
+    let after = store::save(&network, &trainer.net).tensors;
+    let (seen, trained): (Vec<_>, Vec<_>) = after.into_iter().partition(|(name, _)| name.contains(".running_"));
+    [trained, seen].map(|arrays| arrays.into_iter().flat_map(|(_, array)| array.data).collect())
+}
+
+/// Trainable weights after a step on micro-batches.
+fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
+    let [learnt, _] = learnt_and_seen(recipe, micro, 1);
+    learnt
+}
+
+#[test]
+fn half_precision_learns_as_well() {
+    let (network, recipe) = miniature();
+    let folder = tempfile::tempdir().unwrap();
+    let losses = |precision: Precision| -> Vec<f64> {
+        let recipe = Recipe { precision, steps: 30, validate_every: 30, checkpoint_every: 30, ..recipe.clone() };
+        let path = folder.path().join(format!("{precision:?}"));
+        assert!(run_of((network.clone(), recipe), &path, false, None).train().unwrap().finished);
+        let text = std::fs::read_to_string(path.join("steps.csv")).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect()
+    };
+    let [full, half] = [Precision::F32, Precision::Bf16].map(losses);
+    let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
+    let [(first, last), (_, half)] = [&full, &half].map(|losses| (mean(&losses[..5]), mean(&losses[25..])));
+    println!("loss {first:.4} at first, {last:.4} in f32 and {half:.4} in bf16 at last");
+    assert!(last < 0.8 * first && (half / last - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn devices_learn_what_one_learns_from_their_micro_batches() {
+    let (_, one) = miniature();
+    let two = Recipe { devices: 2, ..one.clone() };
+    let [alone, together] = [&one, &two].map(|recipe| learnt_and_seen(recipe, &[0, 1], 3));
+    assert!(alone[0] == together[0], "weights differ");
+    // Of four micro-batches each works on two, and sums are rounded in another order.
+    let [alone, together] = [&one, &two].map(|recipe| learnt(recipe, &[0, 1, 2, 3]));
+    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+    assert!(apart(&alone, &together) < 1e-3 * apart(&alone, &learnt(&one, &[0, 1])));
+    // Running statistics are the means of what each has seen.
+    let [[_, first], [_, second]] = [0, 1].map(|micro| learnt_and_seen(&one, &[micro], 1));
+    let [_, both] = learnt_and_seen(&two, &[0, 1], 1);
+    for ((a, b), mean) in first.iter().zip(&second).zip(&both) {
+        assert!((0.5 * (a + b) - mean).abs() <= 1e-6 * mean.abs().max(1e-3), "{mean} of {a} and {b}");
+    }
+    assert!(first != second);
+}
+
+#[test]
+fn checkpointing_changes_no_weight() {
+    let (_, recipe) = miniature();
+    let saving = Recipe { checkpointing: true, ..recipe.clone() };
+    assert!(learnt(&recipe, &[0]) == learnt(&saving, &[0]));
+}
+
+#[test]
+fn every_micro_batch_counts_and_their_order_does_not() {
+    let (_, recipe) = miniature();
+    // AdamW's first step goes by the gradients' signs: a weight that another gradient moves elsewhere is two rates off.
+    let apart = |a: &[usize], b: &[usize]| -> f64 {
+        let (a, b) = (learnt(&recipe, a), learnt(&recipe, b));
+        let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));
+        (squares.sum::<f64>() / a.len() as f64).sqrt() / recipe.learning_rate_at(0)
+    };
+    for same in [apart(&[0, 1], &[1, 0]), apart(&[0, 0, 0, 0], &[0])] {
+        assert!(same < 1e-3, "{same}");
+    }
+    for other in [apart(&[0, 1], &[0]), apart(&[0, 1], &[1]), apart(&[0], &[1])] {
+        assert!(other > 0.2, "{other}");
+    }
+}

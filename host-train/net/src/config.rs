@@ -1,0 +1,366 @@
+//! Every width, depth and switch of the network, with the paper's value or "our choice".
+
+use crate::weights::Weights;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Output head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Head {
+    /// 3x3 convolution and ReLU: absolute normalised elevation (the paper's).
+    Relu,
+    /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: converges in minutes).
+    Residual,
+}
+
+/// Whose minimum and relief normalise the true DTM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TargetRange {
+    /// The truth's own (Sec. III-A1). Recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
+    Own,
+    /// The coarse tile's, widened by [`NetConfig::range_margin`] on both sides, for both DTMs: recovery is exact (our choice).
+    Reference,
+    /// None: both DTMs are counted in pixels of the image about the mean of the coarse one, so that slopes are slopes (our choice).
+    Pixel,
+}
+
+/// Which light the network knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Illumination {
+    /// The Sun anywhere (the paper's).
+    Any,
+    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice, see
+    /// [`crate::illumination`]).
+    Northwest,
+    /// As [`Self::Northwest`], and how brightness answers to slope is given: linear photoclinometry guides the network, which is left to
+    /// correct it (our choice, see [`elunar_core::photoclinometry`]).
+    Given,
+}
+
+/// Image encoder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum ImageEncoderKind {
+    /// Swin transformer beside a 7x7 stem (the paper's).
+    Swin,
+    /// Residual basic blocks (the paper's ablation).
+    Resnet,
+}
+
+/// Decoder blocks 2 to 5.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum DecoderKind {
+    /// The shortcut sees the previous decoder output only (the paper's).
+    Residual,
+    /// Up-projection block: the shortcut sees skip and previous output (the paper's ablation).
+    Upb,
+}
+
+/// Named sizes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The paper's network, 321 M parameters.
+    Paper,
+    /// Half the width.
+    Small,
+    /// A quarter.
+    Tiny,
+    /// An eighth, 2.8 M parameters: trains on a laptop, flies on a microcontroller.
+    Nano,
+}
+
+/// Departures from the paper's network, as command-line options.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+pub struct Switches {
+    /// Output head [default: relu].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub head: Option<Head>,
+    /// Whose range normalises the truth [default: own].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub target_range: Option<TargetRange>,
+    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub range_margin: Option<f32>,
+    /// Upper end of the normalised range; 1 is the paper's max-min ablation [default: 50].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub nr: Option<f32>,
+    /// Image encoder [default: swin].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub image_encoder: Option<ImageEncoderKind>,
+    /// Decoder blocks [default: residual].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub decoder_kind: Option<DecoderKind>,
+    /// Which light the network knows [default: any].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub illumination: Option<Illumination>,
+    /// Share of a batch in the running statistics of batch normalisation [default: 0.1, PyTorch's].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub bn_momentum: Option<f64>,
+    /// Leave out the coarse-DTM branch (the paper's ablation).
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub no_coarse: bool,
+    /// Give the coarse DTM as one more channel of the image instead of a branch of its own (as single-branch rivals do).
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub coarse_channel: bool,
+}
+
+/// Blocks per stage of [`ImageEncoderKind::Resnet`], as in the 18-layer network (our choice: the paper does not name the depth of its
+/// ablation).
+pub const RESNET_BLOCKS: usize = 2;
+
+/// Default of [`NetConfig::range_margin`] with [`TargetRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
+/// to 10 %, so a tenth on both sides keeps nearly all truth inside [0, NR]).
+pub const REFERENCE_MARGIN: f32 = 0.1;
+
+impl Switches {
+    /// `config` with the given switches set.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if they contradict each other.
+    pub fn apply(&self, mut config: NetConfig) -> Result<NetConfig> {
+        config.head = self.head.unwrap_or(config.head);
+        if let Some(target_range) = self.target_range {
+            config.target_range = target_range;
+            config.range_margin = if target_range == TargetRange::Reference { REFERENCE_MARGIN } else { 0.0 };
+        }
+        config.range_margin = self.range_margin.unwrap_or(config.range_margin);
+        config.nr = self.nr.unwrap_or(config.nr);
+        config.image_encoder = self.image_encoder.unwrap_or(config.image_encoder);
+        config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
+        config.illumination = self.illumination.unwrap_or(config.illumination);
+        config.bn_momentum = self.bn_momentum.unwrap_or(config.bn_momentum);
+        config.coarse_channel |= self.coarse_channel;
+        config.use_coarse &= !(self.no_coarse || self.coarse_channel);
+        config.check().map_err(Error::usage)?;
+        Ok(config)
+    }
+}
+
+/// The network's shape. The first seven fields carry the reference implementation's names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NetConfig {
+    /// Swin channels C after patch embedding; stage i has `embed << i`.
+    pub embed: usize,
+    /// Swin blocks per stage.
+    pub depths: [usize; 4],
+    /// Attention heads per stage.
+    pub heads: [usize; 4],
+    /// Window side, tokens.
+    pub window: usize,
+    /// Channels of the 7x7 stem.
+    pub stem: usize,
+    /// Channels of the five coarse-DTM convolutions.
+    pub dtm: [usize; 5],
+    /// Output channels of the five decoder blocks.
+    pub decoder: [usize; 5],
+    /// Output head.
+    #[serde(default = "relu")]
+    pub head: Head,
+    /// Whose range normalises the truth.
+    #[serde(default = "own")]
+    pub target_range: TargetRange,
+    /// With [`TargetRange::Reference`]: the coarse relief is widened by this share below and above (0 with `own`).
+    #[serde(default)]
+    pub range_margin: f32,
+    /// Upper end of the normalised range, NR (Eq. 1): 50 in the paper, 1 for its max–min ablation.
+    #[serde(default = "nr")]
+    pub nr: f32,
+    /// Image encoder.
+    #[serde(default = "swin")]
+    pub image_encoder: ImageEncoderKind,
+    /// Decoder blocks.
+    #[serde(default = "residual_decoder")]
+    pub decoder_kind: DecoderKind,
+    /// Which light the network knows.
+    #[serde(default = "any")]
+    pub illumination: Illumination,
+    /// Share of a batch in the running statistics of batch normalisation; PyTorch's default is 0.1. Matters in training only.
+    #[serde(default = "bn_momentum")]
+    pub bn_momentum: f64,
+    /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
+    #[serde(default = "yes")]
+    pub use_coarse: bool,
+    /// Whether the coarse DTM is one more channel of the image, divided by NR, instead of a branch of its own: the single-branch design
+    /// of rivals. Not exported.
+    #[serde(default)]
+    pub coarse_channel: bool,
+}
+
+fn relu() -> Head {
+    Head::Relu
+}
+fn own() -> TargetRange {
+    TargetRange::Own
+}
+fn nr() -> f32 {
+    50.0
+}
+fn swin() -> ImageEncoderKind {
+    ImageEncoderKind::Swin
+}
+fn residual_decoder() -> DecoderKind {
+    DecoderKind::Residual
+}
+fn any() -> Illumination {
+    Illumination::Any
+}
+fn bn_momentum() -> f64 {
+    0.1
+}
+fn yes() -> bool {
+    true
+}
+
+impl NetConfig {
+    /// The reference configuration of a preset, with the paper's switches.
+    pub fn preset(preset: Preset) -> Self {
+        let (embed, depths, heads, window, stem, dtm, decoder) = match preset {
+            Preset::Paper => {
+                (192, [2, 2, 18, 2], [6, 12, 24, 48], 7, 64, [32, 64, 128, 256, 512], [768, 384, 192, 96, 48])
+            }
+            Preset::Small => (96, [2, 2, 6, 2], [3, 6, 12, 24], 7, 32, [16, 32, 64, 128, 256], [384, 192, 96, 48, 32]),
+            Preset::Tiny => (48, [2, 2, 4, 2], [2, 4, 8, 16], 8, 16, [8, 16, 32, 64, 128], [192, 96, 48, 24, 16]),
+            Preset::Nano => (24, [1, 1, 2, 1], [1, 2, 4, 8], 8, 8, [8, 8, 16, 32, 64], [96, 48, 24, 12, 8]),
+        };
+        Self {
+            embed,
+            depths,
+            heads,
+            window,
+            stem,
+            dtm,
+            decoder,
+            head: Head::Relu,
+            target_range: TargetRange::Own,
+            range_margin: 0.0,
+            nr: 50.0,
+            image_encoder: ImageEncoderKind::Swin,
+            decoder_kind: DecoderKind::Residual,
+            illumination: Illumination::Any,
+            bn_momentum: 0.1,
+            use_coarse: true,
+            coarse_channel: false,
+        }
+    }
+
+    /// Maps of which the image consists: brightness, or a guide's four.
+    pub fn image_maps(&self) -> usize {
+        if self.illumination == Illumination::Given { elunar_core::photoclinometry::MAPS } else { 1 }
+    }
+
+    /// Channels that the image encoder reads.
+    pub fn encoder_channels(&self) -> usize {
+        self.image_maps() + usize::from(self.coarse_channel)
+    }
+
+    /// Largest magnitude of a normalised coarse height that the runner must represent.
+    pub fn coarse_limit(&self) -> f32 {
+        match self.target_range {
+            // A tile of 320 pixels about its mean: 45 degrees from end to end stay inside.
+            TargetRange::Pixel => 4.0 * self.nr,
+            // A little beyond [0, NR] on both sides: rounding must not clamp.
+            _ => 1.02 * self.nr,
+        }
+    }
+
+    /// Whether a network can be built: positive widths, heads that divide, and switches that do not contradict.
+    ///
+    /// # Errors
+    /// One line naming the first field that does not fit, with what was expected and found.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let sizes = [self.embed, self.window, self.stem].into_iter().chain(self.depths).chain(self.heads);
+        let sizes = sizes.chain(self.dtm).chain(self.decoder);
+        if sizes.clone().any(|n| n == 0 || n > 1 << 14) {
+            return Err("configuration: expected every width, depth and window in 1..=16384".into());
+        }
+        for (i, heads) in self.heads.iter().enumerate() {
+            let dim = self.embed << i;
+            if !dim.is_multiple_of(*heads) {
+                return Err(format!(
+                    "configuration: stage {i}: expected heads to divide {dim} channels, found {heads}"
+                ));
+            }
+        }
+        if !(self.nr.is_finite() && self.nr > 0.0) {
+            return Err(format!("configuration: expected nr > 0, found {}", self.nr));
+        }
+        if !(0.0..=10.0).contains(&self.range_margin) {
+            return Err(format!("configuration: expected range_margin in 0..=10, found {}", self.range_margin));
+        }
+        if !(0.0..=1.0).contains(&self.bn_momentum) {
+            return Err(format!("configuration: expected bn_momentum in 0..=1, found {}", self.bn_momentum));
+        }
+        if self.target_range == TargetRange::Pixel && self.head == Head::Relu {
+            return Err("configuration: heights in pixels fall below 0: expected head = residual".into());
+        }
+        if self.coarse_channel && self.use_coarse {
+            return Err(
+                "configuration: a coarse DTM among the image's channels has no branch: expected use_coarse = false"
+                    .into(),
+            );
+        }
+        if self.head == Head::Residual && !self.use_coarse && !self.coarse_channel {
+            return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());
+        }
+        Ok(())
+    }
+}
+
+/// The configuration stored beside the weights.
+///
+/// # Errors
+/// [`Error::Broken`] if it is missing or malformed.
+pub fn config_of(weights: &Weights, path: &Path) -> Result<NetConfig> {
+    let text = weights
+        .metadata
+        .get("config")
+        .ok_or_else(|| Error::broken(path, "expected the network configuration in metadata `config`, found none"))?;
+    let config: NetConfig =
+        serde_json::from_str(text).map_err(|e| Error::broken(path, format!("metadata `config`: {e}")))?;
+    config.check().map_err(|what| Error::broken(path, what))?;
+    Ok(config)
+}
+
+/// The network a preset trains by default: the paper's for `paper` and `small`; for `tiny` and `nano` slopes in and corrections of
+/// the coarse DTM out, which converge in minutes (our choice).
+pub fn trained_network(preset: Preset) -> NetConfig {
+    let config = NetConfig::preset(preset);
+    match preset {
+        Preset::Paper | Preset::Small => config,
+        Preset::Tiny | Preset::Nano => NetConfig {
+            head: Head::Residual,
+            target_range: TargetRange::Pixel,
+            illumination: Illumination::Given,
+            // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
+            bn_momentum: 0.02,
+            ..config
+        },
+    }
+}
+
+/// A network small enough to train in a test, with every part of the shipped ones.
+pub fn miniature_network() -> NetConfig {
+    NetConfig {
+        embed: 8,
+        depths: [1, 2, 1, 1],
+        heads: [1, 1, 2, 2],
+        window: 4,
+        stem: 4,
+        dtm: [4, 4, 4, 4, 8],
+        decoder: [8, 8, 8, 4, 4],
+        ..trained_network(Preset::Nano)
+    }
+}

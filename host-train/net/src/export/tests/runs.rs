@@ -1,0 +1,226 @@
+//! Budgets, memory, self test and scrubbing of the runner on exported networks.
+
+use super::super::compile::{Options, Precision, export};
+use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
+use crate::config::{Head, Illumination, NetConfig, TargetRange};
+use crate::illumination::{Light, Turn, turned};
+use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::{Model, Progress, RunError, Runner, TileError, TileInput, required};
+use elunar_core::norm::ElevationScale;
+use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use std::path::Path;
+
+/// One tile with steps of `budget_macs`, in an arena full of rubbish.
+pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec<f32> {
+    let model = Model::new(bytes).unwrap();
+    let mut arena = vec![0xa5; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    runner.begin(&tile.image, &tile.coarse).unwrap();
+    while runner.step(budget_macs).unwrap() == Progress::Running {}
+    assert_eq!(runner.telemetry().macs, model.macs());
+    let mut out = vec![0.0; tile.coarse.len()];
+    runner.output(&mut out).unwrap();
+    out
+}
+
+#[test]
+fn every_step_budget_gives_the_same_bytes() {
+    let config = NetConfig { head: Head::Residual, ..small_config() };
+    let (made, tile) = random_export(&config, (64, 96), Precision::Mixed, 3);
+    let whole = run(&made.bytes, &tile, u64::MAX);
+    assert!(whole.iter().any(|v| *v != whole[0]), "a constant output proves nothing");
+    for budget in [0, 1, 777, 50_000, 3_000_000] {
+        assert!(run(&made.bytes, &tile, budget) == whole, "budget {budget}");
+    }
+}
+
+#[test]
+fn every_kernel_gives_the_same_bytes() {
+    for (tile, precision, seed) in [((64, 96), Precision::Mixed, 13), ((32, 64), Precision::Int8, 14)] {
+        let (made, tile) = random_export(&small_config(), tile, precision, seed);
+        let model = Model::new(&made.bytes).unwrap();
+        let mut arena = vec![0; required(&model)];
+        let mut crc = |kernel| {
+            let mut runner = Runner::with_kernel(kernel, model, &mut arena).unwrap();
+            runner.begin(&tile.image, &tile.coarse).unwrap();
+            while runner.step(1 << 20).unwrap() == Progress::Running {}
+            (runner.output_crc().unwrap(), runner.telemetry())
+        };
+        let expected = crc(Kernel::SCALAR);
+        for kernel in Kernel::available() {
+            assert_eq!(crc(kernel), expected, "{kernel:?}");
+        }
+    }
+}
+
+#[test]
+fn a_step_overruns_its_budget_by_less_than_one_unit() {
+    let (made, tile) = random_export(&small_config(), (64, 64), Precision::Mixed, 4);
+    let model = Model::new(&made.bytes).unwrap();
+    let mut largest = 0;
+    for operator in (0..model.operator_count()).filter_map(|i| model.operator(i)) {
+        let steps = operator.steps(&model.tensor(operator.output()));
+        let units = (0..steps).flat_map(|step| (0..model.units(&operator)).map(move |unit| (step, unit)));
+        largest = units.map(|(step, unit)| model.unit_macs(&operator, step, unit)).fold(largest, u64::max);
+    }
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    runner.begin(&tile.image, &tile.coarse).unwrap();
+    let (mut before, budget) = (0, 10_000);
+    while runner.step(budget).unwrap() == Progress::Running {
+        let spent = runner.telemetry().macs - before;
+        if runner.position() == Some(model.entry_count()) {
+            // Some of this step's budget went into the model's checksums.
+            assert!(spent < budget + largest, "{spent}");
+            break;
+        }
+        assert!((budget..budget + largest).contains(&spent), "{spent}");
+        before += spent;
+    }
+}
+
+#[test]
+fn required_bytes_suffice_and_one_less_does_not() {
+    let (made, _) = random_export(&small_config(), (32, 64), Precision::Int8, 5);
+    let model = Model::new(&made.bytes).unwrap();
+    let needed = required(&model);
+    let mut arena = vec![0; needed];
+    assert!(Runner::new(model, &mut arena).is_ok());
+    let refused = Runner::new(model, &mut arena[1..]).unwrap_err();
+    assert_eq!(refused, RunError::ArenaTooSmall { required: needed, found: needed - 1 });
+}
+
+#[test]
+fn metres_come_out_as_by_way_of_buffers() {
+    let config = NetConfig { head: Head::Residual, range_margin: 0.1, ..small_config() };
+    let (made, tile) = random_export(&config, (32, 64), Precision::Mixed, 9);
+    let brightness: Vec<f32> = tile.image.iter().map(|v| 200.0 + 900.0 * v).collect();
+    let mut coarse_m: Vec<f32> = tile.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
+    coarse_m[100] = f32::NAN;
+    let n = brightness.len();
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let input =
+        TileInput { image: &brightness, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light: None };
+    let scale = runner.begin_metres(&input, &mut []).unwrap();
+    while runner.step(u64::MAX).unwrap() == Progress::Running {}
+    let mut heights_m = vec![0.0; n];
+    runner.heights(&scale, &mut heights_m).unwrap();
+
+    let (mut image, mut coarse, mut expected_m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    elunar_core::norm::intensity::normalise(&brightness, None, &mut image).unwrap();
+    scale.elevation.normalise(&coarse_m, &mut coarse).unwrap();
+    let normalised = CalibrationTile { image, coarse, ground: None };
+    scale.elevation.recover(&run(&made.bytes, &normalised, u64::MAX), &mut expected_m).unwrap();
+    assert_eq!(heights_m, expected_m);
+    let mut valid = vec![true; n];
+    elunar_core::nn::validity(&brightness, &coarse_m, None, &mut valid);
+    assert_eq!(valid.iter().position(|v| !v), Some(100));
+    assert!(runner.begin_metres(&TileInput { image: &vec![3.0; n], ..input }, &mut []).is_err());
+}
+
+#[test]
+fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
+    let config = NetConfig {
+        head: Head::Residual,
+        target_range: TargetRange::Pixel,
+        illumination: Illumination::Given,
+        ..small_config()
+    };
+    let shape = (32, 64);
+    let random = random_tile(shape.0, shape.1, 11);
+    let brightness: Vec<f32> = random.image.iter().map(|v| 200.0 + 900.0 * v).collect();
+    let coarse_m: Vec<f32> = random.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
+    // A Sun in the south-east.
+    let light = Light::from_sun(140.0, 35.0).unwrap();
+    let turn = Turn { rows: true, cols: true };
+    let (image, heights) = (turned(turn, &brightness, shape.1), turned(turn, &coarse_m, shape.1));
+    let scale = ElevationScale::from_pixel(&heights, None, 2.0, config.nr).unwrap();
+    let plan = Photoclinometry::new(shape);
+    let mut scratch = vec![0.0; plan.scratch_len()];
+    let mirrored =
+        GuideInput { image: &image, coarse_m: &heights, valid: None, turn: Turn::default(), coarse_px: 30.0 };
+    let guide = Guide::new(&plan, mirrored, &scale, light.mirrored(turn), &mut scratch).unwrap();
+    let (mut maps, mut pixels) = (vec![0.0; MAPS * image.len()], vec![0.0; heights.len()]);
+    guide.fill(&mut maps, &mut pixels).unwrap();
+    let tile = CalibrationTile { image: maps, coarse: pixels, ground: None };
+    let options = Options { tile: shape, precision: Precision::Mixed, name: "given".into() };
+    let weights = random_weights(&config, 12);
+    let made = export(&config, &weights, Path::new("given"), std::slice::from_ref(&tile), &options, |_| {}).unwrap();
+    let mut expected_m = vec![0.0; heights.len()];
+    scale.recover(&run(&made.bytes, &tile, u64::MAX), &mut expected_m).unwrap();
+
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let (image, light) = (brightness.as_slice(), Some(light));
+    let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
+    assert_eq!(runner.scratch_len(), scratch.len());
+    let found = runner.begin_metres(&input, &mut scratch).unwrap();
+    assert_eq!(found.turn, turn);
+    while runner.step(u64::MAX).unwrap() == Progress::Running {}
+    let mut heights_m = vec![0.0; expected_m.len()];
+    runner.heights(&found, &mut heights_m).unwrap();
+    assert_eq!(heights_m, turned(turn, &expected_m, shape.1));
+    let level = vec![5.0; heights_m.len()];
+    let dark = TileInput { coarse_m: &level, light: None, ..input };
+    assert_eq!(runner.begin_metres(&dark, &mut scratch), Err(TileError::Light));
+    assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 8192, found: 2048 }));
+}
+
+#[test]
+fn misuse_is_refused() {
+    let (made, tile) = random_export(&small_config(), (32, 32), Precision::Int8, 6);
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let mut out = vec![0.0; 32 * 32];
+    assert_eq!(runner.step(1), Err(RunError::State));
+    assert_eq!(runner.output(&mut out), Err(RunError::State));
+    assert_eq!(runner.begin(&tile.image[1..], &tile.coarse), Err(RunError::TileSize { expected: 1024, found: 1023 }));
+    let mut holed = tile.image.clone();
+    holed[7] = f32::NAN;
+    assert_eq!(runner.begin(&holed, &tile.coarse), Err(RunError::NotFinite { index: 7 }));
+    assert_eq!(runner.step(1), Err(RunError::State));
+}
+
+#[test]
+fn self_test_passes_and_notices_a_changed_model() {
+    let (made, _) = random_export(&small_config(), (64, 64), Precision::Mixed, 7);
+    let check = |bytes: &[u8]| {
+        let model = Model::new(bytes).unwrap();
+        let mut arena = vec![0; required(&model)];
+        let mut runner = Runner::new(model, &mut arena).unwrap();
+        runner.begin_self_test().unwrap();
+        while runner.step(u64::MAX).unwrap() == Progress::Running {}
+        (runner.check_self_test(), runner.telemetry().self_test_faults)
+    };
+    assert_eq!(check(&made.bytes), (Ok(()), 0));
+    // A head bias other than the one exported, under valid checksums.
+    let mut changed = made.bytes.clone();
+    let model = Model::new(&made.bytes).unwrap();
+    let Some(elunar_core::nn::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else { panic!() };
+    let constants = made.bytes.len() - model.constants_bytes().next_multiple_of(8);
+    changed[constants + head.bias + 1] ^= 0x40;
+    elunar_core::nn::format::seal_file(&mut changed);
+    let (result, faults) = check(&changed);
+    assert!(matches!(result, Err(RunError::SelfTest { .. })), "{result:?}");
+    assert_eq!(faults, 1);
+}
+
+#[test]
+fn scrubbing_reads_everything_in_small_bites() {
+    let (made, _) = random_export(&small_config(), (32, 32), Precision::Int8, 8);
+    let model = Model::new(&made.bytes).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let body = made.bytes.len() - model.raw().body_offset();
+    let mut calls = 0;
+    while runner.telemetry().scrub_passes < 2 {
+        runner.scrub(1000).unwrap();
+        calls += 1;
+    }
+    assert_eq!(runner.telemetry().scrubbed_bytes, 2 * body as u64);
+    assert!(calls >= 2 * body / 1000, "{calls} calls for {body} bytes");
+}

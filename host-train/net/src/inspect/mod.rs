@@ -1,0 +1,47 @@
+//! What a model file or a file of tensors is understood as, in words.
+
+pub mod model;
+mod network;
+pub mod timing;
+
+pub use network::{model as plan_text, tensors};
+
+use crate::{Error, Result};
+use elunar_core::nn::format::MAGIC;
+use elunar_core::nn::kernels::Kernel;
+use model::Plan;
+use std::path::Path;
+
+/// Length of a safetensors header, then the `{` it begins with.
+const SAFETENSORS_HEAD_BYTES: usize = 9;
+
+/// The plan of a model file whose first bytes are `head`; with a kernel and a number of tiles, measured.
+///
+/// # Errors
+/// [`Error::Usage`] if it is no model, or its self test fails; [`Error::Broken`] if it is a damaged one.
+pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<Plan> {
+    if !is_model(head, path) {
+        let what = "expected a model (.eld), the only kind of file that has a plan";
+        return Err(Error::usage(format!("{}: {what}", path.display())));
+    }
+    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let model = elunar_core::nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
+    let mut plan = Plan::of(&model);
+    if let Some((kernel, tiles)) = time {
+        plan.set_times(timing::measure(kernel, model, tiles)?);
+    }
+    Ok(plan)
+}
+
+/// Whether a file that begins with `head` is a model, or is called one.
+pub fn is_model(head: &[u8], path: &Path) -> bool {
+    head.starts_with(&MAGIC) || path.extension().is_some_and(|e| e == "eld")
+}
+
+/// Whether a file that begins with `head` is a safetensors file.
+pub fn is_safetensors(head: &[u8]) -> bool {
+    // Their library refuses headers from 100 MB on.
+    let length = head.first_chunk().map(|&length| u64::from_le_bytes(length));
+    length.is_some_and(|length| (2..100_000_000).contains(&length))
+        && head.get(SAFETENSORS_HEAD_BYTES - 1) == Some(&b'{')
+}

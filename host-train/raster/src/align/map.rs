@@ -1,0 +1,84 @@
+//! Where pixels of one grid lie on another.
+
+use crate::resample::PixelMap;
+use crate::{GeoRef, GeoTransform, Projection};
+
+/// From pixel centres of a target grid to positions on a source grid, in source pixels with (0, 0) the centre of the first.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Map {
+    /// Both grids lie on one map.
+    Affine(PixelMap),
+    /// Through longitude and latitude.
+    Through(Through),
+}
+
+/// Two maps of one sphere.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Through {
+    target: (Projection, GeoTransform),
+    source: (Projection, GeoTransform),
+    /// Map x of the source's middle, and the distance after which x repeats.
+    around: Option<(f64, f64)>,
+}
+
+/// A grid: its place and its rows and columns.
+pub(super) type Grid<'a> = (&'a GeoRef, (usize, usize));
+
+impl Map {
+    /// `None` if the source's transform cannot be inverted, or the systems differ and one of them is not understood.
+    pub(super) fn between((target, target_size): Grid, (source, source_size): Grid) -> Option<Self> {
+        let (to, from) = (Projection::of(&target.crs), Projection::of(&source.crs));
+        let mut place = source.transform;
+        if target.crs.same_as(&source.crs) {
+            if let Some(period) = from.and_then(|from| from.period()) {
+                // The same meridian has many names: those of the source are taken nearest to the target's.
+                let apart = middle(target, target_size).0 - middle(source, source_size).0;
+                place[0] += period * (apart / period).round();
+            }
+            return Some(Self::Affine(PixelMap::between(&target.transform, &place)?));
+        }
+        let (to, from) = (to?, from?);
+        let around = from.period().map(|period| (middle(source, source_size).0, period));
+        let det = place[1] * place[5] - place[2] * place[4];
+        let through = Through { target: (to, target.transform), source: (from, place), around };
+        (det.is_finite() && det != 0.0).then_some(Self::Through(through))
+    }
+
+    /// The position of the centre of target pixel (`row`, `col`); NaN where the source's map has no such place.
+    pub(super) fn apply(&self, row: f64, col: f64) -> (f64, f64) {
+        match self {
+            Self::Affine(map) => map.apply(row, col),
+            Self::Through(through) => through.apply(row, col),
+        }
+    }
+}
+
+impl Through {
+    fn apply(&self, row: f64, col: f64) -> (f64, f64) {
+        let (projection, t) = &self.target;
+        let (row, col) = (row + 0.5, col + 0.5);
+        let (lon_deg, lat_deg) = projection.inverse(t[0] + col * t[1] + row * t[2], t[3] + col * t[4] + row * t[5]);
+        let (projection, t) = &self.source;
+        let (mut x, y) = projection.forward(lon_deg, lat_deg);
+        if let Some((middle, period)) = self.around {
+            x -= period * ((x - middle) / period).round();
+        }
+        let det = t[1] * t[5] - t[2] * t[4];
+        let (dx, dy) = (x - t[0], y - t[3]);
+        ((dy * t[1] - dx * t[4]) / det - 0.5, (dx * t[5] - dy * t[2]) / det - 0.5)
+    }
+}
+
+/// Map coordinates of a grid's middle.
+fn middle(georef: &GeoRef, (rows, cols): (usize, usize)) -> (f64, f64) {
+    georef.centre(rows as f64 / 2.0 - 0.5, cols as f64 / 2.0 - 0.5)
+}
+
+/// True if the grid goes once around the sphere, so that its last column is a neighbour of its first.
+pub(super) fn is_cyclic((georef, (_, cols)): Grid) -> bool {
+    let t = &georef.transform;
+    let period = Projection::of(&georef.crs).and_then(|p| p.period());
+    t[2] == 0.0
+        && t[4] == 0.0
+        && period.is_some_and(|period| (t[1].abs() * cols as f64 - period).abs() < 0.01 * t[1].abs())
+}

@@ -1,0 +1,238 @@
+//! Putting one raster on another's grid, through map coordinates and never by index.
+
+mod map;
+mod reproject;
+mod sample;
+mod windowed;
+
+#[cfg(test)]
+mod gdal_tests;
+
+pub use reproject::Reprojected;
+pub use windowed::Onto;
+
+use super::source::{Info, Source, check_window};
+use super::{Projection, Raster};
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use map::Grid;
+use windowed::{Plan, lattice};
+
+/// How samples between pixel centres are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", value(rename_all = "lower"))]
+pub enum Interpolation {
+    /// Interpolating bicubic ([`super::resample`]): for making a fine grid from a coarse one.
+    Bicubic,
+    /// Bilinear, invalid where any sample that counts is invalid: for comparing grids of about equal spacing.
+    Bilinear,
+    /// GDAL's and the Ames Stereo Pipeline's `cubicspline`, a cubic B-spline that smooths and does not pass through the samples:
+    /// for results to be compared with theirs. Meant for finer grids; GDAL widens the kernel for coarser ones, this does not.
+    CubicSpline,
+}
+
+impl std::str::FromStr for Interpolation {
+    type Err = String;
+
+    /// The name that command lines use: bicubic, bilinear or cubicspline.
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        match name {
+            "bicubic" => Ok(Self::Bicubic),
+            "bilinear" => Ok(Self::Bilinear),
+            "cubicspline" => Ok(Self::CubicSpline),
+            _ => Err(format!("expected bicubic, bilinear or cubicspline, found {name}")),
+        }
+    }
+}
+
+/// Grids closer than this, in pixels, are taken as one: a transform's last digits differ between writers.
+const SAME_GRID_PX: f64 = 1e-3;
+
+/// A raster with the name messages call it by.
+#[derive(Debug, Clone, Copy)]
+pub struct Named<'a> {
+    /// File name, or what the raster is.
+    pub name: &'a str,
+    /// The raster.
+    pub raster: &'a Raster,
+}
+
+impl<'a> Named<'a> {
+    /// Pairs them.
+    #[must_use]
+    pub fn new(name: &'a str, raster: &'a Raster) -> Self {
+        Self { name, raster }
+    }
+}
+
+/// Side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
+///
+/// # Errors
+/// [`Error::Usage`] if the pixel size of either in metres is unknown.
+pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
+    let side_m = |named: Named| info(named.raster).side_m(named.name);
+    Ok((side_m(source)? / side_m(target)?) as f32)
+}
+
+/// `source` on the grid of `target`, as [`Onto`] makes it; NaN where `source` has nothing.
+///
+/// # Errors
+/// Those of [`Onto::new`]; [`Error::Usage`] if no valid sample of `source` falls on `target`.
+pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Result<Raster> {
+    let (view, target_info) = (View::new(source.raster), info(target.raster));
+    let (from, to) = ((source.name, &view.info), (target.name, &target_info));
+    let (rows, cols) = (target.raster.rows, target.raster.cols);
+    let samples = Plan::new(from, to, interpolation)?.read(&view, Window { row: 0, col: 0, rows, cols })?;
+    let placed = Raster { rows, cols, samples, georef: target.raster.georef.clone() };
+    if placed.valid_count() > 0 {
+        return Ok(placed);
+    }
+    if source.raster.valid_count() == 0 {
+        let (source, target) = (source.name, target.name);
+        let what =
+            format!("{source}: valid samples overlapping {target} expected, none found: it holds no valid sample");
+        return Err(Error::usage(what));
+    }
+    Err(windowed::no_overlap(from, to))
+}
+
+fn info(raster: &Raster) -> Info {
+    Info { rows: raster.rows, cols: raster.cols, georef: raster.georef.clone(), unit: None, format: "memory".into() }
+}
+
+/// A raster lent as a source.
+struct View<'a> {
+    raster: &'a Raster,
+    info: Info,
+}
+
+impl<'a> View<'a> {
+    fn new(raster: &'a Raster) -> Self {
+        Self { raster, info: info(raster) }
+    }
+}
+
+impl Source for View<'_> {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        check_window(window, self.raster.rows, self.raster.cols)?;
+        let line = |row: usize| &self.raster.samples[row * self.raster.cols + window.col..][..window.cols];
+        Ok((window.row..window.row + window.rows).flat_map(|row| line(row).iter().copied()).collect())
+    }
+}
+
+/// What a grid covers, in words: map coordinates of its corners, or degrees of its pixels.
+fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
+    let projection = Projection::of(&georef.crs).filter(|_| as_degrees);
+    let corners = [(0.0, 0.0), (0.0, cols as f64), (rows as f64, 0.0), (rows as f64, cols as f64)];
+    let corners = corners.into_iter().map(|(row, col)| georef.centre(row - 0.5, col - 0.5)).collect::<Vec<_>>();
+    let points = match projection {
+        Some(p) => {
+            lattice(rows, cols).map(|(row, col)| georef.centre(row, col)).map(|(x, y)| p.inverse(x, y)).collect()
+        }
+        None => corners,
+    };
+    let span = |of: fn(&(f64, f64)) -> f64| {
+        let values = points.iter().map(of);
+        (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
+    };
+    let ((x0, x1), (y0, y1)) = (span(|c| c.0), span(|c| c.1));
+    match projection {
+        Some(_) => format!("longitudes {x0:.3} to {x1:.3}, latitudes {y0:.3} to {y1:.3}"),
+        None => format!("x {x0:.1} to {x1:.1}, y {y0:.1} to {y1:.1}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Crs, GeoRef};
+
+    fn plane(rows: usize, cols: usize, transform: [f64; 6]) -> Raster {
+        let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let height = |i: usize| {
+            let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
+            (0.01 * x - 0.02 * y) as f32
+        };
+        Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
+    }
+
+    fn largest_difference(a: &Raster, b: &Raster) -> f32 {
+        a.samples.iter().zip(&b.samples).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn a_plane_is_the_same_on_every_grid() {
+        let coarse = plane(12, 14, [-60.0, 60.0, 0.0, 90.0, 0.0, -60.0]);
+        let fine = plane(200, 260, [30.0, 2.0, 0.0, 40.0, 0.0, -2.0]);
+        for interpolation in [Interpolation::Bicubic, Interpolation::Bilinear] {
+            let placed = onto(Named::new("coarse", &coarse), Named::new("image", &fine), interpolation).unwrap();
+            assert_eq!(placed.valid_count(), 200 * 260);
+            assert!(largest_difference(&placed, &fine) < 1e-4, "{interpolation:?}");
+            assert_eq!(placed.georef, fine.georef);
+        }
+        // A rotated grid, too.
+        let turned = plane(50, 50, [100.0, 1.5, 0.5, 0.0, 0.4, -1.8]);
+        let placed =
+            onto(Named::new("coarse", &coarse), Named::new("image", &turned), Interpolation::Bilinear).unwrap();
+        assert!(largest_difference(&placed, &turned) < 1e-4);
+    }
+
+    #[test]
+    fn the_same_grid_is_copied_and_whole_pixel_shifts_are_exact() {
+        let mut a = plane(20, 30, [10.0, 2.0, 0.0, 50.0, 0.0, -2.0]);
+        a.samples[33] = f32::NAN;
+        let copy = onto(Named::new("a", &a), Named::new("b", &a.clone()), Interpolation::Bicubic).unwrap();
+        assert_eq!(
+            (copy.samples[32], copy.samples[33].is_nan(), copy.samples[34]),
+            (a.samples[32], true, a.samples[34])
+        );
+        let shifted = plane(10, 10, [14.0, 2.0, 0.0, 44.0, 0.0, -2.0]);
+        let placed = onto(Named::new("a", &a), Named::new("b", &shifted), Interpolation::Bilinear).unwrap();
+        for (i, value) in placed.samples.iter().enumerate() {
+            assert_eq!(*value, a.samples[(i / 10 + 3) * 30 + i % 10 + 2]);
+        }
+    }
+
+    #[test]
+    fn gaps_stay_gaps_under_bilinear() {
+        let mut a = plane(8, 8, [0.0, 2.0, 0.0, 0.0, 0.0, -2.0]);
+        a.samples[3 * 8 + 3] = f32::NAN;
+        let half = plane(7, 7, [1.0, 2.0, 0.0, -1.0, 0.0, -2.0]);
+        let placed = onto(Named::new("a", &a), Named::new("b", &half), Interpolation::Bilinear).unwrap();
+        let gaps: Vec<usize> = (0..49).filter(|&i| placed.samples[i].is_nan()).collect();
+        assert_eq!(gaps, [2 * 7 + 2, 2 * 7 + 3, 3 * 7 + 2, 3 * 7 + 3]);
+    }
+
+    #[test]
+    fn misfits_are_named() {
+        let a = plane(8, 8, [0.0, 2.0, 0.0, 0.0, 0.0, -2.0]);
+        let mut b = a.clone();
+        let refused = |b: &Raster| {
+            onto(Named::new("c.tif", b), Named::new("i.tif", &a), Interpolation::Bicubic).unwrap_err().to_string()
+        };
+        b.georef.as_mut().unwrap().crs = Crs::moon_equirectangular(0.0, 180.0);
+        let text = refused(&b);
+        assert!(text.contains("c.tif") && text.contains("i.tif") && text.contains("longitudes -180.000 to"), "{text}");
+        let mars = Crs::parse("IAU_2015:49910").unwrap();
+        b.georef.as_mut().unwrap().crs = mars;
+        assert!(refused(&b).contains("(1737400 m) expected, 3396190 m found"), "{}", refused(&b));
+        let mut unknown = Crs::moon_equirectangular(0.0, 180.0);
+        let at = unknown.directory.iter().position(|&key| key == 3075).unwrap();
+        unknown.directory[at + 3] = 7;
+        b.georef.as_mut().unwrap().crs = unknown;
+        assert!(refused(&b).contains("projection method 7"), "{}", refused(&b));
+        b.georef.as_mut().unwrap().crs = Crs::default();
+        assert!(refused(&b).contains("reference system expected, none found"));
+        b.georef = None;
+        assert!(refused(&b).contains("geotransform expected, none found"));
+        let far = plane(8, 8, [1000.0, 2.0, 0.0, 0.0, 0.0, -2.0]);
+        assert!(refused(&far).contains("covers x 1000.0 to 1016.0, y -16.0 to 0.0"), "{}", refused(&far));
+        let empty = Raster { samples: vec![f32::NAN; 64], ..a.clone() };
+        assert!(refused(&empty).contains("no valid sample"));
+    }
+}

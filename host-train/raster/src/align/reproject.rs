@@ -1,0 +1,148 @@
+//! A raster in another reference system, on a grid made for it.
+
+use super::windowed::lattice;
+use super::{Interpolation, Onto};
+use crate::source::{Info, Source};
+use crate::{Crs, GeoRef, Projection};
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use std::sync::Arc;
+
+/// A source seen through another projection; its corner lies on whole multiples of the spacing, so that grids made alike fit
+/// each other (`--tap`).
+pub struct Reprojected {
+    info: Info,
+    onto: Onto,
+}
+
+impl Reprojected {
+    /// Puts `source`, which messages call `name`, into the system `crs`, with pixels of `spacing` map units; `None` takes the
+    /// source's own size of a pixel on the ground.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a system is not understood, the spheres differ, the source has no place, or the spacing is not positive.
+    pub fn new(
+        source: Arc<dyn Source>,
+        name: &str,
+        crs: &Crs,
+        spacing: Option<f64>,
+        interpolation: Interpolation,
+    ) -> Result<Self> {
+        let Info { rows, cols, georef, .. } = source.info();
+        let georef =
+            georef.as_ref().ok_or_else(|| Error::usage(format!("{name}: a geotransform expected, none found")))?;
+        let known = |crs: &Crs| {
+            let what = format!("{name}: a reference system with a known projection expected, {} found", crs.summary());
+            Projection::of(crs).ok_or_else(|| Error::usage(what))
+        };
+        let (from, to) = (known(&georef.crs)?, known(crs)?);
+        let step = match spacing {
+            Some(step) => step,
+            None => own_spacing(georef, (*rows, *cols), crs, &to).unwrap_or(f64::NAN),
+        };
+        if !(step.is_finite() && step > 0.0) {
+            return Err(Error::usage(format!("{name}: a positive pixel size expected, {step} found")));
+        }
+        // Outer edges, not centres; the same meridian has many names, and those nearest to the middle's are taken.
+        let place = |row: f64, col: f64| {
+            let (x, y) = georef.centre(row - 0.5, col - 0.5);
+            let (lon_deg, lat_deg) = from.inverse(x, y);
+            to.forward(lon_deg, lat_deg)
+        };
+        let middle = place(*rows as f64 / 2.0, *cols as f64 / 2.0).0;
+        let near = |x: f64| to.period().map_or(x, |period| x - period * ((x - middle) / period).round());
+        let all = lattice(rows + 1, cols + 1).map(|(row, col)| place(row, col));
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for (x, y) in all.map(|(x, y)| (near(x), y)).filter(|(x, y)| x.is_finite() && y.is_finite()) {
+            (low, high) = ([low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]);
+        }
+        if low[0] > high[0] {
+            let what = format!("{name}: a raster with a place in {} expected, none found", crs.summary());
+            return Err(Error::usage(what));
+        }
+        let (west, north) = ((low[0] / step).floor() * step, (high[1] / step).ceil() * step);
+        let count = |span: f64| (span / step - 1e-6).ceil().max(1.0) as usize;
+        let georef = GeoRef { transform: [west, step, 0.0, north, 0.0, -step], crs: crs.clone() };
+        let (rows, cols) = (count(north - low[1]), count(high[0] - west));
+        let info = Info { rows, cols, georef: Some(georef), ..source.info().clone() };
+        let onto = Onto::new(source, name, &info, &crs.summary(), interpolation)?;
+        Ok(Self { info, onto })
+    }
+}
+
+impl Source for Reprojected {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn read(&self, window: Window) -> Result<Vec<f32>> {
+        crate::source::check_window(window, self.info.rows, self.info.cols)?;
+        self.onto.read(window)
+    }
+}
+
+/// The ground size of the source's pixels in map units of `crs`.
+fn own_spacing(georef: &GeoRef, (rows, cols): (usize, usize), crs: &Crs, to: &Projection) -> Option<f64> {
+    let (row_m, col_m) = georef.pixel_m(rows, cols)?;
+    let side_m = (row_m * col_m).sqrt();
+    match crs.metres_per_unit() {
+        Some(metres) => Some(side_m / metres),
+        None => Some((side_m / to.radius_m()).to_degrees()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Raster;
+    use crate::source::{InMemory, read_all};
+
+    /// A plane over longitude and latitude, so that every projection of it is known.
+    fn height(lon_deg: f64, lat_deg: f64) -> f64 {
+        -1800.0 + 400.0 * lon_deg + 700.0 * lat_deg
+    }
+
+    fn plane(crs: Crs, rows: usize, cols: usize, transform: [f64; 6]) -> Arc<dyn Source> {
+        let (georef, projection) = (GeoRef { transform, crs: crs.clone() }, Projection::of(&crs).unwrap());
+        let sample = |i: usize| {
+            let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
+            let (lon_deg, lat_deg) = projection.inverse(x, y);
+            height(lon_deg, lat_deg) as f32
+        };
+        let samples = (0..rows * cols).map(sample).collect();
+        Arc::new(InMemory::new(Raster { rows, cols, samples, georef: Some(georef) }, None, "memory"))
+    }
+
+    #[test]
+    fn heights_stay_where_they_are_on_the_ground() {
+        let source =
+            || plane(Crs::moon_equirectangular(20.0, 30.0), 150, 120, [5000.0, 60.0, 0.0, 600_000.0, 0.0, -60.0]);
+        for (text, spacing) in [("IAU_2015:30100", None), ("IAU_2015:30115", Some(50.0)), ("IAU_2015:30110", None)] {
+            let crs = Crs::parse(text).unwrap();
+            let seen = Reprojected::new(source(), "dem", &crs, spacing, Interpolation::Bilinear).unwrap();
+            let (found, projection) = (read_all(&seen).unwrap(), Projection::of(&crs).unwrap());
+            let georef = found.georef.as_ref().unwrap();
+            assert!(found.valid_count() * 10 > found.rows * found.cols * 8, "{text}: {}", found.valid_count());
+            let (row_m, col_m) = found.pixel_m().unwrap();
+            assert!(spacing.is_some() || ((row_m * col_m).sqrt() / 60.0 - 1.0).abs() < 0.1, "{row_m} {col_m}");
+            for (i, z) in found.samples.iter().enumerate().filter(|(_, z)| z.is_finite()) {
+                let (x, y) = georef.centre((i / found.cols) as f64, (i % found.cols) as f64);
+                let (lon_deg, lat_deg) = projection.inverse(x, y);
+                // A central meridian of 180 calls 30 degrees -330.
+                let expected = height((lon_deg + 180.0).rem_euclid(360.0) - 180.0, lat_deg);
+                assert!((f64::from(*z) - expected).abs() < 2e-3, "{text}: {z} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        let source = plane(Crs::moon_polar(true), 20, 20, [0.0, 60.0, 0.0, 0.0, 0.0, -60.0]);
+        let refused = |crs: &str, spacing| {
+            let crs = Crs::parse(crs).unwrap();
+            Reprojected::new(source.clone(), "dem", &crs, spacing, Interpolation::Bilinear).err().unwrap().to_string()
+        };
+        assert!(refused("IAU_2015:30100", Some(0.0)).contains("dem: a positive pixel size expected, 0 found"));
+        assert!(refused("IAU_2015:49910", None).contains("dem"), "another sphere");
+    }
+}

@@ -1,0 +1,260 @@
+//! A source on another grid, window by window.
+
+use super::map::{Grid, Map, is_cyclic};
+use super::sample::{Piece, Sampler};
+use super::{Interpolation, SAME_GRID_PX, bounds};
+use crate::GeoRef;
+use crate::source::{Info, Source};
+use crate::{Error, Result};
+use elunar_core::tile::Window;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Positions computed at once: 4 MiB of them, whatever the window.
+const POSITIONS: usize = 1 << 18;
+
+/// Samples around a position that any interpolation may look at, and one more for the rounding of positions.
+const MARGIN_PX: f64 = 3.0;
+
+/// What rounding may move a position by, pixels.
+const ROUNDING_PX: f64 = 1e-9;
+
+/// A lattice of this many points a side decides whether two grids overlap.
+const LATTICE: usize = 65;
+
+/// A raster on another raster's grid: read by windows of the target, from as much of the source as lies under them.
+pub struct Onto {
+    source: Arc<dyn Source>,
+    plan: Plan,
+}
+
+impl Onto {
+    /// Prepares `source` for the grid of `target`. Names are those messages use. Systems may differ as long as both are
+    /// understood ([`crate::Projection`]) and lie on one sphere. On the same grid the samples are handed on, not interpolated.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if either has no place, a system is unknown, the spheres differ, or the grids do not overlap.
+    pub fn new(
+        source: Arc<dyn Source>,
+        source_name: &str,
+        target: &Info,
+        target_name: &str,
+        interpolation: Interpolation,
+    ) -> Result<Self> {
+        let plan = Plan::new((source_name, source.info()), (target_name, target), interpolation)?;
+        plan.check_overlap((source_name, source.info()), (target_name, target))?;
+        Ok(Self { source, plan })
+    }
+
+    /// The samples of a window of the target, row by row; NaN where the source has none. The values do not depend on the window
+    /// they are read with.
+    ///
+    /// # Errors
+    /// If the source cannot be read there.
+    pub fn read(&self, window: Window) -> Result<Vec<f32>> {
+        self.plan.read(self.source.as_ref(), window)
+    }
+}
+
+/// How a source comes onto a target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plan {
+    map: Map,
+    interpolation: Interpolation,
+    /// Rows and columns of the source.
+    size: (usize, usize),
+    cyclic: bool,
+    same_grid: bool,
+}
+
+impl Plan {
+    pub(super) fn new(
+        (source_name, source): (&str, &Info),
+        (target_name, target): (&str, &Info),
+        interpolation: Interpolation,
+    ) -> Result<Self> {
+        let (from, to) = (grid(source_name, source)?, grid(target_name, target)?);
+        check_systems((source_name, from.0), (target_name, to.0))?;
+        let map = Map::between(to, from)
+            .ok_or_else(|| Error::usage(format!("{source_name}: transform {:?} has no inverse", from.0.transform)))?;
+        let same_grid = from.1 == to.1 && is_identity(&map, to.1);
+        Ok(Self { map, interpolation, size: from.1, cyclic: is_cyclic(from), same_grid })
+    }
+
+    /// The samples of `window` of the target.
+    pub(super) fn read(&self, source: &dyn Source, window: Window) -> Result<Vec<f32>> {
+        if self.same_grid {
+            return source.read(window);
+        }
+        let mut out = vec![f32::NAN; window.rows * window.cols];
+        if out.is_empty() {
+            return Ok(out);
+        }
+        let rows_at_once = (POSITIONS / window.cols).max(1);
+        for (index, lines) in out.chunks_mut(rows_at_once * window.cols).enumerate() {
+            self.fill(source, window.row + index * rows_at_once, window, lines)?;
+        }
+        Ok(out)
+    }
+
+    /// Some rows of the window, from `first_row` of the target on.
+    fn fill(&self, source: &dyn Source, first_row: usize, window: Window, lines: &mut [f32]) -> Result<()> {
+        let mut positions = vec![(f64::NAN, f64::NAN); lines.len()];
+        positions.par_chunks_mut(window.cols).enumerate().for_each(|(row, line)| {
+            for (col, position) in line.iter_mut().enumerate() {
+                *position = self.map.apply((first_row + row) as f64, (window.col + col) as f64);
+            }
+        });
+        self.unwind(&mut positions);
+        let Some(piece) = self.under(&positions) else { return Ok(()) };
+        let (row0, col0) = (piece.row as f64, piece.col as f64);
+        let sampler = Sampler::new(self.cut(source, piece)?, self.interpolation);
+        lines.par_chunks_mut(window.cols).zip(positions.par_chunks(window.cols)).for_each(|(line, positions)| {
+            for (value, &(r, c)) in line.iter_mut().zip(positions) {
+                // Subtracting whole numbers is exact: the value is that of the whole grid.
+                *value = sampler.at(r - row0, c - col0);
+            }
+        });
+        Ok(())
+    }
+
+    /// On a grid around the sphere a column has many names: those nearest to the first position's are taken, so that a piece across
+    /// the seam is one piece.
+    fn unwind(&self, positions: &mut [(f64, f64)]) {
+        if !self.cyclic {
+            return;
+        }
+        let around = self.size.1 as f64;
+        let Some(first) = positions.iter().map(|p| p.1).find(|c| c.is_finite()) else { return };
+        for (_, c) in positions {
+            *c -= around * ((*c - first) / around).round();
+        }
+    }
+
+    /// The piece of the source the positions need; columns may lie beyond the edge only where the grid is cyclic.
+    fn under(&self, positions: &[(f64, f64)]) -> Option<Under> {
+        let far = (f64::INFINITY, f64::NEG_INFINITY);
+        let (rows, cols) = (self.size.0 as f64, self.size.1 as f64);
+        let inside = |&&(r, c): &&(f64, f64)| {
+            (-0.6..=rows - 0.4).contains(&r) && (self.cyclic && c.is_finite() || (-0.6..=cols - 0.4).contains(&c))
+        };
+        let (r, c) = positions
+            .iter()
+            .filter(inside)
+            .fold((far, far), |((r0, r1), (c0, c1)), &(r, c)| ((r0.min(r), r1.max(r)), (c0.min(c), c1.max(c))));
+        if r.0 > r.1 {
+            return None;
+        }
+        let (mut first_col, mut end_col) = ((c.0 - MARGIN_PX).floor(), (c.1 + MARGIN_PX).ceil() + 1.0);
+        if !self.cyclic {
+            (first_col, end_col) = (first_col.max(0.0), end_col.min(cols));
+        }
+        let (row, end) = ((r.0 - MARGIN_PX).floor().max(0.0), ((r.1 + MARGIN_PX).ceil() + 1.0).min(rows));
+        Some(Under {
+            row: row as usize,
+            col: first_col as isize,
+            rows: (end - row) as usize,
+            cols: (end_col - first_col) as usize,
+        })
+    }
+
+    /// Reads a piece, around the seam where needed.
+    fn cut(&self, source: &dyn Source, under: Under) -> Result<Piece> {
+        let Under { row, col, rows, cols } = under;
+        let around = self.size.1;
+        // Between two maps nothing lies on the grid, except by chance.
+        let snap_px = if matches!(self.map, Map::Affine(_)) { SAME_GRID_PX } else { ROUNDING_PX };
+        let first = col.rem_euclid(around as isize) as usize;
+        if first + cols <= around {
+            return Ok(Piece { samples: source.read(Window { row, col: first, rows, cols })?, rows, cols, snap_px });
+        }
+        let mut samples = vec![f32::NAN; rows * cols];
+        let mut done = 0;
+        while done < cols {
+            let from = (first + done) % around;
+            let width = (around - from).min(cols - done);
+            let part = source.read(Window { row, col: from, rows, cols: width })?;
+            for (to, line) in samples.chunks_exact_mut(cols).zip(part.chunks_exact(width)) {
+                to[done..done + width].copy_from_slice(line);
+            }
+            done += width;
+        }
+        Ok(Piece { samples, rows, cols, snap_px })
+    }
+
+    /// Refuses grids that share no point, before any work is done.
+    fn check_overlap(&self, source: (&str, &Info), target: (&str, &Info)) -> Result<()> {
+        let (from, to) = (grid(source.0, source.1)?, grid(target.0, target.1)?);
+        // Either may be the smaller one, and slip through the lattice of the other.
+        let back = Map::between(from, to);
+        let lies_on = |map: &Map, (rows, cols): (usize, usize), (on_rows, on_cols): (usize, usize), cyclic: bool| {
+            lattice(rows, cols).any(|(row, col)| {
+                let (r, c) = map.apply(row, col);
+                let within = |v: f64, count: usize| v >= -0.5 && v <= count as f64 - 0.5;
+                within(r, on_rows) && (within(c, on_cols) || cyclic && c.is_finite())
+            })
+        };
+        let overlap = lies_on(&self.map, to.1, from.1, self.cyclic)
+            || back.is_some_and(|map| lies_on(&map, from.1, to.1, is_cyclic(to)));
+        if overlap { Ok(()) } else { Err(no_overlap(source, target)) }
+    }
+}
+
+/// Where in the source a piece lies.
+#[derive(Debug, Clone, Copy)]
+struct Under {
+    row: usize,
+    col: isize,
+    rows: usize,
+    cols: usize,
+}
+
+/// The error for rasters that share no valid sample.
+pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, target): (&str, &Info)) -> Error {
+    let (Ok(from), Ok(to)) = (grid(source_name, source), grid(target_name, target)) else {
+        return Error::usage(format!("{source_name}: a place expected, none found"));
+    };
+    let as_degrees = !from.0.crs.same_as(&to.0.crs);
+    let (a, b) = (bounds(from, as_degrees), bounds(to, as_degrees));
+    Error::usage(format!(
+        "{source_name}: valid samples overlapping {target_name} expected, none found: it covers {a}, {target_name} covers {b}"
+    ))
+}
+
+/// Place and size, which must be complete.
+fn grid<'a>(name: &str, info: &'a Info) -> Result<Grid<'a>> {
+    Ok((info.place(name)?, (info.rows, info.cols)))
+}
+
+fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): (&str, &GeoRef)) -> Result<()> {
+    let (a, b) = (source.crs.summary(), target.crs.summary());
+    if let (Some(from_m), Some(to_m)) = (source.crs.sphere_radius_m(), target.crs.sphere_radius_m())
+        && (from_m - to_m).abs() > 1e-6 * to_m
+    {
+        let what = format!("{source_name}: the sphere of {target_name} ({to_m} m) expected, {from_m} m found");
+        return Err(Error::usage(what));
+    }
+    let known = |georef: &GeoRef| crate::Projection::of(&georef.crs).is_some();
+    if source.crs.same_as(&target.crs) || known(source) && known(target) {
+        return Ok(());
+    }
+    let what =
+        "longitude/latitude, equirectangular and polar stereographic systems on a sphere can be brought together";
+    Err(Error::usage(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
+}
+
+/// An affine map is furthest from the identity at a corner; others are never taken for it.
+fn is_identity(map: &Map, (rows, cols): (usize, usize)) -> bool {
+    let (last_row, last_col) = (rows.saturating_sub(1) as f64, cols.saturating_sub(1) as f64);
+    matches!(map, Map::Affine(_))
+        && [(0.0, 0.0), (0.0, last_col), (last_row, 0.0), (last_row, last_col)].into_iter().all(|(row, col)| {
+            let (r, c) = map.apply(row, col);
+            (r - row).abs() <= SAME_GRID_PX && (c - col).abs() <= SAME_GRID_PX
+        })
+}
+
+/// Evenly spread pixels, the outermost included.
+pub(super) fn lattice(rows: usize, cols: usize) -> impl Iterator<Item = (f64, f64)> {
+    let at = |i: usize, count: usize| i as f64 / (LATTICE - 1) as f64 * (count as f64 - 1.0);
+    (0..LATTICE * LATTICE).map(move |i| (at(i / LATTICE, rows), at(i % LATTICE, cols)))
+}

@@ -1,0 +1,77 @@
+//! The one error type of the ground programs: every message names the thing, what was expected and what was found.
+
+use std::path::{Path, PathBuf};
+
+/// Short for a result that fails with [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, in the four kinds a user can act on.
+#[derive(Debug)]
+pub enum Error {
+    /// The file does not hold what its format promises (truncated, bit-flipped, contradictory).
+    Broken {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and what was found.
+        what: String,
+    },
+    /// The file is sound, but uses something this program does not read.
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What was found, and what would be read.
+        what: String,
+    },
+    /// The request cannot be met: wrong sizes, no overlap, impossible options.
+    Usage(String),
+    /// The operating system refused.
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The refusal.
+        source: std::io::Error,
+    },
+}
+
+impl Error {
+    /// A [`Error::Broken`] about `path`.
+    pub fn broken(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Broken { path: path.as_ref().into(), what: what.into() }
+    }
+
+    /// A [`Error::Unsupported`] about `path`.
+    pub fn unsupported(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.as_ref().into(), what: what.into() }
+    }
+
+    /// A [`Error::Usage`].
+    pub fn usage(what: impl Into<String>) -> Self {
+        Self::Usage(what.into())
+    }
+
+    /// An [`Error::Io`] about `path`; made for `map_err`.
+    pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_path_buf();
+        move |source| Self::Io { path, source }
+    }
+}
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Broken { path, what } => write!(f, "{}: broken file: {what}", path.display()),
+            Self::Unsupported { path, what } => write!(f, "{}: not supported: {what}", path.display()),
+            Self::Usage(what) => f.write_str(what),
+            Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}

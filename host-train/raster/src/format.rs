@@ -1,0 +1,139 @@
+//! What kind of file this is, by its first bytes.
+
+use super::{npy, pds3};
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Enough to find the first keyword of a label behind a long comment.
+const HEAD_BYTES: u64 = 4096;
+
+/// A kind of raster file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Format {
+    /// TIFF or BigTIFF.
+    Tiff,
+    /// PDS3 label, detached or in front of its image.
+    Pds3,
+    /// NumPy array.
+    Npy,
+    /// Known, and read by GDAL, but not here; what it is, in words.
+    Convertible(&'static str),
+    /// None of these; the first bytes.
+    Unknown(Vec<u8>),
+}
+
+impl Format {
+    /// Looks into the file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be read, [`Error::Usage`] if it is a folder, [`Error::Broken`] if it is empty.
+    pub fn of(path: &Path) -> Result<Self> {
+        Ok(Self::of_head(&head(path)?))
+    }
+
+    /// Judges the first bytes of a file.
+    #[must_use]
+    pub fn of_head(head: &[u8]) -> Self {
+        let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();
+        let starts = |magic: &[u8]| head.starts_with(magic);
+        let after = |word: &[u8]| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word));
+        if [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].into_iter().any(|magic| starts(magic)) {
+            Self::Tiff
+        } else if starts(npy::MAGIC) {
+            Self::Npy
+        } else if starts(b"\0\0\0\x0CjP  \r\n\x87\n") || starts(b"\xFF\x4F\xFF\x51") {
+            Self::Convertible("a JPEG 2000 image")
+        } else if starts(b"\x89PNG") || starts(b"\xFF\xD8\xFF") {
+            Self::Convertible("a PNG or JPEG picture")
+        } else if after(b"<?xml") || after(b"<Product_Observational") {
+            Self::Convertible("an XML file, a PDS4 label perhaps")
+        } else if is_cube(text) {
+            Self::Convertible("an ISIS cube")
+        } else if pds3::is_label(head) {
+            Self::Pds3
+        } else {
+            Self::Unknown(head[..head.len().min(16)].to_vec())
+        }
+    }
+}
+
+/// `Object = IsisCube`, in any case and spacing.
+fn is_cube(text: &[u8]) -> bool {
+    let line = text.split(|&b| b == b'\n').next().unwrap_or(&[]);
+    let line: Vec<u8> = line.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
+    line.starts_with(b"OBJECT=ISISCUBE") || line.starts_with(b"OBJECT=QUBE")
+}
+
+/// The first bytes of a file, at least one.
+///
+/// # Errors
+/// As [`Format::of`].
+pub fn head(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    if file.metadata().map_err(Error::io(path))?.is_dir() {
+        return Err(Error::usage(format!("{}: a file expected, found a folder", path.display())));
+    }
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
+    if head.is_empty() {
+        return Err(Error::broken(path, "a raster expected, found an empty file"));
+    }
+    Ok(head)
+}
+
+/// First bytes in words, for messages: text where they are text, hexadecimal otherwise.
+pub(super) fn describe(head: &[u8]) -> String {
+    match std::str::from_utf8(head) {
+        Ok(text) if text.chars().all(|c| !c.is_control() || c.is_ascii_whitespace()) => {
+            format!("a file that begins with {text:?}")
+        }
+        _ => format!("a file that begins with bytes {head:02X?}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source;
+
+    #[test]
+    fn contents_decide() {
+        let cases: [(&[u8], Format); 9] = [
+            (b"II*\0rest", Format::Tiff),
+            (b"MM\0+rest", Format::Tiff),
+            (b"\x93NUMPY\x01\0", Format::Npy),
+            (b"\r\n/* a comment */ PDS_VERSION_ID = PDS3\r\n", Format::Pds3),
+            (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
+            (b"Object = IsisCube\n  Object = Core", Format::Convertible("an ISIS cube")),
+            (b"\xEF\xBB\xBF<?xml version", Format::Convertible("an XML file, a PDS4 label perhaps")),
+            (b"\xFF\x4F\xFF\x51\0", Format::Convertible("a JPEG 2000 image")),
+            (b"foo = bar", Format::Unknown(b"foo = bar".to_vec())),
+        ];
+        for (head, format) in cases {
+            assert_eq!(Format::of_head(head), format);
+        }
+    }
+
+    #[test]
+    fn what_is_no_raster_is_said_in_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |name: &str, content: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let text = source::open(&path).err().expect("refused").to_string();
+            assert!(text.contains(name) && !text.contains('\n'), "{text}");
+            text
+        };
+        assert!(refused("empty.tif", b"").contains("empty file"));
+        assert!(refused("a.cub", b"Object = IsisCube\n").contains("gdal_translate -of GTiff"));
+        assert!(refused("a.jp2", b"\xFF\x4F\xFF\x51").contains("JPEG 2000 image; convert it first: gdal_translate"));
+        assert!(refused("a.xml", b"<?xml version=\"1.0\"?>").contains("gdal_translate"));
+        assert!(refused("a.txt", b"1,2,3\n4").contains("begins with \"1,2,3\\n4\""));
+        assert!(refused("a.img", b"\x01\x02").contains("bytes [01, 02] and no PDS3 label beside it"));
+        let text = source::open(folder.path()).err().expect("refused").to_string();
+        assert!(text.contains("a file expected, found a folder"), "{text}");
+        assert!(source::open(&folder.path().join("none.tif")).err().expect("refused").to_string().contains("none.tif"));
+    }
+}

@@ -1,0 +1,164 @@
+//! What is written is read, and what is broken is refused.
+
+use super::*;
+use crate::Error;
+use crate::{Crs, GeoRef, Raster};
+use std::path::{Path, PathBuf};
+
+pub(super) fn scratch() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Heights with gaps, some digits and a place; sizes that are no multiple of anything.
+pub(super) fn heights(rows: usize, cols: usize) -> Raster {
+    let mut samples: Vec<f32> = (0..rows * cols).map(|i| (i as f32 * 0.37).sin() * 1234.567 - 1900.0).collect();
+    samples[rows * cols / 2] = f32::NAN;
+    let georef =
+        GeoRef { transform: [349_000.25, 2.0, 0.0, 600_000.5, 0.0, -2.5], crs: Crs::moon_equirectangular(12.0, 180.0) };
+    Raster { rows, cols, samples, georef: Some(georef) }
+}
+
+pub(super) fn same_bits(a: &[f32], b: &[f32]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a.is_nan() && b.is_nan()) || a.to_bits() == b.to_bits())
+}
+
+fn written(folder: &Path, raster: &Raster, options: &WriteOptions) -> PathBuf {
+    let path = folder.join("a.tif");
+    write(&path, raster, options).unwrap();
+    path
+}
+
+#[test]
+fn heights_come_back_bit_for_bit() {
+    let folder = scratch();
+    for (rows, cols) in [(1, 1), (5, 700), (300, 270), (256, 512)] {
+        let raster = heights(rows, cols);
+        let back = read(written(folder.path(), &raster, &WriteOptions::heights("test"))).unwrap();
+        assert_eq!((back.rows, back.cols, &back.georef), (rows, cols, &raster.georef));
+        assert!(same_bits(&back.samples, &raster.samples), "{rows} x {cols}");
+    }
+}
+
+#[test]
+fn images_come_back_rounded() {
+    let folder = scratch();
+    let mut raster = heights(40, 33);
+    for (sample, highest) in [(SampleType::U8, 255.0), (SampleType::U16, 65535.0)] {
+        raster.samples = (0..40 * 33).map(|i| i as f32 * highest / (40.0 * 33.0 - 1.0)).collect();
+        let back = read(written(folder.path(), &raster, &WriteOptions::image(sample, "image"))).unwrap();
+        let rounded: Vec<f32> = raster.samples.iter().map(|v| v.round()).collect();
+        assert_eq!(back.samples, rounded);
+        raster.samples[7] = f32::NAN;
+        let back = read(written(folder.path(), &raster, &WriteOptions::image(sample, "image"))).unwrap();
+        assert!(back.samples[7].is_nan(), "gaps survive");
+        assert_eq!(back.samples[0], 1.0, "a valid zero is not turned into a gap");
+        assert_eq!(back.valid_count(), 40 * 33 - 1);
+    }
+    raster.samples[3] = -2.0;
+    let path = folder.path().join("b.tif");
+    let error = write(&path, &raster, &WriteOptions::image(SampleType::U8, "x")).unwrap_err();
+    assert!(matches!(error, Error::Usage(_)) && !path.exists(), "{error}");
+}
+
+#[test]
+fn every_kind_of_transform_survives() {
+    let folder = scratch();
+    let mut raster = heights(20, 30);
+    for transform in [[5.0, 1.5, 0.25, -7.0, 0.5, -2.0], [5.0, 2.0, 0.0, 9.0, 0.0, 2.0]] {
+        raster.georef = Some(GeoRef { transform, crs: Crs::moon_polar(true) });
+        let back = read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap();
+        assert_eq!(back.georef, raster.georef);
+    }
+    raster.georef = Some(GeoRef { transform: [0.0, 1.0, 0.0, 0.0, 0.0, -1.0], crs: Crs::default() });
+    assert_eq!(read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap().georef, raster.georef);
+    raster.georef = None;
+    assert_eq!(read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap().georef, None);
+}
+
+#[test]
+fn pixel_is_point_files_are_moved_to_corners_and_back() {
+    let folder = scratch();
+    let mut raster = heights(20, 30);
+    let georef = raster.georef.as_mut().unwrap();
+    // Key 1025 is the second of the directory, its value the last number of the entry.
+    assert_eq!(georef.crs.directory[8], 1025);
+    georef.crs.directory[11] = 2;
+    let back = read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap();
+    assert_eq!(back.georef, raster.georef);
+}
+
+#[test]
+fn the_nodata_value_is_isis_null() {
+    assert_eq!(NODATA_TEXT.parse::<f64>().unwrap() as f32, NODATA);
+    assert_eq!(NODATA.to_bits(), 0xFF7F_FFFB);
+    assert!(f64::from(NODATA) <= LOWEST_VALID);
+}
+
+#[test]
+fn big_files_are_big_tiff() {
+    let raster = heights(60, 50);
+    let folder = scratch();
+    let options = WriteOptions { force_big: true, ..WriteOptions::heights("big") };
+    let path = written(folder.path(), &raster, &options);
+    assert_eq!(std::fs::read(&path).unwrap()[2..4], [43, 0], "BigTIFF signature");
+    let back = read(&path).unwrap();
+    assert!(same_bits(&back.samples, &raster.samples) && back.georef == raster.georef);
+}
+
+#[test]
+fn truncated_files_are_refused_at_every_length() {
+    let folder = scratch();
+    let bytes = std::fs::read(written(folder.path(), &heights(40, 30), &WriteOptions::heights("t"))).unwrap();
+    let path = folder.path().join("cut.tif");
+    for length in (0..bytes.len()).step_by(7) {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let error = read(&path).expect_err("a cut file");
+        assert!(matches!(error, Error::Broken { .. } | Error::Unsupported { .. }), "{length}: {error}");
+        assert!(error.to_string().contains("cut.tif"));
+    }
+}
+
+#[test]
+fn flipped_bytes_never_panic() {
+    let folder = scratch();
+    let bytes = std::fs::read(written(folder.path(), &heights(20, 17), &WriteOptions::heights("t"))).unwrap();
+    let path = folder.path().join("flip.tif");
+    let mut refused = 0;
+    for at in 0..bytes.len() {
+        for mask in [0x01, 0x80, 0xFF] {
+            let mut bytes = bytes.clone();
+            bytes[at] ^= mask;
+            std::fs::write(&path, &bytes).unwrap();
+            refused += usize::from(read(&path).is_err());
+        }
+    }
+    assert!(refused > bytes.len() / 2, "{refused} of {} flips refused", 3 * bytes.len());
+}
+
+#[test]
+fn a_small_file_cannot_claim_a_huge_raster() {
+    let folder = scratch();
+    let mut bytes = std::fs::read(written(folder.path(), &heights(40, 30), &WriteOptions::heights("t"))).unwrap();
+    // The directory entries of width (256) and tile width (322), type 4 (u32), count 1, then the value.
+    for tag in [256_u16, 257, 322, 323] {
+        let entry = [tag.to_le_bytes().as_slice(), &4_u16.to_le_bytes(), &1_u32.to_le_bytes()].concat();
+        let at = bytes.windows(8).position(|window| window == entry).expect("the entry") + 8;
+        bytes[at..at + 4].copy_from_slice(&1_000_000_u32.to_le_bytes());
+    }
+    let path = folder.path().join("bomb.tif");
+    std::fs::write(&path, &bytes).unwrap();
+    let error = read(&path).unwrap_err().to_string();
+    assert!(error.contains("cannot hold"), "{error}");
+}
+
+#[test]
+fn missing_files_and_folders_are_named() {
+    let folder = scratch();
+    let error = read(folder.path().join("none.tif")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }) && error.to_string().contains("none.tif"), "{error}");
+    assert!(read(folder.path()).is_err());
+    let error = write(&folder.path().join("no/such/a.tif"), &heights(4, 4), &WriteOptions::heights("t")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    std::fs::write(folder.path().join("text.tif"), "not a tiff").unwrap();
+    assert!(matches!(read(folder.path().join("text.tif")).unwrap_err(), Error::Broken { .. }));
+}

@@ -1,0 +1,143 @@
+//! What goes into a file, and writing one at once.
+
+use super::super::Raster;
+use super::writer::Writer;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// How samples are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SampleType {
+    /// As they are; nodata is [`super::NODATA`].
+    F32,
+    /// Rounded to 0..=255.
+    U8,
+    /// Rounded to 0..=65535.
+    U16,
+}
+
+/// How blocks are compressed, all with the predictor that suits the samples (3 for floats, 2 for integers).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Compression {
+    /// Not at all: for programs that map files into memory.
+    None,
+    /// The Ames Stereo Pipeline's default.
+    Lzw,
+    /// Smaller than LZW and read everywhere.
+    #[default]
+    Deflate,
+    /// Smallest and fastest, but older programs cannot read it.
+    Zstd,
+}
+
+/// What goes into the file besides samples and place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WriteOptions {
+    /// How samples are stored.
+    pub sample: SampleType,
+    /// How blocks are compressed.
+    pub compression: Compression,
+    /// Integer samples only: 0 is nodata, and valid samples are stored as 1 at least. Without it invalid samples are refused.
+    pub zero_is_nodata: bool,
+    /// Unit of the samples; `m` for heights.
+    pub unit: Option<String>,
+    /// What the band is: for heights the sphere they are above, and where they come from.
+    pub description: Option<String>,
+    /// Further metadata items, name and text.
+    pub items: Vec<(String, String)>,
+    /// BigTIFF whatever the size, so that it can be tried on a small raster.
+    pub(super) force_big: bool,
+}
+
+impl WriteOptions {
+    /// Heights in metres, stored as `f32`.
+    #[must_use]
+    pub fn heights(description: impl Into<String>) -> Self {
+        Self { unit: Some("m".into()), ..Self::image(SampleType::F32, description) }
+    }
+
+    /// An image without unit.
+    #[must_use]
+    pub fn image(sample: SampleType, description: impl Into<String>) -> Self {
+        Self {
+            sample,
+            compression: Compression::default(),
+            zero_is_nodata: true,
+            unit: None,
+            description: Some(description.into()),
+            items: vec![],
+            force_big: false,
+        }
+    }
+
+    /// Adds a metadata item.
+    #[must_use]
+    pub fn with_item(mut self, name: impl Into<String>, text: impl Into<String>) -> Self {
+        self.items.push((name.into(), text.into()));
+        self
+    }
+
+    /// Says under which Sun an image was taken or made: azimuth clockwise from the raster's up and elevation above the horizon, degrees,
+    /// each where it is known.
+    #[must_use]
+    pub fn with_sun(self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Self {
+        let angles = [("SUN_AZIMUTH_DEG", azimuth_deg), ("SUN_ELEVATION_DEG", elevation_deg)];
+        angles.into_iter().fold(self, |options, (key, angle)| match angle {
+            Some(deg) => options.with_item(key, format!("{deg:.3}")),
+            None => options,
+        })
+    }
+
+    /// Chooses the compression.
+    #[must_use]
+    pub fn with_compression(mut self, compression: Compression) -> Self {
+        self.compression = compression;
+        self
+    }
+
+    /// Promises integer samples without gaps: 0 is an ordinary value then.
+    #[must_use]
+    pub fn without_gaps(mut self) -> Self {
+        self.zero_is_nodata = false;
+        self
+    }
+}
+
+/// Writes `raster` as a cloud-optimised GeoTIFF, whole or not at all ([`Writer`] does it, and takes larger ones row by row).
+/// Float files carry the nodata tag always, integer files only if a sample is invalid.
+///
+/// # Errors
+/// [`Error::Usage`] if the raster is empty, its sample count is not rows x columns, or a sample does not fit an integer type;
+/// [`Error::Io`] if the file cannot be written.
+pub fn write(path: &Path, raster: &Raster, options: &WriteOptions) -> Result<()> {
+    let Raster { rows, cols, samples, georef } = raster;
+    if samples.len() != rows * cols {
+        let (path, found) = (path.display(), samples.len());
+        return Err(Error::usage(format!("{path}: {rows} x {cols} pixels expected, {found} samples found")));
+    }
+    let has_gaps = samples.iter().any(|v| !v.is_finite());
+    let options = WriteOptions { zero_is_nodata: options.zero_is_nodata && has_gaps, ..options.clone() };
+    let mut writer = Writer::create(path, *rows, *cols, georef.as_ref(), &options)?;
+    writer.write_rows(samples)?;
+    writer.finish()
+}
+
+impl SampleType {
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::U16 => 2,
+            Self::U8 => 1,
+        }
+    }
+
+    /// Largest value; floats have none.
+    pub(super) fn highest(self) -> Option<f32> {
+        match self {
+            Self::F32 => None,
+            Self::U16 => Some(f32::from(u16::MAX)),
+            Self::U8 => Some(f32::from(u8::MAX)),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Rasters with a place on a sphere, and the files they live in.
+
+pub mod align;
+mod binary;
+mod crs;
+mod error;
+pub mod format;
+mod georef;
+pub mod geotiff;
+pub mod npy;
+pub mod pds3;
+mod projection;
+pub mod resample;
+pub mod source;
+pub mod stated;
+
+pub use crs::{Axes, Crs, MOON_RADIUS_M};
+pub use error::{Error, Result};
+pub use georef::{GeoRef, GeoTransform};
+pub use projection::Projection;
+
+use std::io::Write;
+use std::path::Path;
+
+/// One band of samples with its place, mask and unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Raster {
+    /// Rows (north to south in a north-up raster).
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+    /// Row-major samples; metres above the sphere for heights, relative brightness for images. Invalid samples hold NaN.
+    pub samples: Vec<f32>,
+    /// Where the raster lies; `None` when the file has no transform.
+    pub georef: Option<GeoRef>,
+}
+
+impl Raster {
+    /// How many samples are real numbers.
+    #[must_use]
+    pub fn valid_count(&self) -> usize {
+        self.samples.iter().filter(|v| v.is_finite()).count()
+    }
+
+    /// Smallest and largest valid sample; `None` if there is none.
+    #[must_use]
+    pub fn range(&self) -> Option<(f32, f32)> {
+        self.samples.iter().filter(|v| v.is_finite()).fold(None, |range, &v| match range {
+            None => Some((v, v)),
+            Some((low, high)) => Some((low.min(v), high.max(v))),
+        })
+    }
+
+    /// Pixel size on the ground as (row spacing, column spacing) in metres, at the raster's centre; `None` without a place.
+    #[must_use]
+    pub fn pixel_m(&self) -> Option<(f64, f64)> {
+        self.georef.as_ref()?.pixel_m(self.rows, self.cols)
+    }
+}
+
+/// Writes `bytes` to `path` whole or not at all: a temporary sibling is filled, synced and renamed into place.
+///
+/// # Errors
+/// [`Error::Io`] if the folder or file cannot be written.
+pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    // Readable as the user's umask says; a temporary file is private by default.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder).map_err(Error::io(path))?;
+    file.write_all(bytes).map_err(Error::io(path))?;
+    file.as_file().sync_all().map_err(Error::io(path))?;
+    file.persist(path).map_err(|e| Error::Io { path: path.into(), source: e.error })?;
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! A prepared folder as a source of tiles: shards stay on disk, tiles are read as they are asked for.
+
+use super::sample::RawTile;
+use super::source::TileSource;
+use crate::prepare::shard::ShardFile;
+use crate::prepare::{Manifest, Split};
+use crate::{Error, Result};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// One split of a prepared folder. Each pass over its tiles has an order of its own, always the same.
+pub struct PreparedSource {
+    shards: Vec<ShardFile>,
+    /// Shard and number of each tile.
+    tiles: Vec<(usize, usize)>,
+    /// The order of the pass asked for last.
+    order: Mutex<(u64, Vec<u32>)>,
+}
+
+impl PreparedSource {
+    /// Opens the shards of a split.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the folder has no manifest of prepared tiles, or no tile in that split; else if a shard is broken.
+    pub fn open(folder: &Path, split: Split) -> Result<Self> {
+        let at = folder.display();
+        let manifest = Manifest::find(folder)?
+            .ok_or_else(|| Error::usage(format!("{at}: a manifest of prepared tiles expected, none found")))?;
+        let records = manifest.splits.get(&split).map_or(&[][..], |record| &record.shards);
+        let shards: Vec<ShardFile> =
+            records.iter().map(|record| ShardFile::open(&folder.join(&record.file))).collect::<Result<_>>()?;
+        for (record, shard) in records.iter().zip(&shards) {
+            if record.tiles != shard.len() {
+                let what = format!("{} tiles expected, {} found", record.tiles, shard.len());
+                return Err(Error::broken(folder.join(&record.file), what));
+            }
+        }
+        let tiles: Vec<(usize, usize)> =
+            shards.iter().enumerate().flat_map(|(k, shard)| (0..shard.len()).map(move |tile| (k, tile))).collect();
+        if tiles.is_empty() {
+            return Err(Error::usage(format!("{at}: tiles for {} expected, none found", split.name())));
+        }
+        let order = Mutex::new((0, order(0, tiles.len())));
+        Ok(Self { shards, tiles, order })
+    }
+
+    /// Number of different tiles.
+    pub fn len(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// Whether there are none; never, once opened.
+    pub fn is_empty(&self) -> bool {
+        self.tiles.is_empty()
+    }
+}
+
+impl TileSource for PreparedSource {
+    fn tile(&self, index: u64) -> Result<RawTile> {
+        let count = self.tiles.len() as u64;
+        let (pass, position) = (index / count, (index % count) as usize);
+        let place = {
+            let mut known = self.order.lock().unwrap_or_else(PoisonError::into_inner);
+            if known.0 != pass {
+                *known = (pass, order(pass, self.tiles.len()));
+            }
+            known.1[position] as usize
+        };
+        let (shard, tile) = self.tiles[place];
+        self.shards[shard].tile(tile)
+    }
+}
+
+/// The order of a pass: neighbours of one scene must not fill a batch.
+fn order(pass: u64, count: usize) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(pass));
+    order
+}

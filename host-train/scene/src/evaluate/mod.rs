@@ -1,0 +1,235 @@
+//! How good a DTM is, beside what it started from: all candidates are judged on the same pixels.
+
+mod coalign;
+pub mod lowpass;
+mod relief;
+mod report;
+mod scores;
+
+pub use coalign::CoAlignment;
+pub use relief::{Light, ReliefScores, Side, relief};
+pub use report::{json, table};
+pub use scores::Scores;
+
+use crate::raster::Raster;
+use crate::raster::align::{Interpolation, Named, onto};
+use crate::{Error, Result};
+use elunar_core::terrain::PixelSize;
+
+/// A raster to be judged.
+#[derive(Debug, Clone, Copy)]
+pub struct Candidate<'a> {
+    /// Name and heights, metres.
+    pub dtm: Named<'a>,
+    /// How it is brought onto the truth's grid, if it lies on another.
+    pub interpolation: Interpolation,
+}
+
+impl<'a> Candidate<'a> {
+    /// A DTM of about the truth's resolution: bilinear, invalid where a sample is missing.
+    #[must_use]
+    pub fn fine(name: &'a str, dtm: &'a Raster) -> Self {
+        Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bilinear }
+    }
+
+    /// A coarse DTM on its own grid: bicubic, as the network gets it.
+    #[must_use]
+    pub fn coarse(name: &'a str, dtm: &'a Raster) -> Self {
+        Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bicubic }
+    }
+}
+
+/// The verdict on one candidate.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// The candidate's name.
+    pub name: String,
+    /// Its scores over the common pixels.
+    pub scores: Scores,
+    /// The candidate on the truth's grid, metres; NaN off the common pixels.
+    pub placed: Raster,
+    /// Candidate minus truth, metres, on the truth's grid; NaN off the common pixels.
+    pub error_m: Raster,
+}
+
+/// What [`compare`] found.
+#[derive(Debug, Clone)]
+pub struct Comparison {
+    /// Name of the truth.
+    pub truth: String,
+    /// Valid pixels of the truth.
+    pub truth_pixels: usize,
+    /// Pixels valid in the truth and in every candidate: the ones judged.
+    pub common_pixels: usize,
+    /// Ground size of the truth's pixels.
+    pub pixel: PixelSize,
+    /// One per candidate, in their order.
+    pub judged: Vec<Judged>,
+}
+
+/// Judges `candidates` against `truth`, all on the truth's grid and on the pixels they have in common.
+///
+/// # Errors
+/// [`Error::Usage`] if a raster has no place, reference systems differ, or no pixel is common to all.
+pub fn compare(truth: Named, candidates: &[Candidate]) -> Result<Comparison> {
+    let mut placed = Vec::with_capacity(candidates.len());
+    for candidate in candidates {
+        placed.push(onto(candidate.dtm, truth, candidate.interpolation)?);
+    }
+    let heights_m = &truth.raster.samples;
+    let common: Vec<bool> = (0..heights_m.len())
+        .map(|i| heights_m[i].is_finite() && placed.iter().all(|p| p.samples[i].is_finite()))
+        .collect();
+    let common_pixels = common.iter().filter(|&&c| c).count();
+    if common_pixels == 0 {
+        let names: Vec<&str> = candidates.iter().map(|c| c.dtm.name).collect();
+        let what =
+            format!("{}: pixels that are valid there and in {} expected, none found", truth.name, names.join(" and "));
+        return Err(Error::usage(what));
+    }
+    let (row_m, col_m) =
+        truth.raster.pixel_m().ok_or_else(|| Error::usage(format!("{}: pixel size in metres unknown", truth.name)))?;
+    let pixel = PixelSize { row_m, col_m };
+    let masked_truth = masked(truth.raster, &common);
+    let judged = candidates.iter().zip(placed).map(|(candidate, placed)| {
+        let placed = masked(&placed, &common);
+        let samples = placed.samples.iter().zip(&masked_truth.samples).map(|(z, t)| z - t).collect();
+        let scores = Scores::of(&masked_truth, &placed, pixel)?;
+        let error_m = Raster { samples, ..placed.clone() };
+        Ok(Judged { name: candidate.dtm.name.into(), scores, placed, error_m })
+    });
+    let judged = judged.collect::<Result<_>>()?;
+    Ok(Comparison { truth: truth.name.into(), truth_pixels: truth.raster.valid_count(), common_pixels, pixel, judged })
+}
+
+fn masked(raster: &Raster, keep: &[bool]) -> Raster {
+    let samples = raster.samples.iter().zip(keep).map(|(&v, &keep)| if keep { v } else { f32::NAN }).collect();
+    Raster { samples, ..raster.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster::{Crs, GeoRef};
+
+    fn raster(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
+        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        Raster {
+            rows,
+            cols,
+            samples: (0..rows * cols).map(|i| height(i / cols, i % cols)).collect(),
+            georef: Some(georef),
+        }
+    }
+
+    #[test]
+    fn scores_are_those_of_the_definition() {
+        let truth = raster(20, 30, |r, c| (r as f32 * 0.7).sin() * 9.0 + c as f32);
+        let error = |r: usize, c: usize| if (r + c).is_multiple_of(4) { 5.0 } else { 1.0 };
+        let dtm = raster(20, 30, |r, c| truth.samples[r * 30 + c] + error(r, c));
+        let found = compare(Named::new("truth", &truth), &[Candidate::fine("dtm", &dtm)]).unwrap();
+        let scores = found.judged[0].scores;
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} {b}");
+        assert_eq!((found.common_pixels, found.truth_pixels, scores.pixels), (600, 600, 600));
+        assert_eq!(scores.share_within, [0.75, 0.75, 1.0]);
+        close(scores.mae_m, 2.0);
+        close(scores.bias_m, 2.0);
+        close(scores.rmse_m, 7.0_f64.sqrt());
+        close(scores.median_m, 1.0);
+        close(scores.rmse_median_removed_m, 2.0);
+        close(scores.largest_m, 5.0);
+        assert!(scores.slope_rmse_deg > 0.1 && scores.slope_pixels == 18 * 28);
+        assert!((found.judged[0].error_m.samples[1] - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_plane_has_a_slope_error_of_its_angle() {
+        let (truth, dtm) = (raster(9, 9, |_, _| 3.0), raster(9, 9, |r, _| 2.0 * r as f32));
+        let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().judged[0].scores;
+        assert!((scores.slope_mae_deg - 45.0).abs() < 1e-9 && (scores.slope_bias_deg - 45.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn all_candidates_are_judged_on_the_same_pixels() {
+        let truth = raster(10, 10, |r, c| (r * c) as f32);
+        let mut with_gap = truth.clone();
+        with_gap.samples[44] = f32::NAN;
+        let wrong_there = raster(10, 10, |r, c| if r * 10 + c == 44 { 1e4 } else { (r * c) as f32 });
+        let candidates = [Candidate::fine("gap", &with_gap), Candidate::fine("wrong", &wrong_there)];
+        let found = compare(Named::new("t", &truth), &candidates).unwrap();
+        assert_eq!((found.common_pixels, found.truth_pixels), (99, 100));
+        assert_eq!(found.judged[1].scores.rmse_m, 0.0);
+        assert!(found.judged[1].error_m.samples[44].is_nan());
+        let nothing = raster(10, 10, |r, c| if r * 10 + c == 44 { 1.0 } else { f32::NAN });
+        let refused =
+            compare(Named::new("t", &truth), &[candidates[0], Candidate::fine("nothing", &nothing)]).unwrap_err();
+        assert!(refused.to_string().contains("gap and nothing"), "{refused}");
+    }
+
+    #[test]
+    fn table_and_json_hold_the_same_figures() {
+        let truth = raster(10, 10, |r, c| (r * c) as f32);
+        let dtm = raster(10, 10, |r, c| (r * c) as f32 + 3.0);
+        let candidates = [Candidate::fine("dtm.tif", &dtm), Candidate::coarse("coarse.tif", &truth)];
+        let found = compare(Named::new("truth.tif", &truth), &candidates).unwrap();
+        let text = table(&found);
+        assert!(text.contains("dtm.tif") && text.contains("coarse.tif") && text.contains("3.000"), "{text}");
+        let value: serde_json::Value = serde_json::from_str(&json(&found)).unwrap();
+        assert_eq!(value["candidates"][0]["rmse_m"], 3.0);
+        assert_eq!(value["candidates"][0]["share_within_4_m"], 1.0);
+        assert_eq!(value["candidates"][1]["mae_m"], 0.0);
+        assert_eq!(value["common_pixels"], 100);
+    }
+
+    /// Two rasters with gaps on shifted grids, judged by numpy from the files.
+    #[test]
+    fn scores_match_numpy() {
+        use crate::raster::geotiff::{WriteOptions, write};
+        let folder = tempfile::tempdir().unwrap();
+        let bumps =
+            |r: usize, c: usize, k: f32| (r as f32 * 0.31 * k).sin() * 20.0 + (c as f32 * 0.17).cos() * 15.0 - 1900.0;
+        let mut truth = raster(60, 80, |r, c| bumps(r, c, 1.0));
+        let mut dtm = raster(50, 90, |r, c| bumps(r, c, 1.07) + 0.7);
+        // Three rows and two columns of the truth lie before the DTM's first; the rest of the grid is shared.
+        dtm.georef.as_mut().unwrap().transform = [4.0, 2.0, 0.0, -6.0, 0.0, -2.0];
+        for i in [5 * 80 + 7, 30 * 80 + 30, 30 * 80 + 31] {
+            truth.samples[i] = f32::NAN;
+        }
+        dtm.samples[20 * 90 + 50] = f32::NAN;
+        for (name, raster) in [("truth.tif", &truth), ("dtm.tif", &dtm)] {
+            write(&folder.path().join(name), raster, &WriteOptions::heights("test")).unwrap();
+        }
+        let script = "
+t = rasterio.open('truth.tif').read(1, masked=True).astype('f8').filled(np.nan)[3:53, 2:]
+z = rasterio.open('dtm.tif').read(1, masked=True).astype('f8').filled(np.nan)[:, :78]
+both = np.isfinite(t) & np.isfinite(z)
+t[~both] = np.nan; z[~both] = np.nan
+def slope(h):
+    p = [[h[i:h.shape[0] - 2 + i, j:h.shape[1] - 2 + j] for j in range(3)] for i in range(3)]
+    hole = sum(sum(row) for row in p)
+    dx = ((p[0][2] + 2 * p[1][2] + p[2][2]) - (p[0][0] + 2 * p[1][0] + p[2][0])) / 16
+    dy = ((p[2][0] + 2 * p[2][1] + p[2][2]) - (p[0][0] + 2 * p[0][1] + p[0][2])) / 16
+    return np.degrees(np.arctan(np.hypot(dx, dy))) + 0 * hole
+e = (z - t)[both]
+s = slope(z) - slope(t); s = s[np.isfinite(s)]
+rms = lambda v: np.sqrt(np.mean(v * v))
+print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e), e.mean(), np.median(e), rms(e - np.median(e)),
+      abs(e).max(), s.size, abs(s).mean(), rms(s), s.mean())
+";
+        let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
+        let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
+        let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().judged[0].scores;
+        let [two, four, ten] = s.share_within;
+        let (pixels, slopes) = (s.pixels as f64, s.slope_pixels as f64);
+        let heights =
+            [pixels, two, four, ten, s.mae_m, s.rmse_m, s.bias_m, s.median_m, s.rmse_median_removed_m, s.largest_m];
+        let found = [heights.as_slice(), &[slopes, s.slope_mae_deg, s.slope_rmse_deg, s.slope_bias_deg]].concat();
+        for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert!(
+                (found - expected).abs() < 1e-9 * expected.abs().max(1.0),
+                "figure {i}: {found} instead of {expected}"
+            );
+        }
+        assert_eq!(found.len(), expected.len());
+    }
+}

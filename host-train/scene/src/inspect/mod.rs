@@ -1,0 +1,62 @@
+//! What a file is understood as, in words: raster, PDS3 label, table of laser points, model, weights or golden case; or why not.
+
+mod raster;
+mod text;
+
+use crate::raster::format::{Format, head};
+use crate::raster::{pds3, source};
+use crate::{Error, Result};
+use elunar_core::nn::kernels::Kernel;
+use elunar_net::inspect::model::Plan;
+use elunar_net::inspect::{self as network, is_model, is_safetensors};
+use std::path::Path;
+
+/// Describes a file, in several lines without the last line's end. Where a label is sound but its image is not, `aside` gets the label.
+///
+/// # Errors
+/// Why the file is not understood.
+pub fn describe(path: &Path, aside: impl FnOnce(String)) -> Result<String> {
+    let head = head(path)?;
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    if is_model(&head, path) {
+        return network::plan(path, &head, None).map(|plan| network::plan_text(&plan));
+    }
+    if is_safetensors(&head) || extension == "safetensors" {
+        return network::tensors(path);
+    }
+    let format = Format::of_head(&head);
+    if let Some(line) = text::heading(&head)
+        && matches!(format, Format::Unknown(_))
+    {
+        return text::points(path, &line);
+    }
+    match source::open(path) {
+        Ok(source) => raster::describe(&*source),
+        Err(error) if format == Format::Pds3 => {
+            let label = pds3::read_label(path)?;
+            let has_image = text::label_points_at_image(&label);
+            let description = text::label(&label);
+            if has_image {
+                aside(description);
+                return Err(error);
+            }
+            Ok(description)
+        }
+        Err(Error::Unsupported { path, what }) if matches!(format, Format::Unknown(_)) => {
+            let more = "; nor is it a model, weights, or a table with a heading of longitude, latitude and height";
+            Err(Error::unsupported(path, what + more))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// The plan of a model file; with a kernel and a number of tiles, measured.
+///
+/// # Errors
+/// As [`elunar_net::inspect::plan`], or if the file cannot be read.
+pub fn plan(path: &Path, time: Option<(Kernel, usize)>) -> Result<Plan> {
+    network::plan(path, &head(path)?, time)
+}
+
+#[cfg(test)]
+mod tests;

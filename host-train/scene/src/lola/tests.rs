@@ -1,0 +1,204 @@
+//! Planted shifts are found.
+
+use super::csv;
+use super::report::{Judged, Report, json, table};
+use super::shift::{Fit, Ground};
+use super::track::Point;
+use crate::raster::source::{self, InMemory};
+use crate::raster::{Crs, GeoRef, Projection, Raster, geotiff};
+use elunar_testing::rasterio;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Smooth terrain without symmetries; x and y in metres.
+fn height(x: f64, y: f64) -> f64 {
+    30.0 * (x / 60.0).sin() + 20.0 * (y / 45.0 + 0.7).cos() + 10.0 * ((x + 2.0 * y) / 37.0).sin() + 0.02 * x
+}
+
+/// A DTM of 2 m pixels (in metres of its map), with a place far from the map's origin.
+fn dtm(crs: Crs, rows: usize, cols: usize, unit: f64) -> (Raster, GeoRef) {
+    let lat = if crs.is_projected() { 2000.0 } else { 0.0 };
+    let georef = GeoRef { transform: [5000.0 * unit, 2.0 * unit, 0.0, lat * unit, 0.0, -2.0 * unit], crs };
+    let sample = |i: usize| {
+        let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
+        height(x / unit, y / unit) as f32
+    };
+    (Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: Some(georef.clone()) }, georef)
+}
+
+/// A track down the middle whose spots are reported `moved` metres beside the ground they measured, `above` it.
+fn track(georef: &GeoRef, rows: usize, cols: usize, unit: f64, moved: (f64, f64), above: f64) -> Vec<Point> {
+    let projection = Projection::of(&georef.crs).unwrap();
+    let spot = |i: usize| {
+        let row = 20.0 + i as f64 * (rows as f64 - 40.0) / 150.0;
+        let (x, y) = georef.centre(row, cols as f64 / 2.0 + 0.2 * row);
+        let (lon_deg, lat_deg) = projection.inverse(x - moved.0 * unit, y - moved.1 * unit);
+        Point { lon_deg, lat_deg, height_m: height(x / unit, y / unit) + above, time_s: None }
+    };
+    (0..150).map(spot).collect()
+}
+
+fn fit(raster: Raster, track: &[Point], search_m: f64) -> Option<Fit> {
+    let source = InMemory::new(raster, Some("m".into()), "memory");
+    Ground::new(&source, "d.tif", search_m).unwrap().fit(track, 10).unwrap()
+}
+
+#[test]
+fn planted_shifts_are_found() {
+    let systems = [
+        (Crs::moon_equirectangular(0.0, 180.0), 1.0),
+        (Crs::moon_polar(true), 1.0),
+        (Crs::geographic(1_737_400.0), 1.0 / 1_737_400f64.to_radians()),
+    ];
+    for (crs, unit) in systems {
+        for moved in [(0.0, 0.0), (7.0, -4.0), (-13.0, 11.0)] {
+            let (raster, georef) = dtm(crs.clone(), 200, 140, unit);
+            let track = track(&georef, 200, 140, unit, moved, 0.0);
+            let fit = fit(raster, &track, 20.0).unwrap();
+            // Bilinear interpolation of this terrain is good to some millimetres; spots lie within a millimetre of half pixels.
+            assert!((fit.x_m - moved.0).abs() < 1e-3 && (fit.y_m - moved.1).abs() < 1e-3, "{moved:?}: {fit:?}");
+            assert!(fit.std_m < 0.02 && fit.std_median_removed_m <= fit.std_m && !fit.at_edge, "{fit:?}");
+            assert!(moved == (0.0, 0.0) || fit.std_unshifted_m > 1.0, "{fit:?}");
+            // Some points near the edge cannot be shifted everywhere.
+            assert!(fit.points >= 100 && fit.points <= 150, "{fit:?}");
+        }
+    }
+}
+
+#[test]
+fn the_deviation_is_that_of_eq_18() {
+    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let mut track = track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0);
+    track.iter_mut().enumerate().for_each(|(i, p)| p.height_m += if i % 2 == 0 { 1.0 } else { -2.0 } - 0.25);
+    // Without a search the figures are those of the definition: e = -1 + 0.25 and 2 + 0.25, no mean removed, divided by n - 1.
+    let fit = fit(raster, &track, 0.0).unwrap();
+    let n = fit.points as f64;
+    assert_eq!(fit.points, 150);
+    let expected = (75.0 * (0.75f64.powi(2) + 2.25f64.powi(2)) / (n - 1.0)).sqrt();
+    let about_median = (150.0 * 1.5f64.powi(2) / (n - 1.0)).sqrt();
+    assert!((fit.std_m - expected).abs() < 0.02 && fit.std_m == fit.std_unshifted_m, "{fit:?} {expected}");
+    assert!((fit.median_m - 0.75).abs() < 0.02 && (fit.std_median_removed_m - about_median).abs() < 0.02, "{fit:?}");
+    assert!(!fit.at_edge);
+}
+
+#[test]
+fn an_offset_is_the_medians_and_the_search_has_an_edge() {
+    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let above = track(&georef, 200, 140, 1.0, (3.0, 2.0), -0.05);
+    let offset = fit(raster.clone(), &above, 10.0).unwrap();
+    assert!((offset.median_m - 0.05).abs() < 0.01 && offset.std_median_removed_m < 0.02, "{offset:?}");
+    let far = track(&georef, 200, 140, 1.0, (9.0, 0.0), 0.0);
+    assert!(fit(raster, &far, 4.0).unwrap().at_edge);
+}
+
+#[test]
+fn gaps_and_edges_take_points_away() {
+    let (mut raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let track = track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0);
+    let all = fit(raster.clone(), &track, 6.0).unwrap().points;
+    raster.samples[90 * 140..110 * 140].fill(f32::NAN);
+    let fewer = fit(raster.clone(), &track, 6.0).unwrap().points;
+    assert!(fewer < all - 15, "{fewer} of {all}");
+    raster.samples.fill(f32::NAN);
+    assert_eq!(fit(raster.clone(), &track, 6.0), None);
+    let elsewhere: Vec<Point> = track.iter().map(|p| Point { lon_deg: p.lon_deg + 10.0, ..*p }).collect();
+    assert_eq!(fit(raster, &elsewhere, 6.0), None);
+}
+
+#[test]
+fn what_cannot_be_searched_is_refused() {
+    let (raster, _) = dtm(Crs::moon_equirectangular(0.0, 0.0), 30, 30, 1.0);
+    let refused = |raster: Raster, search_m: f64| {
+        let source = InMemory::new(raster, None, "memory");
+        Ground::new(&source, "d.tif", search_m).err().expect("refused").to_string()
+    };
+    assert!(
+        refused(Raster { georef: None, ..raster.clone() }, 1.0).contains("d.tif: a DTM with a geotransform expected")
+    );
+    for search_m in [1000.0, -1.0, f64::NAN] {
+        assert!(refused(raster.clone(), search_m).contains("at most 200 half pixels"));
+    }
+    let mut nameless = raster;
+    nameless.georef.as_mut().unwrap().crs = Crs::default();
+    assert!(refused(nameless, 1.0).contains("a coordinate reference system"));
+}
+
+#[test]
+fn reports_hold_every_track() {
+    let fit = Fit {
+        points: 12,
+        std_m: 1.5,
+        std_unshifted_m: 4.0,
+        x_m: -3.0,
+        y_m: 2.0,
+        median_m: 0.5,
+        std_median_removed_m: 1.25,
+        at_edge: true,
+    };
+    let judged = Judged { name: "a.csv#1".into(), points: 20, fit: Some(fit) };
+    let skipped = Judged { name: "a.csv#2".into(), points: 3, fit: None };
+    let report = Report { dtm: "d.tif".into(), tracks: vec![judged, skipped], flagged: 7 };
+    let text = table(&report);
+    assert!(
+        text.contains("d.tif: 1 of 2 tracks judged, 7 flagged rows") && text.contains("at the search's edge"),
+        "{text}"
+    );
+    assert!(text.lines().last().unwrap().starts_with("mean") && text.contains("3 too few"), "{text}");
+    let json = json(&report);
+    assert_eq!(json["tracks"][0]["shift_x_m"], -3.0);
+    assert_eq!(json["tracks"][1]["judged"], false);
+    assert_eq!(json["mean"]["std_median_removed_m"], 1.25);
+}
+
+/// The definition once more in numpy, on rough terrain: every shift tried, bilinear, the same points for all.
+const TWIN: &str = "
+d = rasterio.open('d.tif'); z = d.read(1).astype('f8')
+lon, lat, h = np.loadtxt('t.csv', delimiter=',', skiprows=1).T
+R = 1737400.0
+x, y = R * np.radians(lon - 180), R * np.radians(lat)
+c, r = ~d.transform * (x, y); c, r = c - 0.5, r - 0.5
+def at(r, c):
+    i, j = np.floor(r).astype(int), np.floor(c).astype(int)
+    f, g = r - i, c - j
+    return (1-f)*(1-g)*z[i, j] + (1-f)*g*z[i, j+1] + f*(1-g)*z[i+1, j] + f*g*z[i+1, j+1]
+n = 9
+keep = (r > n/2 + 1) & (c > n/2 + 1) & (r < z.shape[0] - n/2 - 2) & (c < z.shape[1] - n/2 - 2)
+r, c, h = r[keep], c[keep], h[keep]
+best = min((np.sqrt(((at(r + i/2, c + j/2) - h)**2).sum() / (len(h) - 1)), i, j) for i in range(-n, n+1) for j in range(-n, n+1))
+s, i, j = best
+e = at(r + i/2, c + j/2) - h
+m = np.median(e)
+print(len(h), s, j/2 * d.transform.a, i/2 * d.transform.e, m, np.sqrt(((e - m)**2).sum() / (len(h) - 1)))
+";
+
+#[test]
+fn a_twin_in_numpy_agrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let (rows, cols) = (90, 70);
+    let georef =
+        GeoRef { transform: [-40_000.0, 2.0, 0.0, 9000.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 180.0) };
+    let samples: Vec<f32> = (0..rows * cols).map(|i| (i % cols) as f32 * 0.5 + rng.random_range(-3.0..3.0)).collect();
+    let raster = Raster { rows, cols, samples, georef: Some(georef.clone()) };
+    geotiff::write(&folder.path().join("d.tif"), &raster, &geotiff::WriteOptions::heights("heights")).unwrap();
+    let projection = Projection::of(&georef.crs).unwrap();
+    let mut text = String::from("lon,lat,height_m\n");
+    for _ in 0..300 {
+        let (row, col) = (rng.random_range(7.0..82.0), rng.random_range(7.0..62.0));
+        let (x, y) = georef.centre(row, col);
+        let (lon, lat) = projection.inverse(x, y);
+        text += &format!("{lon:.9},{lat:.9},{:.4}\n", (col + 2.3) * 0.5 + rng.random_range(-2.0..2.0));
+    }
+    std::fs::write(folder.path().join("t.csv"), text).unwrap();
+    let Some(out) = rasterio(TWIN, folder.path()) else { return };
+    let expected: Vec<f64> = out.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    let source = source::open(&folder.path().join("d.tif")).unwrap();
+    let ground = Ground::new(&*source, "d.tif", 9.0).unwrap();
+    let table = csv::read(&folder.path().join("t.csv"), None, ground.sphere_m()).unwrap();
+    let fit = ground.fit(&table.points, 10).unwrap().unwrap();
+    let found = [fit.points as f64, fit.std_m, fit.x_m, fit.y_m, fit.median_m, fit.std_median_removed_m];
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-4, "{fit:?}, numpy {expected:?}");
+    }
+    assert_eq!(expected.len(), 6);
+}

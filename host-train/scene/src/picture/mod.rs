@@ -1,0 +1,73 @@
+//! PNG pictures: images, hillshades, coloured relief, error maps, contact sheets and training curves.
+//!
+//! Everything is drawn in memory and written whole or not at all by [`write_png`]; [`png_bytes`] serves those who embed pictures.
+
+mod bars;
+mod curves;
+mod errors;
+mod grey;
+mod histogram;
+mod relief;
+mod sheet;
+mod text;
+
+pub use bars::{Bars, bars};
+pub use curves::{Chart, Series, curves, plot};
+pub use errors::error_map;
+pub use grey::{grey, hillshade, stretch};
+pub use histogram::histogram;
+pub use relief::relief;
+pub use sheet::{Panel, sheet};
+pub use text::{FONT, install_font};
+
+use crate::raster::atomic_write;
+use crate::{Error, Result};
+use image::{DynamicImage, ImageFormat};
+use std::io::Cursor;
+use std::path::Path;
+
+/// The picture as the bytes of a PNG file.
+///
+/// # Errors
+/// [`Error::Usage`] if the picture has no pixels.
+pub fn png_bytes(picture: &DynamicImage) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, ImageFormat::Png).map_err(|e| Error::usage(format!("picture: {e}")))?;
+    Ok(bytes.into_inner())
+}
+
+/// Writes the picture to a PNG file, whole or not at all.
+///
+/// # Errors
+/// [`Error::Usage`] if the picture has no pixels, [`Error::Io`] if the file cannot be written.
+pub fn write_png(path: &Path, picture: impl Into<DynamicImage>) -> Result<()> {
+    atomic_write(path, &png_bytes(&picture.into())?)
+}
+
+/// Fails unless there is one sample per pixel and the picture fits a PNG.
+fn check_size(samples: usize, rows: usize, cols: usize) -> Result<(u32, u32)> {
+    let (Ok(height), Ok(width)) = (u32::try_from(rows), u32::try_from(cols)) else {
+        return Err(Error::usage(format!(
+            "picture: at most {} rows and columns expected, {rows} x {cols} found",
+            u32::MAX
+        )));
+    };
+    if rows.checked_mul(cols) != Some(samples) {
+        return Err(Error::usage(format!("picture: {rows} x {cols} samples expected, {samples} found")));
+    }
+    Ok((width, height))
+}
+
+/// What share of the finite samples lies below the two returned values: `low` and `high` (0–1); `None` without finite samples.
+fn percentiles(samples: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
+    let mut finite: Vec<f32> = samples.iter().copied().filter(|v| v.is_finite()).collect();
+    if finite.is_empty() {
+        return None;
+    }
+    let last = finite.len() - 1;
+    let mut at = |share: f64| *finite.select_nth_unstable_by((share * last as f64).round() as usize, f32::total_cmp).1;
+    Some((at(low), at(high)))
+}
+
+#[cfg(test)]
+mod tests;

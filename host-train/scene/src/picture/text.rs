@@ -1,0 +1,46 @@
+//! Lettering, with a font that comes inside the program.
+
+use image::RgbImage;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{FontStyle, register_font};
+use std::sync::Once;
+
+/// Name under which plotters knows the font.
+pub const FONT: &str = "sans-serif";
+
+/// Registers the font; later calls do nothing.
+pub fn install_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        for style in [FontStyle::Normal, FontStyle::Bold] {
+            // It fails only for bytes that are no font.
+            let registered = register_font(FONT, style, epaint_default_fonts::UBUNTU_LIGHT);
+            debug_assert!(registered.is_ok(), "the built-in font is a font");
+        }
+    });
+}
+
+/// Which part of the text lies at the given column; its middle always lies at the given row.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Anchor {
+    /// Its left end.
+    Left,
+    /// Its middle.
+    Middle,
+}
+
+/// Writes dark text of `size` pixels onto the picture. What does not fit is cut off.
+pub(super) fn write(picture: &mut RgbImage, text: &str, col: u32, row: u32, size: u32, anchor: Anchor) {
+    install_font();
+    let (width, height) = picture.dimensions();
+    let horizontal = match anchor {
+        Anchor::Left => HPos::Left,
+        Anchor::Middle => HPos::Center,
+    };
+    let style = (FONT, size).into_font().color(&RGBColor(30, 30, 30)).pos(Pos::new(horizontal, VPos::Center));
+    let area = BitMapBackend::with_buffer(picture.as_mut(), (width, height)).into_drawing_area();
+    // Drawing into memory cannot fail; text outside is clipped.
+    let drawn = area.draw_text(text, &style, (col as i32, row as i32));
+    debug_assert!(drawn.is_ok(), "text drawn into memory");
+}

@@ -1,0 +1,99 @@
+//! A DTM being made in a file: rows that an interrupted run left are kept, the rest is made, and the whole becomes a GeoTIFF.
+
+use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
+use crate::progress;
+use crate::{Error, Result, interrupt};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Hears finished rows; see [`super::predict_rows`].
+pub type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
+
+/// Makes the rows that `part` lacks, from the first of them on, under a bar that counts tiles. A run that stops leaves them for the next.
+///
+/// # Errors
+/// Those of `make`; the message says where the finished rows are, if there are any.
+pub fn fill(
+    mut part: Part,
+    scene: &Scene,
+    make: impl FnOnce(usize, Keep, Progress) -> Result<Tally>,
+) -> Result<(Part, Tally)> {
+    let from = part.rows();
+    if from > 0 {
+        eprintln!("{}: going on after row {from} of {}", part.path().display(), scene.rows);
+    }
+    interrupt::listen();
+    match with_progress(|progress| make(from, &mut |rows| part.append(rows), progress)) {
+        Ok(tally) => Ok((part, tally)),
+        Err(error) if part.rows() == 0 => {
+            part.remove()?;
+            Err(error)
+        }
+        Err(error) => {
+            let kept = part.path().display();
+            Err(Error::usage(format!("{error}; what was made is in {kept}, the same command goes on from there")))
+        }
+    }
+}
+
+/// Turns finished rows into the DTM and its hillshade; the lowest and highest height, metres. `model` says how the heights were made.
+///
+/// # Errors
+/// If a file cannot be read or written.
+pub fn finish(
+    mut part: Part,
+    output: &Path,
+    scene: &Scene,
+    model: &str,
+    (image, coarse): (&Path, &Path),
+) -> Result<(f32, f32)> {
+    let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let (image, coarse) = (file(image), file(coarse));
+    let from = Provenance { model, image: &image, coarse: &coarse };
+    let mut writer = DtmWriter::create(output, scene.rows, scene.cols, &scene.georef, &from)?;
+    let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+    part.read(&mut |rows| {
+        range = rows.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)));
+        writer.add(rows)
+    })?;
+    writer.finish()?;
+    part.remove()?;
+    Ok(range)
+}
+
+/// What changes when a file does.
+///
+/// # Errors
+/// [`Error::Io`] if nothing is known of the file.
+pub fn state(path: &Path) -> Result<String> {
+    let known = path.metadata().map_err(Error::io(path))?;
+    Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
+}
+
+fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {
+    let bar = progress::bar("", 0, "tiles");
+    let result = work(&mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    bar.finish_and_clear();
+    result
+}
+
+/// One line about a finished DTM.
+#[must_use]
+pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
+    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty } = *tally;
+    let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
+    let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
+    let notes = [
+        (tiles_before, "made by an earlier run"),
+        (tiles_coarse, "of them without contrast or relief (coarse heights kept)"),
+        (tiles_empty, "of them without a valid pixel"),
+    ];
+    for (count, what) in notes.into_iter().filter(|(count, _)| *count > 0) {
+        text += &format!(", {count} {what}");
+    }
+    text
+}

@@ -1,0 +1,27 @@
+//! A scene through the network, tile by tile.
+//!
+//! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict_rows`] cuts the scene into overlapping tiles, runs a
+//! [`network::Model`] over them and joins the heights, a band of rows at a time; [`Part`] keeps finished rows on disk. [`int8`] is the network of a model file.
+
+pub mod int8;
+pub mod job;
+pub mod network;
+mod output;
+mod part;
+mod preview;
+mod run;
+mod scene;
+mod tile;
+
+#[cfg(test)]
+mod strip_tests;
+#[cfg(test)]
+mod tests;
+
+pub use output::{DtmWriter, Provenance, hillshade_path};
+pub use part::Part;
+pub(crate) use run::{Cut, TileMaker, make_rows};
+pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
+pub(crate) use scene::{Band, Cutout};
+pub use scene::{Input, Scene, Survey};
+pub(crate) use tile::Outcome;

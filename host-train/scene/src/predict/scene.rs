@@ -1,0 +1,251 @@
+//! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
+
+use crate::illumination::{self, KnownSun, Light, Turn};
+use crate::model::config::Illumination;
+use crate::raster::align::{Interpolation, Onto};
+use crate::raster::source::{InMemory, Source};
+use crate::raster::stated::Statements;
+use crate::raster::{GeoRef, Raster};
+use crate::{Error, Result};
+use elunar_core::fill::fill_gaps;
+use elunar_core::norm::LightFit;
+use elunar_core::terrain::PixelSize;
+use elunar_core::tile::Window;
+use std::sync::Arc;
+
+/// A raster open for reading, with the name messages call it by.
+#[derive(Clone)]
+pub struct Input {
+    /// File name, or what the raster is.
+    pub name: String,
+    /// The raster.
+    pub source: Arc<dyn Source>,
+}
+
+impl Input {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// As [`crate::raster::source::open`].
+    pub fn open(path: &std::path::Path) -> Result<Self> {
+        Ok(Self { name: path.display().to_string(), source: crate::raster::source::open(path)?.into() })
+    }
+
+    /// Opens a file, with what the user says of it in place of what the file says.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and those of [`Statements::of`].
+    pub fn stated(path: &std::path::Path, stated: Statements) -> Result<Self> {
+        let name = path.display().to_string();
+        let source = stated.of(&name, crate::raster::source::open(path)?)?;
+        Ok(Self { name, source: source.into() })
+    }
+
+    /// A raster in memory.
+    #[must_use]
+    pub fn in_memory(name: impl Into<String>, raster: Raster) -> Self {
+        Self { name: name.into(), source: Arc::new(InMemory::new(raster, None, "memory")) }
+    }
+}
+
+/// Image and coarse DTM on the image's grid, wherever they are kept.
+pub struct Scene {
+    /// Rows of the image.
+    pub rows: usize,
+    /// Columns of the image.
+    pub cols: usize,
+    /// Where the image lies.
+    pub georef: GeoRef,
+    /// Ground size of a pixel of the image, metres.
+    pub pixel_m: f32,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
+    image: Input,
+    coarse_name: String,
+    coarse: Onto,
+}
+
+/// Some whole rows of a scene; gaps are not finite.
+#[derive(Debug, Clone)]
+pub struct Band {
+    /// First row in the scene.
+    pub first: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Columns of the scene.
+    pub cols: usize,
+    /// Relative brightness.
+    pub image: Vec<f32>,
+    /// Coarse DTM, metres.
+    pub coarse_m: Vec<f32>,
+}
+
+/// Maps of a tile without gaps, and which of its pixels are real: row-major.
+pub(crate) struct Cutout {
+    /// Relative brightness, gaps filled from their nearest neighbours within the tile.
+    pub(crate) image: Vec<f32>,
+    /// Coarse DTM, metres, gaps filled likewise.
+    pub(crate) coarse_m: Vec<f32>,
+    /// Pixels where both inputs are real; none lie beyond the scene.
+    pub(crate) valid: Vec<bool>,
+}
+
+/// What a look at a sample of a scene's rows tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Survey {
+    /// How brightness answers to the coarse DTM's slopes.
+    pub light: LightFit,
+    /// Highest minus lowest valid height of the coarse DTM, metres.
+    pub relief_m: f32,
+    /// What that is spread over, metres: the longer side of the rows looked at.
+    pub extent_m: f64,
+}
+
+impl Survey {
+    /// Relief over extent below which heights are more likely kilometres taken for metres: 0.06 degrees from end to end, where the
+    /// Moon's flattest maria have a degree or two.
+    const FLATTEST: f64 = 1e-3;
+
+    /// Whether the coarse DTM's heights look like kilometres.
+    #[must_use]
+    pub fn suspects_kilometres(&self) -> bool {
+        self.relief_m > 0.0 && f64::from(self.relief_m) < Self::FLATTEST * self.extent_m
+    }
+}
+
+/// Rows a survey reads at once, and at most so often: the light is one over a scene, so long strips are sampled.
+const SURVEY_ROWS: usize = 960;
+const SURVEY_BLOCKS: usize = 16;
+
+impl Scene {
+    /// Pairs an image with a coarse DTM, which is interpolated onto the image's grid (bicubic, through map coordinates) as it is
+    /// read.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if either has no place, their reference systems differ, or a pixel size is unknown.
+    pub fn new(image: Input, coarse: Input) -> Result<Self> {
+        let georef = place(&image)?.clone();
+        place(&coarse)?;
+        let side_m = |input: &Input| input.source.info().side_m(&input.name);
+        let pixel_m = side_m(&image)?;
+        let coarse_px = (side_m(&coarse)? / pixel_m) as f32;
+        let (rows, cols) = (image.source.info().rows, image.source.info().cols);
+        if coarse_px < 1.0 {
+            let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
+            return Err(Error::usage(format!("{what}, found pixels {coarse_px:.2} times as wide as the image's")));
+        }
+        let info = image.source.info();
+        let placed = Onto::new(coarse.source, &coarse.name, info, &image.name, Interpolation::Bicubic)?;
+        let (pixel_m, coarse_name) = (pixel_m as f32, coarse.name);
+        Ok(Self { rows, cols, georef, pixel_m, coarse_px, image, coarse_name, coarse: placed })
+    }
+
+    /// Rows `first..first + rows`.
+    ///
+    /// # Errors
+    /// If they leave the scene or a file cannot be read there.
+    pub fn band(&self, first: usize, rows: usize) -> Result<Band> {
+        let window = Window { row: first, col: 0, rows, cols: self.cols };
+        let (image, coarse_m) = (self.image.source.read(window)?, self.coarse.read(window)?);
+        Ok(Band { first, rows, cols: self.cols, image, coarse_m })
+    }
+
+    /// The error that says so.
+    pub(super) fn nothing_valid(&self) -> Error {
+        let (coarse, image) = (&self.coarse_name, &self.image.name);
+        Error::usage(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
+    }
+
+    /// The interpolated coarse DTM as a raster, NaN where it or the image is invalid: what a prediction must beat.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn coarse_raster(&self) -> Result<Raster> {
+        let band = self.band(0, self.rows)?;
+        let samples = band.valid().zip(&band.coarse_m).map(|(valid, &z)| if valid { z } else { f32::NAN }).collect();
+        Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
+    }
+
+    /// How tiles are mirrored for a network that knows `illumination`, and their light then: from what is known of the Sun, the rest
+    /// fitted to the scene.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<(Turn, Light)> {
+        let told = match illumination {
+            Illumination::Any => true,
+            Illumination::Northwest => sun.azimuth_deg.is_some(),
+            Illumination::Given => false,
+        };
+        let fit = if told { LightFit::default() } else { self.survey()?.light };
+        Ok(illumination::light_for(illumination, sun, &fit))
+    }
+
+    /// Looks at all of a small scene, at evenly spread rows of a long one.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn survey(&self) -> Result<Survey> {
+        let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
+        let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
+        let rows = self.rows.min(SURVEY_ROWS);
+        for block in 0..blocks {
+            // Evenly spread, the last one at the end.
+            let first = (self.rows - rows) * block / (blocks - 1).max(1);
+            let mut band = self.band(first, rows)?;
+            let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
+            range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
+            close_gaps([&mut band.image, &mut band.coarse_m], self.cols);
+            light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
+        }
+        let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
+        Ok(Survey { light, relief_m: range.1 - range.0, extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m) })
+    }
+}
+
+/// The place of `input`, which must be complete.
+fn place(input: &Input) -> Result<&GeoRef> {
+    input.source.info().place(&input.name).map_err(|error| {
+        let unnamed = input.source.info().georef.is_some();
+        let hint = if unnamed { "; state one with --image-srs or --coarse-srs" } else { "" };
+        Error::usage(format!("{error}{hint}"))
+    })
+}
+
+/// Fills the gaps of maps of one size.
+fn close_gaps(maps: [&mut Vec<f32>; 2], cols: usize) {
+    let mut queue = vec![0; maps[0].len()];
+    for map in maps {
+        fill_gaps(map, cols, &mut queue).expect("whole rows, and a queue of their length");
+    }
+}
+
+impl Band {
+    /// Whether both inputs are real, pixel by pixel.
+    pub(crate) fn valid(&self) -> impl Iterator<Item = bool> {
+        self.image.iter().zip(&self.coarse_m).map(|(i, z)| i.is_finite() && z.is_finite())
+    }
+
+    /// Cuts `window` (of the scene) out of the band and closes its gaps; `None` if it has no valid pixel. Beyond the band its last row and
+    /// column repeat.
+    pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
+        let (first, rows, cols) = (window.row - self.first, window.rows, window.cols);
+        let layer = |layer: &[f32]| -> Vec<f32> {
+            let at = |row: usize, col: usize| layer[row.min(self.rows - 1) * self.cols + col.min(self.cols - 1)];
+            (first..first + rows)
+                .flat_map(|row| (window.col..window.col + cols).map(move |col| (row, col)))
+                .map(|(row, col)| at(row, col))
+                .collect()
+        };
+        let (mut image, mut coarse_m) = (layer(&self.image), layer(&self.coarse_m));
+        let inside = |i: usize| first + i / cols < self.rows && window.col + i % cols < self.cols;
+        let real = |(i, (v, z)): (usize, (&f32, &f32))| inside(i) && v.is_finite() && z.is_finite();
+        let valid: Vec<bool> = image.iter().zip(&coarse_m).enumerate().map(real).collect();
+        if !valid.contains(&true) {
+            return None;
+        }
+        close_gaps([&mut image, &mut coarse_m], cols);
+        Some(Cutout { image, coarse_m, valid })
+    }
+}

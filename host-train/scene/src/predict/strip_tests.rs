@@ -1,0 +1,206 @@
+//! The flight's push-broom pipeline against the ground's mosaic: same tiles, same bits.
+
+use super::int8::{self, Int8Model};
+use super::network::Model;
+use super::tests::{place, silent};
+use super::{Input, Options, Scene, predict};
+use crate::illumination::KnownSun;
+use crate::raster::Raster;
+use crate::raster::resample::PixelMap;
+use elunar_core::nn::Runner;
+use elunar_core::norm::Light;
+use elunar_core::strip::{
+    Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
+};
+
+fn nano() -> Int8Model {
+    int8::open(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap()
+}
+
+/// Hills with craters finer than the coarse DTM.
+fn hills(x: f64, y: f64) -> f64 {
+    20.0 * (x / 180.0).sin() * (y / 140.0).cos() + 3.0 * (x / 31.0 + y / 53.0).sin() + 2.0 * (y / 24.0 - x / 47.0).cos()
+}
+
+/// Lit from the south-east, so that every tile is mirrored both ways.
+fn brightness(x: f64, y: f64) -> f64 {
+    let (dx, dy) = ((hills(x + 1.0, y) - hills(x - 1.0, y)) / 2.0, (hills(x, y + 1.0) - hills(x, y - 1.0)) / 2.0);
+    1000.0 * (0.57 - 0.58 * dx + 0.58 * dy).max(0.0) / (1.0 + dx * dx + dy * dy).sqrt()
+}
+
+fn raster((rows, cols): (usize, usize), origin: (f64, f64), pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
+    let georef = place(origin, pixel_m);
+    let sample = |i: usize| {
+        let (x, y) = georef.as_ref().unwrap().centre((i / cols) as f64, (i % cols) as f64);
+        value(x, y) as f32
+    };
+    Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: georef.clone() }
+}
+
+/// Image and coarse DTM with gaps: single pixels, a bar across tiles, lines, a corner of the coarse DTM.
+fn pair(rows: usize, cols: usize) -> (Raster, Raster) {
+    let mut image = raster((rows, cols), (0.0, 0.0), 2.0, brightness);
+    for (i, v) in image.samples.iter_mut().enumerate() {
+        let (row, col) = (i / cols, i % cols);
+        let bar = (150..170).contains(&row) && (100..400).contains(&col);
+        if (i * 7919) % 1013 == 0 || bar || row == 90 || row + 1 == rows && col < 40 {
+            *v = f32::NAN;
+        }
+    }
+    let mut coarse = raster((rows / 30 + 4, cols / 30 + 4), (-61.0, 55.0), 59.0, hills);
+    let wide = coarse.cols;
+    for i in [0, 1, wide, 5 * wide + 4, 9 * wide + 8] {
+        if let Some(z) = coarse.samples.get_mut(i) {
+            *z = f32::NAN;
+        }
+    }
+    (image, coarse)
+}
+
+fn scene((image, coarse): &(Raster, Raster)) -> Scene {
+    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+}
+
+fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usize) -> StripSettings {
+    let (turn, light) = scene.light_for(model.normalisation().illumination, options.sun).unwrap();
+    StripSettings {
+        cols: scene.cols,
+        ring_lines,
+        overlap_px: options.overlap_px,
+        pixel_m: scene.pixel_m,
+        coarse_px: scene.coarse_px,
+        anchor: options.anchor,
+        light: Some(light.mirrored(turn)),
+    }
+}
+
+/// A scene line by line, `budget_macs` between two lines, and as much as is needed while there is no room.
+fn line_by_line(
+    scene: &Scene,
+    model: &Int8Model,
+    settings: StripSettings,
+    budget_macs: u64,
+) -> (Vec<f32>, StripCounters) {
+    let model = model.model();
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
+    let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+    let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
+    let (mut heights_m, mut line_m) = (vec![], vec![0.0; scene.cols]);
+    let mut take = |strip: &mut Strip| {
+        while let Some(row) = strip.take_line(&mut line_m).unwrap() {
+            assert_eq!(row, heights_m.len() / scene.cols);
+            heights_m.extend_from_slice(&line_m);
+        }
+    };
+    let band = scene.band(0, scene.rows).unwrap();
+    for (image, coarse_m) in band.image.chunks_exact(scene.cols).zip(band.coarse_m.chunks_exact(scene.cols)) {
+        while strip.push_line(image, coarse_m) == Err(StripError::Full) {
+            strip.step(budget_macs);
+            take(&mut strip);
+        }
+        strip.step(budget_macs);
+        take(&mut strip);
+    }
+    strip.finish();
+    while strip.wants() != Next::Done {
+        strip.step(budget_macs);
+        take(&mut strip);
+    }
+    take(&mut strip);
+    (heights_m, strip.counters())
+}
+
+fn assert_same(found: &[f32], expected: &[f32], what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let differs = |(a, b): (&f32, &f32)| a.to_bits() != b.to_bits() && !(a.is_nan() && b.is_nan());
+    let many = found.iter().zip(expected).filter(|&pair| differs(pair)).count();
+    let first = found.iter().zip(expected).position(differs);
+    assert_eq!(first.map(|i| (i, found[i], expected[i])), None, "{what}: {many} differ");
+}
+
+#[test]
+fn a_strip_is_the_mosaic_of_its_tiles() {
+    let model = nano();
+    let sun = KnownSun { azimuth_deg: Some(135.0), elevation_deg: Some(35.0) };
+    for ((rows, cols), ring_lines, budget_macs, anchor, overlap_px) in [
+        ((600, 701), 257, 7_654_321, true, 100),
+        ((530, 330), 400, u64::MAX, false, 61),
+        ((200, 250), 300, 50_000_001, true, 100),
+    ] {
+        let scene = scene(&pair(rows, cols));
+        let options = Options { overlap_px, anchor, sun, ..Options::default() };
+        let made = predict(&scene, &model, &options, &mut silent).unwrap();
+        let settings = settings(&scene, &model, &options, ring_lines);
+        let (found, counters) = line_by_line(&scene, &model, settings, budget_macs);
+        assert_same(&found, &made.dtm.samples, &format!("{rows} x {cols}"));
+        assert!(found.iter().filter(|z| z.is_nan()).count() > cols, "gaps");
+        assert!(found.iter().filter(|z| z.is_finite()).count() > rows * cols / 2, "heights");
+        let tally = (made.tally.tiles, made.tally.tiles_coarse, made.tally.tiles_empty);
+        assert_eq!(
+            (counters.tiles, counters.tiles_coarse, counters.tiles_empty),
+            (tally.0 as u64, tally.1 as u64, tally.2 as u64)
+        );
+        assert_eq!((counters.tiles_again, counters.last_fault), (0, None));
+    }
+}
+
+#[test]
+fn posts_row_by_row_are_the_resampled_coarse_dtm() {
+    let (image, coarse) = pair(600, 701);
+    let scene = scene(&(image.clone(), coarse.clone()));
+    let transform = |raster: &Raster| raster.georef.as_ref().unwrap().transform;
+    let map = PixelMap::between(&transform(&image), &transform(&coarse)).unwrap();
+    assert_eq!((map.row_per_col, map.col_per_row), (0.0, 0.0));
+    let grid = PostGrid {
+        cols: coarse.cols,
+        row0: map.row0,
+        rows_per_line: map.row_per_row,
+        col0: map.col0,
+        cols_per_px: map.col_per_col,
+    };
+    let mut memory = vec![0.0; Posts::memory_len(grid.cols)];
+    let mut posts = Posts::new(grid, &mut memory).unwrap();
+    let (mut rows, mut found, mut line_m) = (coarse.samples.chunks_exact(coarse.cols), vec![], vec![0.0; 701]);
+    while found.len() < 600 * 701 {
+        match posts.line(&mut line_m) {
+            Some(_) => found.extend_from_slice(&line_m),
+            None => match rows.next() {
+                Some(row) => posts.push_row(row).unwrap(),
+                None => posts.finish(),
+            },
+        }
+    }
+    let expected = scene.band(0, 600).unwrap().coarse_m;
+    assert!(expected.iter().any(|z| z.is_nan()) && expected.iter().filter(|z| z.is_finite()).count() > 300_000);
+    assert_same(&found, &expected, "posts");
+}
+
+/// The figures of `core/docs/strip.md`, which names this test.
+#[test]
+fn memory_is_as_documented() {
+    let file = nano();
+    let model = file.model();
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../core/docs/strip.md")).unwrap();
+    for cols in [5064, 320] {
+        for more in [0, 156] {
+            let ring_lines = StripPlan::least_lines(&model) + more;
+            let settings = StripSettings {
+                cols,
+                ring_lines,
+                overlap_px: 100,
+                pixel_m: 2.0,
+                coarse_px: 30.0,
+                anchor: true,
+                light: Some(Light::assumed(None)),
+            };
+            let plan = StripPlan::new(&model, settings).unwrap();
+            let parts =
+                [plan.arena_bytes(), 4 * plan.samples_len(), 8 * plan.sums_len(), 4 * plan.queue_len(), plan.bytes()];
+            let row = format!("| {cols} | {ring_lines} | {} |", parts.map(|bytes| bytes.to_string()).join(" | "));
+            eprintln!("{row}");
+            assert!(page.contains(&row), "core/docs/strip.md lacks {row}");
+        }
+    }
+}

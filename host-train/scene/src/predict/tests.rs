@@ -1,0 +1,348 @@
+//! Networks whose answer is known, over scenes with every kind of edge.
+
+use super::network::{Model, Normalisation, TileNetwork};
+use super::*;
+use crate::model::config::{Illumination, TargetRange};
+use crate::mosaic::Blend;
+use crate::raster::{Crs, GeoRef, Raster};
+use crate::{Error, Result};
+use std::ops::ControlFlow;
+
+/// Gives back its coarse input, bit for bit, or raised by as much everywhere.
+struct Identity {
+    tile: (usize, usize),
+    range_margin: f32,
+    raised: f32,
+}
+
+impl Identity {
+    fn new(tile: (usize, usize), range_margin: f32) -> Self {
+        Self { tile, range_margin, raised: 0.0 }
+    }
+}
+
+impl Model for Identity {
+    fn tile(&self) -> (usize, usize) {
+        self.tile
+    }
+    fn normalisation(&self) -> Normalisation {
+        Normalisation {
+            nr: 50.0,
+            range_margin: self.range_margin,
+            target_range: TargetRange::Reference,
+            illumination: Illumination::Any,
+        }
+    }
+    fn description(&self) -> String {
+        "identity".into()
+    }
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        Ok(Box::new(Copy { raised: self.raised }))
+    }
+}
+
+struct Copy {
+    raised: f32,
+}
+
+impl TileNetwork for Copy {
+    fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
+        assert!(image.iter().all(|v| (0.0..=1.0).contains(v)) && coarse.iter().all(|v| (0.0..=50.0).contains(v)));
+        output.iter_mut().zip(coarse).for_each(|(z, c)| *z = c + self.raised);
+        Ok(())
+    }
+}
+
+/// Knows the truth: recognises a tile by its normalised image and gives its true heights, normalised.
+struct Truth {
+    tile: (usize, usize),
+    answers: Vec<Answer>,
+}
+
+struct Answer {
+    image: Vec<f32>,
+    heights: Vec<f32>,
+}
+
+impl Model for Truth {
+    fn tile(&self) -> (usize, usize) {
+        self.tile
+    }
+    fn normalisation(&self) -> Normalisation {
+        Normalisation {
+            nr: 50.0,
+            range_margin: 0.1,
+            target_range: TargetRange::Reference,
+            illumination: Illumination::Any,
+        }
+    }
+    fn description(&self) -> String {
+        "truth".into()
+    }
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        Ok(Box::new(Oracle { answers: &self.answers }))
+    }
+}
+
+struct Oracle<'a> {
+    answers: &'a [Answer],
+}
+
+impl TileNetwork for Oracle<'_> {
+    fn predict(&mut self, image: &[f32], _coarse: &[f32], output: &mut [f32]) -> Result<()> {
+        let answer = self.answers.iter().find(|answer| answer.image == image).expect("a tile of this scene");
+        output.copy_from_slice(&answer.heights);
+        Ok(())
+    }
+}
+
+pub(super) fn place(origin: (f64, f64), pixel_m: f64) -> Option<GeoRef> {
+    let transform = [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m];
+    Some(GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) })
+}
+
+fn hills(x: f64, y: f64) -> f64 {
+    -1900.0 + 40.0 * (x / 300.0).sin() * (y / 250.0).cos() + 6.0 * (x / 12.0).cos() + 0.01 * x
+}
+
+/// A raster of [`hills`].
+fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster {
+    let georef = place(origin, pixel_m);
+    let height = |i: usize| {
+        let (x, y) = georef.as_ref().unwrap().centre((i / cols) as f64, (i % cols) as f64);
+        hills(x, y) as f32
+    };
+    Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: georef.clone() }
+}
+
+fn image(rows: usize, cols: usize) -> Raster {
+    let samples = (0..rows * cols).map(|i| 100.0 + ((i * 7919) % 251) as f32).collect();
+    Raster { rows, cols, samples, georef: place((1000.0, 2000.0), 2.0) }
+}
+
+fn coarse() -> Raster {
+    terrain(30, 40, (900.0, 2100.0), 60.0)
+}
+
+pub(super) fn silent(_: usize, _: usize) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+fn scene(image: &Raster, coarse: &Raster) -> Scene {
+    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+}
+
+fn whole(scene: &Scene) -> scene::Band {
+    scene.band(0, scene.rows).unwrap()
+}
+
+fn options(overlap_px: usize, threads: usize) -> Options {
+    Options { overlap_px, threads, ..Options::default() }
+}
+
+#[test]
+fn an_identity_network_returns_the_interpolated_coarse_dtm() {
+    for (rows, cols, tile, overlap) in
+        [(200, 300, (64, 80), 20), (64, 80, (64, 80), 20), (300, 50, (64, 80), 0), (33, 21, (64, 80), 30)]
+    {
+        for (range_margin, blend) in [(0.0, Blend::DemMosaic), (0.1, Blend::Linear)] {
+            let scene = scene(&image(rows, cols), &coarse());
+            let model = Identity::new(tile, range_margin);
+            let made = predict(
+                &scene,
+                &model,
+                &Options { overlap_px: overlap, blend, threads: 2, ..Options::default() },
+                &mut silent,
+            )
+            .unwrap();
+            assert_eq!((made.dtm.rows, made.dtm.cols, &made.dtm.georef), (rows, cols, &Some(scene.georef.clone())));
+            for (found, expected) in made.dtm.samples.iter().zip(&whole(&scene).coarse_m) {
+                assert!((found - expected).abs() < 1e-3, "{rows} x {cols}: {found} {expected}");
+            }
+            assert_eq!((made.tally.tiles_coarse, made.tally.tiles_empty), (0, 0));
+        }
+    }
+}
+
+#[test]
+fn a_network_that_knows_the_truth_returns_it() {
+    use elunar_core::norm::{ElevationScale, intensity};
+    use elunar_core::tile::Tiling;
+    let truth = terrain(200, 260, (1000.0, 2000.0), 2.0);
+    let tile = (64, 80);
+    let scene = scene(&image(200, 260), &coarse());
+    let mut answers = Vec::new();
+    for window in Tiling::new((200, 260), tile, 24).unwrap().iter() {
+        let cut = |layer: &[f32]| -> Vec<f32> {
+            (0..64 * 80).map(|i| layer[(window.row + i / 80) * 260 + window.col + i % 80]).collect()
+        };
+        let scale =
+            ElevationScale::from_heights(&cut(&whole(&scene).coarse_m), None, 50.0).unwrap().with_margin(0.1).unwrap();
+        let (mut key, mut answer) = (vec![0.0; 64 * 80], vec![0.0; 64 * 80]);
+        intensity::normalise(&cut(&whole(&scene).image), None, &mut key).unwrap();
+        scale.normalise(&cut(&truth.samples), &mut answer).unwrap();
+        answers.push(Answer { image: key, heights: answer });
+    }
+    let free = Options { anchor: false, ..options(24, 2) };
+    let made = predict(&scene, &Truth { tile, answers }, &free, &mut silent).unwrap();
+    for (found, expected) in made.dtm.samples.iter().zip(&truth.samples) {
+        assert!((found - expected).abs() < 1e-3, "{found} {expected}");
+    }
+    let away = made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(away > 1.0, "the truth is not the coarse DTM: {away} m");
+}
+
+#[test]
+fn what_the_coarse_dtm_knows_a_network_cannot_change() {
+    let scene = scene(&image(100, 120), &coarse());
+    let raised = Identity { raised: 3.0, ..Identity::new((64, 80), 0.1) };
+    let offset_m = |anchor| {
+        let made = predict(&scene, &raised, &Options { anchor, ..options(20, 1) }, &mut silent).unwrap();
+        made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
+    };
+    assert!(offset_m(true) < 1e-3, "{}", offset_m(true));
+    assert!(offset_m(false) > 0.5, "{}", offset_m(false));
+}
+
+#[test]
+fn gaps_of_either_input_stay_gaps_and_nothing_else_does() {
+    let mut image = image(150, 170);
+    for i in [0, 5, 170 * 80 + 60, 170 * 80 + 61, 150 * 170 - 1] {
+        image.samples[i] = f32::NAN;
+    }
+    let mut coarse = coarse();
+    coarse.samples[40 * 3 + 4] = f32::NAN;
+    let scene = scene(&image, &coarse);
+    let made = predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent).unwrap();
+    let band = whole(&scene);
+    let (valid, coarse_m) = (band.valid().collect::<Vec<bool>>(), band.coarse_m);
+    let gaps = valid.iter().filter(|v| !**v).count();
+    assert!(gaps > 500, "a coarse gap is many pixels wide: {gaps}");
+    for (i, z) in made.dtm.samples.iter().enumerate() {
+        assert_eq!(z.is_finite(), valid[i], "{i}");
+        assert!(!valid[i] || (z - coarse_m[i]).abs() < 1e-3);
+    }
+    assert_eq!(scene.coarse_raster().unwrap().valid_count(), 150 * 170 - gaps);
+}
+
+#[test]
+fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
+    let mut image = image(200, 80);
+    image.samples[..100 * 80].fill(7.0);
+    image.samples[150 * 80..].fill(f32::NAN);
+    let scene = scene(&image, &coarse());
+    let made = predict(&scene, &Identity::new((40, 80), 0.0), &options(0, 1), &mut silent).unwrap();
+    assert_eq!((made.tally.tiles, made.tally.tiles_coarse, made.tally.tiles_empty), (5, 2, 1));
+    assert_eq!(made.dtm.valid_count(), 150 * 80);
+    let coarse_m = whole(&scene).coarse_m;
+    for (found, expected) in made.dtm.samples.iter().zip(&coarse_m).take(150 * 80) {
+        assert!((found - expected).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let scene = scene(&image(300, 330), &coarse());
+    let model = Identity::new((64, 80), 0.1);
+    let one = predict(&scene, &model, &options(30, 1), &mut silent).unwrap();
+    for threads in [2, 3, 16] {
+        let many = predict(&scene, &model, &options(30, threads), &mut silent).unwrap();
+        assert!(one.dtm.samples.iter().zip(&many.dtm.samples).all(|(a, b)| a.to_bits() == b.to_bits()), "{threads}");
+    }
+}
+
+#[test]
+fn a_run_can_be_stopped_and_counts_its_tiles() {
+    let scene = scene(&image(300, 330), &coarse());
+    let model = Identity::new((64, 80), 0.1);
+    let mut seen = Vec::new();
+    predict(&scene, &model, &options(30, 2), &mut |done, all| {
+        seen.push((done, all));
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert_eq!(seen, (0..seen.len()).map(|done| (done, seen.len() - 1)).collect::<Vec<_>>());
+    let mut stop = |done: usize, _: usize| if done == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let error = predict(&scene, &model, &options(30, 2), &mut stop).unwrap_err().to_string();
+    assert!(error.contains("stopped after 3 of"), "{error}");
+}
+
+/// Fails in one of the ways a model can.
+struct Faulty {
+    at_start: bool,
+}
+
+impl Model for Faulty {
+    fn tile(&self) -> (usize, usize) {
+        (64, 80)
+    }
+    fn normalisation(&self) -> Normalisation {
+        Normalisation { nr: 50.0, range_margin: 0.0, target_range: TargetRange::Own, illumination: Illumination::Any }
+    }
+    fn description(&self) -> String {
+        "faulty".into()
+    }
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        if self.at_start { Err(Error::usage("no memory for a worker")) } else { Ok(Box::new(NotANumber)) }
+    }
+}
+
+struct NotANumber;
+
+impl TileNetwork for NotANumber {
+    fn predict(&mut self, _: &[f32], _: &[f32], output: &mut [f32]) -> Result<()> {
+        output.fill(f32::NAN);
+        Ok(())
+    }
+}
+
+#[test]
+fn faults_of_the_model_end_the_run_with_one_error() {
+    let scene = scene(&image(300, 330), &coarse());
+    for (at_start, expected) in [(true, "no memory for a worker"), (false, "a finite height expected")] {
+        let error = predict(&scene, &Faulty { at_start }, &options(30, 3), &mut silent).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let error = predict(&scene, &Identity::new((64, 80), 0.0), &options(64, 1), &mut silent).unwrap_err();
+    assert!(error.to_string().contains("overlap"), "{error}");
+}
+
+#[test]
+fn a_run_begun_anew_at_any_row_makes_the_same_rows() {
+    let scene = scene(&image(300, 330), &coarse());
+    let model = Identity::new((64, 80), 0.1);
+    let whole = predict(&scene, &model, &options(30, 2), &mut silent).unwrap();
+    for from in [1, 63, 64, 150, 299] {
+        let mut rows = vec![];
+        let mut keep = |more: &[f32]| {
+            rows.extend_from_slice(more);
+            Ok(())
+        };
+        let tally = predict_rows(&scene, &model, &options(30, 2), from, &mut keep, &mut silent).unwrap();
+        let expected = &whole.dtm.samples[from * 330..];
+        assert!(rows.len() == expected.len() && rows.iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits()));
+        assert_eq!(tally.tiles_before > 0, from >= 64, "row {from}: {tally:?}");
+    }
+}
+
+#[test]
+fn inputs_that_do_not_meet_are_refused() {
+    let refused = |image: &Raster, coarse: &Raster| {
+        let pair = Scene::new(Input::in_memory("i.tif", image.clone()), Input::in_memory("c.tif", coarse.clone()));
+        let made = pair.and_then(|scene| predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent));
+        made.unwrap_err().to_string()
+    };
+    let (mut image, coarse) = (image(20, 20), coarse());
+    let text = refused(&image, &terrain(3, 3, (9e5, 0.0), 60.0));
+    assert!(text.contains("c.tif") && text.contains("i.tif"), "{text}");
+    image.samples.fill(f32::NAN);
+    assert!(refused(&image, &coarse).contains("under valid pixels of i.tif"), "{text}");
+    image.samples[0] = 5.0;
+    let mut partial = terrain(30, 40, (900.0, 2100.0), 60.0);
+    let hole = |i: usize| i / 40 < 4 && i % 40 < 4 && i % 40 != 2;
+    partial.samples.iter_mut().enumerate().filter(|(i, _)| hole(*i)).for_each(|(_, z)| *z = f32::NAN);
+    let text = refused(&image, &partial);
+    assert!(text.contains("c.tif"), "{text}");
+    let elsewhere = Raster { georef: None, ..coarse };
+    assert!(refused(&image, &elsewhere).contains("c.tif: a raster with a geotransform expected"));
+}

@@ -1,0 +1,355 @@
+//! The whole of it: judge every tile, drop, divide, write; able to go on after an interruption.
+
+use super::judge::{self, Tile};
+use super::list::SceneFiles;
+use super::manifest::{FORMAT, MANIFEST, Manifest, Parameters, Reason, SceneRecord, ShardRecord, Split, SplitRecord};
+use super::scene::{Reading, Scene};
+use super::shard::{Shard, ShardFile};
+use super::split::{Ground, divide};
+use super::{filter, pictures};
+use crate::digest::{hex, sha256_hex};
+use crate::raster::align::Interpolation;
+use crate::raster::atomic_write;
+use crate::raster::stated::HeightUnit;
+use crate::{Error, Result, interrupt};
+use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+
+/// What is kept until the manifest is there.
+const UNFINISHED: &str = "unfinished";
+
+/// Reliefs of true and coarse DTM never differ by this factor; kilometres and metres differ by a thousand.
+const FAR_OFF: f64 = 100.0;
+
+/// A tile: number of its scene, number in the scene.
+type Place = (usize, usize);
+
+/// What each kept tile is for, in order of tiles.
+type Splits = BTreeMap<Place, Split>;
+
+/// One scene, judged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Judged {
+    /// What the judgement depends on.
+    key: String,
+    record: SceneRecord,
+    tiles: Vec<Tile>,
+    /// Transform of each tile.
+    transforms: Vec<[f64; 6]>,
+}
+
+/// Prepares `scenes` into the folder `out`, made if absent. `bar` is told the work of each phase.
+///
+/// An interrupted run leaves a folder `unfinished` in it; the same call goes on from there. The manifest comes last: a folder with one
+/// is complete.
+///
+/// # Errors
+/// [`Error::Usage`] if the folder is complete already, no tile can be kept, or parameters are out of range; else from reading and
+/// writing.
+pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
+    let reading = check(parameters)?;
+    if out.join(MANIFEST).exists() {
+        let what = format!("{}: a new or unfinished folder expected, one with a manifest found", out.display());
+        return Err(Error::usage(what));
+    }
+    let unfinished = out.join(UNFINISHED);
+    std::fs::create_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
+    let mut judged = vec![];
+    for (number, files) in scenes.iter().enumerate() {
+        stop_if_asked()?;
+        bar.set_message(format!("scene {} of {}", number + 1, scenes.len()));
+        let notes = unfinished.join(format!("scene_{number:04}.json"));
+        judged.push(judge_scene(files, &notes, parameters, reading, bar)?);
+    }
+    let seen = kept(&judged);
+    let rule =
+        filter::three_sigma(judged.iter_mut().flat_map(|j| &mut j.tiles)).ok_or_else(|| nothing_left(&judged))?;
+    let (splits, divided_by) = divide_ground(&mut judged, parameters)?;
+    let training = splits.iter().filter(|(_, split)| **split == Split::Train).map(|(place, _)| tile(&judged, *place));
+    let all = || splits.keys().map(|place| tile(&judged, *place));
+    let nr = filter::nr(training).or_else(|| filter::nr(all())).ok_or_else(|| nothing_left(&judged))?;
+    let shards = write_shards(&judged, &splits, out, parameters, reading, bar)?;
+    let seen: Vec<&Tile> = seen.into_iter().map(|place| tile(&judged, place)).collect();
+    pictures::write_histograms(out, &seen, &all().collect::<Vec<_>>(), rule, nr)?;
+    let named = |(split, record): (&Split, &SplitRecord)| {
+        let name = split.name();
+        record.shards.iter().map(|shard| (name, out.join(&shard.file))).collect::<Vec<_>>()
+    };
+    pictures::write_sheet(out, &shards.iter().flat_map(named).collect::<Vec<_>>(), parameters.seed)?;
+    let manifest = Manifest {
+        format: FORMAT.into(),
+        made_by: concat!("host-train ", env!("CARGO_PKG_VERSION")).into(),
+        tile: [TILE_ROWS, TILE_COLS],
+        parameters: parameters.clone(),
+        nr,
+        three_sigma: rule,
+        tiles: judged.iter().map(|j| j.tiles.len()).sum(),
+        kept: splits.len(),
+        dropped: sum_dropped(judged.iter().map(|j| dropped(&j.tiles))),
+        divided_by,
+        splits: shards,
+        scenes: judged.into_iter().map(finished_record).collect(),
+    };
+    let text = serde_json::to_vec_pretty(&manifest).map_err(|e| Error::broken(out.join(MANIFEST), e.to_string()))?;
+    atomic_write(&out.join(MANIFEST), &text)?;
+    std::fs::remove_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
+    Ok(manifest)
+}
+
+fn tile(judged: &[Judged], (scene, index): Place) -> &Tile {
+    &judged[scene].tiles[index]
+}
+
+fn check(parameters: &Parameters) -> Result<Reading> {
+    let wrong = |what: String| Err(Error::usage(what));
+    let [train, validation, test] = parameters.shares;
+    if !(parameters.shares.iter().all(|s| (0.0..=1.0).contains(s)) && (train + validation + test - 1.0).abs() < 1e-6) {
+        return wrong(format!("shares of 0 to 1 that sum to 1 expected, {:?} found", parameters.shares));
+    }
+    if !(1..=60).contains(&parameters.search_px) {
+        return wrong(format!("a search of 1 to 60 pixels expected, {} found", parameters.search_px));
+    }
+    if !(parameters.max_offset_px > 0.0 && parameters.max_offset_px <= parameters.search_px as f64) {
+        let (limit, search) = (parameters.max_offset_px, parameters.search_px);
+        return wrong(format!(
+            "a largest offset above 0 and up to the search of {search} pixels expected, {limit} found"
+        ));
+    }
+    if !(1..=4096).contains(&parameters.shard_tiles) {
+        return wrong(format!("1 to 4096 tiles in a shard expected, {} found", parameters.shard_tiles));
+    }
+    let unknown = |what: &str, found: &str| Error::usage(format!("a known {what} expected, {found:?} found"));
+    let interpolation = &parameters.interpolation;
+    let interpolation = interpolation.parse::<Interpolation>().map_err(|_| unknown("interpolation", interpolation))?;
+    let unit = |name: &String| name.parse::<HeightUnit>().map_err(|_| unknown("unit of heights", name));
+    let coarse_unit = parameters.coarse_unit.as_ref().map(unit).transpose()?;
+    Ok(Reading { interpolation, coarse_unit })
+}
+
+fn stop_if_asked() -> Result<()> {
+    if interrupt::requested() { Err(Error::usage("interrupted; the same command goes on from here")) } else { Ok(()) }
+}
+
+/// Judges a scene, or takes the judgement from `notes` if nothing it depends on has changed.
+fn judge_scene(
+    files: &SceneFiles,
+    notes: &Path,
+    parameters: &Parameters,
+    reading: Reading,
+    bar: &ProgressBar,
+) -> Result<Judged> {
+    let sha256 = [file_sha256(&files.image)?, file_sha256(&files.dtm)?, file_sha256(&files.coarse)?];
+    let wrong = |e: serde_json::Error| Error::broken(notes, e.to_string());
+    let version = env!("CARGO_PKG_VERSION");
+    let key = sha256_hex(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
+    let known = std::fs::read(notes).ok().and_then(|bytes| serde_json::from_slice::<Judged>(&bytes).ok());
+    if let Some(known) = known.filter(|known| known.key == key) {
+        return Ok(known);
+    }
+    let scene = Scene::open(files, reading)?;
+    let windows = scene.windows();
+    bar.set_length(windows.len() as u64);
+    bar.set_position(0);
+    let tiles = judge::tiles(&scene, files.sun_elevation_deg, parameters, || bar.inc(1))?;
+    if parameters.coarse_unit.is_none() {
+        check_unit(files, &tiles)?;
+    }
+    let record = SceneRecord {
+        files: files.clone(),
+        sha256,
+        system: scene.system(),
+        pixel_m: [scene.pixel.row_m, scene.pixel.col_m],
+        coarse_px: scene.coarse_px,
+        azimuth_used_deg: scene.sun_azimuth_deg,
+        offset_px: median_offset(&tiles),
+        offset_measured: tiles.iter().filter(|t| t.offset.is_some()).count(),
+        tiles: tiles.len(),
+        kept: 0,
+        dropped: BTreeMap::new(),
+    };
+    let transforms = windows.iter().map(|&window| scene.transform(window)).collect();
+    let judged = Judged { key, record, tiles, transforms };
+    atomic_write(notes, &serde_json::to_vec(&judged).map_err(wrong)?)?;
+    // Numbers are taken as they read back, so that a run that was interrupted ends like one that was not.
+    serde_json::from_slice(&std::fs::read(notes).map_err(Error::io(notes))?).map_err(wrong)
+}
+
+/// Refuses reliefs of which one is that of kilometres taken for metres, or the other way round.
+fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
+    let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
+    let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
+    match crate::quantile::quantile(&mut ratios, 0.5) {
+        Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::usage(format!(
+            "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
+            files.coarse.display(),
+            files.dtm.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
+    let median = |of: fn(&super::Offset) -> f64| {
+        let mut values: Vec<f64> = tiles.iter().filter_map(|t| t.offset.as_ref()).map(of).collect();
+        crate::quantile::quantile(&mut values, 0.5)
+    };
+    Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
+}
+
+/// Scene and number of every tile that has not been dropped, in order.
+fn kept(judged: &[Judged]) -> Vec<Place> {
+    let of = |(scene, judged): (usize, &Judged)| {
+        let tiles = judged.tiles.iter().enumerate().filter(|(_, t)| t.dropped.is_none());
+        tiles.map(|(index, _)| (scene, index)).collect::<Vec<_>>()
+    };
+    judged.iter().enumerate().flat_map(of).collect()
+}
+
+/// The splits of the kept tiles, in order of tiles; drops those across a border.
+fn divide_ground(judged: &mut [Judged], parameters: &Parameters) -> Result<(Splits, String)> {
+    let places = kept(judged);
+    let ground: Vec<Ground> = places
+        .iter()
+        .map(|&(scene, index)| {
+            let Judged { record, transforms, .. } = &judged[scene];
+            Ground::new(&record.files.site, &record.system, &transforms[index], TILE_ROWS, TILE_COLS)
+        })
+        .collect();
+    let (splits, how) = divide(&ground, parameters.shares, parameters.seed)?;
+    let mut found = BTreeMap::new();
+    for (place, split) in places.into_iter().zip(splits) {
+        match split {
+            Some(split) => drop(found.insert(place, split)),
+            None => judged[place.0].tiles[place.1].dropped = Some(Reason::BetweenSplits),
+        }
+    }
+    Ok((found, how))
+}
+
+/// Writes the shards of all splits, leaving those that are there from an interrupted run with the same plan.
+fn write_shards(
+    judged: &[Judged],
+    splits: &Splits,
+    out: &Path,
+    parameters: &Parameters,
+    reading: Reading,
+    bar: &ProgressBar,
+) -> Result<BTreeMap<Split, SplitRecord>> {
+    keep_or_clear(judged, splits, out, parameters)?;
+    bar.set_message("writing");
+    bar.set_length(splits.len() as u64);
+    bar.set_position(0);
+    let mut open: Option<(usize, Scene)> = None;
+    let mut records = BTreeMap::new();
+    for split in Split::ALL {
+        let places: Vec<Place> = splits.iter().filter(|(_, s)| **s == split).map(|(place, _)| *place).collect();
+        let mut record = SplitRecord { tiles: places.len(), ..SplitRecord::default() };
+        record.sites = places.iter().map(|&(scene, _)| judged[scene].record.files.site.clone()).collect();
+        record.sites.sort();
+        record.sites.dedup();
+        for (number, part) in places.chunks(parameters.shard_tiles).enumerate() {
+            stop_if_asked()?;
+            let file = format!("{}-{number:05}.safetensors", split.name());
+            let path = out.join(&file);
+            if !path.exists() {
+                let mut shard = Shard::default();
+                for &(number, index) in part {
+                    let scene = match open.take() {
+                        Some((open_number, scene)) if open_number == number => scene,
+                        _ => Scene::open(&judged[number].record.files, reading)?,
+                    };
+                    add_tile(&mut shard, &scene, number, &judged[number], index)?;
+                    open = Some((number, scene));
+                    bar.inc(1);
+                }
+                shard.write(&path, &format!("{FORMAT}, {}", split.name()))?;
+            }
+            let found = ShardFile::open(&path)?.len();
+            if found != part.len() {
+                return Err(Error::broken(&path, format!("{} tiles expected, {found} found", part.len())));
+            }
+            record.shards.push(ShardRecord { sha256: file_sha256(&path)?, tiles: found, file });
+        }
+        records.insert(split, record);
+    }
+    Ok(records)
+}
+
+/// Removes shards of another plan.
+fn keep_or_clear(judged: &[Judged], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<()> {
+    let path = out.join(UNFINISHED).join("plan");
+    let keys: Vec<&str> = judged.iter().map(|j| j.key.as_str()).collect();
+    let places: Vec<_> = splits.iter().collect();
+    let plan = serde_json::to_vec(&(keys, places, parameters)).map_err(|e| Error::broken(&path, e.to_string()))?;
+    let plan = sha256_hex(&plan);
+    if std::fs::read_to_string(&path).is_ok_and(|known| known == plan) {
+        return Ok(());
+    }
+    for entry in std::fs::read_dir(out).map_err(Error::io(out))? {
+        let found = entry.map_err(Error::io(out))?.path();
+        let name = found.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        if name.ends_with(".safetensors") && Split::ALL.iter().any(|s| name.starts_with(&format!("{}-", s.name()))) {
+            std::fs::remove_file(&found).map_err(Error::io(&found))?;
+        }
+    }
+    atomic_write(&path, plan.as_bytes())
+}
+
+fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, judged: &Judged, index: usize) -> Result<()> {
+    let tile = &judged.tiles[index];
+    let maps = scene.maps(Window { row: tile.row, col: tile.col, rows: TILE_ROWS, cols: TILE_COLS })?;
+    shard.image.extend(maps.image);
+    shard.coarse_m.extend(maps.coarse_m);
+    shard.truth_m.extend(maps.truth_m);
+    shard.pixel_m.extend(judged.record.pixel_m.map(|v| v as f32));
+    shard.coarse_px.push(judged.record.coarse_px);
+    shard.sun_azimuth_deg.push(judged.record.azimuth_used_deg.map_or(f32::NAN, |v| v as f32));
+    shard.sun_elevation_deg.push(judged.record.files.sun_elevation_deg.map_or(f32::NAN, |v| v as f32));
+    shard.offset_px.extend(tile.offset.map_or([f32::NAN; 2], |o| [o.rows_px as f32, o.cols_px as f32]));
+    shard.scene.push(number as i32);
+    shard.transform.extend(judged.transforms[index]);
+    Ok(())
+}
+
+fn dropped(tiles: &[Tile]) -> BTreeMap<Reason, usize> {
+    sum_dropped(tiles.iter().filter_map(|t| t.dropped).map(|reason| BTreeMap::from([(reason, 1)])))
+}
+
+fn sum_dropped(parts: impl Iterator<Item = BTreeMap<Reason, usize>>) -> BTreeMap<Reason, usize> {
+    let mut sum = BTreeMap::new();
+    parts.flatten().for_each(|(reason, count)| *sum.entry(reason).or_insert(0) += count);
+    sum
+}
+
+fn finished_record(judged: Judged) -> SceneRecord {
+    let dropped = dropped(&judged.tiles);
+    let kept = judged.tiles.len() - dropped.values().sum::<usize>();
+    SceneRecord { kept, dropped, ..judged.record }
+}
+
+fn nothing_left(judged: &[Judged]) -> Error {
+    let tiles: usize = judged.iter().map(|j| j.tiles.len()).sum();
+    let reasons = sum_dropped(judged.iter().map(|j| dropped(&j.tiles)));
+    let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{reason:?} {count}")).collect();
+    let whole = format!("{TILE_ROWS} x {TILE_COLS}");
+    Error::usage(format!(
+        "prepare: usable tiles of {whole} pixels expected, none of {tiles} found ({})",
+        reasons.join(", ")
+    ))
+}
+
+fn file_sha256(path: &Path) -> Result<String> {
+    let mut file = std::fs::File::open(path).map_err(Error::io(path))?;
+    let (mut sum, mut bytes) = (Sha256::new(), vec![0; 1 << 20]);
+    loop {
+        match file.read(&mut bytes).map_err(Error::io(path))? {
+            0 => return Ok(hex(&sum.finalize())),
+            count => sum.update(&bytes[..count]),
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! How long work says how far it is.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar on stderr with rate and time left, and the message of the moment behind them; silent where stderr is no terminal.
+#[must_use]
+pub fn bar(what: &str, len: u64, unit: &str) -> ProgressBar {
+    let gap = if what.is_empty() { "" } else { " " };
+    let style = format!("{what}{gap}{{bar:32}} {{pos}}/{{len}} {unit}, {{per_sec}}, {{eta}} left  {{msg}}");
+    let style = ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(len).with_style(style)
+}
