@@ -23,7 +23,7 @@ pub enum Head {
 pub enum TargetRange {
     /// The truth's own (Sec. III-A1). Recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
     Own,
-    /// The coarse tile's, widened by [`NetConfig::range_margin`] on both sides, for both DTMs: recovery is exact (our choice).
+    /// The coarse tile's, widened by the range margin on both sides, for both DTMs: recovery is exact (our choice).
     Reference,
     /// None: both DTMs are counted in pixels of the image about the mean of the coarse one, so that slopes are slopes (our choice).
     Pixel,
@@ -36,11 +36,10 @@ pub enum TargetRange {
 pub enum Illumination {
     /// The Sun anywhere (the paper's).
     Any,
-    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice, see
-    /// [`crate::illumination`]).
+    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice).
     Northwest,
-    /// As [`Self::Northwest`], and how brightness answers to slope is given: linear photoclinometry guides the network, which is left to
-    /// correct it (our choice, see [`elunar_core::photoclinometry`]).
+    /// As northwest, and the change of brightness with slope is given: linear photoclinometry makes a first estimate, which the network
+    /// corrects (our choice).
     Given,
 }
 
@@ -85,10 +84,10 @@ pub enum Preset {
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Switches {
-    /// Output head [default: relu].
+    /// Output head [default: relu; `train` with tiny or nano: residual].
     #[cfg_attr(feature = "clap", arg(long))]
     pub head: Option<Head>,
-    /// Whose range normalises the truth [default: own].
+    /// Whose range normalises the truth [default: own; `train` with tiny or nano: pixel].
     #[cfg_attr(feature = "clap", arg(long))]
     pub target_range: Option<TargetRange>,
     /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
@@ -103,10 +102,11 @@ pub struct Switches {
     /// Decoder blocks [default: residual].
     #[cfg_attr(feature = "clap", arg(long))]
     pub decoder_kind: Option<DecoderKind>,
-    /// Which light the network knows [default: any].
+    /// Which light the network knows [default: any; `train` with tiny or nano: given].
     #[cfg_attr(feature = "clap", arg(long))]
     pub illumination: Option<Illumination>,
-    /// Share of a batch in the running statistics of batch normalisation [default: 0.1, PyTorch's].
+    /// Share of a batch in the running statistics of batch normalisation [default: 0.1, as in PyTorch; `train` with tiny or
+    /// nano: 0.02].
     #[cfg_attr(feature = "clap", arg(long))]
     pub bn_momentum: Option<f64>,
     /// Leave out the coarse-DTM branch (the paper's ablation).

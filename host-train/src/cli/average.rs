@@ -7,11 +7,12 @@ use std::path::PathBuf;
 
 /// Options of `average`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  host-train average runs/a/best.safetensors runs/b/best.safetensors -o both.safetensors
+#[command(after_help = "\
+For runs that started from the same weights: their mean is often better than each of them (Wortsman et al. 2022). The mean of \
+weights from different random starts is useless.
 
-For runs that started from the same weights: their mean is often better than each (Wortsman et al. 2022). Weights from different random
-beginnings have nothing in common; their mean is worth nothing.")]
+Example:
+  host-train average runs/a/best.safetensors runs/b/best.safetensors -o both.safetensors")]
 pub struct Args {
     /// Weight files of one network, two or more.
     #[arg(required = true, num_args = 2.., value_name = "W.safetensors")]

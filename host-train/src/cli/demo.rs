@@ -6,14 +6,15 @@ use std::path::PathBuf;
 
 /// Options of `demo`.
 #[derive(Debug, Clone, Default, clap::Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "\
+Makes a synthetic scene, fine-tunes the network that comes with this program, and exports it for the int8 runner. Predicts the \
+scene with both networks, compares them and the coarse DTM with the truth, and writes report.html. Replaces the files of an \
+earlier tour in the folder and leaves all others alone.
+
+Examples:
   host-train
   host-train demo --out out --seed 7
-  host-train demo --from-scratch --steps 300
-
-Makes a synthetic scene, fine-tunes the network that comes with this program, exports it for the int8 runner, predicts the scene with
-both, judges them beside the coarse DTM, and writes report.html. Files of an earlier tour in the folder are replaced, others are
-left alone.")]
+  host-train demo --from-scratch --steps 300")]
 pub struct Args {
     /// Folder to write into [default: out].
     #[arg(long, value_name = "DIR")]

@@ -7,13 +7,15 @@ use std::path::PathBuf;
 
 /// Options of `experiment`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  host-train experiment host-train/experiments/*.toml --out out/experiments
-  host-train experiment host-train/experiments/full.toml host-train/experiments/no-coarse.toml --steps 200 --out out/short
+#[command(after_help = "\
+Trains every experiment, validates it (Table V of the paper), and tests all on the same scenes (Table VI). Does not train a \
+finished one again; after Ctrl-C or a kill, the same command with --resume goes on. Writes comparison.md, .json and .csv, and \
+the test's tables and pictures; `report` makes a page of the folder. host-train/docs/experiments.md says how to write an \
+experiment.
 
-Trains every experiment, validates it (Table V of the paper), and tests all on the same scenes (Table VI). A finished one is not
-trained again; after Ctrl-C or a kill the same command with --resume goes on. Writes comparison.md, .json and .csv, and the test's
-tables and pictures; `report` makes a page of the folder. How an experiment is written: host-train/docs/experiments.md.")]
+Examples:
+  host-train experiment host-train/experiments/*.toml --out out/experiments
+  host-train experiment host-train/experiments/full.toml host-train/experiments/no-coarse.toml --steps 200 --out out/short")]
 pub struct Args {
     /// Experiments.
     #[arg(required = true, value_name = "FILE.toml")]

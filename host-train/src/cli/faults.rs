@@ -10,12 +10,13 @@ use std::path::PathBuf;
 
 /// Options of `faults`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  host-train faults nano.eld --injections 100000 --out out/faults
-  host-train faults nano.eld --injections 7000 --unprotected      # what it would be without
+#[command(after_help = "\
+Flips one or two bits in the model, in the memory of a tile at work, or in its place, and lets the tile go on. Writes faults.md, \
+faults.png and injections.csv; after a stop the same command goes on. --unprotected shows what the runner's checks bring.
 
-One or two bits flip in the model, in the memory of a tile at work, or in its place, and the tile goes on. Writes faults.md, faults.png and
-injections.csv; the same command goes on where it was stopped.")]
+Examples:
+  host-train faults nano.eld --injections 100000 --out out/faults
+  host-train faults nano.eld --injections 7000 --unprotected")]
 pub struct Args {
     /// Model, `.eld`.
     #[arg(value_name = "MODEL.eld")]

@@ -7,7 +7,12 @@ use std::path::PathBuf;
 
 /// Options of `init`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  host-train init --preset tiny --seed 7 -o tiny.safetensors")]
+#[command(after_help = "\
+The switches depart from the paper's network; without any, the network is the paper's at the preset's width. `train` without \
+--start-from makes its weights itself.
+
+Example:
+  host-train init --preset tiny --seed 7 -o tiny.safetensors")]
 pub struct Args {
     /// Size of the network.
     #[arg(long, default_value = "nano")]

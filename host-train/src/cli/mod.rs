@@ -42,7 +42,7 @@ pub enum Command {
     Experiment(experiment::Args),
     /// Predict a DTM from an image and a coarse DTM.
     Predict(predict::Args),
-    /// Judge models on test scenes, with tables and pictures.
+    /// Score models on test scenes, with tables and pictures.
     Suite(suite::Args),
     /// Make one page of test suites, experiments and training runs.
     Report(report::Args),
@@ -50,7 +50,7 @@ pub enum Command {
     Faults(faults::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
-    /// Those that `elunar` has, too.
+    /// The commands that `elunar` has, too.
     #[command(flatten)]
     Shared(Shared),
 }
@@ -87,5 +87,15 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Faults(args)) => faults::run_command(&args),
         Some(Command::Latency(args)) => latency::run(args),
         Some(Command::Shared(shared)) => run_shared(shared),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_help_ends_with_examples_that_parse() {
+        elunar::cli::check_help(&command_line());
     }
 }

@@ -6,10 +6,11 @@ use std::path::PathBuf;
 
 /// Options of `report`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  host-train report out/suite out/experiments runs/nano -o report.html
+#[command(after_help = "\
+The page contains its tables and pictures: one file to send and to open anywhere.
 
-The page holds its tables and pictures itself: it can be sent and opened anywhere.")]
+Example:
+  host-train report out/suite out/experiments runs/nano -o report.html")]
 pub struct Args {
     /// Folders that `suite`, `experiment` or `train` wrote into.
     #[arg(required = true, value_name = "DIR")]

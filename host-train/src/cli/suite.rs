@@ -9,15 +9,20 @@ use std::path::{Path, PathBuf};
 
 /// Options of `suite`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "\
+Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are \
+scored. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
+GeoTIFFs; `report` makes a page of the folder. host-train/docs/suites.md says how to write a list of scenes, and what the \
+figures mean.
+
+To compare with another program: write the scenes with --scenes-only, run the program on out/sfs/scenes, then name its folder of \
+DTMs with --against.
+
+Examples:
   host-train suite --out out/suite
   host-train suite --suite scenes.toml --model mine.safetensors --model mine.eld --out out/mine
-  host-train suite --out out/sfs --scenes-only     # then run another program on out/sfs/scenes/*
-  host-train suite --out out/suite --against sfs=out/sfs/dtm
-
-Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are judged. All
-are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as GeoTIFFs; `report`
-makes a page of the folder. How a list of scenes is written, and what the figures mean: host-train/docs/suites.md.")]
+  host-train suite --out out/sfs --scenes-only
+  host-train suite --out out/suite --against sfs=out/sfs/dtm")]
 pub struct Args {
     /// Folder to write into; made if absent.
     #[arg(long, value_name = "DIR")]
@@ -25,7 +30,7 @@ pub struct Args {
     /// List of scenes [default: built-in synthetic scenes].
     #[arg(long, value_name = "LIST.toml")]
     pub suite: Option<PathBuf>,
-    /// Model to judge, .safetensors or .eld; NAME=FILE gives it a name; several times for several models [default: the shipped ones].
+    /// Model, .safetensors or .eld; NAME=FILE gives it a name; several times for several models [default: the shipped ones].
     #[arg(long, value_name = "[NAME=]FILE")]
     pub model: Vec<String>,
     /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.

@@ -18,9 +18,15 @@ use std::time::{Duration, Instant};
 
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  host-train train --preset nano --data synth --out runs/nano\n  \
-    host-train train --out runs/nano --resume\n  \
-    host-train train --preset paper --data tiles/ --validation held-out/ --out runs/paper --backend cuda")]
+#[command(after_help = "\
+The paper's network and recipe are those of the presets paper and small. The presets tiny and nano depart from it: head \
+residual, target range pixel, illumination given, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
+stops; --resume goes on.
+
+Examples:
+  host-train train --preset nano --data synth --out runs/nano
+  host-train train --out runs/nano --resume
+  host-train train --preset paper --data tiles/ --validation held-out/ --out runs/paper --backend cuda")]
 pub struct Args {
     /// Folder of the run: record, checkpoints, weights, curves.
     #[arg(long, value_name = "RUN")]

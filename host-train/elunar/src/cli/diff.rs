@@ -11,11 +11,12 @@ use std::path::PathBuf;
 
 /// Options of `diff`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar diff dtm.tif stereo.tif -o diff.tif --picture error.png
+#[command(after_help = "\
+Takes the first minus the second on the grid of the first. The second is interpolated bilinearly, as the Ames Stereo Pipeline's \
+geodiff does. Statistics go to stdout.
 
-The first minus the second on the grid of the first, the second interpolated bilinearly, as the Ames Stereo Pipeline's geodiff does.
-Statistics go to stdout.")]
+Example:
+  elunar diff dtm.tif stereo.tif -o diff.tif --picture error.png")]
 pub struct Args {
     /// DTM that gives the grid, heights in metres.
     #[arg(value_name = "DEM1")]

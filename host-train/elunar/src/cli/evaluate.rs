@@ -9,19 +9,20 @@ use std::path::PathBuf;
 
 /// Options of `evaluate`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar evaluate --dtm dtm.tif --truth scene_0000_truth.tif --coarse scene_0000_coarse.tif --error-map error.png
+#[command(after_help = "\
+Compares all DTMs on the truth's grid, on the pixels that are valid in all of them. A DTM on another grid is interpolated \
+bilinearly, a coarse DTM bicubically, as the network gets it. Errors are DTM minus truth.
 
-All DTMs are judged on the truth's grid, on the pixels valid in all of them. A DTM on another grid is interpolated bilinearly, a coarse
-DTM bicubically, as the network gets it. Errors are DTM minus truth.")]
+Example:
+  elunar evaluate --dtm dtm.tif --truth scene_0000_truth.tif --coarse scene_0000_coarse.tif --error-map error.png")]
 pub struct Args {
-    /// DTM to judge, GeoTIFF, heights in metres.
+    /// DTM to compare with the truth, heights in metres.
     #[arg(long, value_name = "D.tif")]
     pub dtm: PathBuf,
     /// True DTM.
     #[arg(long, value_name = "T.tif")]
     pub truth: PathBuf,
-    /// Coarse DTM the prediction started from: judged beside it.
+    /// Coarse DTM that the prediction started from: compared with the truth, too.
     #[arg(long, value_name = "C.tif")]
     pub coarse: Option<PathBuf>,
     /// Print JSON instead of a table.

@@ -29,10 +29,12 @@ const SYNTH_SEED: u64 = 0xCA11;
 
 /// Options of `export`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar export --weights nano.safetensors --calibrate synth -o nano.eld
+#[command(after_help = "\
+Measures the ranges of the network's maps on the first tiles of the calibration data, and compares int8 and float on the tiles \
+behind them.
 
-Ranges are measured on the first tiles of the calibration data; the report compares int8 and float on the tiles behind them.")]
+Example:
+  elunar export --weights nano.safetensors --calibrate synth -o nano.eld")]
 pub struct Args {
     /// Float weights with their configuration.
     #[arg(long, value_name = "W.safetensors")]

@@ -12,11 +12,12 @@ use std::path::PathBuf;
 
 /// Options of `hillshade`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar hillshade dtm.tif -o shade.tif --sun-azimuth 300 --sun-elevation 20
+#[command(after_help = "\
+The result is that of `gdaldem hillshade` (Horn): bytes, 0 where there is no value, else 1 to 255. The azimuth is counted \
+clockwise from north. Rasters in degrees are shaded with metres on their sphere.
 
-The result is that of `gdaldem hillshade` (Horn): bytes, 0 where there is no value, else 1 to 255. The azimuth is counted clockwise
-from north. Rasters in degrees are shaded with metres on their sphere.")]
+Example:
+  elunar hillshade dtm.tif -o shade.tif --sun-azimuth 300 --sun-elevation 20")]
 pub struct Args {
     /// DTM, heights in metres.
     #[arg(value_name = "INPUT")]

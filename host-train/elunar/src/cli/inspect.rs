@@ -8,16 +8,17 @@ use std::path::PathBuf;
 
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "\
+Understands GeoTIFF, PDS3 images and labels, NumPy arrays, tables of laser points, models (.eld), float weights and golden cases \
+(.safetensors). The content decides, not the name. Large rasters are sampled: the range of values is that of rows at even \
+distances.
+
+Of a model, lists every operator, how many rows of its output are kept at a time, and where the map lies in memory. --time runs \
+the built-in tile entry by entry of the schedule; the figures contain the small cost of stepping.
+
+Examples:
   elunar inspect SLDEM2015_512_00N_30N_000_045_FLOAT.LBL
-  elunar inspect nano.eld --time --plan plan.png
-
-Understood are GeoTIFF, PDS3 images and labels, NumPy arrays, tables of laser points, models (.eld), float weights and golden cases
-(.safetensors); the content decides. Large rasters are sampled: the range of values is that of rows at even distances.
-
-Of a model all operators are listed, with the rows of their output that are kept at a time (of a map that is made row by row while
-it is read), and the place of it in memory. --time runs the built-in tile entry by entry of the schedule; that costs a little, and
-the little is contained in the figures.")]
+  elunar inspect nano.eld --time --plan plan.png")]
 pub struct Args {
     /// Any file.
     #[arg(value_name = "FILE")]

@@ -9,11 +9,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// What stands below the options in the help.
-pub const HELP: &str = "Examples:
-  elunar latency --model nano.eld --threads 2
-  elunar latency --model nano.eld --tiles 20 --json
+pub const HELP: &str = "\
+Every thread runs one tile before the clock starts.
 
-Every thread runs one tile before the clock starts.";
+Examples:
+  elunar latency --model nano.eld --threads 2
+  elunar latency --model nano.eld --tiles 20 --json";
 
 /// Options of `latency`.
 #[derive(Debug, clap::Args)]

@@ -11,13 +11,14 @@ use std::path::PathBuf;
 
 /// Options of `lola`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar lola --dtm dtm.tif --tracks RDR_30E31E_20N21NPointPerRow_csv_table.csv
+#[command(after_help = "\
+Shifts each track over the DTM in steps of half a pixel. Reports the shift x, y of the track along the map's axes that has the \
+smallest standard deviation of DTM minus track (no mean removed, divided by points - 1), that deviation, and what is left of it \
+without the median. Cuts a table into tracks where its times pause. Leaves out rows with a flag other than 0. Finds the columns \
+by the heading (LOLA RDR PointPerRow; or lon,lat,radius_km; or lon,lat,height_m), or by names as for the Ames Stereo Pipeline.
 
-Each track is shifted over the DTM in steps of half a pixel; reported are the shift x, y of the track along the map's axes with the smallest
-standard deviation of DTM minus track (no mean removed, divided by points - 1), that deviation, and what is left of it without the median.
-A table is cut into tracks where its times pause. Rows with a flag other than 0 are left out. The columns are found by the
-heading (LOLA RDR PointPerRow; or lon,lat,radius_km; or lon,lat,height_m), or named as for the Ames Stereo Pipeline.")]
+Example:
+  elunar lola --dtm dtm.tif --tracks RDR_30E31E_20N21NPointPerRow_csv_table.csv")]
 pub struct Args {
     /// DTM, heights in metres above the sphere.
     #[arg(long, value_name = "D.tif")]
@@ -34,7 +35,7 @@ pub struct Args {
     /// Pauses longer than this, in seconds, begin a new track.
     #[arg(long, value_name = "S", default_value_t = TRACK_GAP_S)]
     pub track_gap_s: f64,
-    /// Tracks with fewer comparable points are not judged.
+    /// Fewest points of a track on valid heights; shorter tracks are left out.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub min_points: usize,
     /// Print JSON instead of a table.
@@ -45,7 +46,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the files, from a DTM without a known place, and if no track can be judged.
+/// From reading the files, from a DTM without a known place, and if no track can be compared.
 pub fn run(args: Args) -> Result<()> {
     let report = judge(&args)?;
     if args.json {

@@ -34,12 +34,12 @@ pub enum Command {
     Predict(predict::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
-    /// Those that `host-train` has as they are.
+    /// The commands that `host-train` shares.
     #[command(flatten)]
     Shared(Shared),
 }
 
-/// The commands that know no network but the exported one: the same in both programs.
+/// The commands that are the same in both programs: none runs a float network.
 #[derive(Debug, Subcommand)]
 pub enum Shared {
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
@@ -50,7 +50,7 @@ pub enum Shared {
     Export(export::Args),
     /// Make a DTM by shape from shading, for comparison.
     Sfs(Box<sfs::Args>),
-    /// Judge a DTM against a truth.
+    /// Compare a DTM with a truth.
     Evaluate(evaluate::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
@@ -95,5 +95,42 @@ pub fn run_shared(command: Shared) -> Result<()> {
         Shared::Mosaic(args) => mosaic::run(args),
         Shared::Lola(args) => lola::run(args),
         Shared::Inspect(args) => inspect::run(args),
+    }
+}
+
+/// Whether every command of `program` says what it does in words a user knows, and ends its help with examples that parse.
+///
+/// # Panics
+/// With the defect, if one does not. For tests.
+#[doc(hidden)]
+pub fn check_help(program: &clap::Command) {
+    let name = program.get_name();
+    for command in program.get_subcommands() {
+        let which = format!("{name} {}", command.get_name());
+        let help = command.clone().term_width(0).render_long_help().to_string();
+        for code in ["[`", "`]", "::", "Self::"] {
+            assert!(!help.contains(code), "{which}: the help holds {code:?}, which is Rust's:\n{help}");
+        }
+        let (_, examples) = help.rsplit_once("\nExample").unwrap_or_else(|| panic!("{which}: no example:\n{help}"));
+        let examples: Vec<&str> = examples.lines().skip(1).filter(|line| !line.trim().is_empty()).collect();
+        assert!(!examples.is_empty(), "{which}: no example");
+        for line in examples {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            assert!(line.starts_with(&format!("  {name}")), "{which}: an example of {name} expected, found {line}");
+            if let Err(error) = program.clone().try_get_matches_from(&words) {
+                panic!("{which}: the example {line} does not parse: {error}");
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn every_help_ends_with_examples_that_parse() {
+        check_help(&Cli::command());
     }
 }

@@ -12,11 +12,13 @@ use std::path::{Path, PathBuf};
 
 /// Options of `mosaic`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar mosaic left.tif right.tif -o mosaic.tif --priority-blending-length 50
+#[command(after_help = "\
+Weights, blending and option names are those of the Ames Stereo Pipeline's dem_mosaic: each DTM weighs most where it is far from \
+its edges and gaps. Without --t_srs all DTMs must be in one reference system. Spacing and system of the mosaic are those of the \
+first.
 
-Weights, blending and option names are those of the Ames Stereo Pipeline's dem_mosaic: each DTM weighs most where it is far from its
-edges and gaps. Without --t_srs all DTMs must be in one reference system; spacing and system of the mosaic are those of the first.")]
+Example:
+  elunar mosaic left.tif right.tif -o mosaic.tif --priority-blending-length 50")]
 pub struct Args {
     /// DTMs, heights in metres; the order matters only with --priority-blending-length.
     #[arg(value_name = "DEM", required_unless_present = "dem_list", conflicts_with = "dem_list")]

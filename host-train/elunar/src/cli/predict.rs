@@ -11,22 +11,24 @@ use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_r
 use std::path::{Path, PathBuf};
 
 /// What stands below the options in the help.
-pub const HELP: &str = "Example:
-  elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif
+pub const HELP: &str = "\
+Image and coarse DTM are GeoTIFFs or PDS3 products, each on a grid of its own and in a projection of its own, on \
+one sphere. The DTM gets the image's grid. Pixels without a valid image sample or coarse height become nodata. A hillshade is \
+written beside the DTM (dtm_hillshade.png).
 
-The coarse DTM may lie on a grid of its own, but must be in the image's reference system. The DTM gets the image's grid; pixels
-without a valid image sample or coarse height become nodata. A hillshade, dtm_hillshade.png, is written beside it.
+Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there.
 
-Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there.";
+Example:
+  elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif";
 
 /// Options of `predict`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct Args {
-    /// Orbiter image, GeoTIFF.
+    /// Orbiter image: GeoTIFF or PDS3.
     #[arg(long, value_name = "I.tif")]
     pub image: PathBuf,
-    /// Coarse DTM, GeoTIFF, heights in metres above the sphere.
+    /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
     /// Model: .eld for the int8 runner; `host-train` takes .safetensors, the float network, too.

@@ -12,15 +12,18 @@ use std::path::{Path, PathBuf};
 
 /// Options of `prepare`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  elunar prepare --list scenes.csv --out tiles/
-  elunar prepare --image image.tif --dtm stereo.tif --coarse sldem.tif --out tiles/
-  elunar train --data tiles/ --out runs/mine
+#[command(after_help = "\
+The list is a CSV file with a header: image, dtm, coarse and, if wanted, site, sun_azimuth_deg, sun_elevation_deg. Both DTMs are \
+put on the image's grid, which is cut into tiles of 256 x 320 pixels. Tiles are left out, and counted in manifest.json, that \
+have gaps, a constant or saturated image, no relief, an image that is shifted against its DTM, or a relief beyond 3 sigma (Eq. \
+9-10). Training, validation and test have no ground in common: whole sites where there are at least three, else blocks of the \
+map. After a stop the same command goes on.
 
-The list is a CSV file with a header: image,dtm,coarse and, if wanted, site,sun_azimuth_deg,sun_elevation_deg. Both DTMs are put on the
-image's grid, which is cut into tiles of 256 x 320 pixels. Left out, and counted in manifest.json, are tiles with gaps, constant or
-saturated images, no relief, an image and DTM that lie apart, and reliefs beyond 3 sigma (Eq. 9-10). Training, validation and test
-share no ground: whole sites where there are at least three, else blocks of the map. An interrupted run goes on when repeated.")]
+`host-train train --data tiles/` trains on the result.
+
+Examples:
+  elunar prepare --list scenes.csv --out tiles/
+  elunar prepare --image image.tif --dtm stereo.tif --coarse sldem.tif --out tiles/")]
 pub struct Args {
     /// CSV list of scenes.
     #[arg(long, value_name = "SCENES.csv", conflicts_with_all = ["image", "dtm", "coarse"], required_unless_present = "image")]

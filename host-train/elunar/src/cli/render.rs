@@ -10,12 +10,14 @@ use std::path::PathBuf;
 
 /// Options of `render`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar render dtm.tif -o image.tif --sun-azimuth 300 --sun-elevation 20
+#[command(after_help = "\
+Shows what an orbiter's camera would see from straight above: Lunar-Lambert reflectance, cast shadows, blur, noise, relative DN \
+from 0 to 4095, as on the synthetic Moon. The albedo is 1 everywhere. The image lies on the DTM's grid and says which Sun it was \
+made with. With a coarse DTM it makes a test or training scene of real ground (`prepare`, `host-train suite`). For a relief to \
+look at, see `hillshade`.
 
-What an orbiter's camera would see from straight above: Lunar-Lambert reflectance, cast shadows, blur, noise, relative DN from 0 to 4095,
-as on the synthetic Moon; the albedo is one everywhere. The image lies on the DTM's grid and says which Sun it was made with. With a
-coarse DTM it makes real ground a test or training scene (host-train prepare, suite). For a relief to look at, see hillshade.")]
+Example:
+  elunar render dtm.tif -o image.tif --sun-azimuth 300 --sun-elevation 20")]
 pub struct Args {
     /// DTM, heights in metres; every pixel has one, and pixels are square.
     #[arg(value_name = "DTM")]

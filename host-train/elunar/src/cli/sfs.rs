@@ -10,18 +10,20 @@ use std::path::PathBuf;
 
 /// Options of `sfs`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar sfs --image scene_0000_image.tif --coarse scene_0000_coarse.tif --sun-azimuth 312.5 --sun-elevation 31 -o sfs.tif
+#[command(after_help = "\
+Takes and makes the same files as `predict`, from the Sun's direction instead of a model. With --truth the curve also has errors \
+by step.
 
-Takes and makes the same files as predict, from the Sun's direction instead of a model. With --truth the curve also has errors by step.
+Finished rows wait in sfs.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there. The curve is \
+then that of the tiles made since.
 
-Finished rows wait in sfs.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there, and the curve is
-that of the tiles it makes.")]
+Example:
+  elunar sfs --image scene_0000_image.tif --coarse scene_0000_coarse.tif --sun-azimuth 312.5 --sun-elevation 31 -o sfs.tif")]
 pub struct Args {
-    /// Orbiter image, GeoTIFF.
+    /// Orbiter image: GeoTIFF or PDS3.
     #[arg(long, value_name = "I.tif")]
     pub image: PathBuf,
-    /// Coarse DTM, GeoTIFF, heights in metres above the sphere.
+    /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
     /// Azimuth of the Sun, degrees clockwise from the grid's up.

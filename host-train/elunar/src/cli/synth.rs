@@ -11,11 +11,13 @@ use std::path::PathBuf;
 
 /// Options of `synth`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  elunar synth --out scenes --scenes 4 --seed 1
+#[command(after_help = "\
+Writes for each scene scene_0000_image.tif (relative DN), scene_0000_coarse.tif (pixels of 59 m, on a grid of its own) and \
+scene_0000_truth.tif (metres), and so on; then manifest.json and the pictures of all scenes, contact_sheet.png. The same seed \
+and options give the same files.
 
-Writes scene_0000_image.tif (relative DN), scene_0000_coarse.tif (59 m pixels, on a grid of its own) and scene_0000_truth.tif
-(metres), and so on for each scene, manifest.json, and contact_sheet.png to look at. The same seed and options give the same files.")]
+Example:
+  elunar synth --out scenes --scenes 4 --seed 1")]
 pub struct Args {
     /// Folder to write into; made if absent.
     #[arg(long, value_name = "DIR")]

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub enum Target {
     /// The truth as it is (the paper).
     Truth,
-    /// The truth with the low frequencies of the coarse DTM ([`RawTile::anchored`]; our choice).
+    /// The truth with the low frequencies of the coarse DTM (our choice).
     Anchored,
 }
 
@@ -249,7 +249,7 @@ pub struct RecipeFlags {
     /// Elevation term of the loss [default: mean-normalised].
     #[arg(long)]
     pub elevation: Option<Elevation>,
-    /// What training and validation judge by [default: the preset's].
+    /// What the network learns to reach, and validation compares with [default: the preset's].
     #[arg(long)]
     pub target: Option<Target>,
     /// Share of the tiles whose Sun the network is told [default: the preset's].

@@ -23,7 +23,7 @@ use windowed::{Plan, lattice};
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[cfg_attr(feature = "clap", value(rename_all = "lower"))]
 pub enum Interpolation {
-    /// Interpolating bicubic ([`super::resample`]): for making a fine grid from a coarse one.
+    /// Interpolating bicubic: for making a fine grid from a coarse one.
     Bicubic,
     /// Bilinear, invalid where any sample that counts is invalid: for comparing grids of about equal spacing.
     Bilinear,
