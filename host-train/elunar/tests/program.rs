@@ -1,0 +1,66 @@
+//! The program as a user runs it: from files to files, without a training framework.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
+
+fn elunar(folder: &Path, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_elunar")).current_dir(folder).args(words).output().unwrap()
+}
+
+/// What a command that must succeed prints.
+fn made(folder: &Path, words: &[&str]) -> String {
+    let out = elunar(folder, words);
+    assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+/// The one line of a command that must fail.
+fn refused(folder: &Path, words: &[&str]) -> String {
+    let out = elunar(folder, words);
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{words:?}: {text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    text
+}
+
+fn model(name: &str) -> String {
+    PathBuf::from(MODELS).join(name).display().to_string()
+}
+
+#[test]
+fn an_image_and_a_coarse_dtm_become_a_dtm_with_smaller_slope_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "9"]);
+    let [image, coarse, truth] = ["image", "coarse", "truth"].map(|kind| format!("s/scene_0000_{kind}.tif"));
+    let nano = model("nano.eld");
+    let predict = ["predict", "--image", &image, "--coarse", &coarse, "--model", &nano, "-o", "dtm.tif"];
+    assert!(made(at, &predict).contains("256 x 320 pixels"));
+    assert!(at.join("dtm_hillshade.png").exists() && !at.join("dtm.tif.part").exists());
+    let text = made(at, &["evaluate", "--dtm", "dtm.tif", "--truth", &truth, "--coarse", &coarse, "--json"]);
+    let scores: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let slope = |candidate: usize| scores["candidates"][candidate]["slope_mae_deg"].as_f64().unwrap();
+    assert!(slope(0) < 0.8 * slope(1), "{text}");
+    assert!(made(at, &["inspect", &nano]).starts_with(&nano));
+}
+
+#[test]
+fn float_weights_are_exported_but_not_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let nano = model("nano.safetensors");
+    let text = refused(folder.path(), &["predict", "--image", "i", "--coarse", "c", "--model", &nano, "-o", "d.tif"]);
+    assert!(text.contains("expected a model (.eld)") && text.contains("host-train"), "{text}");
+    let text =
+        refused(folder.path(), &["predict", "--image", "i", "--coarse", "c", "--model", "x.onnx", "-o", "d.tif"]);
+    assert!(text.contains("x.onnx") && text.contains(".eld"), "{text}");
+}
+
+#[test]
+fn without_a_command_it_says_what_there_is() {
+    let out = elunar(Path::new("."), &[]);
+    let text = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.code() == Some(2) && text.contains("predict") && text.contains("evaluate"), "{text}");
+    assert!(!text.contains("train a network"), "{text}");
+}
