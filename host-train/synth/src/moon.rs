@@ -25,12 +25,12 @@ const BASE_HEIGHT_M: [(f64, f64); 2] = [(-2000.0, 600.0), (300.0, 1200.0)];
 /// `tile(index)` and `scene(index, …)` depend on the seed, the options and their arguments alone; call them from any thread.
 ///
 /// ```
-/// use host_train::synth::{Moon, SynthOptions};
+/// use elunar_synth::{Moon, SynthOptions};
 /// let moon = Moon::new(7, SynthOptions { rows: 64, cols: 80, ..Default::default() })?;
 /// let tile = moon.tile(0);
 /// assert_eq!(tile.image.len(), 64 * 80);
 /// assert_eq!(tile.truth_m, moon.tile(0).truth_m);
-/// # Ok::<(), host_train::Error>(())
+/// # Ok::<(), elunar_raster::Error>(())
 /// ```
 pub struct Moon {
     seed: u64,
