@@ -22,6 +22,7 @@ mod error;
 pub mod format;
 mod input;
 pub mod kernels;
+mod lighting;
 mod maps;
 mod metres;
 mod model;
@@ -39,8 +40,9 @@ mod tensor;
 pub use crc::{Crc32c, crc32c};
 pub use error::{ModelError, OperatorFault, RunError};
 pub use input::{Illumination, TruthRange};
+pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
 pub use maps::{GuidedMaps, InputRules, RangedMaps, TileError, TileInput, TileMaps, TileScale};
-pub use metres::validity;
+pub use metres::{Begun, validity};
 pub use model::{MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model};
 pub use prepared::Prepared;
 pub use program::{

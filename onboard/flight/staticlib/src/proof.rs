@@ -8,7 +8,7 @@ use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
 };
 use elunar_capi::elunar_core::nn::{
-    Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
+    Begun, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
 };
 use elunar_capi::elunar_core::strip::{
     Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
@@ -96,7 +96,7 @@ root! {
         runner.begin(image, coarse)
     }
     elunar_root_begin_metres(runner: &mut Runner<'_, '_>, tile: &TileInput<'_>, scratch: &mut [f32])
-        -> Result<TileScale, TileError> { runner.begin_metres(tile, scratch) }
+        -> Result<Begun, TileError> { runner.begin_metres(tile, scratch) }
     elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> Result<(), RunError> { runner.begin_self_test() }
     elunar_root_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result<Progress, RunError> { runner.step(macs) }
     elunar_root_output(runner: &Runner<'_, '_>, out: &mut [f32]) -> Result<(), RunError> { runner.output(out) }
