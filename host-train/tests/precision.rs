@@ -1,7 +1,6 @@
 //! What precision costs, where a model's bytes and time go: measured on the narrow network of the golden case.
 
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, required};
+use elunar_core::nn::{Kernel, Model, required};
 use host_train::export::calibrate::{Ground, Range, calibrate};
 use host_train::export::choose::{Job, choose};
 use host_train::export::codes::{can_widen, wide_by_rule};

@@ -1,7 +1,7 @@
 //! The models that `elunar-provoke` plays with are what the exporter makes of its smallest networks.
 
 use elunar_core::nn::Model;
-use elunar_core::nn::format::word;
+use elunar_core::nn::file::word;
 use elunar_provoke::Random;
 use elunar_tests::repository;
 use host_train::export::build::manifest;

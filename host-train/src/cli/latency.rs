@@ -4,8 +4,7 @@ use crate::model::backend::Backend;
 use crate::predict::network::Model as _;
 use crate::predict::{float, int8};
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{self, Progress, Runner, required};
+use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

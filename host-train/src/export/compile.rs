@@ -10,8 +10,8 @@ use super::write::{Content, file_bytes};
 use crate::model::config::NetConfig;
 use crate::model::weights::Weights;
 use crate::{Error, Result};
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::{Model, Operator, Progress, Runner, required};
+use elunar_core::nn::file::{NONE, Operator};
+use elunar_core::nn::{Model, Progress, Runner, required};
 use std::path::Path;
 
 /// Seed of every self-test tile.

@@ -1,7 +1,8 @@
 //! The model file's bytes.
 
-use elunar_core::nn::format::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, VERSION, seal_file, word};
-use elunar_core::nn::{Entry, Operator, Tensor};
+use elunar_core::nn::file::{
+    CHUNK_BYTES, CHUNK_RECORD_BYTES, Entry, HEADER_BYTES, MAGIC, Operator, Tensor, VERSION, seal_file, word,
+};
 
 /// What a file holds, beside checksums and offsets.
 #[derive(Debug, Clone)]

@@ -9,8 +9,8 @@ pub mod timing;
 use crate::raster::format::{Format, head};
 use crate::raster::{pds3, source};
 use crate::{Error, Result};
-use elunar_core::nn::format::MAGIC;
-use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::Kernel;
+use elunar_core::nn::file::MAGIC;
 use model::Plan;
 use std::path::Path;
 

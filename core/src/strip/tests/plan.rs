@@ -43,7 +43,7 @@ fn settings_that_cannot_be_are_refused() {
 
 #[test]
 fn a_model_that_wants_the_light_is_not_run_without() {
-    use crate::nn::format::{seal_file, word};
+    use crate::nn::file::{seal_file, word};
     let mut file = file();
     file[4 * word::ILLUMINATION..][..4].copy_from_slice(&1u32.to_le_bytes());
     seal_file(&mut file);

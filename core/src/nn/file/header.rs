@@ -1,4 +1,4 @@
-//! The model file: magic, version, header, checksums, sections; little-endian reads. Judges integrity, not meaning.
+//! The whole file: magic, version, header, checksums, sections. Judges integrity, not meaning.
 //!
 //! ```text
 //! byte 0    header, 32 little-endian u32 words (below); its last word is the CRC32C of the first 31
@@ -6,13 +6,12 @@
 //!      ...  body, cut into chunks of CHUNK_BYTES (the last may be shorter): text, tensors, operators, schedule, constants
 //! ```
 //! Every byte of the file is under exactly one CRC, so that any single flipped byte is refused. The quick checksums are for looking again,
-//! after every tile; so are the seals, the last words of the records of tensors, operators and entries: the quick checksum of the others.
 
-use super::crc::{Crc32c, crc32c};
+use super::bytes::u32_at;
 use super::error::ModelError;
-use super::program::{ENTRY_BYTES, Entry, OPERATOR_BYTES, TENSOR_BYTES};
-use super::sum::{seal, sum};
-use crate::part::{copy, head, part, part_mut};
+use crate::nn::crc::crc32c;
+use crate::nn::sum::sum;
+use crate::part::{head, part};
 
 /// First eight bytes; as in PNG, transfers that change line ends or strip bit 7 destroy it.
 pub const MAGIC: [u8; 8] = *b"\x89ELD\r\n\x1a\n";
@@ -71,68 +70,6 @@ pub mod word {
     pub const LIST_CRC: usize = 30;
     /// CRC32C of the header's first 31 words.
     pub const HEADER_CRC: usize = 31;
-}
-
-/// The little-endian u32 at `offset`; 0 beyond the end, which callers have excluded.
-#[inline(always)]
-pub fn u32_at(bytes: &[u8], offset: usize) -> u32 {
-    bytes.get(offset..).and_then(|rest| rest.first_chunk()).map_or(0, |&word| u32::from_le_bytes(word))
-}
-
-/// The little-endian i32 at `offset`, as [`u32_at`].
-#[inline(always)]
-pub fn i32_at(bytes: &[u8], offset: usize) -> i32 {
-    u32_at(bytes, offset) as i32
-}
-
-/// The little-endian i64 at `offset`, as [`u32_at`].
-#[inline(always)]
-pub fn i64_at(bytes: &[u8], offset: usize) -> i64 {
-    bytes.get(offset..).and_then(|rest| rest.first_chunk()).map_or(0, |&word| i64::from_le_bytes(word))
-}
-
-/// The last word of a record, from the others.
-fn seal_of(record: &[u8]) -> u32 {
-    let words = record.as_chunks::<4>().0;
-    seal(head(words, words.len().saturating_sub(1)).iter().map(|word| u32::from_le_bytes(*word)))
-}
-
-/// Whether a record's last word is its seal.
-pub fn sealed(record: &[u8]) -> bool {
-    record.last_chunk().is_some_and(|&word| u32::from_le_bytes(word) == seal_of(record))
-}
-
-/// Writes the last word of a record.
-pub fn seal_record(record: &mut [u8]) {
-    let seal = seal_of(record);
-    if let Some(last) = record.last_chunk_mut() {
-        *last = seal.to_le_bytes();
-    }
-}
-
-/// Writes every checksum of a file whose header and body are otherwise in place, the seals of records too; does nothing to bytes that are
-/// shorter than their header says.
-pub fn seal_file(bytes: &mut [u8]) {
-    let word = |bytes: &[u8], index: usize| u32_at(bytes, 4 * index) as usize;
-    let put = |bytes: &mut [u8], at: usize, value: u32| {
-        copy(part_mut(bytes, at, 4), &value.to_le_bytes());
-    };
-    for (index, size) in [(word::TENSORS, TENSOR_BYTES), (word::OPERATORS, OPERATOR_BYTES)] {
-        let (start, count) = (word(bytes, index), word(bytes, index + 1));
-        part_mut(bytes, start, count.saturating_mul(size)).chunks_mut(size).for_each(seal_record);
-    }
-    let (start, count) = (word(bytes, word::SCHEDULE), word(bytes, word::SCHEDULE + 1));
-    part_mut(bytes, start, count.saturating_mul(ENTRY_BYTES)).as_chunks_mut().0.iter_mut().for_each(Entry::seal_record);
-    let list_bytes = CHUNK_RECORD_BYTES * word(bytes, word::CHUNKS);
-    let Some((head, body)) = bytes.split_at_mut_checked(HEADER_BYTES.saturating_add(list_bytes)) else { return };
-    for (index, chunk) in body.chunks(CHUNK_BYTES).enumerate() {
-        put(head, HEADER_BYTES + CHUNK_RECORD_BYTES * index, crc32c(chunk));
-        put(head, HEADER_BYTES + CHUNK_RECORD_BYTES * index + 4, sum(chunk));
-    }
-    let list = crc32c(part(head, HEADER_BYTES, list_bytes));
-    put(head, 4 * word::LIST_CRC, list);
-    let header = crc32c(part(head, 0, 4 * word::HEADER_CRC));
-    put(head, 4 * word::HEADER_CRC, header);
 }
 
 /// Bytes that carry a valid header; the chunks are not judged until [`RawModel::verify`].
@@ -205,7 +142,7 @@ impl<'a> RawModel<'a> {
         sum(self.chunk(index)) == u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize + 4)
     }
 
-    pub(super) fn header_holds(&self) -> bool {
+    pub(crate) fn header_holds(&self) -> bool {
         crc32c(part(self.bytes, 0, 4 * word::HEADER_CRC)) == self.word(word::HEADER_CRC)
     }
 
@@ -246,53 +183,5 @@ impl<'a> RawModel<'a> {
             return Err(ModelError::Header);
         }
         Ok(part(self.bytes, start as usize, len_bytes as usize))
-    }
-}
-
-/// Where an incremental check of the chunks stands.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Scrub {
-    chunk: u32,
-    offset: usize,
-    crc: Crc32c,
-}
-
-impl Scrub {
-    /// The chunk it has reached, bytes read of it, and their checksum.
-    pub(super) fn position(&self) -> (u32, usize, u32) {
-        (self.chunk, self.offset, self.crc.value())
-    }
-
-    /// A check that stands there, if the file has such a place.
-    pub(super) fn at(raw: &RawModel<'_>, chunk: u32, offset: usize, crc: u32) -> Option<Self> {
-        let exists = chunk < raw.chunks().max(1) && offset <= raw.chunk(chunk).len();
-        exists.then(|| Self { chunk, offset, crc: Crc32c::after(crc) })
-    }
-
-    /// Checks up to `max_bytes` further bytes. Returns how many were read, and whether this completed a pass.
-    ///
-    /// # Errors
-    /// The chunk whose checksum does not match; the next call goes on behind it.
-    pub fn advance(&mut self, raw: &RawModel<'_>, max_bytes: usize) -> Result<(usize, bool), u32> {
-        let mut done = 0;
-        while done < max_bytes {
-            let chunk = raw.chunk(self.chunk);
-            let take = (max_bytes - done).min(chunk.len().saturating_sub(self.offset));
-            self.crc.update(part(chunk, self.offset, take));
-            (self.offset, done) = (self.offset + take, done + take);
-            if self.offset < chunk.len() {
-                break;
-            }
-            let (index, good) = (self.chunk, self.crc.value() == raw.chunk_crc(self.chunk));
-            let last = index + 1 >= raw.chunks();
-            *self = Self { chunk: if last { 0 } else { index + 1 }, ..Self::default() };
-            if !good {
-                return Err(index);
-            }
-            if last {
-                return Ok((done, true));
-            }
-        }
-        Ok((done, false))
     }
 }
