@@ -1,6 +1,7 @@
 //! Every width, depth and switch of the network, with the paper's value or "our choice".
 
 use crate::{Error, Result};
+use elunar_core::nn;
 use serde::{Deserialize, Serialize};
 
 /// Output head.
@@ -25,6 +26,16 @@ pub enum TargetRange {
     Pixel,
 }
 
+impl From<TargetRange> for nn::TruthRange {
+    fn from(range: TargetRange) -> Self {
+        match range {
+            TargetRange::Own => Self::Own,
+            TargetRange::Reference => Self::Reference,
+            TargetRange::Pixel => Self::Pixel,
+        }
+    }
+}
+
 /// Which light the network knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -37,6 +48,16 @@ pub enum Illumination {
     /// As [`Self::Northwest`], and how brightness answers to slope is given: linear photoclinometry guides the network, which is left to
     /// correct it (our choice, see [`elunar_core::photoclinometry`]).
     Given,
+}
+
+impl From<Illumination> for nn::Illumination {
+    fn from(illumination: Illumination) -> Self {
+        match illumination {
+            Illumination::Any => Self::Any,
+            Illumination::Northwest => Self::Northwest,
+            Illumination::Given => Self::Given,
+        }
+    }
 }
 
 /// Image encoder.
