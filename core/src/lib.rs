@@ -36,7 +36,7 @@
 //! let mut heights_m = [0.0; 4];
 //! scale.recover(&normalised, &mut heights_m)?;
 //! assert_eq!(heights_m, coarse_m);
-//! # Ok::<(), elunar_core::error::NormError>(())
+//! # Ok::<(), elunar_core::norm::NormError>(())
 //! ```
 //!
 //! # Promises
