@@ -1,7 +1,7 @@
 //! The quantised inference runner: a validated [`Model`] and a [`Runner`] that executes it.
 //!
 //! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. Whoever makes the
-//! file ([`file`]) decides what network it is; this module knows operators only. Life of a tile:
+//! file ([`mod@file`]) decides what network it is; this module knows operators only. Life of a tile:
 //!
 //! 1. [`Model::new`] judges the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
 //! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.

@@ -52,7 +52,7 @@ pub struct Conv {
     pub add: Option<u32>,
     /// Constants: i32 multipliers `[out]` of the added tensor (not used with an F32 output).
     pub add_multipliers: usize,
-    /// Left shift of the added tensor's product, at most [`MAX_ADD_SHIFT`].
+    /// Left shift of the added tensor's product, at most [`super::MAX_ADD_SHIFT`].
     pub add_shift: u32,
     /// Constants: 256 output codes by clamped intermediate code.
     pub table: Option<usize>,

@@ -87,7 +87,7 @@ impl fmt::Display for ModelError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Magic => f.write_str("not an ELunarDTM model file"),
-            Self::Version { found } => write!(f, "expected version {}, found {found}", super::header::VERSION),
+            Self::Version { found } => write!(f, "expected version {}, found {found}", super::layout::VERSION),
             Self::Length { expected, found } => write!(f, "expected {expected} bytes, found {found}"),
             Self::HeaderChecksum => f.write_str("header checksum does not match"),
             Self::ChunkChecksum { chunk: u32::MAX } => f.write_str("checksum of the checksum list does not match"),

@@ -8,17 +8,19 @@
 //! Whether a file is legal is for [`super::Model::new`] to say. Byte by byte: `onboard/docs/icd.md`.
 
 mod attention;
-pub(crate) mod bytes;
+mod bytes;
+mod checksums;
 mod codes;
 mod conv;
 pub(crate) mod count;
 mod enlarge;
 mod entry;
 pub(crate) mod error;
-mod header;
 mod layer_norm;
+mod layout;
 mod limits;
 mod operator;
+mod raw;
 mod seal;
 mod tensor;
 
@@ -27,15 +29,17 @@ pub use super::panels::{PANEL, groups, panel, panel_count, panelled, panels};
 pub use super::tensor::{Dtype, Edge, Tensor};
 pub use attention::Attention;
 pub use bytes::{i32_at, i64_at, u32_at};
+pub use checksums::seal_file;
 pub(crate) use conv::VARIANT_KINDS;
 pub use conv::{Conv, PHASE_TAPS, PHASES, Phase};
 pub use enlarge::Enlarge;
 pub use entry::{ENTRY_BYTES, Entry};
 pub(crate) use error::ModelError;
 pub use error::OperatorFault;
-pub use header::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, NONE, RawModel, VERSION, word};
 pub use layer_norm::LayerNorm;
+pub use layout::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, NONE, VERSION, word};
 pub use limits::*;
 pub use operator::{OPERATOR_BYTES, Operator};
-pub use seal::{seal_file, seal_record, sealed};
+pub use raw::RawModel;
+pub use seal::{seal_record, sealed};
 pub use tensor::TENSOR_BYTES;

@@ -7,7 +7,7 @@
 
 use super::bytes::{i64_at, u32_at};
 use super::error::OperatorFault;
-use super::header::NONE;
+use super::layout::NONE;
 use super::seal::{seal_record, sealed};
 use super::{Attention, Conv, Enlarge, LayerNorm};
 

@@ -188,7 +188,7 @@ impl<'a> Model<'a> {
         self.raw.word(word::IMAGE)
     }
 
-    /// Number of the tensor that takes the coarse DTM as codes, or [`NONE`].
+    /// Number of the tensor that takes the coarse DTM as codes, or [`super::file::NONE`].
     pub fn coarse_tensor(&self) -> u32 {
         self.raw.word(word::COARSE)
     }

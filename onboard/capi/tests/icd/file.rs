@@ -49,7 +49,7 @@ fn every_word_of_the_header_is_described_and_numbered_as_the_code_does() {
     let rows = numbered("1.3 Header");
     let numbers: Vec<u64> = rows.iter().map(|(word, _)| *word).collect();
     assert_eq!(numbers, (0..HEADER_BYTES as u64 / 4).collect::<Vec<_>>());
-    let source = read("core/src/nn/format.rs");
+    let source = read("core/src/nn/file/layout.rs");
     let (_, words) = source.split_once("pub mod word {").unwrap();
     let (words, _) = words.split_once("\n}").unwrap();
     let code: BTreeSet<(u64, String)> = words
