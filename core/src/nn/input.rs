@@ -22,25 +22,7 @@ pub enum Illumination {
     Given,
 }
 
-impl TruthRange {
-    pub(super) fn of(word: u32) -> Self {
-        match word {
-            0 => Self::Own,
-            1 => Self::Reference,
-            _ => Self::Pixel,
-        }
-    }
-}
-
 impl Illumination {
-    pub(super) fn of(word: u32) -> Self {
-        match word {
-            0 => Self::Any,
-            1 => Self::Northwest,
-            _ => Self::Given,
-        }
-    }
-
     pub(super) fn image_maps(self) -> usize {
         if self == Self::Given { crate::photoclinometry::MAPS } else { 1 }
     }

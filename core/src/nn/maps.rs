@@ -2,8 +2,9 @@
 
 use super::error::RunError;
 use super::input::{Illumination, TruthRange};
-use crate::error::{NormError, same_length};
+use crate::error::same_length;
 use crate::mask;
+use crate::norm::NormError;
 use crate::norm::{ElevationScale, Light, LightFit, Turn};
 use crate::part::item;
 use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};

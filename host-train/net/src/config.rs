@@ -2,6 +2,7 @@
 
 use crate::weights::Weights;
 use crate::{Error, Result};
+use elunar_core::nn;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -29,6 +30,16 @@ pub enum TargetRange {
     Pixel,
 }
 
+impl From<TargetRange> for nn::TruthRange {
+    fn from(range: TargetRange) -> Self {
+        match range {
+            TargetRange::Own => Self::Own,
+            TargetRange::Reference => Self::Reference,
+            TargetRange::Pixel => Self::Pixel,
+        }
+    }
+}
+
 /// Which light the network knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -41,6 +52,16 @@ pub enum Illumination {
     /// As northwest, and the change of brightness with slope is given: linear photoclinometry makes a first estimate, which the network
     /// corrects (our choice).
     Given,
+}
+
+impl From<Illumination> for nn::Illumination {
+    fn from(illumination: Illumination) -> Self {
+        match illumination {
+            Illumination::Any => Self::Any,
+            Illumination::Northwest => Self::Northwest,
+            Illumination::Given => Self::Given,
+        }
+    }
 }
 
 /// Image encoder.

@@ -6,8 +6,9 @@ use crate::run::{run_status, runner};
 use crate::status::*;
 use crate::types::eld_status_t;
 use crate::validity;
-use elunar_core::error::NormError;
-use elunar_core::nn::{Illumination, Model, TileError, TileInput, TileScale, crc32c};
+use elunar_core::nn::file::crc32c;
+use elunar_core::nn::{Illumination, Model, TileError, TileInput, TileScale};
+use elunar_core::norm::NormError;
 use elunar_core::norm::{Light, LightFit};
 use elunar_core::terrain::PixelSize;
 

@@ -17,21 +17,15 @@
 //! With the dot-product extension one `sdot` takes the place of the three: see `neon_dot`.
 #![allow(unsafe_code)]
 
-use super::{Accumulators, Isa, Kernel, PANEL, Patch};
+use super::{Accumulators, Isa, PANEL, Patch};
 use core::arch::aarch64::*;
 
-/// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel = Kernel {
-    name: "neon-u8i8-2x16",
-    unit: crate::nn::ops::run::<Neon>,
-    sum: crate::nn::sum::sum,
-    gemm: <Neon as Isa>::gemm,
-};
-
 /// NEON without extensions.
-struct Neon;
+pub(crate) struct Neon;
 
 impl Isa for Neon {
+    const NAME: &str = "neon-u8i8-2x16";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);

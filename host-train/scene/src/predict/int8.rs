@@ -4,8 +4,7 @@ use super::network::{Model, Normalisation, TileNetwork};
 use crate::digest::sha256_hex;
 use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{self, Progress, Runner, TruthRange, Verdict, required};
+use elunar_core::nn::{self, Kernel, Progress, Runner, TruthRange, Verdict, required};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -49,7 +48,7 @@ impl Int8Model {
     /// # Panics
     /// Never: [`open`] has validated these bytes.
     pub fn model(&self) -> nn::Model<'_> {
-        nn::Model::again(&self.bytes, &self.verdict).expect("validated when opened")
+        nn::Model::reopen(&self.bytes, &self.verdict).expect("validated when opened")
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::model::config::{Illumination, TargetRange};
-use elunar_core::nn::{self, InputRules, TruthRange};
+use elunar_core::nn::InputRules;
 
 /// How a model wants its tiles normalised, and how its output turns back into metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,16 +21,7 @@ impl Normalisation {
     /// The same, as `core` says it.
     #[must_use]
     pub fn input_rules(&self) -> InputRules {
-        let truth_range = match self.target_range {
-            TargetRange::Own => TruthRange::Own,
-            TargetRange::Reference => TruthRange::Reference,
-            TargetRange::Pixel => TruthRange::Pixel,
-        };
-        let illumination = match self.illumination {
-            Illumination::Any => nn::Illumination::Any,
-            Illumination::Northwest => nn::Illumination::Northwest,
-            Illumination::Given => nn::Illumination::Given,
-        };
+        let (truth_range, illumination) = (self.target_range.into(), self.illumination.into());
         InputRules { nr: self.nr, range_margin: self.range_margin, truth_range, illumination }
     }
 
