@@ -21,8 +21,8 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
 
 /// The kernels at hand, fastest first: what the binary is compiled for.
 #[cfg(not(target_arch = "x86_64"))]
+#[allow(unused_variables, reason = "the last one that the target has holds")]
 pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
-    #[allow(unused_variables)]
     let fastest: Option<Kernel> = None;
     #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
     let fastest = Some(Kernel::of::<kernels::neon::Neon>());

@@ -116,9 +116,9 @@ unsafe fn block<const P: usize, const PAIRS: usize>(
     excess: &[i32; PANEL],
 ) -> usize {
     let stride = patch.stride;
-    let mut sums = [[vdupq_n_s32(0); PAIRS]; P];
     // SAFETY: `fits` bounds every address below.
     unsafe {
+        let mut sums = [[vdupq_n_s32(0); PAIRS]; P];
         let mut w = weights.as_ptr().add(4 * channel).cast::<i8>();
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);

@@ -1,7 +1,7 @@
-//! The operators: what each reads, writes and costs (`reach.rs`, `prepared.rs`), and its unit of work, one file each. Every function does one unit of one step of work (see [`Prepared::units`]) and returns how
-//! many results had to be cut to their tensor's largest code (or, below a zero that is not the smallest code, to the smallest).
+//! The operators: what each reads and writes (`reach.rs`), what it costs (`prepared.rs`), and its unit of work, one file each.
 //!
-//! All of them are inlined into one function per kernel, so that each is compiled for the kernel's instruction set.
+//! Every `run` does one unit of one step of work (see [`Prepared::units`]) and returns how many results had to be cut to their tensor's
+//! largest code (or, below a zero that is not the smallest code, to the smallest). All of them are inlined into one function per kernel, so that each is compiled for the kernel's instruction set.
 
 mod attention;
 mod constants;
@@ -12,7 +12,6 @@ mod layer_norm;
 mod prepared;
 mod reach;
 
-pub(crate) use attention::Layout;
 pub(crate) use constants::Constants;
 pub(crate) use prepared::Prepared;
 

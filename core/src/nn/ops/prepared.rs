@@ -1,5 +1,7 @@
 //! An operator ready to run, and what it costs.
 
+use super::attention::Layout;
+use crate::nn::arena::OVERREAD;
 use crate::nn::file::{Conv, Operator, Phase};
 use crate::nn::panels::{panel, panel_count};
 use crate::nn::tensor::Tensor;
@@ -56,6 +58,19 @@ impl Prepared {
                 .map(|step| (0..self.units()).map(|unit| self.unit_macs(step, unit)).sum::<u64>())
                 .sum(),
             _ => self.unit_macs(0, 0).saturating_mul(self.steps() as u64),
+        }
+    }
+
+    /// Bytes of scratch memory that it works in.
+    pub(crate) fn scratch_bytes(&self) -> usize {
+        match &self.operator {
+            // A row of zero codes for the padding, as long as what the kernel reads of a row.
+            Operator::Conv(conv) if conv.pad > 0 && !conv.fold => {
+                let line = |t: &Tensor| t.plane_bytes() + conv.kernel_cols * t.channels + OVERREAD;
+                self.inputs.iter().take(2).flatten().map(line).max().unwrap_or(0)
+            }
+            Operator::Attention(a) => Layout::new(a.window * a.window, self.out.channels / a.heads.max(1)).bytes(),
+            _ => 0,
         }
     }
 

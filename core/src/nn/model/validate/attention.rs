@@ -2,12 +2,11 @@
 
 use crate::nn::file::{Attention, MAX_EXTENT, MAX_WINDOW, OperatorFault};
 use crate::nn::model::Model;
-use crate::nn::ops::Layout;
 use crate::nn::tensor::Dtype;
 use crate::quant::lut::{EXP_COARSE, EXP_FINE};
 
 impl Model<'_> {
-    pub(super) fn check_attention(&self, a: &Attention) -> Result<usize, OperatorFault> {
+    pub(super) fn check_attention(&self, a: &Attention) -> Result<(), OperatorFault> {
         let (input, out) = (self.tensor(a.input), self.tensor(a.out));
         let shifts = [a.shift_rows, a.shift_cols];
         if !(1..=MAX_WINDOW).contains(&a.window) || a.heads == 0 || shifts.iter().any(|s| *s >= a.window) {
@@ -41,6 +40,6 @@ impl Model<'_> {
         if head > MAX_EXTENT / 2 || tokens as u64 * 127 * i16::MAX as u64 > i32::MAX as u64 {
             return Err(OperatorFault::Overflow);
         }
-        Ok(Layout::new(tokens, head).bytes())
+        Ok(())
     }
 }

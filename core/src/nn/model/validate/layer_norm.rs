@@ -8,7 +8,7 @@ use crate::nn::tensor::Dtype;
 const MAX_NORM_BIAS: i64 = 1 << 60;
 
 impl Model<'_> {
-    pub(super) fn check_layer_norm(&self, norm: &LayerNorm) -> Result<usize, OperatorFault> {
+    pub(super) fn check_layer_norm(&self, norm: &LayerNorm) -> Result<(), OperatorFault> {
         let (input, out) = (self.tensor(norm.input), self.tensor(norm.out));
         if !(1..=2).contains(&norm.merge) || norm.epsilon < 1 || norm.epsilon > 1 << 56 {
             return Err(OperatorFault::Parameter);
@@ -26,6 +26,6 @@ impl Model<'_> {
         if biases.iter().any(|&b| i64::from_le_bytes(b).unsigned_abs() > MAX_NORM_BIAS as u64) {
             return Err(OperatorFault::Overflow);
         }
-        Ok(0)
+        Ok(())
     }
 }

@@ -21,9 +21,10 @@ pub(super) fn judge(model: &mut Model<'_>) -> Result<(), ModelError> {
     for index in 0..model.operators.len() {
         let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
         let operator = Operator::decode(&model.operators[index]).map_err(refuse)?;
-        let scratch = model.check_operator(&operator).map_err(refuse)?;
-        model.scratch_bytes = model.scratch_bytes.max(scratch);
-        model.macs = model.macs.saturating_add(model.operator_macs(&operator));
+        model.check_operator(&operator).map_err(refuse)?;
+        let prepared = model.prepared(&operator);
+        model.scratch_bytes = model.scratch_bytes.max(prepared.scratch_bytes());
+        model.macs = model.macs.saturating_add(prepared.macs());
     }
     model.check_output()?;
     schedule::check(model)
@@ -90,8 +91,8 @@ impl<'a> Model<'a> {
         if fits { Ok(()) } else { Err(ModelError::Header) }
     }
 
-    /// Judges one operator by itself; returns the scratch bytes it needs.
-    fn check_operator(&self, operator: &Operator) -> Result<usize, OperatorFault> {
+    /// Judges one operator by itself.
+    fn check_operator(&self, operator: &Operator) -> Result<(), OperatorFault> {
         let exists = |t: u32| (t as usize) < self.tensors.len();
         if !exists(operator.output()) || !operator.inputs().into_iter().flatten().all(exists) {
             return Err(OperatorFault::TensorIndex);
