@@ -15,7 +15,7 @@ use elunar_benches::peak::{self, Peak};
 use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::shapes::{self, Products, Shape, Use};
 use elunar_benches::table::{Table, number, publish};
-use elunar_core::nn::{Model, kernels::Kernel};
+use elunar_core::nn::{Kernel, Model};
 use std::fmt::Write as _;
 use std::time::Duration;
 

@@ -12,8 +12,7 @@ use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_g
 use elunar_benches::models::{exported, name, presets, tile};
 use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
 use elunar_learn::float;
 use elunar_learn::model::backend::Backend;
 use elunar_net::config::Preset;

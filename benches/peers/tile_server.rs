@@ -4,8 +4,7 @@
 //! then coarse DTM, little-endian `f32`, rows x cols each) with the seconds it took (`f64`) and the output (`f32`), until the
 //! input ends. One thread; what is timed takes and returns floats, quantising included.
 
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::required;
+use elunar_core::nn::{Kernel, required};
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::Model;
 use std::error::Error;

@@ -1,7 +1,9 @@
 //! The matrix products of a network: what its convolutions ask of a kernel.
 
-use elunar_core::nn::kernels::{Kernel, panel_count, panelled, panels, pixels_at_once};
-use elunar_core::nn::{Conv, Dtype, MAX_KERNEL, Model, Operator, PHASE_TAPS, Tensor, groups};
+use elunar_core::nn::file::{
+    Conv, Dtype, MAX_KERNEL, Operator, PHASE_TAPS, Tensor, groups, panel_count, panelled, panels,
+};
+use elunar_core::nn::{Kernel, Model};
 
 /// The products of one step of a convolution with one of its sources: a row of output pixels, or as many as the step makes, times
 /// all output channels.
@@ -153,7 +155,7 @@ impl Products {
                     while done < shape.pixels {
                         // Blocks of nearly one size.
                         let left = shape.pixels - done;
-                        let now = left.div_ceil(left.div_ceil(pixels_at_once(width)));
+                        let now = left.div_ceil(left.div_ceil(Kernel::pixels_at_once(width)));
                         let (input, steps) = ((&codes[done * shape.stride..], starts), (shape.stride, groups));
                         kernel
                             .matrix_product(&mut acc[..now * width], (now, width), input, steps, weights)

@@ -1,5 +1,26 @@
 //! The arithmetic of ELunarDTM, for a laptop and for a spacecraft: no `std`, no heap, no files, no threads.
 //!
+//! ```
+//! use elunar_core::nn::{Model, Progress, Runner, TileInput, TileLight, required};
+//!
+//! // A network of random weights, small enough to travel with this crate; its tile has 32 x 32 pixels.
+//! let model = Model::new(include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/tile-v4.eld")))?;
+//! let (rows, cols) = model.tile();
+//! let image: Vec<f32> = (0..rows * cols).map(|i| 90.0 + (i % 7) as f32).collect(); // brightness, in any unit
+//! let coarse_m: Vec<f32> = (0..rows * cols).map(|i| -1900.0 + (i / cols) as f32).collect(); // metres, on the image's grid
+//!
+//! let mut arena = vec![0; required(&model)]; // all memory that it takes
+//! let mut runner = Runner::new(model, &mut arena)?;
+//! let light = TileLight::default(); // an unknown Sun; this model knows any
+//! let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
+//! let begun = runner.begin_metres(&tile, &mut [])?;
+//! while runner.step(1_000_000)? == Progress::Running {} // multiply-accumulates at a time
+//! let mut heights_m = vec![0.0; rows * cols];
+//! runner.heights(&begun.scale, &mut heights_m)?;
+//! # assert!(heights_m.iter().zip(&coarse_m).all(|(fine, coarse)| (fine - coarse).abs() < 10.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! One tile, from image to metres, in the order it meets the modules:
 //!
 //! 1. [`grid`] lends a rectangle of somebody's pixels with its row stride; nothing here owns an image.
@@ -19,29 +40,10 @@
 //! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals;
 //! and, line by line, the hazards of a lander's footprint).
 //!
-//! ```
-//! use elunar_core::norm::{ElevationScale, intensity, NR};
-//!
-//! let image = [90.0, 110.0, 130.0, 100.0];
-//! let coarse_m = [-1910.0, -1900.0, -1890.0, -1905.0];
-//!
-//! let mut brightness = [0.0; 4];
-//! intensity::normalise(&image, None, &mut brightness)?;
-//! let scale = ElevationScale::from_heights(&coarse_m, None, NR)?;
-//! let mut normalised = [0.0; 4];
-//! scale.normalise(&coarse_m, &mut normalised)?;
-//! assert_eq!(normalised, [0.0, 25.0, 50.0, 12.5]);
-//!
-//! // ... the network runs here; an idle one hands back what it was given ...
-//! let mut heights_m = [0.0; 4];
-//! scale.recover(&normalised, &mut heights_m)?;
-//! assert_eq!(heights_m, coarse_m);
-//! # Ok::<(), elunar_core::error::NormError>(())
-//! ```
 //!
 //! # Promises
 //! Memory is what the caller lends. Sums run in `f64`. No function panics on any value of its arguments; what cannot be
-//! computed is an error of [`error`], a small `Copy` enum per operation.
+//! computed is an error, a small `Copy` enum beside the operation that returns it.
 #![cfg_attr(not(test), no_std)]
 
 pub mod error;
@@ -60,3 +62,8 @@ pub mod resample;
 pub mod strip;
 pub mod terrain;
 pub mod tile;
+
+/// The examples of the README are run, too.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,6 +1,6 @@
 //! Cutting a scene into the windows the network sees.
 
-use crate::error::TileError;
+use core::fmt;
 
 /// Rows of the paper's tile.
 pub const TILE_ROWS: usize = 256;
@@ -35,7 +35,7 @@ pub struct Window {
 /// let tiling = Tiling::new((500, 320), (256, 320), 100)?;
 /// let first_rows: Vec<usize> = tiling.iter().map(|w| w.row).collect();
 /// assert_eq!(first_rows, [0, 156, 244]);
-/// # Ok::<(), elunar_core::error::TileError>(())
+/// # Ok::<(), elunar_core::tile::TilingError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tiling {
@@ -48,14 +48,14 @@ impl Tiling {
     /// Covers a scene with tiles, both given as (rows, columns).
     ///
     /// # Errors
-    /// [`TileError::Overlap`] if a tile is empty or not larger than the overlap, [`TileError::SceneTooSmall`] if the scene
+    /// [`TilingError::Overlap`] if a tile is empty or not larger than the overlap, [`TilingError::SceneTooSmall`] if the scene
     /// is smaller than one tile.
-    pub fn new(scene: (usize, usize), tile: (usize, usize), overlap_px: usize) -> Result<Self, TileError> {
+    pub fn new(scene: (usize, usize), tile: (usize, usize), overlap_px: usize) -> Result<Self, TilingError> {
         if overlap_px >= tile.0 || overlap_px >= tile.1 {
-            return Err(TileError::Overlap { overlap_px, tile });
+            return Err(TilingError::Overlap { overlap_px, tile });
         }
         if scene.0 < tile.0 || scene.1 < tile.1 {
-            return Err(TileError::SceneTooSmall { scene, tile });
+            return Err(TilingError::SceneTooSmall { scene, tile });
         }
         Ok(Self { scene, tile, stride: (tile.0 - overlap_px, tile.1 - overlap_px) })
     }
@@ -99,6 +99,42 @@ impl Tiling {
     }
 }
 
+/// Why a scene could not be cut into tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TilingError {
+    /// The scene is smaller than one tile.
+    SceneTooSmall {
+        /// Scene rows and columns.
+        scene: (usize, usize),
+        /// Tile rows and columns.
+        tile: (usize, usize),
+    },
+    /// Tiles must have at least one row and one column, and overlap by less than either.
+    Overlap {
+        /// The overlap asked for, pixels.
+        overlap_px: usize,
+        /// Tile rows and columns.
+        tile: (usize, usize),
+    },
+}
+
+impl fmt::Display for TilingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::SceneTooSmall { scene, tile } => write!(
+                f,
+                "expected a scene of at least {} x {} pixels (rows x columns, one tile), found {} x {}",
+                tile.0, tile.1, scene.0, scene.1
+            ),
+            Self::Overlap { overlap_px, tile } => {
+                write!(f, "expected an overlap below the tile's {} x {} pixels, found {overlap_px}", tile.0, tile.1)
+            }
+        }
+    }
+}
+
+impl core::error::Error for TilingError {}
+
 struct Windows {
     tiling: Tiling,
     next: usize,
@@ -137,11 +173,21 @@ mod tests {
     #[test]
     fn refuses_small_scenes_and_overlaps_as_wide_as_the_tile() {
         let (scene, tile) = ((255, 320), (256, 320));
-        assert_eq!(Tiling::new(scene, tile, 100), Err(TileError::SceneTooSmall { scene, tile }));
-        assert_eq!(Tiling::new((999, 999), tile, 256), Err(TileError::Overlap { overlap_px: 256, tile }));
+        assert_eq!(Tiling::new(scene, tile, 100), Err(TilingError::SceneTooSmall { scene, tile }));
+        assert_eq!(Tiling::new((999, 999), tile, 256), Err(TilingError::Overlap { overlap_px: 256, tile }));
         let endless = Tiling::new((usize::MAX, usize::MAX), (2, 2), 1).unwrap();
         assert_eq!(endless.get(usize::MAX - 1).map(|w| w.row), Some(1));
-        assert_eq!(Tiling::new((9, 9), (0, 4), 0), Err(TileError::Overlap { overlap_px: 0, tile: (0, 4) }));
+        assert_eq!(Tiling::new((9, 9), (0, 4), 0), Err(TilingError::Overlap { overlap_px: 0, tile: (0, 4) }));
+    }
+
+    #[test]
+    fn messages_are_one_line_and_name_expected_and_found() {
+        for text in [
+            TilingError::SceneTooSmall { scene: (9, 9), tile: (256, 320) }.to_string(),
+            TilingError::Overlap { overlap_px: 400, tile: (256, 320) }.to_string(),
+        ] {
+            assert!(text.starts_with("expected") && text.contains("found") && !text.contains('\n'), "{text}");
+        }
     }
 
     proptest! {

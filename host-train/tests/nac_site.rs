@@ -1,4 +1,4 @@
-//! The README's recipe for a NAC site, on small twins of the archives' products: an orthoimage with an attached PDS3 label, an
+//! The recipe for a NAC site (docs/nac-site.md), on small twins of the archives' products: an orthoimage with an attached PDS3 label, an
 //! SLDEM2015 tile (kilometres, another central meridian, OFFSET = radius), a stereo DTM as TIFF behind a detached label, and a table of
 //! laser points. What comes out is what comes out of plain GeoTIFFs.
 

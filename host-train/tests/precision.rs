@@ -1,8 +1,7 @@
 //! What precision costs, where a model's bytes and time go: measured on the narrow network of the golden case.
 
 use elunar::picture::{arena, costs};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, required};
+use elunar_core::nn::{Kernel, Model, required};
 use elunar_net::config::NetConfig;
 use elunar_net::export::calibrate::{Ground, Range, calibrate};
 use elunar_net::export::choose::{Job, choose};

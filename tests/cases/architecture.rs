@@ -37,15 +37,17 @@ const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-benches", &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "elunar-capi"]),
 ];
 
-/// All that flies: foreign packages a flight archive may contain, those of `libm` and `heapless` included.
-const FLIGHT_PACKAGES: [&str; 5] = ["libm", "heapless", "hash32", "byteorder", "stable_deref_trait"];
+/// All that flies: foreign packages that a flight archive may contain. Not `heapless`: core has no list that grows, every length is
+/// the caller's or the model file's.
+const FLIGHT_PACKAGES: [&str; 1] = ["libm"];
 
 /// Longest source file.
 const MAX_LINES: usize = 600;
 
-/// Where `unsafe` may stand: kernels, the C boundary, the start-up code of boards, functions that tools find by name, and tests and
+/// Where `unsafe` may stand: kernels and their choice, the C boundary, the start-up code of boards, functions that tools find by name, and tests and
 /// benchmarks that count allocations or call C.
-const UNSAFE_ALLOWED: [&str; 9] = [
+const UNSAFE_ALLOWED: [&str; 10] = [
+    "core/src/nn/dispatch/",
     "core/src/nn/kernels/",
     "onboard/capi/src/ffi.rs",
     "onboard/capi/tests/",
@@ -118,12 +120,12 @@ fn dependencies_point_one_way() {
 }
 
 #[test]
-fn what_flies_is_core_libm_and_heapless() {
+fn what_flies_is_core_and_libm() {
     let ours = ours();
     let direct = tree(&["--package", "elunar-core", "--edges", "normal", "--depth", "1"]);
     let direct: Vec<&str> =
         direct.iter().filter(|(depth, _)| *depth == 1).map(|(_, package)| package.as_str()).collect();
-    assert_eq!(direct, ["heapless", "libm"], "direct dependencies of core");
+    assert_eq!(direct, ["libm"], "direct dependencies of core");
 
     for package in ["elunar-core", "elunar-capi"] {
         let whole = tree(&["--package", package, "--edges", "normal,build"]);

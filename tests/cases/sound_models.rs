@@ -1,7 +1,7 @@
 //! The models that `elunar-provoke` plays with are what the exporter makes of its smallest networks.
 
 use elunar_core::nn::Model;
-use elunar_core::nn::format::word;
+use elunar_core::nn::file::word;
 use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use elunar_net::export::build::manifest;
 use elunar_net::export::{CalibrationTile, Options, Precision, export};

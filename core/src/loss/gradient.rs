@@ -1,7 +1,8 @@
 //! L1 over gradients: l_grad = mean |∂x(z − z*)| + mean |∂y(z − z*)|, with Sobel derivatives.
 
 use super::{Pair, sign, sobel};
-use crate::error::{LossError, same_length};
+use crate::error::same_length;
+use crate::loss::LossError;
 
 /// The loss over the pixels whose 3 x 3 neighbourhood counts.
 ///

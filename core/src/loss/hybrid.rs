@@ -1,7 +1,7 @@
 //! The weighted sum of the three terms (Eq. 5).
 
 use super::{Pair, gradient, l1, mean_elevation, normal};
-use crate::error::LossError;
+use crate::loss::LossError;
 
 /// Which elevation term the sum uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,7 +1,8 @@
 //! Plain L1, mean |z − z*|: the paper's ablation of the mean-normalised loss.
 
 use super::{Pair, sign};
-use crate::error::{LossError, same_length};
+use crate::error::same_length;
+use crate::loss::LossError;
 
 /// Mean absolute difference over the pixels that count.
 pub fn value(pair: &Pair<'_>) -> f64 {

@@ -4,7 +4,8 @@
 //! the absolute scale of the prediction; [`super::gradient`] fixes it.
 
 use super::{Pair, sign};
-use crate::error::{LossError, same_length};
+use crate::error::same_length;
+use crate::loss::LossError;
 
 /// The loss over the pixels that count; the means are taken over the same pixels.
 ///

@@ -14,9 +14,10 @@
 //! let found = add_gradient(&pair, Default::default(), Weights::default(), &mut gradient)?;
 //! assert_eq!(found, terms(&pair, Default::default())?);
 //! assert!(found.total(Weights::default()) > 0.0);
-//! # Ok::<(), elunar_core::error::LossError>(())
+//! # Ok::<(), elunar_core::loss::LossError>(())
 //! ```
 
+mod error;
 pub mod gradient;
 pub mod hybrid;
 pub mod l1;
@@ -24,7 +25,9 @@ pub mod mean_elevation;
 pub mod normal;
 mod sobel;
 
-use crate::error::{LossError, same_length};
+pub use error::LossError;
+
+use crate::error::same_length;
 use crate::mask;
 
 /// The "small offset" on the means of Eq. 6–7; also the mask threshold of the relative metrics (value: our choice).

@@ -3,7 +3,8 @@
 
 use super::Pair;
 use super::sobel::{Derivatives, each, scatter};
-use crate::error::{LossError, same_length};
+use crate::error::same_length;
+use crate::loss::LossError;
 
 /// The loss over the pixels whose 3 x 3 neighbourhood counts; 0 for parallel normals, below 1 otherwise unless they differ
 /// by more than a right angle.

@@ -1,6 +1,6 @@
 //! Reading and writing tensors in the caller's bytes.
 
-use super::program::{Dtype, Edge, Tensor};
+use super::tensor::{Dtype, Edge, Tensor};
 use crate::part::{copy, part, part_mut};
 
 /// The lent memory: tensors at their planned offsets, then scratch memory of the operator at work, then a few bytes that

@@ -22,25 +22,7 @@ pub enum Illumination {
     Given,
 }
 
-impl TruthRange {
-    pub(super) fn of(word: u32) -> Self {
-        match word {
-            0 => Self::Own,
-            1 => Self::Reference,
-            _ => Self::Pixel,
-        }
-    }
-}
-
 impl Illumination {
-    pub(super) fn of(word: u32) -> Self {
-        match word {
-            0 => Self::Any,
-            1 => Self::Northwest,
-            _ => Self::Given,
-        }
-    }
-
     /// Maps that the image is given as, side by side in every pixel: its brightness, or those of a guide.
     #[must_use]
     pub const fn image_maps(self) -> usize {

@@ -3,10 +3,10 @@
 use super::error::RunError;
 use super::input::{Illumination, TruthRange};
 use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
-use crate::error::{NormError, same_length};
+use crate::error::same_length;
 use crate::mask;
 use crate::norm::intensity::IntensityRange;
-use crate::norm::{ElevationScale, LightFit, Turn};
+use crate::norm::{ElevationScale, LightFit, NormError, Turn};
 use crate::part::item;
 use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use core::fmt;

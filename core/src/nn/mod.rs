@@ -1,7 +1,7 @@
 //! The quantised inference runner: a validated [`Model`] and a [`Runner`] that executes it.
 //!
 //! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. Whoever makes the
-//! file decides what network it is; this module knows operators only. Life of a tile:
+//! file ([`mod@file`]) decides what network it is; this module knows operators only. Life of a tile:
 //!
 //! 1. [`Model::new`] judges the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
 //! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.
@@ -15,47 +15,50 @@
 //!
 //! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
 //! same tile, same bytes on every machine.
+//!
+//! Inside, arrows point down:
+//!
+//! ```text
+//! slots   suspend   metres
+//!         runner                      steps, protection, telemetry
+//! model (view)      dispatch          a file that was judged; operators compiled for a processor
+//! model/validate      |
+//!            ops                      what an operator reads, writes and costs; its unit of work
+//! file      kernels                   records and their bytes; arithmetic on bytes, which knows neither
+//! tensor  panels  arena  sum  crc
+//! ```
 
 mod arena;
 mod crc;
+mod dispatch;
 mod error;
-pub mod format;
+pub mod file;
 mod input;
-pub mod kernels;
+mod kernels;
 mod lighting;
 mod maps;
 mod metres;
 mod model;
 mod ops;
-mod prepared;
-mod program;
+mod panels;
 mod runner;
-mod schedule;
+mod scrub;
 mod self_test;
 pub mod slots;
 mod sum;
 mod suspend;
 mod tensor;
 
-pub use crc::{Crc32c, crc32c};
-pub use error::{ModelError, OperatorFault, RunError};
+pub use dispatch::Kernel;
+pub use error::RunError;
+pub use file::error::ModelError;
 pub use input::{Illumination, TruthRange};
 pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
 pub use maps::{GuidedMaps, InputRules, RangedMaps, TileError, TileInput, TileMaps, TileScale};
 pub use metres::{Begun, validity};
-pub use model::{MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, MAX_NORM_CHANNELS, MAX_RECORDS, MAX_SAMPLES, MAX_WINDOW, Model};
-pub use prepared::Prepared;
-pub use program::{
-    Attention, Conv, Dtype, ENTRY_BYTES, Edge, Enlarge, Entry, LayerNorm, MAX_ADD_SHIFT, MAX_MARGIN, OPERATOR_BYTES,
-    Operator, PHASE_TAPS, PHASES, Phase, TENSOR_BYTES, Tensor, groups,
-};
+pub use model::{Model, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
-pub use suspend::{Suspended, Verdict};
-
-/// Fraction bits of a normalised value before a layer norm's gain.
-pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;
-/// Fraction bits of the attention-weighted mean of v.
-pub const MEAN_FRACTION_BITS: u32 = ops::window_attention::FRACTION_BITS;
+pub use suspend::Suspended;
 
 #[cfg(test)]
 pub(crate) mod tests;

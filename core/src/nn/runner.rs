@@ -2,13 +2,14 @@
 
 use super::arena::{Arena, OVERREAD, Row};
 use super::crc::Crc32c;
+use super::dispatch::Kernel;
 use super::error::RunError;
-use super::format::{CHUNK_BYTES, NONE, Scrub};
-use super::kernels::Kernel;
+use super::file::{CHUNK_BYTES, NONE};
 use super::model::Model;
-use super::prepared::Prepared;
-use super::program::Tensor;
+use super::ops::Prepared;
+use super::scrub::Scrub;
 use super::self_test;
+use super::tensor::Tensor;
 use crate::part::{copy, head, head_mut, part, part_mut};
 use crate::quant::params::quantise;
 
@@ -291,7 +292,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         while entry < self.model.entry_count() {
             let changed = RunError::ProgramChanged { entry: entry as u32 };
             let now = self.model.entry(entry).ok_or(changed)?;
-            let prepared = Prepared::new(&self.model, now.operator).ok_or(changed)?;
+            let prepared = self.model.ready(now.operator).ok_or(changed)?;
             let units = prepared.units();
             while step < now.count {
                 if unit == 0 {
@@ -303,7 +304,8 @@ impl<'a, 'm> Runner<'a, 'm> {
                         return Ok(spent);
                     }
                     let cost = prepared.unit_macs(now.first + step, unit);
-                    let cut = (self.kernel.unit)(&self.model, &prepared, &mut self.arena, now.first + step, unit);
+                    let cut =
+                        (self.kernel.unit)(self.model.constants(), &prepared, &mut self.arena, now.first + step, unit);
                     self.telemetry.saturated += cut;
                     self.telemetry.macs += cost;
                     (spent, unit) = (spent + cost, unit + 1);

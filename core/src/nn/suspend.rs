@@ -1,36 +1,19 @@
-//! A run put aside as plain integers and taken up again, and a model opened again without being judged anew.
+//! A run put aside as plain integers and taken up again.
 //!
 //! For callers that keep nothing of ours between two calls but numbers, as a C interface does whose context may be hit by radiation:
-//! every bit pattern of a [`Suspended`] or a [`Verdict`] can be read, and what is made of them is judged first.
+//! every bit pattern of a [`Suspended`] or a [`super::Verdict`] can be read, and what is made of them is judged first.
 //!
 //! ```text
 //! Model::new -> verdict()              judged once: time proportional to the file
-//! Model::again(bytes, verdict)         header checksum, length and sections only
+//! Model::reopen(bytes, verdict)        header checksum, length and sections only
 //! Runner::resume(.., suspended) -> step ... -> suspend()
 //! ```
 
-use super::error::{ModelError, RunError};
-use super::format::{RawModel, Scrub, word};
-use super::kernels::Kernel;
+use super::dispatch::Kernel;
+use super::error::RunError;
 use super::model::Model;
 use super::runner::{Runner, State, Telemetry};
-
-/// What judging a model file found, and what binds it to that file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Verdict {
-    /// Checksum of the header, which holds that of the list of checksums, which holds those of all other bytes.
-    pub header_crc: u32,
-    /// Bytes of the file.
-    pub file_bytes: u32,
-    /// First byte of the arena behind the tensors.
-    pub scratch_offset: u32,
-    /// Bytes of scratch memory.
-    pub scratch_bytes: u32,
-    /// Checksums of rows in the arena.
-    pub sum_count: u32,
-    /// Multiply-accumulates of a tile.
-    pub macs: u64,
-}
+use super::scrub::Scrub;
 
 /// Where a runner stands; the default is a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -64,37 +47,6 @@ impl Suspended {
     pub const DONE: u32 = 2;
     /// All of a tile is computed; the model is being compared.
     pub const JUDGING: u32 = 3;
-}
-
-impl<'a> Model<'a> {
-    /// What [`Self::new`] found, for [`Self::again`].
-    pub fn verdict(&self) -> Verdict {
-        Verdict {
-            header_crc: self.raw.word(word::HEADER_CRC),
-            file_bytes: self.raw.bytes().len() as u32,
-            scratch_offset: self.scratch_offset as u32,
-            scratch_bytes: self.scratch_bytes as u32,
-            sum_count: self.sum_count as u32,
-            macs: self.macs,
-        }
-    }
-
-    /// The model of a file that was judged before. Reads its header, not its body: bytes that have changed there since are found by
-    /// [`Runner::scrub`], and kernels bound their accesses themselves.
-    ///
-    /// # Errors
-    /// As [`Self::new`], of the header; [`ModelError::HeaderChecksum`] if it is not the one that was judged.
-    pub fn again(bytes: &'a [u8], verdict: &Verdict) -> Result<Self, ModelError> {
-        let mut model = Self::open(RawModel::new(bytes)?)?;
-        model.scratch_offset = verdict.scratch_offset as usize;
-        model.scratch_bytes = verdict.scratch_bytes as usize;
-        model.sum_count = verdict.sum_count as usize;
-        model.macs = verdict.macs;
-        // Room for what `required` adds, on machines of 32 bits, too.
-        let parts = [verdict.scratch_offset, verdict.scratch_bytes, verdict.sum_count].map(u64::from);
-        let sane = parts[0] + parts[1] + 4 * parts[2] < 1 << 31;
-        if sane && model.verdict() == *verdict { Ok(model) } else { Err(ModelError::HeaderChecksum) }
-    }
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
@@ -138,7 +90,7 @@ impl<'a, 'm> Runner<'a, 'm> {
             _ => return Err(RunError::State),
         };
         let Suspended { scrub_chunk, scrub_offset, scrub_crc, telemetry, .. } = *suspended;
-        runner.scrub = Scrub::at(&model.raw, scrub_chunk, scrub_offset as usize, scrub_crc).ok_or(RunError::State)?;
+        runner.scrub = Scrub::at(model.raw(), scrub_chunk, scrub_offset as usize, scrub_crc).ok_or(RunError::State)?;
         runner.telemetry = telemetry;
         Ok(runner)
     }
@@ -154,7 +106,7 @@ fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
             (step < now.count && unit < model.units(&operator)).then_some(State::At { entry, step, unit })
         }
         Suspended::JUDGING if step == 0 && unit == 0 => {
-            (at.entry < model.raw.chunks()).then_some(State::Judging { chunk: at.entry })
+            (at.entry < model.raw().chunks()).then_some(State::Judging { chunk: at.entry })
         }
         phase if at.entry != 0 || at.step != 0 || at.unit != 0 || phase > Suspended::DONE => None,
         Suspended::DONE => Some(State::Done),

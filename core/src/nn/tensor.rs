@@ -1,11 +1,4 @@
-//! Tensor records: what a map is and where its rows lie in the arena.
-
-use super::format::{seal_record, sealed, u32_at};
-
-/// Bytes of a tensor record.
-pub const TENSOR_BYTES: usize = 60;
-/// Widest margin of a tensor, columns.
-pub const MAX_MARGIN: usize = 15;
+//! Tensors: what a map is and where its rows lie in the arena.
 
 /// Sample type of a tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,24 +19,6 @@ impl Dtype {
             Self::U8 => 1,
             Self::I16 => 2,
             Self::F32 => 4,
-        }
-    }
-
-    /// The type's number in the file.
-    pub const fn number(self) -> u32 {
-        match self {
-            Self::U8 => 0,
-            Self::I16 => 1,
-            Self::F32 => 2,
-        }
-    }
-
-    const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::U8),
-            1 => Some(Self::I16),
-            2 => Some(Self::F32),
-            _ => None,
         }
     }
 }
@@ -109,73 +84,6 @@ impl Tensor {
         edge: Edge::Zero,
         sums: 0,
     };
-
-    /// Reads a record; `None` if a field is outside its type's range, or the record's seal is broken.
-    pub fn decode(record: &[u8]) -> Option<Self> {
-        sealed(record).then_some(())?;
-        let word = |i: usize| u32_at(record, 4 * i);
-        let tensor = Self { dtype: Dtype::from_number(word(0))?, ..Self::read(record) };
-        let (low, high) = match tensor.dtype {
-            Dtype::U8 => (0, 255),
-            Dtype::I16 => (-32767, 32767),
-            Dtype::F32 => (0, 0),
-        };
-        let codes = [tensor.lo, tensor.zero, tensor.hi];
-        let legal = codes.iter().all(|c| (low..=high).contains(c))
-            && tensor.lo <= tensor.hi
-            && (tensor.dtype == Dtype::U8 || tensor.zero == 0)
-            && (1..=tensor.rows).contains(&tensor.ring)
-            && tensor.margin <= MAX_MARGIN
-            && (1..=1 << 24).contains(&tensor.pitch)
-            && (tensor.dtype != Dtype::F32 || tensor.margin == 0);
-        (legal && word(11) <= 1 && tensor.scale.is_finite() && tensor.scale > 0.0).then_some(tensor)
-    }
-
-    /// Reads a record that [`Self::decode`] has accepted.
-    #[inline]
-    pub(crate) fn read(record: &[u8]) -> Self {
-        let word = |i: usize| u32_at(record, 4 * i);
-        Self {
-            dtype: Dtype::from_number(word(0)).unwrap_or(Dtype::U8),
-            rows: word(1) as usize,
-            cols: word(2) as usize,
-            channels: word(3) as usize,
-            offset: word(4) as usize,
-            zero: word(5) as i32,
-            lo: word(6) as i32,
-            hi: word(7) as i32,
-            scale: f32::from_bits(word(8)),
-            ring: word(9) as usize,
-            margin: word(10) as usize,
-            edge: if word(11) == 0 { Edge::Zero } else { Edge::Nearest },
-            pitch: word(12) as usize,
-            sums: word(13) as usize,
-        }
-    }
-
-    /// The record's bytes.
-    pub fn encode(&self) -> [u8; TENSOR_BYTES] {
-        let words = [
-            self.dtype.number(),
-            self.rows as u32,
-            self.cols as u32,
-            self.channels as u32,
-            self.offset as u32,
-            self.zero as u32,
-            self.lo as u32,
-            self.hi as u32,
-            self.scale.to_bits(),
-            self.ring as u32,
-            self.margin as u32,
-            (self.edge == Edge::Nearest) as u32,
-            self.pitch as u32,
-            self.sums as u32,
-        ];
-        let mut record = [0; TENSOR_BYTES];
-        record.as_chunks_mut::<4>().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-        seal_record(&mut record);
-        record
-    }
 
     /// Samples.
     pub const fn len(&self) -> usize {

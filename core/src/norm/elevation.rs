@@ -1,7 +1,8 @@
 //! Elevation normalisation and scale recovery (Eq. 1, 2 and 8).
 
-use crate::error::{NormError, same_length};
+use crate::error::same_length;
 use crate::mask;
+use crate::norm::NormError;
 
 /// Upper end of the normalised elevation range in the paper: Eq. 1 over its training tiles gave 50.
 pub const NR: f32 = 50.0;
@@ -17,7 +18,7 @@ pub const RELIEF_EPS_M: f32 = 0.01;
 /// ```
 /// use elunar_core::norm::nr_from_reliefs;
 /// assert_eq!(nr_from_reliefs([30.0, 60.0])?, 40.0);
-/// # Ok::<(), elunar_core::error::NormError>(())
+/// # Ok::<(), elunar_core::norm::NormError>(())
 /// ```
 ///
 /// # Errors

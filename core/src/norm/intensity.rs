@@ -2,8 +2,9 @@
 //!
 //! Orthorectified NAC products carry relative brightness only, so the tile's own range is the only one there is.
 
-use crate::error::{NormError, same_length};
+use crate::error::same_length;
 use crate::mask;
+use crate::norm::NormError;
 
 /// The range an image was normalised by.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +39,7 @@ impl IntensityRange {
 /// let mut out = [0.0; 3];
 /// elunar_core::norm::intensity::normalise(&[10.0, f32::NAN, 30.0], None, &mut out)?;
 /// assert_eq!(out, [0.0, 0.0, 1.0]);
-/// # Ok::<(), elunar_core::error::NormError>(())
+/// # Ok::<(), elunar_core::norm::NormError>(())
 /// ```
 ///
 /// # Errors

@@ -5,8 +5,9 @@
 //! azimuth (our choice; the paper gives the brightness, brought to [0, 1], and leaves the Sun to be found as well).
 
 use super::light::Light;
-use crate::error::{NormError, same_length};
+use crate::error::same_length;
 use crate::mask;
+use crate::norm::NormError;
 
 /// The network's unit of slope: 0.1 (5.7 degrees), about what is usual on the Moon (our choice).
 pub const SLOPE_UNIT: f32 = 0.1;

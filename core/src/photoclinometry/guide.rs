@@ -1,8 +1,8 @@
 //! What a network that is given the light sees of a tile: four maps for the image, and the coarse DTM with the relief added.
 
 use super::{Photoclinometry, Relief};
-use crate::error::NormError;
 use crate::mask;
+use crate::norm::NormError;
 use crate::norm::{ElevationScale, Light, Shading, Turn};
 use crate::part::item;
 
@@ -47,7 +47,7 @@ pub struct GuideInput<'t> {
 /// // There the ground rises to the east, and so it is higher behind than before.
 /// assert!(maps[16][0] > 1.0);
 /// assert!(coarse[18] > coarse[14]);
-/// # Ok::<(), elunar_core::error::NormError>(())
+/// # Ok::<(), elunar_core::norm::NormError>(())
 /// ```
 #[derive(Debug)]
 pub struct Guide<'t, 's> {

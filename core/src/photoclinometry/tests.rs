@@ -1,7 +1,7 @@
 //! Against a naive twin in double precision, and against ground that is known.
 
 use super::*;
-use crate::error::NormError;
+use crate::norm::NormError;
 use crate::norm::{ElevationScale, Turn};
 use core::f64::consts::TAU;
 

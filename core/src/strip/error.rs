@@ -1,6 +1,7 @@
 //! Why a strip, or a line of it, is refused. Refused means that nothing has changed.
 
-use crate::error::{LengthError, TileError};
+use crate::error::LengthError;
+use crate::tile::TilingError;
 use core::fmt;
 
 /// Why a strip, or a line of it, is refused.
@@ -12,7 +13,7 @@ pub enum StripError {
         found: usize,
     },
     /// The overlap does not fit the model's tile.
-    Tile(TileError),
+    Tile(TilingError),
     /// Fewer lines kept than a row of tiles needs: those of a tile, and one that tells whether the strip goes on.
     Ring {
         /// Lines needed.
@@ -64,8 +65,8 @@ impl fmt::Display for StripError {
 
 impl core::error::Error for StripError {}
 
-impl From<TileError> for StripError {
-    fn from(e: TileError) -> Self {
+impl From<TilingError> for StripError {
+    fn from(e: TilingError) -> Self {
         Self::Tile(e)
     }
 }

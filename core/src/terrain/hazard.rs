@@ -1,7 +1,7 @@
 //! Where not to land or drive: one byte per pixel, a bit per reason.
 
 use super::footprint::Footprint;
-use crate::error::TerrainError;
+use crate::terrain::TerrainError;
 
 /// The plane under the footprint is steeper than allowed.
 pub const TOO_STEEP: u8 = 1;

@@ -7,6 +7,7 @@
 //!
 //! [`TerrainLines`] makes all of them line by line, as the lines of a DTM come; the functions over a whole grid give the same bits.
 
+mod error;
 mod footprint;
 pub mod hazard;
 pub mod hillshade;
@@ -15,6 +16,7 @@ pub mod lunar_lambert;
 pub mod normal;
 pub mod slope;
 
+pub use error::TerrainError;
 pub use footprint::MAX_RADIUS_PX;
 pub use hazard::HazardLimits;
 pub use hillshade::{Sun, hillshade};

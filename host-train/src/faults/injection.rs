@@ -1,6 +1,6 @@
 //! Where and when a bit flips.
 
-use elunar_core::nn::format::{HEADER_BYTES, word};
+use elunar_core::nn::file::{HEADER_BYTES, word};
 use elunar_core::nn::{Model, Suspended, required};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

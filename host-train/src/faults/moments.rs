@@ -6,9 +6,8 @@ use crate::predict::int8::Int8Model;
 use crate::predict::network::Model as _;
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
 use elunar_core::nn::{
-    KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
+    Kernel, KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
 };
 use std::collections::BTreeMap;
 

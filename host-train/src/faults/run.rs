@@ -7,8 +7,7 @@ use super::outcome::{LIMIT_M, Outcome};
 use super::table::Results;
 use crate::predict::int8::Int8Model;
 use crate::{Error, Result, interrupt};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, RunError, Runner, Suspended};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -129,7 +128,7 @@ impl<'c> Desk<'c> {
     }
 
     fn finish(&mut self, place: &Suspended, stuck: Option<&Injection>) -> Ended {
-        let Ok(model) = Model::again(&self.model, &self.moments.verdict) else { return Ended::Refused };
+        let Ok(model) = Model::reopen(&self.model, &self.moments.verdict) else { return Ended::Refused };
         let (mut place, begun) = (*place, place.telemetry.macs);
         loop {
             if let Some(injection) = stuck {

@@ -6,8 +6,9 @@ use crate::run::{run_status, runner};
 use crate::status::*;
 use crate::types::eld_status_t;
 use crate::validity;
-use elunar_core::error::NormError;
-use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale, crc32c};
+use elunar_core::nn::file::crc32c;
+use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale};
+use elunar_core::norm::NormError;
 
 /// The Sun as a tile states it, degrees, NaN standing for unknown.
 ///

@@ -46,7 +46,7 @@ impl<'h> Context<'h> {
 
     /// The model, if it is still the one that was judged.
     pub(crate) fn model<'m>(&self, bytes: &'m [u8]) -> Result<Model<'m>, eld_status_t> {
-        Model::again(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
+        Model::reopen(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
     }
 
     /// Says in the lent memory that the arena is about to change: should the call never end, the next one knows.

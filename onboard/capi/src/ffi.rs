@@ -22,8 +22,7 @@ use crate::types::*;
 use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, TileInput, TileLight, format};
+use elunar_core::nn::{Kernel, Model, TileInput, TileLight, file};
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
@@ -171,7 +170,7 @@ pub extern "C" fn eld_version() -> u32 {
 /// Version of the model files this library reads.
 #[unsafe(no_mangle)]
 pub extern "C" fn eld_format_version() -> u32 {
-    format::VERSION
+    file::VERSION
 }
 
 /// What a status means, one line of ASCII; never NULL, and never to be freed.

@@ -6,8 +6,8 @@ use crate::types::{
     ELD_HEIGHTS_COARSE_RELIEF, ELD_HEIGHTS_OWN_RELIEF, ELD_HEIGHTS_PIXELS, ELD_LIGHT_ANY, ELD_LIGHT_GIVEN,
     ELD_LIGHT_NORTHWEST, eld_model_info_t, eld_status_t,
 };
-use elunar_core::nn::format::{VERSION, u32_at, word};
-use elunar_core::nn::{Illumination, Model, ModelError, Operator, TruthRange};
+use elunar_core::nn::file::{Operator, VERSION, u32_at, word};
+use elunar_core::nn::{Illumination, Model, ModelError, TruthRange};
 
 /// Judges a file.
 ///

@@ -8,8 +8,8 @@ use crate::types::{
     eld_telemetry_t,
 };
 use crate::validity;
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, RunError, Runner, Suspended, TileScale, crc32c};
+use elunar_core::nn::file::crc32c;
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended, TileScale};
 use elunar_core::norm::{ElevationScale, Turn};
 
 /// The runner as the record left it.

@@ -8,7 +8,7 @@
 //! left by a write that was cut short, and the first, being written first, holds.
 
 use crate::record::{Record, WORDS};
-use elunar_core::nn::crc32c;
+use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
 const MAGIC: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x01");

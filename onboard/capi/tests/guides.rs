@@ -5,7 +5,7 @@ mod common;
 use cc::*;
 use common::*;
 use elunar_capi::status::*;
-use elunar_core::nn::format::word;
+use elunar_core::nn::file::word;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -3,8 +3,7 @@
 mod common;
 use common::*;
 use elunar_capi::status::*;
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
 use std::time::Instant;
 
 /// Seconds of the fastest of some rounds.

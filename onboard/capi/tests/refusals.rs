@@ -6,8 +6,7 @@ use common::*;
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::format::word;
-use elunar_core::nn::{ENTRY_BYTES, TENSOR_BYTES, crc32c};
+use elunar_core::nn::file::{ENTRY_BYTES, TENSOR_BYTES, crc32c, word};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 

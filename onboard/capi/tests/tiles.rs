@@ -187,6 +187,6 @@ fn versions_names_and_sizes_are_told() {
     assert_eq!(name_it(&mut name[..len]), ELD_REFUSED_BUFFER);
     assert_eq!(name_it(&mut name[..len + 1]), ELD_OK);
     let text: Vec<u8> = name[..len].iter().map(|c| *c as u8).collect();
-    assert_eq!(text, elunar_core::nn::kernels::Kernel::best().name().as_bytes());
+    assert_eq!(text, elunar_core::nn::Kernel::best().name().as_bytes());
     println!("{} bytes of memory, largest unit {} macs", needs.memory_bytes, needs.largest_unit_macs);
 }

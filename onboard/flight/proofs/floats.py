@@ -10,14 +10,14 @@ import sys
 from program import Program, tool
 
 # A unit of work, in every kernel.
-UNIT = r"elunar_core::nn::ops::run::<|elunar_core::nn::kernels::.*::unit$"
+UNIT = r"elunar_core::nn::ops::run::<|elunar_core::nn::dispatch::.*::unit$"
 # The compiler's functions for floating point (names as in libgcc), and libm.
 HELPER = (
     r"^__(add|sub|mul|div|neg|pow)[sdt]f[2-3]?$|^__powi[sdt]f2$|^__(eq|ne|lt|le|gt|ge|cmp|unord)[sdt]f2$"
     r"|^__float(un)?(s|d|t)i(s|d|t)f$|^__fix(uns)?(s|d|t)f(s|d|t)i$|^__(extend|trunc)(h|s|d|t)f(h|s|d|t)f2$|\blibm::"
 )
 # Source file and function where the last layer turns its sums into numbers of the output.
-ALLOWED = [("core/src/nn/ops/finish.rs", "floats")]
+ALLOWED = [("core/src/nn/kernels/finish.rs", "floats")]
 
 
 def frames(elf, addresses):

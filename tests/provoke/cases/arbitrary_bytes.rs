@@ -22,7 +22,7 @@ fn no_bytes_are_a_model_by_chance() {
         let len = random.number() as usize % 3000;
         let mut bytes = random.bytes(len);
         if len > 8 {
-            bytes[..8].copy_from_slice(&elunar_core::nn::format::MAGIC);
+            bytes[..8].copy_from_slice(&elunar_core::nn::file::MAGIC);
         }
         assert!(!raw_model(&bytes));
     }

@@ -8,7 +8,7 @@ use crate::model::{Reader, mutated, sound_models};
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::crc32c;
+use elunar_core::nn::file::crc32c;
 use std::collections::HashMap;
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};

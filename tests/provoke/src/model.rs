@@ -1,9 +1,7 @@
 //! Arbitrary bytes against the integer runner: as products, as models, as changes to sound models.
 
-use elunar_core::nn::format::seal_file;
-use elunar_core::nn::format::{HEADER_BYTES, word};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{ENTRY_BYTES, Model, OPERATOR_BYTES, Progress, RunError, Runner, TENSOR_BYTES, required};
+use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 
 /// Bytes laid around a lent arena, to be found again as they were.
 const GUARD: usize = 64;

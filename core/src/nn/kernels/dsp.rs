@@ -9,22 +9,16 @@
 //! ```
 #![allow(unsafe_code)]
 
-use super::{Accumulators, Isa, Kernel, Patch};
-use crate::nn::ops::finish::{Finish, Target};
+use super::finish::{Finish, Target};
+use super::{Accumulators, Isa, Patch};
 use core::arch::asm;
 
-/// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel = Kernel {
-    name: "dsp-u8i8-2x2",
-    unit: crate::nn::ops::run::<Dsp>,
-    sum: crate::nn::sum::sum,
-    gemm: <Dsp as Isa>::gemm,
-};
-
 /// DSP extension.
-struct Dsp;
+pub(crate) struct Dsp;
 
 impl Isa for Dsp {
+    const NAME: &str = "dsp-u8i8-2x2";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);

@@ -13,22 +13,16 @@
 //! ```
 #![allow(unsafe_code)]
 
-use super::{Accumulators, Isa, Kernel, Patch, scalar::Scalar};
-use crate::nn::ops::finish::{Finish, Target};
+use super::finish::{Finish, Target};
+use super::{Accumulators, Isa, Patch, scalar::Scalar};
 use core::arch::asm;
 
-/// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel = Kernel {
-    name: "helium-u8i8-3x2",
-    unit: crate::nn::ops::run::<Helium>,
-    sum: crate::nn::sum::sum,
-    gemm: <Helium as Isa>::gemm,
-};
-
 /// Helium, integers.
-struct Helium;
+pub(crate) struct Helium;
 
 impl Isa for Helium {
+    const NAME: &str = "helium-u8i8-3x2";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);

@@ -17,21 +17,15 @@
 //! With the dot-product extension one `sdot` takes the place of the three: see `neon_dot`.
 #![allow(unsafe_code)]
 
-use super::{Accumulators, Isa, Kernel, PANEL, Patch};
+use super::{Accumulators, Isa, PANEL, Patch};
 use core::arch::aarch64::*;
 
-/// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel = Kernel {
-    name: "neon-u8i8-2x16",
-    unit: crate::nn::ops::run::<Neon>,
-    sum: crate::nn::sum::sum,
-    gemm: <Neon as Isa>::gemm,
-};
-
 /// NEON without extensions.
-struct Neon;
+pub(crate) struct Neon;
 
 impl Isa for Neon {
+    const NAME: &str = "neon-u8i8-2x16";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
@@ -122,9 +116,9 @@ unsafe fn block<const P: usize, const PAIRS: usize>(
     excess: &[i32; PANEL],
 ) -> usize {
     let stride = patch.stride;
-    let mut sums = [[vdupq_n_s32(0); PAIRS]; P];
     // SAFETY: `fits` bounds every address below.
     unsafe {
+        let mut sums = [[vdupq_n_s32(0); PAIRS]; P];
         let mut w = weights.as_ptr().add(4 * channel).cast::<i8>();
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);

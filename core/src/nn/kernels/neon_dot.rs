@@ -12,22 +12,16 @@
 #![allow(unsafe_code)]
 
 use super::neon::excess;
-use super::{Accumulators, Isa, Kernel, PANEL, Patch};
+use super::{Accumulators, Isa, PANEL, Patch};
 use core::arch::aarch64::*;
 use core::arch::asm;
 
-/// The kernel for processors that this binary is compiled for.
-pub(super) const KERNEL: Kernel = Kernel {
-    name: "neondot-u8i8-4x16",
-    unit: crate::nn::ops::run::<NeonDot>,
-    sum: crate::nn::sum::sum,
-    gemm: <NeonDot as Isa>::gemm,
-};
-
 /// NEON with `sdot`.
-struct NeonDot;
+pub(crate) struct NeonDot;
 
 impl Isa for NeonDot {
+    const NAME: &str = "neondot-u8i8-4x16";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);

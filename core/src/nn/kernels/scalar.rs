@@ -7,19 +7,12 @@
 //!         sum[p][c] += x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]
 //! ```
 
+use super::finish::{Finish, Target};
 use super::{Accumulators, Isa, Patch};
-use crate::nn::ops::finish::{Finish, Target};
 use crate::part::part_mut;
 
-/// Name of this kernel by the rule `{isa}-{types}-{variant}`.
-pub(super) const NAME: &str = match (PIXELS, CHANNELS) {
-    (2, 2) => "scalar-u8i8-2x2",
-    (4, 8) => "scalar-u8i8-4x8",
-    _ => "scalar-u8i8-4x4",
-};
-
 /// Plain Rust.
-pub(super) struct Scalar;
+pub(crate) struct Scalar;
 
 /// Pixels and channels whose sums are kept in registers: 16 sums in 32 registers, 4 in ARM's 16, 32 in SSE's.
 const PIXELS: usize = if cfg!(target_arch = "arm") { 2 } else { 4 };
@@ -31,6 +24,12 @@ const CHANNELS: usize = match PIXELS {
 const VECTORS: bool = cfg!(target_arch = "x86_64");
 
 impl Isa for Scalar {
+    const NAME: &str = match (PIXELS, CHANNELS) {
+        (2, 2) => "scalar-u8i8-2x2",
+        (4, 8) => "scalar-u8i8-4x8",
+        _ => "scalar-u8i8-4x4",
+    };
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);

@@ -16,15 +16,12 @@
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 
-const NAME: &str = "avx2-u8i8-5x8";
-
 /// AVX2.
-struct Avx2;
-
-/// For [`super::select`].
-pub(super) const KERNEL: super::Kernel = super::instantiate::instantiate!(NAME, Avx2, "avx2");
+pub(crate) struct Avx2;
 
 impl Isa for Avx2 {
+    const NAME: &str = "avx2-u8i8-5x8";
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         if !patch.fits(pixels, weights, width) {
@@ -35,7 +32,7 @@ impl Isa for Avx2 {
             let left = pixels - first;
             let mut done = 1;
             for channel in (0..width).step_by(8) {
-                // SAFETY: the processor has the instructions (see `KERNEL`), and `fits` has bounded every read and write.
+                // SAFETY: the processor has the instructions (see `nn/dispatch`), and `fits` has bounded every read and write.
                 unsafe {
                     let at = at.add(first * width + channel);
                     done = match left {

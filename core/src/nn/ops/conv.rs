@@ -5,7 +5,7 @@
 //!     for as many pixels as the kernel takes at once
 //!         acc = products of the filter                                  [and of the row's correction]
 //!         [at the first and the last pixel: += products of the corrections for the column]
-//!         round acc, add, clamp, look up, store                        finish.rs
+//!         round acc, add, clamp, look up, store                        kernels/finish.rs
 //!
 //! products of some filters:
 //!     acc = 0
@@ -16,17 +16,19 @@
 //! Nothing is copied: kernels read the rows where they lie. Rows above and below the map are a row of zero codes in scratch (or,
 //! folded, the border row); columns left and right are the tensor's margin.
 
-use super::finish::{Finish, Target};
+use super::finish::finish;
+use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
-use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, panel, pixels_at_once};
-use crate::nn::model::{MAX_KERNEL, Model};
-use crate::nn::prepared::Prepared;
-use crate::nn::program::{Conv, Dtype, PHASE_TAPS, PHASES, Phase, Tensor, groups};
+use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
+use crate::nn::kernels::finish::Target;
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, pixels_at_once};
+use crate::nn::panels::{groups, panel};
+use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::{head, head_mut, item, part_mut};
 
 /// A convolution with its tensors.
 struct Job<'a, 'm> {
-    model: &'a Model<'m>,
+    constants: &'a Constants<'m>,
     conv: &'a Conv,
     out: Tensor,
     sources: [Option<Tensor>; 2],
@@ -68,7 +70,7 @@ struct Stretch<'m> {
 /// Runs unit `unit` (the number of the panel) of step `step`.
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
-    model: &Model<'_>,
+    constants: &Constants<'_>,
     (conv, prepared): (&Conv, &Prepared),
     arena: &mut Arena<'_>,
     step: usize,
@@ -79,7 +81,7 @@ pub(crate) fn run<I: Isa>(
     let [first_source, second_source, add] = prepared.inputs;
     let sources = [first_source, second_source];
     let wide = sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
-    let job = Job { model, conv, sources, add, first, width, wide, out };
+    let job = Job { constants, conv, sources, add, first, width, wide, out };
     let (begin, made) = (conv.step_rows() * step, conv.step_rows());
     let rows = begin..(begin + made).min(job.out.rows);
     let mut cut = 0;
@@ -157,14 +159,14 @@ impl<'m> Job<'_, 'm> {
         // Panels before this one hold `first` channels; the first source comes first.
         let start = conv.weights + 4 * (self.first * all + self.width * before);
         let bytes = |source: usize| 4 * self.width * rows * of(source, cols);
-        let weights = [self.model.constants(start, bytes(0)), self.model.constants(start + bytes(0), bytes(1))];
+        let weights = [self.constants.slice(start, bytes(0)), self.constants.slice(start + bytes(0), bytes(1))];
         Filter { variant, row, col, rows, cols, weights }
     }
 
     #[inline(always)]
     fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
         let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let finish = Finish::new(self.model, self.conv, (&self.out, self.add), (self.first, self.width), variants);
+        let finish = finish(self.constants, self.conv, (&self.out, self.add), (self.first, self.width), variants);
         let mut acc = [0; ACCUMULATORS];
         let mut cut = 0;
         let mut done = 0;
@@ -198,7 +200,7 @@ impl<'m> Job<'_, 'm> {
             let first = filter.variant * self.out.channels + self.first;
             let channels = self.width.min(self.out.channels - self.first);
             for (c, more) in more.iter_mut().take(channels).enumerate() {
-                *more = more.wrapping_add(self.model.constant_i32(self.conv.bias, first + c));
+                *more = more.wrapping_add(self.constants.i32_at(self.conv.bias, first + c));
             }
         }
         for (acc, more) in part_mut(acc, pixel * self.width, self.width).iter_mut().zip(&more) {

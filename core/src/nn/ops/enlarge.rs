@@ -1,8 +1,8 @@
 //! Bilinear enlargement: two output rows from three input rows.
 
+use super::Prepared;
 use crate::nn::arena::{Arena, high, join};
-use crate::nn::prepared::Prepared;
-use crate::nn::program::{Dtype, Tensor};
+use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::{item, put};
 
 /// Runs step `step`: output rows 2 step and 2 step + 1.

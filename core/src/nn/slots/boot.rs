@@ -37,7 +37,7 @@ impl<S: Storage> Slots<S> {
     /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`], or [`SlotError::Model`] if its header has changed since.
     pub fn model(&self) -> Result<Model<'_>, SlotError> {
         let boot = self.running()?;
-        Ok(Model::again(self.file(boot.slot, boot.verdict.file_bytes), &boot.verdict)?)
+        Ok(Model::reopen(self.file(boot.slot, boot.verdict.file_bytes), &boot.verdict)?)
     }
 
     /// Remembers the model that runs as the confirmed one: its self test was passed. Does nothing if it is confirmed already.

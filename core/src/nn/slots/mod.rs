@@ -33,9 +33,9 @@ pub use storage::{Region, Slot, Storage, StorageError};
 
 #[cfg(doc)]
 use super::Runner;
-use super::format::{HEADER_BYTES, RawModel, word};
+use super::Verdict;
+use super::file::{HEADER_BYTES, RawModel, word};
 use super::model::Model;
-use super::suspend::Verdict;
 use crate::part::head;
 use upload::Upload;
 
@@ -56,7 +56,7 @@ impl ModelId {
     /// That of a file, by its first [`HEADER_BYTES`] bytes; judges nothing.
     #[must_use]
     pub fn of(file: &[u8]) -> Self {
-        let word = |index: usize| super::format::u32_at(file, 4 * index);
+        let word = |index: usize| super::file::u32_at(file, 4 * index);
         Self { file_bytes: word(word::FILE_BYTES), header_crc: word(word::HEADER_CRC) }
     }
 

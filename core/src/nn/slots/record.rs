@@ -7,8 +7,7 @@
 //! Sixteen little-endian u32. A slot is 0 or 1, or `NONE` and then bytes and CRC are 0.
 
 use super::{ModelId, Slot};
-use crate::nn::crc::crc32c;
-use crate::nn::format::{NONE, u32_at};
+use crate::nn::file::{NONE, crc32c, u32_at};
 use crate::part::part;
 
 /// Bytes of a record.

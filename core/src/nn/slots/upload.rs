@@ -1,8 +1,7 @@
 //! A model comes in, chunk by chunk, into the slot that nobody relies on.
 
 use super::*;
-use crate::nn::crc::crc32c;
-use crate::nn::format::CHUNK_BYTES;
+use crate::nn::file::{CHUNK_BYTES, crc32c};
 
 /// An upload at work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

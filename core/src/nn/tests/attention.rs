@@ -4,7 +4,7 @@
 use super::Random;
 use super::draft::{Draft, map};
 use super::unit::{Expected, Map, check, random_map};
-use crate::nn::{Attention, Dtype, Operator, Tensor};
+use crate::nn::file::{Attention, Dtype, Operator, Tensor};
 use proptest::prelude::*;
 
 /// Entries of the tables of the exponential.

@@ -3,7 +3,7 @@
 use super::Random;
 use super::draft::{Draft, EMPTY, map};
 use super::unit::{Expected, Map, check, random_map};
-use crate::nn::{Conv, Dtype, Edge, Operator, PHASE_TAPS, PHASES, Tensor};
+use crate::nn::file::{Conv, Dtype, Edge, Operator, PHASE_TAPS, PHASES, Tensor};
 use proptest::prelude::*;
 
 /// A random convolution, its weights as everyone understands them.

@@ -1,7 +1,9 @@
 //! Model files of a few operators, written from the description of the format alone.
 
-use crate::nn::format::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, NONE, VERSION, seal_file, word};
-use crate::nn::{Conv, Dtype, Edge, Entry, Operator, Tensor};
+use crate::nn::file::{
+    CHUNK_BYTES, CHUNK_RECORD_BYTES, Conv, Dtype, Edge, Entry, HEADER_BYTES, MAGIC, NONE, Operator, Tensor, VERSION,
+    seal_file, word,
+};
 
 /// A model being put together.
 #[derive(Clone)]

@@ -3,7 +3,7 @@
 use super::Random;
 use super::draft::{Draft, map};
 use super::unit::{Expected, check, random_map};
-use crate::nn::{Dtype, Edge, Enlarge, Operator, Tensor};
+use crate::nn::file::{Dtype, Edge, Enlarge, Operator, Tensor};
 use proptest::prelude::*;
 
 proptest! {

@@ -3,7 +3,7 @@
 use super::Random;
 use super::draft::{Draft, map};
 use super::unit::{Expected, check, random_map};
-use crate::nn::{Dtype, LayerNorm, Operator, Tensor};
+use crate::nn::file::{Dtype, LayerNorm, Operator, Tensor};
 use proptest::prelude::*;
 
 proptest! {

@@ -1,7 +1,8 @@
 //! What [`Model`] refuses of a single operator, beyond what mutated files of whole networks reach.
 
 use super::draft::{Draft, map};
-use crate::nn::{Conv, Dtype, Edge, Model, ModelError, Operator, OperatorFault, Tensor, required};
+use crate::nn::file::{Conv, Dtype, Edge, Operator, OperatorFault, Tensor};
+use crate::nn::{Model, ModelError, required};
 
 /// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` spoils the convolution or its tensors.
 fn judge(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {

@@ -2,11 +2,9 @@
 
 use super::Random;
 use super::draft::map;
-use crate::nn::format::NONE;
-use crate::nn::format::seal_record;
-use crate::nn::{
-    Attention, Conv, Dtype, Edge, Enlarge, Entry, LayerNorm, MAX_MARGIN, OPERATOR_BYTES, Operator, OperatorFault,
-    Tensor,
+use crate::nn::file::{
+    Attention, Conv, Dtype, Edge, Enlarge, Entry, LayerNorm, MAX_MARGIN, NONE, OPERATOR_BYTES, Operator, OperatorFault,
+    Tensor, seal_record,
 };
 use proptest::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use super::conv::phases;
 use super::draft::{EMPTY, map};
-use crate::nn::{Attention, Conv, Dtype, Enlarge, LayerNorm, Operator, PHASE_TAPS, Phase};
+use crate::nn::file::{Attention, Conv, Dtype, Enlarge, LayerNorm, Operator, PHASE_TAPS, Phase};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 

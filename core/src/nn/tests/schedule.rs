@@ -3,7 +3,8 @@
 use super::Random;
 use super::draft::{Draft, map};
 use super::shadow;
-use crate::nn::{Dtype, Entry, Model, ModelError, Operator, Progress, Runner, Tensor, required};
+use crate::nn::file::{Dtype, Entry, Operator, Tensor};
+use crate::nn::{Model, ModelError, Progress, Runner, required};
 
 const ROWS: usize = 8;
 

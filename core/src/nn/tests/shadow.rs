@@ -2,7 +2,7 @@
 //! row is read that is not there. Slow, simple, and ignorant of rings, heirs and lives.
 
 use super::draft::Draft;
-use crate::nn::Operator;
+use crate::nn::file::Operator;
 use std::ops::Range;
 
 /// The first read of something that is not there, or what a schedule leaves undone.

@@ -1,9 +1,8 @@
 //! Runs put aside after every unit of work and taken up again, and places that no run has.
 
 use super::draft::{Draft, map};
-use crate::nn::format::word;
-use crate::nn::kernels::Kernel;
-use crate::nn::{Dtype, Model, ModelError, Progress, RunError, Runner, Suspended, Tensor, Verdict, required};
+use crate::nn::file::{Dtype, Tensor, word};
+use crate::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, Suspended, Verdict, required};
 
 /// Three operators over a small tile, with panels and steps enough to stop between.
 fn file() -> Vec<u8> {
@@ -39,7 +38,7 @@ fn a_run_resumed_after_every_unit_is_the_same_run() {
     };
     let mut resumed = 0;
     loop {
-        let model = Model::again(&file, &verdict).unwrap();
+        let model = Model::reopen(&file, &verdict).unwrap();
         let mut runner = Runner::resume(Kernel::SCALAR, model, &mut arena, &suspended).unwrap();
         assert_eq!(runner.suspend(), suspended, "nothing is lost on the way");
         let progress = runner.step(1).unwrap();
@@ -104,19 +103,19 @@ fn only_the_model_that_was_judged_is_opened_again() {
     let file = file();
     let model = Model::new(&file).unwrap();
     let verdict = model.verdict();
-    let again = Model::again(&file, &verdict).unwrap();
+    let again = Model::reopen(&file, &verdict).unwrap();
     assert_eq!((again.verdict(), required(&again), again.macs()), (verdict, required(&model), model.macs()));
     for other in [
         Verdict { header_crc: verdict.header_crc ^ 1, ..verdict },
         Verdict { file_bytes: verdict.file_bytes + 1, ..verdict },
         Verdict { scratch_offset: u32::MAX, ..verdict },
     ] {
-        assert_eq!(Model::again(&file, &other).map(|m| m.verdict()), Err(ModelError::HeaderChecksum), "{other:?}");
+        assert_eq!(Model::reopen(&file, &other).map(|m| m.verdict()), Err(ModelError::HeaderChecksum), "{other:?}");
     }
     for bit in 0..8 * 4 * (word::HEADER_CRC + 1) {
         let mut flipped = file.clone();
         flipped[bit / 8] ^= 1 << (bit % 8);
-        assert!(Model::again(&flipped, &verdict).is_err(), "bit {bit} of the header");
+        assert!(Model::reopen(&flipped, &verdict).is_err(), "bit {bit} of the header");
     }
-    assert!(Model::again(&file[..file.len() - 1], &verdict).is_err());
+    assert!(Model::reopen(&file[..file.len() - 1], &verdict).is_err());
 }

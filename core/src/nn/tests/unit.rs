@@ -3,8 +3,8 @@
 use super::Random;
 use super::draft::Draft;
 use crate::nn::arena::Arena;
-use crate::nn::kernels::Kernel;
-use crate::nn::{Dtype, Edge, Model, Operator, Tensor, required};
+use crate::nn::file::{Dtype, Edge, Operator, Tensor};
+use crate::nn::{Kernel, Model, required};
 
 /// Values of a map (zero points removed; with F32 the bits), `[rows][cols][channels]`.
 pub(super) type Map = Vec<i64>;
@@ -90,7 +90,7 @@ fn run(kernel: Kernel, model: &Model<'_>, operator: &Operator, bytes: &mut [u8],
     for step in 0..operator.steps(&out) {
         for unit in 0..model.units(operator) {
             let mut arena = Arena { bytes: &mut *bytes, scratch: model.scratch_offset() };
-            cut += (kernel.unit)(model, &model.prepared(operator), &mut arena, step, unit);
+            cut += (kernel.unit)(model.constants(), &model.prepared(operator), &mut arena, step, unit);
         }
         for row in operator.rows_after(&out, step)..operator.rows_after(&out, step + 1) {
             let (line, side) = (row_now(bytes, &out, row), out.margin * out.channels);

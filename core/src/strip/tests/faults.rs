@@ -1,8 +1,7 @@
 //! Strips put aside after every step, and models that change while a tile is at work.
 
 use super::rig::{Blocks, Scene, TILE, assert_same, file, run, settings, take};
-use crate::nn::kernels::Kernel;
-use crate::nn::{Model, RunError, Runner};
+use crate::nn::{Kernel, Model, RunError, Runner};
 use crate::strip::{Next, Strip, StripCounters, StripError, StripPaused, StripPlan};
 
 const ROWS: usize = 31;
@@ -27,7 +26,7 @@ fn run_in_pieces(
     let (mut found, mut row, mut steps) = (vec![], 0, 0);
     loop {
         // A header that changed would not open: what is tested lies behind it.
-        let model = Model::again(&bytes, &verdict).unwrap();
+        let model = Model::reopen(&bytes, &verdict).unwrap();
         let (arena, memory) = blocks.lend();
         let runner = Runner::resume(Kernel::SCALAR, model, arena, &paused.runner).unwrap();
         let mut strip = Strip::resume(plan, runner, memory, &paused).unwrap();

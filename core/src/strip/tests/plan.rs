@@ -1,9 +1,9 @@
 //! What a strip asks for.
 
 use super::rig::{TILE, file, settings};
-use crate::error::TileError;
 use crate::nn::Model;
 use crate::strip::{StripError, StripPlan, StripSettings};
+use crate::tile::TilingError;
 
 #[test]
 fn memory_grows_by_what_a_line_and_a_column_hold() {
@@ -31,7 +31,7 @@ fn settings_that_cannot_be_are_refused() {
         let settings = StripSettings { cols, ring_lines, ..good };
         assert_eq!(refused(settings), StripError::Columns { found: cols });
     }
-    let overlap = TileError::Overlap { overlap_px: 10, tile: TILE };
+    let overlap = TilingError::Overlap { overlap_px: 10, tile: TILE };
     assert_eq!(refused(StripSettings { overlap_px: 10, ..good }), StripError::Tile(overlap));
     assert_eq!(refused(StripSettings { ring_lines: 12, ..good }), StripError::Ring { expected: 13, found: 12 });
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
@@ -43,7 +43,7 @@ fn settings_that_cannot_be_are_refused() {
 
 #[test]
 fn a_light_is_decided_for_a_model_that_wants_one() {
-    use crate::nn::format::{seal_file, word};
+    use crate::nn::file::{seal_file, word};
     use crate::nn::{Illumination, KnownSun, LightSource, Lighting};
     use crate::norm::LightFit;
     let mut file = file();

@@ -105,7 +105,7 @@ fn refusals_are_one_line_each() {
     let length = LengthError { expected: 4, found: 3 };
     for error in [
         StripError::Columns { found: 0 },
-        StripError::Tile(crate::error::TileError::Overlap { overlap_px: 9, tile: (8, 8) }),
+        StripError::Tile(crate::tile::TilingError::Overlap { overlap_px: 9, tile: (8, 8) }),
         StripError::Ring { expected: 13, found: 12 },
         StripError::Pixel,
         StripError::Light,

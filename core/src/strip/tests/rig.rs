@@ -2,8 +2,9 @@
 
 use crate::fill::fill_gaps;
 use crate::mask::is_real;
+use crate::nn::file::{Conv, Dtype, Operator, Tensor};
 use crate::nn::tests::draft::{Draft, map};
-use crate::nn::{Conv, Dtype, Lighting, Model, Operator, Progress, Runner, Tensor, TileInput, TileLight, required};
+use crate::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Anchor;
 use crate::overlap::{Open, OverlapWeights};
 use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};

@@ -4,8 +4,9 @@ use super::footprint::{self, MAX_RADIUS_PX, MAX_SIDE};
 use super::hillshade::{Light, Sun};
 use super::slope::from_gradient_deg;
 use super::{HazardLimits, PixelSize, of_lines};
-use crate::error::{LengthError, TerrainError, same_length};
+use crate::error::{LengthError, same_length};
 use crate::part::{copy, head, head_mut, item, part, part_mut, put};
+use crate::terrain::TerrainError;
 
 /// What is computed of a DTM's lines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,7 +109,7 @@ impl LineMaps<'_> {
 /// assert_eq!(hazards.len(), 5, "as many lines as went in");
 /// assert_eq!(hazards[0], [hazard::UNKNOWN; 7], "at the edge nobody knows");
 /// assert_eq!(hazards[2][1..6], [3, 2, 3, 0, 0], "the boulder is too rough, and what stands beside it tilts");
-/// # Ok::<(), elunar_core::error::TerrainError>(())
+/// # Ok::<(), elunar_core::terrain::TerrainError>(())
 /// ```
 #[derive(Debug)]
 pub struct TerrainLines<'m> {

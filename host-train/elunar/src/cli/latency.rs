@@ -1,6 +1,6 @@
 //! `elunar latency`: how long a tile takes.
 
-use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::Kernel;
 use elunar_core::nn::{self, Progress, Runner, required};
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8;

@@ -4,7 +4,7 @@ use super::calibrate::Range;
 use super::compile::Precision;
 use super::graph::{Activation, Graph, NodeId, Operation};
 use super::quantise::{ACCUMULATOR_LIMIT, GELU_MINIMUM};
-use elunar_core::nn::Dtype;
+use elunar_core::nn::file::Dtype;
 use elunar_core::photoclinometry::LIMIT;
 
 /// 16-bit maps keep this much room above what calibration saw; 8-bit maps have none to spare.

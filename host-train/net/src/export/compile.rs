@@ -10,8 +10,8 @@ use super::write::{Content, file_bytes};
 use crate::config::NetConfig;
 use crate::weights::Weights;
 use crate::{Error, Result};
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::{Model, Operator, Progress, Runner, required};
+use elunar_core::nn::file::{NONE, Operator};
+use elunar_core::nn::{Model, Progress, Runner, required};
 use std::path::Path;
 
 /// Seed of every self-test tile.
@@ -93,8 +93,8 @@ pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool],
         tile: options.tile,
         nr: config.nr,
         range_margin: config.range_margin,
-        target_range: config.target_range as u32,
-        illumination: config.illumination as u32,
+        truth_range: config.target_range,
+        illumination: config.illumination,
         roles,
         self_test: (SELF_TEST_SEED, 0),
     };

@@ -11,7 +11,7 @@
 
 use super::graph::Kernel;
 use super::pack::Filter;
-use elunar_core::nn::{PHASE_TAPS, PHASES, Phase};
+use elunar_core::nn::file::{PHASE_TAPS, PHASES, Phase};
 
 /// Side of the kernels that can be folded.
 const SIDE: usize = 5;
@@ -19,7 +19,7 @@ const SIDE: usize = 5;
 /// Weights of the small map's samples for each tap of a 5-tap filter: `[phase][sample][tap]`.
 type Axis = [[[f64; SIDE]; 4]; PHASES];
 
-/// All sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::Phase`].
+/// All sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::file::Phase`].
 pub(super) fn fold(kernel: &Kernel) -> Vec<Filter> {
     let axis = axis();
     let mut filters = Vec::new();

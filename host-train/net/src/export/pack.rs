@@ -2,8 +2,7 @@
 
 use super::graph::Kernel;
 use super::quantise::{IntegerFilter, Integers};
-use elunar_core::nn::kernels::panels;
-use elunar_core::nn::{Dtype, Tensor, groups};
+use elunar_core::nn::file::{Dtype, Tensor, groups, panels};
 
 /// Filters of all output channels, real weights.
 #[derive(Debug, Clone, PartialEq)]

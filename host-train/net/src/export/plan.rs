@@ -2,7 +2,7 @@
 //! alive together, and a sum may take the place of what was added.
 
 use super::schedule::{Play, schedule};
-use elunar_core::nn::{Entry, Operator, Tensor};
+use elunar_core::nn::file::{Entry, Operator, Tensor};
 
 /// Alignment of tensors, bytes: not needed by the runner, kind to caches.
 const ALIGNMENT: usize = 64;

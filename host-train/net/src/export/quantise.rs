@@ -11,7 +11,9 @@ use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::{Filter, pack};
 use crate::{Error, Result};
-use elunar_core::nn::{self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor};
+use elunar_core::nn::file::{
+    self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor,
+};
 use elunar_core::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE, LOGIT_BITS};
 use elunar_core::quant::params::{multiplier, shift_for};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
@@ -149,7 +151,7 @@ impl Quantiser<'_> {
         self.program.tensors.push(Tensor { rows: 2 * small.rows, cols: 2 * small.cols, ring: 2 * small.rows, ..small });
         let out = self.program.tensors.len() as u32 - 1;
         let name = format!("{}.enlarged", self.graph.nodes[node].name);
-        self.push(Operator::Enlarge(nn::Enlarge { out, input }), &name);
+        self.push(Operator::Enlarge(file::Enlarge { out, input }), &name);
         self.enlarged.insert(node, out);
         out
     }
@@ -158,7 +160,7 @@ impl Quantiser<'_> {
     /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
     fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
         let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
-        let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= nn::MAX_KERNEL;
+        let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= file::MAX_KERNEL;
         if out.channels != 1 || form.stride != 1 || !fits {
             return 1;
         }
@@ -209,7 +211,7 @@ impl Quantiser<'_> {
         let bias = self.words(packed.bias);
         let codes = self.program.codes[id].clone();
         let float = codes.dtype == Dtype::F32;
-        let mut conv = nn::Conv {
+        let mut conv = file::Conv {
             out: self.program.tensor_of[id],
             first: read[0],
             second: read.get(1).copied(),
@@ -274,7 +276,7 @@ impl Quantiser<'_> {
         let squared_channels = (gain.len() * gain.len()) as f64;
         let epsilon = (squared_channels * NORM_EPSILON / (scale * scale)).round().clamp(1.0, (1u64 << 56) as f64);
         let whole = (1u64 << shift) as f64;
-        let norm = nn::LayerNorm {
+        let norm = file::LayerNorm {
             out: self.program.tensor_of[id],
             input: self.program.tensor_of[input],
             merge,
@@ -307,7 +309,7 @@ impl Quantiser<'_> {
         let bias = (0..*heads).flat_map(|h| (0..table).rev().map(move |i| position_bias[i * heads + h]));
         let bias: Vec<i16> = bias.map(|b| (b as f64 * unit).round().clamp(-32767.0, 32767.0) as i16).collect();
         let exp_table = self.exp_table();
-        let attention = nn::Attention {
+        let attention = file::Attention {
             out: self.program.tensor_of[id],
             input: self.program.tensor_of[*input],
             heads: *heads,
@@ -356,7 +358,7 @@ pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
 /// Output rows per step (folded, rows of the small map): several where a row of `cols` pixels is short and the weights are more than
 /// a second-level cache holds.
 fn block(weight_bytes: usize, cols: usize) -> usize {
-    if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / cols).clamp(1, nn::MAX_BLOCK) }
+    if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / cols).clamp(1, file::MAX_BLOCK) }
 }
 
 /// A filter with one output as `columns` outputs, each one column to the right of the one before.

@@ -7,7 +7,7 @@ use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::Filter;
 use super::quantise::{folds, gelu_table, quantise_weights};
-use elunar_core::nn::{PHASE_TAPS, PHASES, Phase};
+use elunar_core::nn::file::{PHASE_TAPS, PHASES, Phase};
 use rayon::prelude::*;
 
 /// What rounding needs to know of the network.

@@ -7,7 +7,7 @@
 //! Before that come milestones: operators that are run to their end, one after the other, so that what they read may go. A map that many
 //! rows of the output wait for is kept whole anyway; made first, it does not share the arena with what is made of it.
 
-use elunar_core::nn::{Dtype, Entry, Operator, Tensor};
+use elunar_core::nn::file::{Dtype, Entry, Operator, Tensor};
 
 /// A program being played.
 pub struct Play<'a> {

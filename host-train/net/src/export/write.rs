@@ -1,34 +1,36 @@
 //! The model file's bytes.
 
-use elunar_core::nn::format::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, VERSION, seal_file, word};
-use elunar_core::nn::{Entry, Operator, Tensor};
+use elunar_core::nn::file::{
+    CHUNK_BYTES, CHUNK_RECORD_BYTES, Entry, HEADER_BYTES, MAGIC, Operator, Tensor, VERSION, seal_file, word,
+};
+use elunar_core::nn::{Illumination, TruthRange};
 
 /// What a file holds, beside checksums and offsets.
 #[derive(Debug, Clone)]
 pub struct Content<'a> {
     /// Descriptive JSON.
     pub text: &'a str,
-    /// Tensors at their places.
+    /// Tensors at their places in the arena.
     pub tensors: &'a [Tensor],
-    /// Operators.
+    /// Operators, the last of which writes the output.
     pub operators: &'a [Operator],
-    /// Order of the steps.
+    /// Schedule: in which order the operators' steps run.
     pub schedule: &'a [Entry],
-    /// Constants.
+    /// Constants: weights, biases, multipliers, tables, at the offsets that the operators name.
     pub constants: &'a [u8],
     /// Tile rows and columns.
     pub tile: (usize, usize),
-    /// Upper end of the normalised range.
+    /// Upper end of the normalised elevation range, NR (Eq. 1).
     pub nr: f32,
-    /// Share by which the coarse relief is widened.
+    /// Share of the coarse relief by which its range is widened below and above.
     pub range_margin: f32,
-    /// 0: the truth's own range, 1: the coarse tile's.
-    pub target_range: u32,
-    /// 0: any light, 1: the Sun in the north-west.
-    pub illumination: u32,
-    /// Numbers of the image, coarse and output tensors.
+    /// Whose range normalised the truth in training.
+    pub truth_range: TruthRange,
+    /// Which light the network knows.
+    pub illumination: Illumination,
+    /// Numbers of the image, coarse and output tensors; [`elunar_core::nn::file::NONE`] for coarse codes that no operator reads.
     pub roles: [u32; 3],
-    /// Seed and output checksum of the self test.
+    /// Seed of the self test's tile, and CRC32C of its output.
     pub self_test: (u32, u32),
 }
 
@@ -63,8 +65,8 @@ pub fn file_bytes(content: &Content<'_>) -> Vec<u8> {
         (word::TILE + 1, content.tile.1 as u32),
         (word::NR, content.nr.to_bits()),
         (word::RANGE_MARGIN, content.range_margin.to_bits()),
-        (word::TARGET_RANGE, content.target_range),
-        (word::ILLUMINATION, content.illumination),
+        (word::TARGET_RANGE, content.truth_range.code()),
+        (word::ILLUMINATION, content.illumination.code()),
         (word::IMAGE, content.roles[0]),
         (word::COARSE, content.roles[1]),
         (word::OUTPUT, content.roles[2]),

@@ -7,8 +7,8 @@ pub mod timing;
 pub use network::{model as plan_text, tensors};
 
 use crate::{Error, Result};
-use elunar_core::nn::format::MAGIC;
-use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::Kernel;
+use elunar_core::nn::file::MAGIC;
 use model::Plan;
 use std::path::Path;
 

@@ -3,8 +3,8 @@
 use super::timing::Times;
 use crate::digest::sha256_hex;
 use crate::{Error, Result};
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::{Dtype, Model, Operator, Tensor, required};
+use elunar_core::nn::file::{Dtype, NONE, Operator, Tensor};
+use elunar_core::nn::{Model, required};
 use serde::Serialize;
 
 /// A model in figures.

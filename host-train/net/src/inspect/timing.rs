@@ -2,8 +2,7 @@
 
 use super::model::entry_macs;
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, RunError, Runner, required};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use serde::Serialize;
 use std::time::Instant;
 

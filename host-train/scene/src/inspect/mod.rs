@@ -6,7 +6,7 @@ mod text;
 use crate::raster::format::{Format, head};
 use crate::raster::{pds3, source};
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
+use elunar_core::nn::Kernel;
 use elunar_net::inspect::model::Plan;
 use elunar_net::inspect::{self as network, is_model, is_safetensors};
 use std::path::Path;

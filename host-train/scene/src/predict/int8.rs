@@ -3,8 +3,7 @@
 use super::network::{Model, TileNetwork};
 use crate::digest::sha256_hex;
 use crate::{Error, Result};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{self, InputRules, Progress, Runner, Verdict, required};
+use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -48,7 +47,7 @@ impl Int8Model {
     /// # Panics
     /// Never: [`open`] has validated these bytes.
     pub fn model(&self) -> nn::Model<'_> {
-        nn::Model::again(&self.bytes, &self.verdict).expect("validated when opened")
+        nn::Model::reopen(&self.bytes, &self.verdict).expect("validated when opened")
     }
 }
 

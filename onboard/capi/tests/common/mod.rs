@@ -4,7 +4,7 @@
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::format::seal_file;
+use elunar_core::nn::file::seal_file;
 use elunar_core::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;

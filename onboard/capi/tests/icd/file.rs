@@ -3,8 +3,7 @@
 use crate::pages::{read, section, table};
 use crate::reader::entry_seal;
 use crate::{number, numbered, page};
-use elunar_core::nn::format::{self, HEADER_BYTES};
-use elunar_core::nn::kernels::PANEL;
+use elunar_core::nn::file::*;
 use elunar_core::nn::*;
 use elunar_core::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
@@ -13,14 +12,14 @@ use std::collections::{BTreeMap, BTreeSet};
 #[test]
 fn constants_are_the_codes() {
     let code: BTreeMap<&str, u64> = [
-        ("VERSION", format::VERSION as u64),
+        ("VERSION", file::VERSION as u64),
         ("HEADER_BYTES", HEADER_BYTES as u64),
-        ("CHUNK_BYTES", format::CHUNK_BYTES as u64),
-        ("CHUNK_RECORD_BYTES", format::CHUNK_RECORD_BYTES as u64),
+        ("CHUNK_BYTES", file::CHUNK_BYTES as u64),
+        ("CHUNK_RECORD_BYTES", file::CHUNK_RECORD_BYTES as u64),
         ("TENSOR_BYTES", TENSOR_BYTES as u64),
         ("OPERATOR_BYTES", OPERATOR_BYTES as u64),
         ("ENTRY_BYTES", ENTRY_BYTES as u64),
-        ("NONE", format::NONE as u64),
+        ("NONE", file::NONE as u64),
         ("MAX_RECORDS", MAX_RECORDS as u64),
         ("MAX_EXTENT", MAX_EXTENT as u64),
         ("MAX_SAMPLES", MAX_SAMPLES),
@@ -42,7 +41,7 @@ fn constants_are_the_codes() {
     let rows = table(section(&page, "1.1 Constants"));
     let found: BTreeMap<&str, u64> = rows.iter().map(|row| (row[0].as_str(), number(&row[1]))).collect();
     assert_eq!(found, code);
-    assert!(page.contains(&format!("Version {}. A stream", format::VERSION)));
+    assert!(page.contains(&format!("Version {}. A stream", file::VERSION)));
 }
 
 #[test]
@@ -50,7 +49,7 @@ fn every_word_of_the_header_is_described_and_numbered_as_the_code_does() {
     let rows = numbered("1.3 Header");
     let numbers: Vec<u64> = rows.iter().map(|(word, _)| *word).collect();
     assert_eq!(numbers, (0..HEADER_BYTES as u64 / 4).collect::<Vec<_>>());
-    let source = read("core/src/nn/format.rs");
+    let source = read("core/src/nn/file/layout.rs");
     let (_, words) = source.split_once("pub mod word {").unwrap();
     let (words, _) = words.split_once("\n}").unwrap();
     let code: BTreeSet<(u64, String)> = words
@@ -103,7 +102,7 @@ fn tensor_records_are_as_described() {
     let record = t.encode();
     let seal = u32::from_le_bytes(*record.last_chunk().unwrap());
     let fields = [
-        ("dtype", t.dtype.number()),
+        ("dtype", t.dtype.code()),
         ("rows", 101),
         ("cols", 102),
         ("channels", 103),
@@ -173,7 +172,7 @@ fn convolution_records_are_as_described() {
     // "None" is the number of the page.
     let none = Operator::Conv(Conv { second: None, add: None, table: None, ..conv }).encode();
     for word in [3, 13, 16] {
-        assert_eq!(format::u32_at(&none, 4 * word), format::NONE, "word {word}");
+        assert_eq!(file::u32_at(&none, 4 * word), file::NONE, "word {word}");
     }
 }
 
@@ -183,7 +182,7 @@ fn other_operator_records_are_as_described() {
     let norm =
         LayerNorm { out: 301, input: 302, merge: 303, gains: 304, biases: 305, shift: 306, epsilon: 307 << 32 | 308 };
     let mut record = Operator::LayerNorm(norm).encode();
-    assert_eq!(format::u32_at(&record, 36), 307);
+    assert_eq!(file::u32_at(&record, 36), 307);
     record[36..40].fill(0);
     let fields = [
         ("kind", 2),

@@ -3,7 +3,7 @@
 use crate::pages::{repository, section, table};
 use crate::{number, numbered, page};
 use elunar_core::nn::Model;
-use elunar_core::nn::format::MAGIC;
+use elunar_core::nn::file::MAGIC;
 use std::collections::BTreeMap;
 
 /// CRC32C, bit by bit, with the polynomial of section 1.4.

@@ -4,8 +4,7 @@ use crate::calls::{elunar_call_begin, elunar_call_check, elunar_call_open, eluna
 use crate::mark::{elunar_count_start, elunar_count_stop};
 use crate::stack::depth;
 use core::fmt::Write;
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, ModelError, Progress, RunError, Runner, required};
+use elunar_core::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, required};
 
 /// Multiply-accumulates per step: large beside the cost of a call; or one, so that a step never reaches into the next operator.
 const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };

@@ -9,9 +9,10 @@
 //!         cut v to the codes; [count what that has changed]; [look up]; store 16 bytes [and 16 high bytes]
 //! ```
 
-use crate::nn::kernels::{ACCUMULATORS, Accumulators, PANEL};
-use crate::nn::ops::finish::{Finish, Target};
-use crate::nn::program::{Dtype, Tensor};
+use crate::nn::kernels::finish::{Finish, Target};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators};
+use crate::nn::panels::PANEL;
+use crate::nn::tensor::{Dtype, Tensor};
 use core::arch::x86_64::*;
 
 const LANES: usize = 16;

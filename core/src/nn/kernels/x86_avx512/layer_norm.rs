@@ -9,7 +9,7 @@
 //!         y = (C·x − S) * root;  v = (y * gain + bias) >> shift, + zero;  count, cut, store
 //! ```
 
-use crate::nn::ops::layer_norm::{Job, PIXELS};
+use crate::nn::kernels::layer_norm::{Job, PIXELS};
 use crate::quant::rsqrt::ReciprocalRoot;
 use core::arch::x86_64::*;
 
@@ -18,11 +18,10 @@ const LANES: usize = 16;
 /// # Safety
 /// AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
-    let (norm, input, out) = (job.norm, job.input, job.out);
-    let (m, part, channels) = (norm.merge, input.channels, out.channels);
-    let gains = job.model.constants(norm.gains, 4 * channels);
-    let biases = job.model.constants(norm.biases, 8 * channels);
+pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+    let (input, out) = (job.input, job.out);
+    let (m, part, channels) = (job.merge, input.channels, out.channels);
+    let (gains, biases) = (job.gains, job.biases);
     // Behind the last sample of each row that is read or written.
     let end = (col + pixels) * m * part;
     let fits = part % 8 == 0
@@ -42,10 +41,10 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
         let (sum, square) = unsafe { statistics(job, at, col + p) };
         sums[p] = sum;
         let sum = sum as i64;
-        roots[p] = ReciprocalRoot::of(channels as i64 * square - sum * sum + norm.epsilon);
+        roots[p] = ReciprocalRoot::of(channels as i64 * square - sum * sum + job.epsilon);
     }
-    let half = _mm512_set1_epi64(1 << (norm.shift.max(1) - 1));
-    let shift = _mm_cvtsi64_si128((norm.shift & 63) as i64);
+    let half = _mm512_set1_epi64(1 << (job.shift.max(1) - 1));
+    let shift = _mm_cvtsi64_si128((job.shift & 63) as i64);
     // Far beyond any code, and far from the ends of 32 bits.
     let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
     let (zero, count) = (_mm512_set1_epi32(out.zero), _mm512_set1_epi32(channels as i32));
@@ -107,8 +106,8 @@ pub(super) unsafe fn pixels(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pix
 /// # Safety
 /// AVX-512; the pixel's samples can be read.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn statistics(job: &Job<'_, '_>, at: *const u8, col: usize) -> (i32, i64) {
-    let (m, part) = (job.norm.merge, job.input.channels);
+unsafe fn statistics(job: &Job<'_>, at: *const u8, col: usize) -> (i32, i64) {
+    let (m, part) = (job.merge, job.input.channels);
     let (mut sums, mut squares) = (_mm256_setzero_si256(), _mm512_setzero_si512());
     for place in 0..m * m {
         let row = job.rows[place % m];

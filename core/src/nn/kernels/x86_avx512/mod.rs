@@ -17,33 +17,21 @@ mod finish;
 mod layer_norm;
 mod softmax;
 
+use super::finish::{Finish, Target};
+use super::layer_norm::Job;
+use super::softmax::Softmax;
 use super::{Accumulators, Isa, Patch};
-use crate::nn::ops::finish::{Finish, Target};
-use crate::nn::ops::layer_norm::Job;
-use crate::nn::ops::window_attention::Softmax;
 use core::arch::x86_64::*;
 
 /// AVX-512 F, BW, DQ, VL, VNNI; `VBMI` looks up bytes in registers.
-struct Avx512<const VBMI: bool>;
-
-/// For [`super::select`].
-pub(super) const KERNEL: super::Kernel = super::instantiate::instantiate!(
-    "avx512vnni-u8i8-10x32",
-    Avx512<false>,
-    "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni"
-);
-
-/// For [`super::select`].
-pub(super) const KERNEL_VBMI: super::Kernel = super::instantiate::instantiate!(
-    "avx512vbmi-u8i8-10x32",
-    Avx512<true>,
-    "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi"
-);
+pub(crate) struct Avx512<const VBMI: bool>;
 
 impl<const VBMI: bool> Isa for Avx512<VBMI> {
+    const NAME: &str = if VBMI { "avx512vbmi-u8i8-10x32" } else { "avx512vnni-u8i8-10x32" };
+
     #[inline(always)]
     fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        // SAFETY: the processor has the instructions (see `KERNEL`).
+        // SAFETY: the processor has the instructions (see `nn/dispatch`).
         unsafe { product::<true>(acc, pixels, patch, weights, width) }
     }
 
@@ -55,14 +43,14 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
 
     #[inline(always)]
     fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-        // SAFETY: the processor has the instructions (see `KERNEL`).
+        // SAFETY: the processor has the instructions (see `nn/dispatch`).
         unsafe {
             if VBMI { finish::run_vbmi(finish, bytes, acc, target) } else { finish::run(finish, bytes, acc, target) }
         }
     }
 
     #[inline(always)]
-    fn layer_norm(job: &Job<'_, '_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
+    fn layer_norm(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
         // SAFETY: as above.
         unsafe { layer_norm::pixels(job, bytes, col, pixels) }
     }

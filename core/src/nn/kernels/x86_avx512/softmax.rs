@@ -1,7 +1,7 @@
 //! Softmax of one query: logits by rows of up to eight keys, then the exponential of 32 keys at a time, as both of its tables
 //! fit into registers (`vpermw` looks up 32 entries, `vpmulhrsw` is the rounded product).
 
-use crate::nn::ops::window_attention::{LOGIT_LIMIT, MAX_TOKENS, Softmax};
+use crate::nn::kernels::softmax::{LOGIT_LIMIT, MAX_TOKENS, Softmax};
 use core::arch::x86_64::*;
 
 /// # Safety

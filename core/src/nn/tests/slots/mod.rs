@@ -6,10 +6,9 @@ mod flash;
 mod refusals;
 
 use super::draft::{Draft, map};
-use crate::nn::format::{seal_file, word};
-use crate::nn::kernels::Kernel;
+use crate::nn::file::{Dtype, Operator, seal_file, word};
 use crate::nn::slots::*;
-use crate::nn::{Dtype, Model, Operator, Progress, RunError, Runner, required};
+use crate::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use flash::Flash;
 
 /// A model whose output is the image's codes times `weight`, with `filling` bytes of constants that nobody reads.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::nn::ModelError;
-use crate::nn::format::{HEADER_BYTES, VERSION};
+use crate::nn::file::{HEADER_BYTES, VERSION};
 use crate::nn::slots::SlotError as E;
 
 /// Uploads `file` as whatever `id` says; the model that runs must not notice.

@@ -5,8 +5,8 @@ use super::super::graph::{Activation, Operation};
 use super::emulate::Emulator;
 use super::{CalibrationTile, random_export, small_config};
 use crate::config::{DecoderKind, Head, ImageEncoderKind, NetConfig};
-use elunar_core::nn::format::NONE;
-use elunar_core::nn::{Dtype, Model, Progress, Runner, required};
+use elunar_core::nn::file::{Dtype, NONE};
+use elunar_core::nn::{Model, Progress, Runner, required};
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -11,7 +11,7 @@ use super::super::fold::fold;
 use super::super::graph::{Activation, Graph, Kernel, NodeId, Operation, Source};
 use super::super::pack::Filter;
 use super::super::quantise::{IntegerFilter, Program, gelu_table, quantise_weights};
-use elunar_core::nn::{Dtype, Operator};
+use elunar_core::nn::file::{Dtype, Operator};
 
 /// A map as codes (for the output: real values).
 pub(crate) type Map = Vec<f64>;

@@ -3,9 +3,8 @@
 use super::super::compile::Precision;
 use super::{random_export, small_config};
 use crate::config::{Head, NetConfig};
-use elunar_core::nn::format::seal_file;
-use elunar_core::nn::format::{HEADER_BYTES, word};
-use elunar_core::nn::{ENTRY_BYTES, Model, ModelError, OPERATOR_BYTES, Progress, Runner, TENSOR_BYTES, required};
+use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};
+use elunar_core::nn::{Model, ModelError, Progress, Runner, required};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

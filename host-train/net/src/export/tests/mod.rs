@@ -3,6 +3,7 @@
 mod agreement;
 mod emulate;
 mod files;
+mod fixture;
 mod golden;
 mod runs;
 

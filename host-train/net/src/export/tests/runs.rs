@@ -4,8 +4,7 @@ use super::super::compile::{Options, Precision, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
 use crate::config::{Head, Illumination, NetConfig, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Turn, turned};
-use elunar_core::nn::kernels::Kernel;
-use elunar_core::nn::{Model, Progress, RunError, Runner, TileInput, TileLight, required};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
 use elunar_core::norm::ElevationScale;
 use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use std::path::Path;
@@ -209,10 +208,12 @@ fn self_test_passes_and_notices_a_changed_model() {
     // A head bias other than the one exported, under valid checksums.
     let mut changed = made.bytes.clone();
     let model = Model::new(&made.bytes).unwrap();
-    let Some(elunar_core::nn::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else { panic!() };
+    let Some(elunar_core::nn::file::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else {
+        panic!()
+    };
     let constants = made.bytes.len() - model.constants_bytes().next_multiple_of(8);
     changed[constants + head.bias + 1] ^= 0x40;
-    elunar_core::nn::format::seal_file(&mut changed);
+    elunar_core::nn::file::seal_file(&mut changed);
     let (result, faults) = check(&changed);
     assert!(matches!(result, Err(RunError::SelfTest { .. })), "{result:?}");
     assert_eq!(faults, 1);

@@ -1,9 +1,8 @@
 //! Judges the schedule by playing it through: every row is made before it is read, and read before it is overwritten.
 
-use super::error::ModelError;
-use super::format::NONE;
-use super::model::{MAX_RECORDS, Model};
-use super::program::{Operator, Tensor};
+use crate::nn::file::{MAX_RECORDS, ModelError, NONE, Operator};
+use crate::nn::model::Model;
+use crate::nn::tensor::Tensor;
 use crate::part::{item, put};
 use core::ops::Range;
 

@@ -204,22 +204,3 @@ fn every_kernel_the_processor_has_is_offered() {
         assert_eq!(offered("avx512vnni-"), detected.iter().all(|d| *d));
     }
 }
-
-#[test]
-fn panels_cover_every_channel_once() {
-    for channels in 1..300 {
-        let panels: Vec<(usize, usize)> = panels(channels).collect();
-        assert_eq!(panels.len(), panel_count(channels));
-        let mut next = 0;
-        for (index, &(first, width)) in panels.iter().enumerate() {
-            assert_eq!(panel(channels, index), (first, width));
-            assert!(first == next && first < channels && [8, 16, 32].contains(&width), "{channels}: {panels:?}");
-            assert!(pixels_at_once(width) * width <= ACCUMULATORS);
-            next = first + width;
-        }
-        assert_eq!(next, panelled(channels));
-        // No more filling than panels of 8 alone would need.
-        assert!(next >= channels && next - channels < 8, "{channels}: {panels:?}");
-    }
-    assert_eq!((panel_count(0), panels(0).count()), (0, 0));
-}

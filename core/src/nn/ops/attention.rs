@@ -11,24 +11,21 @@
 //! ```
 //! The softmax is not normalised before it meets v.
 
+use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, OVERREAD, Row};
-use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, PANEL, Patch, panelled, panels};
-use crate::nn::model::{MAX_WINDOW, Model};
-use crate::nn::prepared::Prepared;
-use crate::nn::program::{Attention, Tensor, groups};
+use crate::nn::file::{Attention, MAX_WINDOW, MEAN_FRACTION_BITS};
+use crate::nn::kernels::softmax::{MAX_TOKENS, Softmax};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch};
+use crate::nn::panels::{PANEL, groups, panelled, panels};
+use crate::nn::tensor::Tensor;
 use crate::part::{head, head_mut, item, part, part_mut, put};
-use crate::quant::limit::{larger, limit_wide};
-use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
+use crate::quant::limit::limit_wide;
+use crate::quant::lut::EXP_COARSE;
 use crate::quant::round_shift;
 
-/// Logits are cut here; far beyond any table.
-pub(crate) const LOGIT_LIMIT: i64 = 1 << 24;
 /// Bits of the reciprocal of the sum of exponentials.
 const RECIPROCAL_BITS: u32 = 43;
-/// Fraction bits of the weighted mean of v.
-pub(crate) const FRACTION_BITS: u32 = 16;
-/// Tokens of the largest window.
-pub(crate) const MAX_TOKENS: usize = MAX_WINDOW * MAX_WINDOW;
+const _: () = assert!(MAX_WINDOW * MAX_WINDOW == MAX_TOKENS);
 
 /// Sizes of the scratch memory's parts.
 #[derive(Clone, Copy)]
@@ -118,7 +115,7 @@ impl Walk<'_> {
 /// Runs unit `unit` (column piece) of step `step` (row piece).
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
-    model: &Model<'_>,
+    constants: &Constants<'_>,
     (a, prepared): (&Attention, &Prepared),
     arena: &mut Arena<'_>,
     step: usize,
@@ -129,8 +126,8 @@ pub(crate) fn run<I: Isa>(
     let window = Window { a, input: &input, rows, cols };
     let mut cut = 0;
     for head in 0..a.heads {
-        let (offsets, layout) = pack(model, &window, &out, arena, head);
-        let head = Head { model, window: &window, out: &out, head, layout, offsets: &offsets };
+        let (offsets, layout) = pack(constants, &window, &out, arena, head);
+        let head = Head { constants, window: &window, out: &out, head, layout, offsets: &offsets };
         for row in rows.0..rows.1.min(out.rows) {
             cut += head.row::<I>(arena, row);
         }
@@ -146,7 +143,7 @@ pub(crate) fn run<I: Isa>(
 /// Packs k and v of one head; returns what each key's logits owe to the code 128 of q's zero.
 #[inline(always)]
 fn pack(
-    model: &Model<'_>,
+    constants: &Constants<'_>,
     window: &Window<'_>,
     out: &Tensor,
     arena: &mut Arena<'_>,
@@ -157,7 +154,7 @@ fn pack(
     let (tensors, scratch) = arena.bytes.split_at_mut_checked(arena.scratch).unwrap_or_default();
     let (keys, rest) = scratch.split_at_mut_checked(layout.keys).unwrap_or_default();
     let values = head_mut(rest, layout.values);
-    let pad = model.constants(window.a.pad_codes, window.input.channels);
+    let pad = constants.slice(window.a.pad_codes, window.input.channels);
     let mut offsets = [0; MAX_TOKENS];
     let from = out.channels + head * channels;
     let mut walk = window.walk(from);
@@ -220,7 +217,7 @@ fn pack(
 
 /// One head of a window, packed.
 struct Head<'a, 'm> {
-    model: &'a Model<'m>,
+    constants: &'a Constants<'m>,
     window: &'a Window<'a>,
     out: &'a Tensor,
     head: usize,
@@ -240,7 +237,7 @@ impl Head<'_, '_> {
         for (q, (reciprocal, logits)) in reciprocals.iter_mut().zip(&logits).take(cols.len()).enumerate() {
             *reciprocal = reciprocal_of(self.exponentials::<I>(arena, logits, row, q));
         }
-        let multiplier = self.model.constant_i32(a.multipliers, self.head);
+        let multiplier = self.constants.i32_at(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
         let (mut cut, mut acc): (u64, Accumulators) = (0, [0; ACCUMULATORS]);
         for (first, width) in panels(channels) {
@@ -286,7 +283,7 @@ impl Head<'_, '_> {
         let (lo, hi, zero) = (out.lo as i64, out.hi as i64, out.zero as i64);
         let (mut codes, mut cuts) = ([0i32; W], [0i64; W]);
         for c in 0..W {
-            let mean = round_shift(weighted[c] as i64 * reciprocal as i64, RECIPROCAL_BITS - FRACTION_BITS);
+            let mean = round_shift(weighted[c] as i64 * reciprocal as i64, RECIPROCAL_BITS - MEAN_FRACTION_BITS);
             let code = round_shift(mean as i32 as i64 * multiplier as i64, shift) + zero;
             cuts[c] = (code > hi) as i64 + (code < lo) as i64;
             codes[c] = limit_wide(code, lo, hi) as i32;
@@ -330,7 +327,7 @@ impl Head<'_, '_> {
     fn exponentials<I: Isa>(&self, arena: &mut Arena<'_>, products: &[i32; MAX_TOKENS], row: usize, q: usize) -> i64 {
         let a = self.window.a;
         let (width, side) = (self.window.width(), 2 * a.window - 1);
-        let bias = self.model.constants(a.position_bias + 2 * self.head * side * side, 2 * side * side);
+        let bias = self.constants.slice(a.position_bias + 2 * self.head * side * side, 2 * side * side);
         // The table is stored so that keys from left to right meet entries from left to right.
         let first = (a.window - 1 - (row - self.window.rows.0)) * side + a.window - 1 - q;
         let softmax = Softmax {
@@ -339,10 +336,10 @@ impl Head<'_, '_> {
             width,
             bias: bias.as_chunks().0.get(first..).unwrap_or_default(),
             bias_pitch: side,
-            multiplier: self.model.constant_i32(a.logit_multipliers, self.head),
+            multiplier: self.constants.i32_at(a.logit_multipliers, self.head),
             shift: a.logit_shift & 63,
-            coarse: table(self.model, a.exp_table),
-            fine: table(self.model, a.exp_table + 2 * EXP_COARSE),
+            coarse: table(self.constants, a.exp_table),
+            fine: table(self.constants, a.exp_table + 2 * EXP_COARSE),
         };
         let at = arena.scratch + self.layout.keys + self.layout.values + 2 * self.layout.row * q;
         let planes = part_mut(arena.bytes, at, 2 * self.layout.row);
@@ -353,57 +350,8 @@ impl Head<'_, '_> {
 
 /// Part of the exponential's table.
 #[inline(always)]
-fn table<'a, const N: usize>(model: &Model<'a>, offset: usize) -> &'a [[u8; 2]; N] {
-    model.constants(offset, 2 * N).as_chunks().0.first_chunk().unwrap_or(&[[0; 2]; N])
-}
-
-/// One query's softmax, not normalised.
-pub(crate) struct Softmax<'a> {
-    /// q · k by key.
-    pub(crate) products: &'a [i32; MAX_TOKENS],
-    /// Keys.
-    pub(crate) tokens: usize,
-    /// Keys in a row of the window.
-    pub(crate) width: usize,
-    /// Position bias of the first key, little-endian i16; the next row of keys begins `bias_pitch` entries on.
-    pub(crate) bias: &'a [[u8; 2]],
-    pub(crate) bias_pitch: usize,
-    pub(crate) multiplier: i32,
-    pub(crate) shift: u32,
-    /// Tables of the exponential.
-    pub(crate) coarse: &'a [[u8; 2]; EXP_COARSE],
-    pub(crate) fine: &'a [[u8; 2]; EXP_FINE],
-}
-
-impl Softmax<'_> {
-    /// [`Isa::softmax`] in portable Rust.
-    #[inline(always)]
-    pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
-        let half = 1i64 << (self.shift.max(1) - 1);
-        let mut logits = [0i32; MAX_TOKENS];
-        // Below every logit: one that is cut, with the smallest bias.
-        let mut largest = -2 * LOGIT_LIMIT as i32;
-        let width = self.width.max(1);
-        let rows = self.bias.chunks(self.bias_pitch.max(1)).zip(head_mut(&mut logits, self.tokens).chunks_mut(width));
-        for ((bias, logits), products) in rows.zip(self.products.chunks(width)) {
-            for ((logit, product), bias) in logits.iter_mut().zip(products).zip(bias) {
-                let product = (*product as i64 * self.multiplier as i64 + half) >> self.shift;
-                let product = limit_wide(product, -LOGIT_LIMIT, LOGIT_LIMIT) as i32;
-                *logit = product + i16::from_le_bytes(*bias) as i32;
-                largest = larger(largest, *logit);
-            }
-        }
-        let mut sum = 0;
-        for ((logit, low), high) in head(&logits, self.tokens).iter().zip(low.iter_mut()).zip(high.iter_mut()) {
-            let e = exp_lookup(self.coarse, self.fine, largest - logit);
-            (*low, *high) = (e as u8, (e >> 8) as u8);
-            sum += e as i64;
-        }
-        for plane in [low, high] {
-            plane.get_mut(self.tokens..).unwrap_or_default().fill(0);
-        }
-        sum
-    }
+fn table<'a, const N: usize>(constants: &Constants<'a>, offset: usize) -> &'a [[u8; 2]; N] {
+    constants.slice(offset, 2 * N).as_chunks().0.first_chunk().unwrap_or(&[[0; 2]; N])
 }
 
 /// `2^RECIPROCAL_BITS / sum`, rounded down, for the sum of a row's exponentials: 2^13 at least, which validation sees to, and below 2^21. In

@@ -1,37 +1,27 @@
-//! An operator ready to run: its records read once, and found as they were written.
+//! An operator ready to run, and what it costs.
 
-use super::kernels::{panel, panel_count};
-use super::model::Model;
-use super::program::{Conv, Operator, Phase, Tensor};
+use super::attention::Layout;
+use crate::nn::arena::OVERREAD;
+use crate::nn::file::{Conv, Operator, Phase};
+use crate::nn::panels::{panel, panel_count};
+use crate::nn::tensor::Tensor;
 
 /// An operator with its tensors, away from the model's memory: what happens to that from now on does not change what is read and written
 /// where, or how often.
 #[derive(Debug, Clone, Copy)]
-pub struct Prepared {
+pub(crate) struct Prepared {
     /// What is done.
-    pub operator: Operator,
+    pub(crate) operator: Operator,
     /// The tensor it writes.
-    pub out: Tensor,
+    pub(crate) out: Tensor,
     /// The tensors it reads, by slot ([`Operator::inputs`]).
-    pub inputs: [Option<Tensor>; 3],
+    pub(crate) inputs: [Option<Tensor>; 3],
 }
 
 impl Prepared {
-    /// Reads an operator's record and those of its tensors; `None` if one of them has changed since it was written.
-    pub fn new(model: &Model<'_>, operator: usize) -> Option<Self> {
-        let operator = model.operator(operator)?;
-        let mut inputs = [None; 3];
-        for (slot, tensor) in inputs.iter_mut().zip(operator.inputs()) {
-            if let Some(tensor) = tensor {
-                *slot = Some(model.sealed_tensor(tensor)?);
-            }
-        }
-        Some(Self { operator, out: model.sealed_tensor(operator.output())?, inputs })
-    }
-
     /// Units of work in a step: a panel of output channels, a row of pixels, or a window.
     #[inline]
-    pub const fn units(&self) -> usize {
+    pub(crate) const fn units(&self) -> usize {
         match &self.operator {
             Operator::Conv(_) => panel_count(self.out.channels),
             Operator::LayerNorm(_) | Operator::Enlarge(_) => 1,
@@ -40,7 +30,7 @@ impl Prepared {
     }
 
     /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an enlargement eight.
-    pub fn unit_macs(&self, step: usize, unit: usize) -> u64 {
+    pub(crate) fn unit_macs(&self, step: usize, unit: usize) -> u64 {
         let out = &self.out;
         match &self.operator {
             Operator::Conv(conv) => {
@@ -58,7 +48,7 @@ impl Prepared {
     }
 
     /// Multiply-accumulates of the whole operator.
-    pub fn macs(&self) -> u64 {
+    pub(crate) fn macs(&self) -> u64 {
         match &self.operator {
             Operator::Conv(conv) => {
                 let all = Conv { block: self.out.rows, ..*conv };
@@ -68,6 +58,19 @@ impl Prepared {
                 .map(|step| (0..self.units()).map(|unit| self.unit_macs(step, unit)).sum::<u64>())
                 .sum(),
             _ => self.unit_macs(0, 0).saturating_mul(self.steps() as u64),
+        }
+    }
+
+    /// Bytes of scratch memory that it works in.
+    pub(crate) fn scratch_bytes(&self) -> usize {
+        match &self.operator {
+            // A row of zero codes for the padding, as long as what the kernel reads of a row.
+            Operator::Conv(conv) if conv.pad > 0 && !conv.fold => {
+                let line = |t: &Tensor| t.plane_bytes() + conv.kernel_cols * t.channels + OVERREAD;
+                self.inputs.iter().take(2).flatten().map(line).max().unwrap_or(0)
+            }
+            Operator::Attention(a) => Layout::new(a.window * a.window, self.out.channels / a.heads.max(1)).bytes(),
+            _ => 0,
         }
     }
 
@@ -88,7 +91,7 @@ impl Prepared {
     }
 
     /// Steps that make all of the output.
-    pub const fn steps(&self) -> usize {
+    pub(crate) const fn steps(&self) -> usize {
         self.operator.steps(&self.out)
     }
 

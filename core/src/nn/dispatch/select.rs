@@ -1,32 +1,37 @@
-//! Which kernels this processor runs: the one place that asks it.
+//! Which kernels this processor runs, fastest first.
 
 use super::Kernel;
+#[cfg(target_arch = "x86_64")]
+use super::instantiate as x86;
+#[cfg(not(target_arch = "x86_64"))]
+#[allow(unused_imports, reason = "processors with the scalar kernel alone")]
+use crate::nn::kernels;
 
 /// The kernels at hand, fastest first.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
     let has = Features::of_this_processor();
     [
-        has.avx512_vbmi.then_some(super::x86_avx512::KERNEL_VBMI),
-        has.avx512_vnni.then_some(super::x86_avx512::KERNEL),
-        has.avx2.then_some(super::x86_avx2::KERNEL),
+        has.avx512_vbmi.then_some(x86::AVX512_VBMI),
+        has.avx512_vnni.then_some(x86::AVX512),
+        has.avx2.then_some(x86::AVX2),
         Some(Kernel::SCALAR),
     ]
 }
 
 /// The kernels at hand, fastest first: what the binary is compiled for.
 #[cfg(not(target_arch = "x86_64"))]
+#[allow(unused_variables, reason = "the last one that the target has holds")]
 pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
-    #[allow(unused_variables)]
     let fastest: Option<Kernel> = None;
     #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
-    let fastest = Some(super::neon::KERNEL);
+    let fastest = Some(Kernel::of::<kernels::neon::Neon>());
     #[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
-    let fastest = Some(super::neon_dot::KERNEL);
+    let fastest = Some(Kernel::of::<kernels::neon_dot::NeonDot>());
     #[cfg(arm_dsp)]
-    let fastest = Some(super::dsp::KERNEL);
+    let fastest = Some(Kernel::of::<kernels::dsp::Dsp>());
     #[cfg(arm_mve)]
-    let fastest = Some(super::helium::KERNEL);
+    let fastest = Some(Kernel::of::<kernels::helium::Helium>());
     [fastest, Some(Kernel::SCALAR)]
 }
 

@@ -1,0 +1,58 @@
+//! The numbers that stand for the cases of an enum in a file. A number never changes its meaning.
+
+use crate::nn::input::{Illumination, TruthRange};
+use crate::nn::tensor::{Dtype, Edge};
+
+/// `code` and `from_code` of an enum, from one list.
+macro_rules! codes {
+    ($type:ident, $($case:ident = $code:literal),+) => {
+        impl $type {
+            /// Its number in a model file.
+            #[must_use]
+            pub const fn code(self) -> u32 {
+                match self {
+                    $(Self::$case => $code,)+
+                }
+            }
+
+            /// The case of a number in a model file; `None` for a number that stands for nothing.
+            #[must_use]
+            pub const fn from_code(code: u32) -> Option<Self> {
+                match code {
+                    $($code => Some(Self::$case),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+codes!(Dtype, U8 = 0, I16 = 1, F32 = 2);
+codes!(Edge, Zero = 0, Nearest = 1);
+codes!(TruthRange, Own = 0, Reference = 1, Pixel = 2);
+codes!(Illumination, Any = 0, Northwest = 1, Given = 2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A released number keeps its meaning: these stand in files.
+    #[test]
+    fn numbers_are_those_of_released_files() {
+        assert_eq!([Dtype::U8, Dtype::I16, Dtype::F32].map(Dtype::code), [0, 1, 2]);
+        assert_eq!([Edge::Zero, Edge::Nearest].map(Edge::code), [0, 1]);
+        assert_eq!([TruthRange::Own, TruthRange::Reference, TruthRange::Pixel].map(TruthRange::code), [0, 1, 2]);
+        let light = [Illumination::Any, Illumination::Northwest, Illumination::Given];
+        assert_eq!(light.map(Illumination::code), [0, 1, 2]);
+    }
+
+    #[test]
+    fn every_number_is_read_as_what_wrote_it_and_no_other_is_read() {
+        for code in 0..9 {
+            assert_eq!(Dtype::from_code(code).map_or(9, Dtype::code), if code < 3 { code } else { 9 });
+            assert_eq!(Edge::from_code(code).map_or(9, Edge::code), if code < 2 { code } else { 9 });
+            assert_eq!(TruthRange::from_code(code).map_or(9, TruthRange::code), if code < 3 { code } else { 9 });
+            assert_eq!(Illumination::from_code(code).map_or(9, Illumination::code), if code < 3 { code } else { 9 });
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! The record of a bilinear enlargement.
+
+/// Twofold bilinear enlargement with half-pixel centres and repeated border:
+/// `code = (9a + 3b + 3c + d + 8) >> 4`. Input and output have the same codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Enlarge {
+    /// Output tensor, twice the rows and columns.
+    pub out: u32,
+    /// Input tensor.
+    pub input: u32,
+}

@@ -1,0 +1,105 @@
+//! What can be wrong with a model file.
+
+use core::fmt;
+
+/// Why a model file is refused. Numbers are indices into the file's own lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelError {
+    /// Not a model file.
+    Magic,
+    /// A version this runner does not know.
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// The file's length differs from what its header says.
+    Length {
+        /// Bytes the header promises.
+        expected: u64,
+        /// Bytes found.
+        found: u64,
+    },
+    /// The header's checksum does not match.
+    HeaderChecksum,
+    /// The checksum of a chunk does not match; `u32::MAX` stands for the list of checksums itself.
+    ChunkChecksum {
+        /// Which chunk.
+        chunk: u32,
+    },
+    /// A header field lies outside its legal range.
+    Header,
+    /// A tensor's description is not legal.
+    Tensor {
+        /// Which tensor.
+        tensor: u32,
+    },
+    /// An operator's description is not legal by itself or with its tensors.
+    Operator {
+        /// Which operator.
+        operator: u32,
+        /// What is wrong with it.
+        reason: OperatorFault,
+    },
+    /// The schedule reads rows that do not exist yet or no longer, or leaves work undone.
+    Schedule {
+        /// Which entry.
+        entry: u32,
+    },
+}
+
+/// What is wrong with an operator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OperatorFault {
+    /// Unknown kind.
+    Kind,
+    /// A parameter outside its range.
+    Parameter,
+    /// A tensor number beyond the list.
+    TensorIndex,
+    /// Shapes do not fit each other.
+    Shape,
+    /// A tensor of a type this operator does not take here.
+    Type,
+    /// Constants reach beyond their section, or hold illegal values.
+    Constants,
+    /// An accumulator could leave its integer type.
+    Overflow,
+    /// The record's seal does not match its words.
+    Seal,
+}
+
+impl fmt::Display for OperatorFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Kind => "unknown kind",
+            Self::Parameter => "parameter outside its range",
+            Self::TensorIndex => "tensor number beyond the list",
+            Self::Shape => "shapes do not fit",
+            Self::Type => "tensor of the wrong type",
+            Self::Constants => "constants out of bounds or illegal",
+            Self::Overflow => "accumulator could overflow",
+            Self::Seal => "seal broken",
+        })
+    }
+}
+
+impl fmt::Display for ModelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Magic => f.write_str("not an ELunarDTM model file"),
+            Self::Version { found } => write!(f, "expected version {}, found {found}", super::layout::VERSION),
+            Self::Length { expected, found } => write!(f, "expected {expected} bytes, found {found}"),
+            Self::HeaderChecksum => f.write_str("header checksum does not match"),
+            Self::ChunkChecksum { chunk: u32::MAX } => f.write_str("checksum of the checksum list does not match"),
+            Self::ChunkChecksum { chunk } => write!(f, "checksum of chunk {chunk} does not match"),
+            Self::Header => f.write_str("header field out of range"),
+            Self::Tensor { tensor } => write!(f, "tensor {tensor} is not legal, or lies where another is in use"),
+            Self::Operator { operator, reason } => write!(f, "operator {operator}: {reason}"),
+            Self::Schedule { entry } => {
+                write!(f, "schedule entry {entry}: rows that do not exist at that point, or work left undone")
+            }
+        }
+    }
+}
+
+impl core::error::Error for ModelError {}

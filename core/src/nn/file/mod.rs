@@ -1,0 +1,45 @@
+//! The model file, for those who make one or take one apart: header, records, numbers of enums, limits, checksums.
+//!
+//! A file is a program: tensors at planned places in one arena ([`Tensor`]), constants, a list of operators over the tensors
+//! ([`Operator`]), and a schedule ([`Entry`]) that says in which order the rows of their outputs are made. An operator may run a few rows
+//! ahead of its reader, so that only those rows need memory.
+//!
+//! Every record has `encode` and `decode`; every enum in the file has `code` and `from_code`. [`seal_file`] writes all checksums at the end.
+//! Whether a file is legal is for [`super::Model::new`] to say. Byte by byte: `onboard/docs/icd.md`.
+
+mod attention;
+mod bytes;
+mod checksums;
+mod codes;
+mod conv;
+pub(crate) mod count;
+mod enlarge;
+mod entry;
+pub(crate) mod error;
+mod layer_norm;
+mod layout;
+mod limits;
+mod operator;
+mod raw;
+mod seal;
+mod tensor;
+
+pub use super::crc::{Crc32c, crc32c};
+pub use super::panels::{PANEL, groups, panel, panel_count, panelled, panels};
+pub use super::tensor::{Dtype, Edge, Tensor};
+pub use attention::Attention;
+pub use bytes::{i32_at, i64_at, u32_at};
+pub use checksums::seal_file;
+pub(crate) use conv::VARIANT_KINDS;
+pub use conv::{Conv, PHASE_TAPS, PHASES, Phase};
+pub use enlarge::Enlarge;
+pub use entry::{ENTRY_BYTES, Entry};
+pub(crate) use error::ModelError;
+pub use error::OperatorFault;
+pub use layer_norm::LayerNorm;
+pub use layout::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, NONE, VERSION, word};
+pub use limits::*;
+pub use operator::{OPERATOR_BYTES, Operator};
+pub use raw::RawModel;
+pub use seal::{seal_record, sealed};
+pub use tensor::TENSOR_BYTES;

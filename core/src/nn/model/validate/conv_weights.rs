@@ -1,0 +1,73 @@
+//! Convolutions: with the weights as they are, no finished sum leaves i32.
+
+use crate::nn::file::{Conv, OperatorFault, VARIANT_KINDS};
+use crate::nn::model::Model;
+use crate::nn::panels::{PANEL, groups, panels};
+use crate::nn::tensor::{Dtype, Tensor};
+use crate::part::item;
+
+impl Model<'_> {
+    /// The K limit: with the weights as they are, no finished sum can leave i32. Filling must be 0.
+    pub(super) fn check_conv_weights(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
+        let bias = self.constant_slice(conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+        let mut at = conv.weights;
+        for (first, width) in panels(out.channels) {
+            // Largest sum of each kind; a pixel at a corner adds one of every kind.
+            let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
+            for variant in 0..conv.variants() {
+                // Largest sum of products, and what zero codes contribute.
+                let (mut sums, mut zeros) = ([0u64; PANEL], [0i64; PANEL]);
+                for source in conv.sources() {
+                    let t = self.tensor(source);
+                    at += self.add_weights(
+                        conv.extent(variant),
+                        &t,
+                        (at, first, width, out.channels),
+                        (&mut sums, &mut zeros),
+                    )?;
+                }
+                let Some(largest) = largest.get_mut(conv.variant_kind(variant)) else { continue };
+                let channels = largest.iter_mut().zip(sums).zip(zeros).take(width.min(out.channels - first));
+                for (channel, ((largest, sum), zero)) in channels.enumerate() {
+                    let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
+                    // Sums wrap, so the stored bias may have wrapped too.
+                    let bias = ((bias as i64 + zero) as i32).unsigned_abs() as u64;
+                    *largest = (*largest).max(sum + bias);
+                }
+            }
+            for channel in 0..PANEL {
+                if largest.iter().map(|kind| item(kind, channel)).sum::<u64>() > i32::MAX as u64 {
+                    return Err(OperatorFault::Overflow);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a set of filters of one source and one panel; returns its bytes.
+    fn add_weights(
+        &self,
+        (rows, cols): (usize, usize),
+        t: &Tensor,
+        (at, first, width, channels): (usize, usize, usize, usize),
+        (sums, zeros): (&mut [u64; PANEL], &mut [i64; PANEL]),
+    ) -> Result<usize, OperatorFault> {
+        let used = cols * t.channels;
+        let (magnitude, zero) = (t.magnitude() as u64, if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 });
+        let weights = self.constant_slice(at, rows, 4 * width * groups(used))?;
+        for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
+            let (channel, group) = (i % width.max(1), i / width.max(1) % groups(used).max(1));
+            let (Some(sum), Some(total)) = (sums.get_mut(channel), zeros.get_mut(channel)) else { continue };
+            for (b, &w) in four.iter().enumerate() {
+                let w = w as i8;
+                let filling = 4 * group + b >= used || first + channel >= channels;
+                if w == i8::MIN || (filling && w != 0) {
+                    return Err(OperatorFault::Constants);
+                }
+                *sum += w.unsigned_abs() as u64 * magnitude;
+                *total += w as i64 * zero;
+            }
+        }
+        Ok(weights.len())
+    }
+}

@@ -1,0 +1,124 @@
+//! What makes a file legal: header, tensors and operators one by one, then all of them together (`schedule.rs`).
+
+mod attention;
+mod conv;
+mod conv_weights;
+mod enlarge;
+mod layer_norm;
+mod schedule;
+
+use super::Model;
+use crate::nn::file::{MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, Operator, OperatorFault, word};
+use crate::nn::input::{Illumination, TruthRange};
+use crate::nn::tensor::{Dtype, Tensor};
+use crate::part::part;
+use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
+
+/// Judges a model whose sections are found, and works out what running it takes.
+pub(super) fn judge(model: &mut Model<'_>) -> Result<(), ModelError> {
+    model.check_tensors()?;
+    model.check_inputs()?;
+    for index in 0..model.operators.len() {
+        let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
+        let operator = Operator::decode(&model.operators[index]).map_err(refuse)?;
+        model.check_operator(&operator).map_err(refuse)?;
+        let prepared = model.prepared(&operator);
+        model.scratch_bytes = model.scratch_bytes.max(prepared.scratch_bytes());
+        model.macs = model.macs.saturating_add(prepared.macs());
+    }
+    model.check_output()?;
+    schedule::check(model)
+}
+
+impl<'a> Model<'a> {
+    fn check_tensors(&mut self) -> Result<(), ModelError> {
+        for (index, record) in self.tensors.iter().enumerate() {
+            let refuse = ModelError::Tensor { tensor: index as u32 };
+            let t = Tensor::decode(record).ok_or(refuse)?;
+            let extents = [t.rows, t.cols, t.channels];
+            let samples = extents.iter().fold(1u64, |n, &e| n * e.min(MAX_EXTENT) as u64);
+            let margins = 1 + (2 * t.margin / t.cols.max(1)) as u64;
+            let bytes = t.ring as u64 * t.pitch as u64;
+            if extents.iter().any(|e| !(1..=MAX_EXTENT).contains(e))
+                || samples * margins > MAX_SAMPLES
+                || t.pitch < t.row_bytes()
+                || bytes > 4 * MAX_SAMPLES
+                || t.offset > 1 << 30
+            {
+                return Err(refuse);
+            }
+            if t.sums != self.sum_count {
+                return Err(refuse);
+            }
+            self.sum_count += t.ring;
+            self.scratch_offset = self.scratch_offset.max(t.offset + t.size_bytes());
+        }
+        Ok(())
+    }
+
+    fn check_inputs(&self) -> Result<(), ModelError> {
+        let (rows, cols) = self.tile();
+        let floats = [self.nr(), self.range_margin()];
+        if !floats.iter().all(|v| v.is_finite() && *v >= 0.0)
+            || self.nr() <= 0.0
+            || TruthRange::from_code(self.raw.word(word::TARGET_RANGE)).is_none()
+            || Illumination::from_code(self.raw.word(word::ILLUMINATION)).is_none()
+        {
+            return Err(ModelError::Header);
+        }
+        let fits = |index: u32, maps: usize| match self.tensors.get(index as usize) {
+            None => index == NONE,
+            Some(_) => {
+                let t = self.tensor(index);
+                (t.rows, t.cols, t.channels, t.ring) == (rows, cols, maps, rows) && t.dtype != Dtype::F32
+            }
+        };
+        let (image, coarse) = (self.image_tensor(), self.coarse_tensor());
+        let apart = coarse == NONE || (fits(coarse, 1) && image != coarse);
+        if image != NONE && fits(image, self.image_maps()) && apart { Ok(()) } else { Err(ModelError::Header) }
+    }
+
+    fn check_output(&self) -> Result<(), ModelError> {
+        let (rows, cols) = self.tile();
+        let written = self.operators.last().and_then(|record| Operator::decode(record).ok()).map(|op| op.output());
+        let output = self.output_tensor();
+        if written != Some(output) {
+            return Err(ModelError::Header);
+        }
+        let t = self.tensor(output);
+        // Several columns may be channels of one pixel: the same bytes.
+        let fits = (t.rows, t.cols * t.channels, t.ring) == (rows, cols, rows) && t.dtype == Dtype::F32;
+        if fits { Ok(()) } else { Err(ModelError::Header) }
+    }
+
+    /// Judges one operator by itself.
+    fn check_operator(&self, operator: &Operator) -> Result<(), OperatorFault> {
+        let exists = |t: u32| (t as usize) < self.tensors.len();
+        if !exists(operator.output()) || !operator.inputs().into_iter().flatten().all(exists) {
+            return Err(OperatorFault::TensorIndex);
+        }
+        match operator {
+            Operator::Conv(conv) => self.check_conv(conv),
+            Operator::LayerNorm(norm) => self.check_layer_norm(norm),
+            Operator::Attention(attention) => self.check_attention(attention),
+            Operator::Enlarge(enlarge) => self.check_enlarge(enlarge),
+        }
+    }
+
+    fn check_multipliers(&self, offset: usize, count: usize, shift: u32) -> Result<(), OperatorFault> {
+        if !(1..=SHIFT_LIMIT).contains(&shift) {
+            return Err(OperatorFault::Parameter);
+        }
+        let values = self.constant_slice(offset, count, 4)?.as_chunks::<4>().0;
+        let legal = values.iter().all(|&m| i32::from_le_bytes(m).unsigned_abs() <= MULTIPLIER_LIMIT as u32);
+        if legal { Ok(()) } else { Err(OperatorFault::Overflow) }
+    }
+
+    fn constant_slice(&self, offset: usize, count: usize, size: usize) -> Result<&'a [u8], OperatorFault> {
+        let end = offset as u64 + count as u64 * size as u64;
+        if end > self.constants.0.len() as u64 {
+            return Err(OperatorFault::Constants);
+        }
+        Ok(part(self.constants.0, offset, end as usize - offset))
+    }
+}

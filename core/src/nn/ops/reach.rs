@@ -1,0 +1,52 @@
+//! What the steps of an operator read and write.
+
+use crate::nn::file::Operator;
+use crate::nn::file::count::{at_least_one, min};
+use crate::nn::tensor::Tensor;
+use core::ops::Range;
+
+impl Operator {
+    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an enlargement, or twice a
+    /// block for one that a convolution contains; a row of windows for an attention.
+    #[inline]
+    pub const fn steps(&self, out: &Tensor) -> usize {
+        match self {
+            Self::Enlarge(_) => out.rows / 2,
+            Self::Conv(c) => out.rows.div_ceil(at_least_one(c.step_rows())),
+            Self::LayerNorm(_) => out.rows,
+            Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
+        }
+    }
+
+    /// Rows of `out` that exist after the first `steps` steps.
+    #[inline]
+    pub const fn rows_after(&self, out: &Tensor, steps: usize) -> usize {
+        match self {
+            Self::Enlarge(_) => 2 * steps,
+            Self::Conv(c) => min(c.step_rows() * steps, out.rows),
+            Self::LayerNorm(_) => steps,
+            Self::Attention(_) if steps == 0 => 0,
+            Self::Attention(a) => min(a.piece(out.rows, a.shift_rows, steps - 1).1, out.rows),
+        }
+    }
+
+    /// Rows of input `slot` (see [`Self::inputs`], of `rows` rows) that step `step` reads; empty if it reads padding only.
+    pub fn rows_read(&self, out: &Tensor, slot: usize, rows: usize, step: usize) -> Range<usize> {
+        match self {
+            Self::Conv(_) if slot == 2 => self.rows_after(out, step)..self.rows_after(out, step + 1),
+            Self::Conv(c) if c.fold => {
+                let block = c.step_rows() / 2;
+                (block * step).saturating_sub(2)..min(block * (step + 1) + 2, rows)
+            }
+            Self::Conv(c) => {
+                let made = self.rows_after(out, step)..self.rows_after(out, step + 1);
+                let first = (made.start * c.stride).saturating_sub(c.pad);
+                let end = (made.end.saturating_sub(1) * c.stride + c.kernel_rows).saturating_sub(c.pad);
+                first..min(end, rows).max(first)
+            }
+            Self::LayerNorm(n) => n.merge * step..n.merge * (step + 1),
+            Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),
+            Self::Enlarge(_) => step.saturating_sub(1)..min(step + 2, rows),
+        }
+    }
+}

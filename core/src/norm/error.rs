@@ -1,0 +1,78 @@
+//! Why a tile cannot be normalised.
+
+use crate::error::LengthError;
+use core::fmt;
+
+/// Why values could not be normalised or recovered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NormError {
+    /// Buffers of different lengths.
+    Length(LengthError),
+    /// Fewer valid pixels than [`crate::mask::MIN_VALID_PX`].
+    TooFewValid {
+        /// Valid pixels found.
+        found: usize,
+    },
+    /// Maximum minus minimum is not above [`crate::norm::RELIEF_EPS_M`] (or not finite).
+    Relief {
+        /// The relief found, metres.
+        relief_m: f32,
+    },
+    /// All valid pixels of the image have one value, or their range is not finite.
+    ConstantImage,
+    /// NR must be finite and above 0.
+    Range {
+        /// The NR found.
+        nr: f32,
+    },
+    /// A margin must be finite and not negative.
+    Margin {
+        /// The share found.
+        share: f32,
+    },
+}
+
+impl From<LengthError> for NormError {
+    fn from(e: LengthError) -> Self {
+        Self::Length(e)
+    }
+}
+
+impl fmt::Display for NormError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Length(e) => e.fmt(f),
+            Self::TooFewValid { found } => {
+                write!(f, "expected at least {} valid pixels, found {found}", crate::mask::MIN_VALID_PX)
+            }
+            Self::Relief { relief_m } => {
+                write!(f, "expected a finite relief above {} m, found {relief_m} m", crate::norm::RELIEF_EPS_M)
+            }
+            Self::ConstantImage => f.write_str("expected an image with contrast, found one constant value"),
+            Self::Range { nr } => write!(f, "expected a normalised range NR that is finite and above 0, found {nr}"),
+            Self::Margin { share } => write!(f, "expected a margin that is finite and at least 0, found {share}"),
+        }
+    }
+}
+
+impl core::error::Error for NormError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_one_line_and_name_expected_and_found() {
+        let length = LengthError { expected: 4, found: 3 };
+        for text in [
+            NormError::from(length).to_string(),
+            NormError::TooFewValid { found: 1 }.to_string(),
+            NormError::Relief { relief_m: 0.0 }.to_string(),
+            NormError::ConstantImage.to_string(),
+            NormError::Range { nr: 0.0 }.to_string(),
+            NormError::Margin { share: -1.0 }.to_string(),
+        ] {
+            assert!(text.starts_with("expected") && text.contains("found") && !text.contains('\n'), "{text}");
+        }
+    }
+}
