@@ -1,23 +1,4 @@
 //! Which light a network works under: the one rule, for ground, flight, strips and training.
-//!
-//! [`Lighting::decide`] goes by what the network knows ([`Illumination`]), by what is known of the Sun ([`KnownSun`]), and by what image and
-//! coarse DTM show ([`LightFit`]):
-//!
-//! | network | azimuth | elevation | light | [`LightSource`] |
-//! |---|---|---|---|---|
-//! | any | | | none is asked for | `NotAsked` |
-//! | north-west | known | | the quadrant of the azimuth | `Given` |
-//! | north-west | unknown | | the quadrant of the fit | `Fitted` |
-//! | given | known | known | the Sun's, its strength drawn to the fit | `Given` |
-//! | given | | | what is known is kept, the rest is fitted | `Fitted` |
-//! | either | | | [`Light::assumed`], where the fit finds no light | `Assumed` |
-//!
-//! Where no light shows, one is assumed and the caller is told (our choice). The coarse DTM of such ground is nearly level, but craters and rocks
-//! that only the image shows may lie on it. A network adds those; to keep the coarse heights would lose them all. If the Sun stands elsewhere
-//! than assumed, they come out with wrong signs. So nobody assumes silently: [`LightSource::Assumed`] goes to whoever asked for the heights.
-//!
-//! A scene has one light, and so has a strip. It is decided once, by a fit to as much of the ground as has been seen: a light that changes from
-//! tile to tile makes steps at the seams. A tile that stands alone has a light of its own. [`TileLight`] says which of the two a tile is.
 
 use super::input::Illumination;
 use crate::norm::{Light, LightFit, Turn};
@@ -45,7 +26,26 @@ pub enum LightSource {
     Assumed,
 }
 
-/// A light, and where it comes from.
+/// A light, and where it comes from: the one rule, for ground, flight, strips and training.
+///
+/// [`Self::decide`] goes by what the network knows ([`Illumination`]), by what is known of the Sun ([`KnownSun`]), and by what image and
+/// coarse DTM show ([`LightFit`]):
+///
+/// | network | azimuth | elevation | light | [`LightSource`] |
+/// |---|---|---|---|---|
+/// | any | | | none is asked for | `NotAsked` |
+/// | north-west | known | | the quadrant of the azimuth | `Given` |
+/// | north-west | unknown | | the quadrant of the fit | `Fitted` |
+/// | given | known | known | the Sun's, its strength drawn to the fit | `Given` |
+/// | given | | | what is known is kept, the rest is fitted | `Fitted` |
+/// | either | | | [`Light::assumed`], where the fit finds no light | `Assumed` |
+///
+/// Where no light shows, one is assumed and the caller is told (our choice). The coarse DTM of such ground is nearly level, but craters and rocks
+/// that only the image shows may lie on it. A network adds those; to keep the coarse heights would lose them all. If the Sun stands elsewhere
+/// than assumed, they come out with wrong signs. So nobody assumes silently: [`LightSource::Assumed`] goes to whoever asked for the heights.
+///
+/// A scene has one light, and so has a strip. It is decided once, by a fit to as much of the ground as has been seen: a light that changes from
+/// tile to tile makes steps at the seams. A tile that stands alone has a light of its own. [`TileLight`] says which of the two a tile is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lighting {
     /// The light of the ground as it lies, not mirrored.
@@ -90,7 +90,7 @@ impl Lighting {
         }
     }
 
-    /// The light of a scene for a network: see [the module](self).
+    /// The light of a scene for a network, by the rule above.
     #[must_use]
     pub fn decide(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> Self {
         let KnownSun { azimuth_deg, elevation_deg } = sun;
@@ -146,7 +146,7 @@ mod tests {
         KnownSun { azimuth_deg, elevation_deg }
     }
 
-    /// The table of the module.
+    /// The table of [`Lighting`].
     #[test]
     fn the_source_is_that_of_the_rule() {
         use Illumination as I;
