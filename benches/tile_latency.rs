@@ -119,7 +119,8 @@ fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
     let model = float::open(&path, Backend::Flex).expect("shipped float weights");
     let mut worker = model.worker().expect("the shipped model runs");
     let (rows, cols) = model.tile();
-    let ((image, coarse), mut output) = (tile(rows, cols, model.normalisation().image_maps()), vec![0.0; rows * cols]);
+    let ((image, coarse), mut output) =
+        (tile(rows, cols, model.input_rules().illumination.image_maps()), vec![0.0; rows * cols]);
     group.throughput(Throughput::Elements(1));
     let mut once = || worker.predict(&image, &coarse, &mut output).expect("no fault");
     let (samples, _) = measure(group, "nano/float-flex", |tiles| seconds(|| (0..tiles).for_each(|_| once())), || 0.0);

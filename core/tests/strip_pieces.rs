@@ -1,6 +1,6 @@
 //! How long each piece of a strip's work takes, with the shipped model.
 
-use elunar_core::nn::{Model, Runner};
+use elunar_core::nn::{Lighting, Model, Runner};
 use elunar_core::norm::Light;
 use elunar_core::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ fn pieces_of_a_strip() {
         pixel_m: 2.0,
         coarse_px: 30.0,
         anchor: true,
-        light: Light::from_sun(135.0, 35.0),
+        light: Lighting::given(Light::from_sun(135.0, 35.0).unwrap()),
     };
     let plan = StripPlan::new(&model, settings).unwrap();
     let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);

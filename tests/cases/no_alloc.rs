@@ -1,7 +1,7 @@
 //! The runner takes no memory but what it is lent, and neither does a strip.
 #![allow(unsafe_code)] // an allocator that counts
 
-use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_core::nn::{Lighting, Model, Progress, Runner, required};
 use elunar_core::norm::Light;
 use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
 use elunar_net::export::{CalibrationTile, Options, Precision, export};
@@ -84,7 +84,7 @@ fn a_strip_allocates_nothing() {
         pixel_m: 2.0,
         coarse_px: 10.0,
         anchor: true,
-        light: Some(Light::assumed(None)),
+        light: Lighting::given(Light::assumed(None)),
     };
     let plan = StripPlan::new(&model, settings).unwrap();
     let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);

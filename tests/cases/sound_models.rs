@@ -2,7 +2,7 @@
 
 use elunar_core::nn::Model;
 use elunar_core::nn::file::word;
-use elunar_net::config::{Head, Illumination, NetConfig, Preset, TargetRange};
+use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use elunar_net::export::build::manifest;
 use elunar_net::export::{CalibrationTile, Options, Precision, export};
 use elunar_net::weights::{Array, Weights};
@@ -51,7 +51,7 @@ fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumin
     let given = illumination == Illumination::Given;
     let config = NetConfig {
         illumination,
-        target_range: if given { TargetRange::Pixel } else { TargetRange::Own },
+        target_range: if given { TruthRange::Pixel } else { TruthRange::Own },
         embed: 2,
         depths: [2, 1, 1, 1],
         heads: [1, 1, 2, 1],

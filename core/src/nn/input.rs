@@ -23,7 +23,9 @@ pub enum Illumination {
 }
 
 impl Illumination {
-    pub(super) fn image_maps(self) -> usize {
-        if self == Self::Given { crate::photoclinometry::MAPS } else { 1 }
+    /// Maps that the image is given as, side by side in every pixel: its brightness, or those of a guide.
+    #[must_use]
+    pub const fn image_maps(self) -> usize {
+        if matches!(self, Self::Given) { crate::photoclinometry::MAPS } else { 1 }
     }
 }

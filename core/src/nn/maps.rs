@@ -2,13 +2,13 @@
 
 use super::error::RunError;
 use super::input::{Illumination, TruthRange};
+use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
 use crate::error::same_length;
 use crate::mask;
-use crate::norm::NormError;
-use crate::norm::{ElevationScale, Light, LightFit, Turn};
+use crate::norm::intensity::IntensityRange;
+use crate::norm::{ElevationScale, LightFit, NormError, Turn};
 use crate::part::item;
 use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
-use crate::terrain::PixelSize;
 use core::fmt;
 
 /// Why a tile in physical units cannot begin.
@@ -18,8 +18,6 @@ pub enum TileError {
     Run(RunError),
     /// It cannot be normalised: no relief, no contrast, too few valid pixels.
     Norm(NormError),
-    /// The model wants the light; none was given, and the tile does not show any.
-    Light,
 }
 
 impl TileError {
@@ -36,9 +34,6 @@ impl fmt::Display for TileError {
         match self {
             Self::Run(e) => e.fmt(f),
             Self::Norm(e) => e.fmt(f),
-            Self::Light => {
-                f.write_str("expected the light, or an image that answers to the coarse DTM's slopes; found neither")
-            }
         }
     }
 }
@@ -51,7 +46,7 @@ impl From<NormError> for TileError {
     }
 }
 
-/// How a model wants its tiles normalised.
+/// How a model wants its tiles normalised: what it was trained with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InputRules {
     /// Upper end of the normalised elevation range, NR (Eq. 1).
@@ -62,6 +57,39 @@ pub struct InputRules {
     pub truth_range: TruthRange,
     /// Which light the network knows.
     pub illumination: Illumination,
+}
+
+impl InputRules {
+    /// Values of scratch memory that [`TileMaps::new`] wants for tiles of (rows, columns).
+    #[must_use]
+    pub fn scratch_len(&self, tile: (usize, usize)) -> usize {
+        match self.illumination {
+            Illumination::Given => Photoclinometry::new(tile).scratch_len(),
+            Illumination::Any | Illumination::Northwest => 0,
+        }
+    }
+
+    /// What normalises a tile's true heights in training: `scale`, which normalised its coarse heights, or the truth's own range.
+    ///
+    /// # Errors
+    /// Those of [`ElevationScale::from_heights`].
+    pub fn truth_scale(&self, scale: &TileScale, truth_m: &[f32]) -> Result<TileScale, NormError> {
+        Ok(match self.truth_range {
+            TruthRange::Own => {
+                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, turn: scale.turn }
+            }
+            TruthRange::Reference | TruthRange::Pixel => *scale,
+        })
+    }
+
+    fn elevation_scale(&self, tile: &TileInput<'_>) -> Result<ElevationScale, NormError> {
+        match self.truth_range {
+            TruthRange::Pixel => ElevationScale::from_pixel(tile.coarse_m, tile.valid, tile.pixel_m, self.nr),
+            TruthRange::Own | TruthRange::Reference => {
+                ElevationScale::from_heights(tile.coarse_m, tile.valid, self.nr)?.with_margin(self.range_margin)
+            }
+        }
+    }
 }
 
 /// A tile in physical units; maps are row-major rows * cols of the model's tile.
@@ -77,9 +105,27 @@ pub struct TileInput<'t> {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// How brightness answers to slope ([`Light::from_sun`], or [`LightFit`] over a larger scene); `None` fits it to the tile, which is
-    /// less certain. Models that know any light do not ask for it.
-    pub light: Option<Light>,
+    /// How brightness answers to slope. Models that know any light do not ask for it.
+    pub light: TileLight,
+}
+
+impl TileInput<'_> {
+    /// The light of the tile, `cols` columns wide, for a network.
+    fn lighting(&self, illumination: Illumination, cols: usize) -> Lighting {
+        let sun = match self.light {
+            TileLight::Scene(lighting) if lighting.source != LightSource::NotAsked => return lighting,
+            // Decided for a network that does not ask: nothing is known.
+            TileLight::Scene(_) => KnownSun::default(),
+            TileLight::Own(sun) => sun,
+        };
+        let fit = if Lighting::wants_fit(illumination, sun) {
+            let pixel_m = f64::from(self.pixel_m);
+            LightFit::of_tile(self.image, self.coarse_m, self.valid, cols, pixel_m, self.coarse_px)
+        } else {
+            LightFit::default()
+        };
+        Lighting::decide(illumination, sun, &fit)
+    }
 }
 
 /// The way from a network's output back to the ground.
@@ -92,6 +138,29 @@ pub struct TileScale {
 }
 
 impl TileScale {
+    /// Heights of a tile of (rows, columns), metres, row-major, as the network would give them: mirrored and normalised. The inverse of
+    /// [`Self::recover`].
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if a buffer has another length.
+    pub fn normalise(&self, shape: (usize, usize), heights_m: &[f32], out: &mut [f32]) -> Result<(), NormError> {
+        same_length(shape.0.saturating_mul(shape.1), heights_m.len())?;
+        same_length(heights_m.len(), out.len())?;
+        let cols = shape.1.max(1);
+        for (row, out) in out.chunks_mut(cols).enumerate() {
+            self.row(heights_m, row * cols, shape, out);
+        }
+        Ok(())
+    }
+
+    /// Pixels of one row, from the row-major index `first` of the mirrored tile on.
+    #[inline]
+    fn row(&self, heights_m: &[f32], first: usize, shape: (usize, usize), out: &mut [f32]) {
+        for (z, pixel) in out.iter_mut().zip(self.turn.sources(first, shape)) {
+            *z = self.elevation.normalised(item(heights_m, pixel));
+        }
+    }
+
     /// Brings a network's output for a tile of (rows, columns), row-major, back: not mirrored, in metres (Eq. 8).
     pub fn recover(&self, shape: (usize, usize), heights: &mut [f32]) {
         for i in 0..heights.len() {
@@ -122,6 +191,7 @@ pub enum TileMaps<'t, 's> {
 pub struct GuidedMaps<'t, 's> {
     guide: Guide<'t, 's>,
     scale: TileScale,
+    source: LightSource,
 }
 
 /// What all other networks ask for.
@@ -129,9 +199,9 @@ pub struct GuidedMaps<'t, 's> {
 pub struct RangedMaps<'t> {
     tile: TileInput<'t>,
     shape: (usize, usize),
-    /// Lowest brightness, and highest minus lowest.
-    range: (f32, f32),
+    range: IntensityRange,
     scale: TileScale,
+    source: LightSource,
 }
 
 impl<'t, 's> TileMaps<'t, 's> {
@@ -151,26 +221,22 @@ impl<'t, 's> TileMaps<'t, 's> {
         if let Some(&found) = lengths.iter().find(|&&len| len != expected) {
             return Err(TileError::Run(RunError::TileSize { expected, found }));
         }
-        let elevation = elevation_scale(rules, tile)?;
-        let light = match rules.illumination {
-            Illumination::Any => None,
-            _ => Some(tile.light.or_else(|| fitted_light(shape, tile)).ok_or(TileError::Light)?),
+        let elevation = rules.elevation_scale(tile)?;
+        let lighting = match rules.illumination {
+            Illumination::Any => Lighting::NOT_ASKED,
+            illumination => tile.lighting(illumination, shape.1),
         };
-        let turn = light.map_or_else(Turn::default, |light| Turn::from_azimuth_deg(light.azimuth_deg()));
+        let (turn, source) = (lighting.turn(), lighting.source);
         let scale = TileScale { elevation, turn };
         let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
-        if let Some(light) = light.filter(|_| rules.illumination == Illumination::Given) {
+        if rules.illumination == Illumination::Given {
             let plan = Photoclinometry::new(shape);
             let input = GuideInput { image, coarse_m, valid, turn, coarse_px };
-            let guide = Guide::new(&plan, input, &elevation, light.mirrored(turn), scratch)?;
-            return Ok(Self::Guided(GuidedMaps { guide, scale }));
+            let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(turn), scratch)?;
+            return Ok(Self::Guided(GuidedMaps { guide, scale, source }));
         }
-        let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let span = max - min;
-        if !(span.is_finite() && span > 0.0) {
-            return Err(NormError::ConstantImage.into());
-        }
-        Ok(Self::Ranged(RangedMaps { tile: *tile, shape, range: (min, span), scale }))
+        let range = IntensityRange::of(image, valid)?;
+        Ok(Self::Ranged(RangedMaps { tile: *tile, shape, range, scale, source }))
     }
 
     /// The way back.
@@ -179,6 +245,15 @@ impl<'t, 's> TileMaps<'t, 's> {
         match self {
             Self::Guided(maps) => maps.scale,
             Self::Ranged(maps) => maps.scale,
+        }
+    }
+
+    /// Where the light comes from.
+    #[must_use]
+    pub fn light(&self) -> LightSource {
+        match self {
+            Self::Guided(maps) => maps.source,
+            Self::Ranged(maps) => maps.source,
         }
     }
 
@@ -220,30 +295,14 @@ impl GuidedMaps<'_, '_> {
 impl RangedMaps<'_> {
     #[inline]
     pub(super) fn image(&self, first: usize, out: &mut [f32]) {
-        let (TileInput { image, valid, .. }, (min, span)) = (self.tile, self.range);
+        let (TileInput { image, valid, .. }, range) = (self.tile, self.range);
         for (v, pixel) in out.iter_mut().zip(self.scale.turn.sources(first, self.shape)) {
-            *v = if mask::counts(image, valid, pixel) { (item(image, pixel) - min) / span } else { 0.0 };
+            *v = if mask::counts(image, valid, pixel) { range.normalised(item(image, pixel)) } else { 0.0 };
         }
     }
 
     #[inline]
     pub(super) fn coarse(&self, first: usize, out: &mut [f32]) {
-        for (z, pixel) in out.iter_mut().zip(self.scale.turn.sources(first, self.shape)) {
-            *z = self.scale.elevation.normalised(item(self.tile.coarse_m, pixel));
-        }
+        self.scale.row(self.tile.coarse_m, first, self.shape, out);
     }
-}
-
-fn elevation_scale(rules: &InputRules, tile: &TileInput<'_>) -> Result<ElevationScale, NormError> {
-    match rules.truth_range {
-        TruthRange::Pixel => ElevationScale::from_pixel(tile.coarse_m, tile.valid, tile.pixel_m, rules.nr),
-        _ => ElevationScale::from_heights(tile.coarse_m, tile.valid, rules.nr)?.with_margin(rules.range_margin),
-    }
-}
-
-fn fitted_light(shape: (usize, usize), tile: &TileInput<'_>) -> Option<Light> {
-    let mut fit = LightFit::default();
-    let pixel = PixelSize::square(f64::from(tile.pixel_m));
-    fit.add(tile.image, tile.coarse_m, shape.1, pixel, LightFit::cell_px(tile.coarse_px));
-    fit.light()
 }

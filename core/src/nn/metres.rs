@@ -1,9 +1,19 @@
 //! A tile in physical units through the runner: brightness and metres in, metres out, without a buffer in between.
 
 use super::error::RunError;
+use super::lighting::LightSource;
 use super::maps::{TileError, TileInput, TileMaps, TileScale};
 use super::runner::Runner;
 use crate::mask;
+
+/// A tile that has begun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Begun {
+    /// The way back, for [`Runner::heights`].
+    pub scale: TileScale,
+    /// Where its light comes from; [`LightSource::Assumed`] should reach whoever uses the heights.
+    pub light: LightSource,
+}
 
 impl Runner<'_, '_> {
     /// Values of scratch memory that [`Self::begin_metres`] wants; 0 for models that are not given the light. It may be reused as soon as
@@ -18,7 +28,7 @@ impl Runner<'_, '_> {
     ///
     /// # Errors
     /// [`TileError`]; then nothing has begun.
-    pub fn begin_metres(&mut self, tile: &TileInput<'_>, scratch: &mut [f32]) -> Result<TileScale, TileError> {
+    pub fn begin_metres(&mut self, tile: &TileInput<'_>, scratch: &mut [f32]) -> Result<Begun, TileError> {
         self.judge_header().map_err(TileError::Run)?;
         let (rules, shape) = (self.model().input_rules(), self.model().tile());
         let maps = TileMaps::new(&rules, shape, tile, scratch)?;
@@ -27,10 +37,10 @@ impl Runner<'_, '_> {
             TileMaps::Guided(guided) => self.load(|i, out| guided.image(i, out), |i, out| guided.coarse(i, out)),
             TileMaps::Ranged(ranged) => self.load(|i, out| ranged.image(i, out), |i, out| ranged.coarse(i, out)),
         };
-        loaded.map(|()| maps.scale()).map_err(TileError::Run)
+        loaded.map(|()| Begun { scale: maps.scale(), light: maps.light() }).map_err(TileError::Run)
     }
 
-    /// The finished tile in metres above the sphere (Eq. 8), row-major; `scale` is what [`Self::begin_metres`] returned.
+    /// The finished tile in metres above the sphere (Eq. 8), row-major; `scale` is that of [`Begun`].
     ///
     /// # Errors
     /// [`RunError::State`] before the tile is done, [`RunError::TileSize`].

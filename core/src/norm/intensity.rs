@@ -15,6 +15,24 @@ pub struct IntensityRange {
     pub max: f32,
 }
 
+impl IntensityRange {
+    /// The range of the pixels that count (see [`mask`]).
+    ///
+    /// # Errors
+    /// [`NormError::TooFewValid`], [`NormError::ConstantImage`] if all pixels that count are equal: there is nothing to see in such a tile.
+    pub fn of(image: &[f32], valid: Option<&[bool]>) -> Result<Self, NormError> {
+        let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
+        let span = max - min;
+        if span.is_finite() && span > 0.0 { Ok(Self { min, max }) } else { Err(NormError::ConstantImage) }
+    }
+
+    /// Brightness of a pixel that counts, in [0, 1].
+    #[inline]
+    pub(crate) fn normalised(&self, brightness: f32) -> f32 {
+        (brightness - self.min) / (self.max - self.min)
+    }
+}
+
 /// Brings the pixels that count (see [`mask`]) to [0, 1]; all others become 0.
 ///
 /// ```
@@ -25,22 +43,17 @@ pub struct IntensityRange {
 /// ```
 ///
 /// # Errors
-/// [`NormError::Length`] if image, mask and output differ in length, [`NormError::TooFewValid`],
-/// [`NormError::ConstantImage`] if all pixels that count are equal: there is nothing to see in such a tile.
+/// [`NormError::Length`] if image, mask and output differ in length, and those of [`IntensityRange::of`].
 pub fn normalise(image: &[f32], valid: Option<&[bool]>, out: &mut [f32]) -> Result<IntensityRange, NormError> {
     same_length(image.len(), out.len())?;
     if let Some(mask) = valid {
         same_length(image.len(), mask.len())?;
     }
-    let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-    let span = max - min;
-    if !(span.is_finite() && span > 0.0) {
-        return Err(NormError::ConstantImage);
-    }
+    let range = IntensityRange::of(image, valid)?;
     for (i, out) in out.iter_mut().enumerate() {
-        *out = if mask::counts(image, valid, i) { (image[i] - min) / span } else { 0.0 };
+        *out = if mask::counts(image, valid, i) { range.normalised(image[i]) } else { 0.0 };
     }
-    Ok(IntensityRange { min, max })
+    Ok(range)
 }
 
 #[cfg(test)]

@@ -67,13 +67,18 @@ impl Light {
     }
 
     /// The light of ground that does not show any ([`LightFit::with_sun`] found none): a Sun 40 degrees high at the azimuth that is known
-    /// (degrees clockwise from up), else in the north-west (our choice).
+    /// (degrees clockwise from up), else in the north-west (our choice). When it is assumed: [`crate::nn::Lighting`].
     #[must_use]
     pub fn assumed(azimuth_deg: Option<f64>) -> Self {
-        let lit_from = |azimuth_deg: f64| Self::from_sun(azimuth_deg, ASSUMED_ELEVATION_DEG);
-        let light = azimuth_deg.and_then(lit_from).or_else(|| lit_from(ASSUMED_AZIMUTH_DEG));
+        let light =
+            azimuth_deg.and_then(Self::from_azimuth_deg).or_else(|| Self::from_azimuth_deg(ASSUMED_AZIMUTH_DEG));
         // A Sun above the horizon is a light.
         light.unwrap_or(Self { east: 1.0, south: 1.0 })
+    }
+
+    /// The light of a Sun at an azimuth, as high as is assumed.
+    pub(crate) fn from_azimuth_deg(azimuth_deg: f64) -> Option<Self> {
+        Self::from_sun(azimuth_deg, ASSUMED_ELEVATION_DEG)
     }
 
     /// The light of a Sun at `azimuth_deg`, of a given strength.
@@ -155,6 +160,22 @@ pub struct LightFit {
 }
 
 impl LightFit {
+    /// What a tile shows: `image` (brightness of any unit) and `coarse_m` (metres), row-major, `cols` wide, at pixels that count
+    /// ([`crate::mask`]). `pixel_m` is the ground size of a pixel, `coarse_px` the side of a coarse pixel in pixels of the image.
+    #[must_use]
+    pub fn of_tile(
+        image: &[f32],
+        coarse_m: &[f32],
+        valid: Option<&[bool]>,
+        cols: usize,
+        pixel_m: f64,
+        coarse_px: f32,
+    ) -> Self {
+        let mut fit = Self::default();
+        fit.add_masked(image, coarse_m, valid, cols, PixelSize::square(pixel_m), Self::cell_px(coarse_px));
+        fit
+    }
+
     /// Side of a cell, pixels, for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
     #[must_use]
     pub fn cell_px(coarse_px: f32) -> usize {

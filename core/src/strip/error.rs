@@ -23,7 +23,7 @@ pub enum StripError {
     },
     /// The ground size of a pixel, or the width of a coarse one, is not finite and positive.
     Pixel,
-    /// The model wants the light, and none is given.
+    /// The model wants the light, and that of the settings was not decided for it ([`crate::nn::Lighting::decide`]).
     Light,
     /// The runner's model is not the one the strip was planned for.
     Model,
@@ -48,7 +48,7 @@ impl fmt::Display for StripError {
                 write!(f, "strip: expected at least {expected} lines to be kept, found {found}")
             }
             Self::Pixel => f.write_str("strip: expected pixel sizes that are finite and positive, found others"),
-            Self::Light => f.write_str("strip: expected the light that this model wants, found none"),
+            Self::Light => f.write_str("strip: expected a light decided for this model, found none"),
             Self::Model => f.write_str("strip: expected the model it was planned for, found another"),
             Self::Memory(LengthError { expected, found }) => {
                 write!(f, "strip: expected a block of at least {expected} values, found {found}")

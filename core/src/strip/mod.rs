@@ -6,14 +6,18 @@
 //! that the ground's mosaic of the same tiles has, bit for bit.
 //!
 //! ```
-//! use elunar_core::nn::{Model, Runner};
-//! use elunar_core::norm::Light;
+//! use elunar_core::nn::{KnownSun, LightSource, Lighting, Model, Runner};
+//! use elunar_core::norm::LightFit;
 //! use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
 //!
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../host-train/models/nano.eld");
 //! # let model_file = std::fs::read(path)?;
 //! let model = Model::new(&model_file)?;
 //! let (cols, coarse_px) = (320, 30.0);
+//! // Nothing has been seen of the ground yet, so the Sun should be known.
+//! let sun = KnownSun { azimuth_deg: Some(315.0), elevation_deg: Some(35.0) };
+//! let light = Lighting::decide(model.illumination(), sun, &LightFit::default());
+//! assert_eq!(light.source, LightSource::Given);
 //! let settings = StripSettings {
 //!     cols,
 //!     ring_lines: StripPlan::least_lines(&model),
@@ -21,7 +25,7 @@
 //!     pixel_m: 2.0,
 //!     coarse_px,
 //!     anchor: true,
-//!     light: Light::from_sun(315.0, 35.0),
+//!     light,
 //! };
 //! let plan = StripPlan::new(&model, settings)?;
 //!

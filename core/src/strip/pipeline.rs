@@ -5,7 +5,7 @@ use super::error::{StripError, lent, whole_line};
 use super::lines::Lines;
 use super::plan::StripPlan;
 use crate::fill::fill_gaps;
-use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileScale};
+use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale};
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
@@ -300,12 +300,12 @@ impl<'a, 'm> Strip<'a, 'm> {
             let _ = fill_gaps(map, window.cols, queue);
         }
         let settings = self.plan.settings;
-        let (pixel_m, coarse_px, light) = (settings.pixel_m, settings.coarse_px, settings.light);
+        let (pixel_m, coarse_px, light) = (settings.pixel_m, settings.coarse_px, TileLight::Scene(settings.light));
         let tile = TileInput { image: self.image, coarse_m: self.coarse_m, valid: None, pixel_m, coarse_px, light };
         match self.runner.begin_metres(&tile, self.scratch) {
-            Ok(scale) => self.at.phase = Phase::Running(scale),
+            Ok(begun) => self.at.phase = Phase::Running(begun.scale),
             Err(TileError::Run(error)) => self.fault(Some(error)),
-            Err(TileError::Norm(_) | TileError::Light) => {
+            Err(TileError::Norm(_)) => {
                 self.at.counters.tiles_coarse += 1;
                 self.keep_coarse();
             }

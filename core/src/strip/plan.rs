@@ -1,8 +1,8 @@
 //! What a strip needs, before its first line.
 
 use super::error::StripError;
-use crate::nn::{Illumination, Model, required};
-use crate::norm::{Anchor, Light};
+use crate::nn::{Illumination, LightSource, Lighting, Model, required};
+use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::tile::Tiling;
 
@@ -22,9 +22,8 @@ pub struct StripSettings {
     pub coarse_px: f32,
     /// Whether each tile keeps the low frequencies of the coarse DTM ([`Anchor`]).
     pub anchor: bool,
-    /// How brightness answers to slope along the whole strip ([`Light::from_sun`], [`crate::norm::LightFit`]); models that know any light do
-    /// not ask for it.
-    pub light: Option<Light>,
+    /// The light of the whole strip ([`Lighting::decide`] for its model); [`Lighting::NOT_ASKED`] for models that know any light.
+    pub light: Lighting,
 }
 
 /// The memory that a strip of these settings wants of a model: exact, and no more is ever taken.
@@ -57,7 +56,7 @@ impl StripPlan {
         if ![pixel_m, coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
             return Err(StripError::Pixel);
         }
-        if light.is_none() && model.illumination() != Illumination::Any {
+        if light.source == LightSource::NotAsked && model.illumination() != Illumination::Any {
             return Err(StripError::Light);
         }
         let pixels = tile.0.saturating_mul(tile.1);

@@ -9,10 +9,11 @@ use crate::model::weights::Weights;
 use crate::train::feed::side_by_side;
 use crate::{Error, Result};
 use burn::tensor::Device;
+use elunar_core::nn::InputRules;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::config::config_of;
 use elunar_scene::predict::int8;
-use elunar_scene::predict::network::{Model, Normalisation, TileNetwork};
+use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;
 
 /// Opens a model of either kind: `.safetensors` is a float network, run on `backend`; `.eld` an exported one for the int8 runner.
@@ -61,9 +62,8 @@ impl Model for FloatModel {
         (TILE_ROWS, TILE_COLS)
     }
 
-    fn normalisation(&self) -> Normalisation {
-        let NetConfig { nr, range_margin, target_range, illumination, .. } = self.config;
-        Normalisation { nr, range_margin, target_range, illumination }
+    fn input_rules(&self) -> InputRules {
+        self.config.input_rules()
     }
 
     fn description(&self) -> String {

@@ -1,8 +1,10 @@
 //! Every width, depth and switch of the network, with the paper's value or "our choice".
 
+use crate::names::{IlluminationName, TruthRangeName};
 use crate::weights::Weights;
 use crate::{Error, Result};
-use elunar_core::nn;
+use elunar_core::nn::InputRules;
+pub use elunar_core::nn::{Illumination, TruthRange};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -15,53 +17,6 @@ pub enum Head {
     Relu,
     /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: converges in minutes).
     Residual,
-}
-
-/// Whose minimum and relief normalise the true DTM.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum TargetRange {
-    /// The truth's own (Sec. III-A1). Recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
-    Own,
-    /// The coarse tile's, widened by the range margin on both sides, for both DTMs: recovery is exact (our choice).
-    Reference,
-    /// None: both DTMs are counted in pixels of the image about the mean of the coarse one, so that slopes are slopes (our choice).
-    Pixel,
-}
-
-impl From<TargetRange> for nn::TruthRange {
-    fn from(range: TargetRange) -> Self {
-        match range {
-            TargetRange::Own => Self::Own,
-            TargetRange::Reference => Self::Reference,
-            TargetRange::Pixel => Self::Pixel,
-        }
-    }
-}
-
-/// Which light the network knows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
-pub enum Illumination {
-    /// The Sun anywhere (the paper's).
-    Any,
-    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice).
-    Northwest,
-    /// As northwest, and the change of brightness with slope is given: linear photoclinometry makes a first estimate, which the network
-    /// corrects (our choice).
-    Given,
-}
-
-impl From<Illumination> for nn::Illumination {
-    fn from(illumination: Illumination) -> Self {
-        match illumination {
-            Illumination::Any => Self::Any,
-            Illumination::Northwest => Self::Northwest,
-            Illumination::Given => Self::Given,
-        }
-    }
 }
 
 /// Image encoder.
@@ -109,8 +64,8 @@ pub struct Switches {
     #[cfg_attr(feature = "clap", arg(long))]
     pub head: Option<Head>,
     /// Whose range normalises the truth [default: own; `train` with tiny or nano: pixel].
-    #[cfg_attr(feature = "clap", arg(long))]
-    pub target_range: Option<TargetRange>,
+    #[cfg_attr(feature = "clap", arg(long, value_parser = crate::names::truth_range()))]
+    pub target_range: Option<TruthRange>,
     /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
     #[cfg_attr(feature = "clap", arg(long))]
     pub range_margin: Option<f32>,
@@ -124,7 +79,7 @@ pub struct Switches {
     #[cfg_attr(feature = "clap", arg(long))]
     pub decoder_kind: Option<DecoderKind>,
     /// Which light the network knows [default: any; `train` with tiny or nano: given].
-    #[cfg_attr(feature = "clap", arg(long))]
+    #[cfg_attr(feature = "clap", arg(long, value_parser = crate::names::illumination()))]
     pub illumination: Option<Illumination>,
     /// Share of a batch in the running statistics of batch normalisation [default: 0.1, as in PyTorch; `train` with tiny or
     /// nano: 0.02].
@@ -142,7 +97,7 @@ pub struct Switches {
 /// ablation).
 pub const RESNET_BLOCKS: usize = 2;
 
-/// Default of [`NetConfig::range_margin`] with [`TargetRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
+/// Default of [`NetConfig::range_margin`] with [`TruthRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
 /// to 10 %, so a tenth on both sides keeps nearly all truth inside [0, NR]).
 pub const REFERENCE_MARGIN: f32 = 0.1;
 
@@ -155,7 +110,7 @@ impl Switches {
         config.head = self.head.unwrap_or(config.head);
         if let Some(target_range) = self.target_range {
             config.target_range = target_range;
-            config.range_margin = if target_range == TargetRange::Reference { REFERENCE_MARGIN } else { 0.0 };
+            config.range_margin = if target_range == TruthRange::Reference { REFERENCE_MARGIN } else { 0.0 };
         }
         config.range_margin = self.range_margin.unwrap_or(config.range_margin);
         config.nr = self.nr.unwrap_or(config.nr);
@@ -191,9 +146,9 @@ pub struct NetConfig {
     #[serde(default = "relu")]
     pub head: Head,
     /// Whose range normalises the truth.
-    #[serde(default = "own")]
-    pub target_range: TargetRange,
-    /// With [`TargetRange::Reference`]: the coarse relief is widened by this share below and above (0 with `own`).
+    #[serde(default = "own", with = "TruthRangeName")]
+    pub target_range: TruthRange,
+    /// With [`TruthRange::Reference`]: the coarse relief is widened by this share below and above (0 with `own`).
     #[serde(default)]
     pub range_margin: f32,
     /// Upper end of the normalised range, NR (Eq. 1): 50 in the paper, 1 for its max–min ablation.
@@ -206,7 +161,7 @@ pub struct NetConfig {
     #[serde(default = "residual_decoder")]
     pub decoder_kind: DecoderKind,
     /// Which light the network knows.
-    #[serde(default = "any")]
+    #[serde(default = "any", with = "IlluminationName")]
     pub illumination: Illumination,
     /// Share of a batch in the running statistics of batch normalisation; PyTorch's default is 0.1. Matters in training only.
     #[serde(default = "bn_momentum")]
@@ -223,8 +178,8 @@ pub struct NetConfig {
 fn relu() -> Head {
     Head::Relu
 }
-fn own() -> TargetRange {
-    TargetRange::Own
+fn own() -> TruthRange {
+    TruthRange::Own
 }
 fn nr() -> f32 {
     50.0
@@ -265,7 +220,7 @@ impl NetConfig {
             dtm,
             decoder,
             head: Head::Relu,
-            target_range: TargetRange::Own,
+            target_range: TruthRange::Own,
             range_margin: 0.0,
             nr: 50.0,
             image_encoder: ImageEncoderKind::Swin,
@@ -279,7 +234,13 @@ impl NetConfig {
 
     /// Maps of which the image consists: brightness, or a guide's four.
     pub fn image_maps(&self) -> usize {
-        if self.illumination == Illumination::Given { elunar_core::photoclinometry::MAPS } else { 1 }
+        self.illumination.image_maps()
+    }
+
+    /// How its tiles are normalised, as `core` says it.
+    pub fn input_rules(&self) -> InputRules {
+        let Self { nr, range_margin, target_range: truth_range, illumination, .. } = *self;
+        InputRules { nr, range_margin, truth_range, illumination }
     }
 
     /// Channels that the image encoder reads.
@@ -291,7 +252,7 @@ impl NetConfig {
     pub fn coarse_limit(&self) -> f32 {
         match self.target_range {
             // A tile of 320 pixels about its mean: 45 degrees from end to end stay inside.
-            TargetRange::Pixel => 4.0 * self.nr,
+            TruthRange::Pixel => 4.0 * self.nr,
             // A little beyond [0, NR] on both sides: rounding must not clamp.
             _ => 1.02 * self.nr,
         }
@@ -324,7 +285,7 @@ impl NetConfig {
         if !(0.0..=1.0).contains(&self.bn_momentum) {
             return Err(format!("configuration: expected bn_momentum in 0..=1, found {}", self.bn_momentum));
         }
-        if self.target_range == TargetRange::Pixel && self.head == Head::Relu {
+        if self.target_range == TruthRange::Pixel && self.head == Head::Relu {
             return Err("configuration: heights in pixels fall below 0: expected head = residual".into());
         }
         if self.coarse_channel && self.use_coarse {
@@ -363,7 +324,7 @@ pub fn trained_network(preset: Preset) -> NetConfig {
         Preset::Paper | Preset::Small => config,
         Preset::Tiny | Preset::Nano => NetConfig {
             head: Head::Residual,
-            target_range: TargetRange::Pixel,
+            target_range: TruthRange::Pixel,
             illumination: Illumination::Given,
             // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
             bn_momentum: 0.02,

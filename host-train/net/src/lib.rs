@@ -9,6 +9,7 @@ pub mod export;
 pub mod fit;
 pub mod illumination;
 pub mod inspect;
+mod names;
 pub mod published;
 pub mod weights;
 

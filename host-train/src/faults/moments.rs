@@ -6,9 +6,9 @@ use crate::predict::int8::Int8Model;
 use crate::predict::network::Model as _;
 use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use crate::{Error, Result};
-use elunar_core::nn::{Kernel, Model, Progress, Runner, Suspended, TileInput, TileScale, Verdict, required};
-use elunar_core::norm::{Light, LightFit};
-use elunar_core::terrain::PixelSize;
+use elunar_core::nn::{
+    Kernel, KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
+};
 use std::collections::BTreeMap;
 
 /// Multiply-accumulates of a step.
@@ -57,24 +57,21 @@ impl Moments {
         let tile = Moon::new(seed, options)?.tile(0);
         let model = model.model();
         let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
-        let mut fit = LightFit::default();
-        let pixel = PixelSize::square(tile.pixel_m);
-        fit.add(&tile.image, &tile.coarse_m, cols, pixel, LightFit::cell_px(coarse_px));
-        let light = fit.with_sun(Some(tile.sun_azimuth_deg), Some(tile.sun_elevation_deg));
+        let (azimuth_deg, elevation_deg) = (Some(tile.sun_azimuth_deg), Some(tile.sun_elevation_deg));
         let input = TileInput {
             image: &tile.image,
             coarse_m: &tile.coarse_m,
             valid: None,
             pixel_m: tile.pixel_m as f32,
             coarse_px,
-            light: Some(light.unwrap_or_else(|| Light::assumed(Some(tile.sun_azimuth_deg)))),
+            light: TileLight::Own(KnownSun { azimuth_deg, elevation_deg }),
         };
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
         runner.protect(protected);
         let mut scratch = vec![0.0; runner.scratch_len()];
-        let scale =
-            runner.begin_metres(&input, &mut scratch).map_err(|e| Error::usage(format!("faults: the tile: {e}")))?;
+        let begun = runner.begin_metres(&input, &mut scratch);
+        let scale = begun.map_err(|e| Error::usage(format!("faults: the tile: {e}")))?.scale;
         let mut place = runner.suspend();
         let kernel = Kernel::best();
         let (mut moments, mut first) = (Vec::with_capacity(count), BTreeMap::new());

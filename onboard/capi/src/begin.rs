@@ -7,57 +7,23 @@ use crate::status::*;
 use crate::types::eld_status_t;
 use crate::validity;
 use elunar_core::nn::file::crc32c;
-use elunar_core::nn::{Illumination, Model, TileError, TileInput, TileScale};
+use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale};
 use elunar_core::norm::NormError;
-use elunar_core::norm::{Light, LightFit};
-use elunar_core::terrain::PixelSize;
 
-/// What is known of the Sun, degrees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Sun {
-    azimuth_deg: Option<f64>,
-    elevation_deg: Option<f64>,
-}
-
-impl Sun {
-    /// The Sun as the tile states it, NaN standing for unknown.
-    ///
-    /// # Errors
-    /// [`ELD_REFUSED_TILE_SUN`] for angles that no Sun over a lit ground has.
-    pub(crate) fn stated(azimuth_deg: f32, elevation_deg: f32) -> Result<Self, eld_status_t> {
-        let known = |deg: f32| (!deg.is_nan()).then_some(f64::from(deg));
-        let (azimuth_deg, elevation_deg) = (known(azimuth_deg), known(elevation_deg));
-        let legal = azimuth_deg.is_none_or(|deg| (-360.0..=360.0).contains(&deg))
-            && elevation_deg.is_none_or(|deg| deg > 0.0 && deg < 90.0);
-        if legal { Ok(Self { azimuth_deg, elevation_deg }) } else { Err(ELD_REFUSED_TILE_SUN) }
-    }
-
-    /// The light of a tile for this model, and whether it had to be assumed; `None` if the model does not ask.
-    fn light(self, model: &Model<'_>, tile: &TileInput<'_>) -> (Option<Light>, bool) {
-        let elevation_deg = match model.illumination() {
-            Illumination::Any => return (None, false),
-            // Only the quadrant matters.
-            Illumination::Northwest => None,
-            Illumination::Given => self.elevation_deg,
-        };
-        let mut fit = LightFit::default();
-        let (pixel, cell_px) = (PixelSize::square(f64::from(tile.pixel_m)), LightFit::cell_px(tile.coarse_px));
-        fit.add_masked(tile.image, tile.coarse_m, tile.valid, model.tile().1, pixel, cell_px);
-        match fit.with_sun(self.azimuth_deg, elevation_deg) {
-            Some(light) => (Some(light), false),
-            None => (Some(Light::assumed(self.azimuth_deg)), true),
-        }
-    }
+/// The Sun as a tile states it, degrees, NaN standing for unknown.
+///
+/// # Errors
+/// [`ELD_REFUSED_TILE_SUN`] for angles that no Sun over a lit ground has.
+pub(crate) fn stated_sun(azimuth_deg: f32, elevation_deg: f32) -> Result<KnownSun, eld_status_t> {
+    let known = |deg: f32| (!deg.is_nan()).then_some(f64::from(deg));
+    let (azimuth_deg, elevation_deg) = (known(azimuth_deg), known(elevation_deg));
+    let legal = azimuth_deg.is_none_or(|deg| (-360.0..=360.0).contains(&deg))
+        && elevation_deg.is_none_or(|deg| deg > 0.0 && deg < 90.0);
+    if legal { Ok(KnownSun { azimuth_deg, elevation_deg }) } else { Err(ELD_REFUSED_TILE_SUN) }
 }
 
 /// Begins a tile of the caller's.
-pub(crate) fn begin(
-    context: &mut Context<'_>,
-    model: Model<'_>,
-    lent: Lent<'_>,
-    tile: TileInput<'_>,
-    sun: Sun,
-) -> Outcome {
+pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, tile: TileInput<'_>) -> Outcome {
     let positive = |v: f32| v.is_finite() && v > 0.0;
     if !(positive(tile.pixel_m) && positive(tile.coarse_px)) {
         return Err(ELD_REFUSED_TILE_PIXEL);
@@ -65,14 +31,13 @@ pub(crate) fn begin(
     if validity::count(tile.image, tile.coarse_m, tile.valid) == 0 {
         return Err(ELD_REFUSED_TILE_MASKED);
     }
-    let (light, assumed) = sun.light(&model, &tile);
-    let tile = TileInput { light, ..tile };
     let dropped = context.at_work();
     context.start();
     let mut runner = runner(&context.record, model, lent.arena)?;
     let begun = runner.begin_metres(&tile, lent.scratch).map_err(tile_status);
     let record = &mut context.record;
-    let scale = begun.inspect_err(|status| half_begun(record, *status))?;
+    let Begun { scale, light } = begun.inspect_err(|status| half_begun(record, *status))?;
+    let assumed = light == LightSource::Assumed;
     record.suspended = runner.suspend();
     record.tile = TILE;
     record.valid_px = validity::pack(tile.image, tile.coarse_m, tile.valid, lent.validity);
@@ -118,8 +83,6 @@ pub(crate) fn begin_self_test(context: &mut Context<'_>, model: Model<'_>, lent:
 fn tile_status(error: TileError) -> eld_status_t {
     match error {
         TileError::Run(error) => run_status(error),
-        // The light is given.
-        TileError::Light => ELD_FAULT_RUN,
         TileError::Norm(NormError::Length(_)) => ELD_REFUSED_TILE_SIZE,
         TileError::Norm(NormError::TooFewValid { .. }) => ELD_REFUSED_TILE_MASKED,
         TileError::Norm(NormError::ConstantImage) => ELD_REFUSED_TILE_CONSTANT_IMAGE,

@@ -12,7 +12,7 @@
 #![allow(clippy::missing_safety_doc)] // the promises above are every function's
 #![allow(non_camel_case_types)]
 
-use crate::begin::{self, Sun};
+use crate::begin;
 use crate::context::{Context, Lent, Outcome};
 use crate::layout::{ALIGN_BYTES, Layout};
 use crate::record::Record;
@@ -22,7 +22,7 @@ use crate::types::*;
 use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
-use elunar_core::nn::{Kernel, Model, TileInput, file};
+use elunar_core::nn::{Kernel, Model, TileInput, TileLight, file};
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
@@ -288,9 +288,9 @@ pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld
             true => Some(unsafe { mask(tile.valid, rows * cols) }?),
             false => None,
         };
-        let sun = Sun::stated(tile.sun_azimuth_deg, tile.sun_elevation_deg)?;
+        let light = TileLight::Own(begin::stated_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg)?);
         let eld_tile_t { pixel_m, coarse_px, .. } = tile;
-        begin::begin(context, model, lent, TileInput { image, coarse_m, valid, pixel_m, coarse_px, light: None }, sun)
+        begin::begin(context, model, lent, TileInput { image, coarse_m, valid, pixel_m, coarse_px, light })
     };
     // SAFETY: the caller's promise.
     unsafe { with_model(context, begin) }

@@ -42,13 +42,23 @@ fn settings_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn a_model_that_wants_the_light_is_not_run_without() {
+fn a_light_is_decided_for_a_model_that_wants_one() {
     use crate::nn::file::{seal_file, word};
+    use crate::nn::{Illumination, KnownSun, LightSource, Lighting};
+    use crate::norm::LightFit;
     let mut file = file();
     file[4 * word::ILLUMINATION..][..4].copy_from_slice(&1u32.to_le_bytes());
     seal_file(&mut file);
     let model = Model::new(&file).unwrap();
+    // Nobody decided.
     assert_eq!(StripPlan::new(&model, settings(25, 20)), Err(StripError::Light));
-    let light = crate::norm::Light::from_sun(120.0, 30.0);
-    assert!(StripPlan::new(&model, StripSettings { light, ..settings(25, 20) }).is_ok());
+    let with = |azimuth_deg, source| {
+        let sun = KnownSun { azimuth_deg, elevation_deg: None };
+        let light = Lighting::decide(Illumination::Northwest, sun, &LightFit::default());
+        assert_eq!(light.source, source);
+        StripPlan::new(&model, StripSettings { light, ..settings(25, 20) }).unwrap()
+    };
+    with(Some(120.0), LightSource::Given);
+    // Without a Sun one is assumed, and the plan says so.
+    assert_eq!(with(None, LightSource::Assumed).settings().light.source, LightSource::Assumed);
 }

@@ -4,7 +4,7 @@ use crate::fill::fill_gaps;
 use crate::mask::is_real;
 use crate::nn::file::{Conv, Dtype, Operator, Tensor};
 use crate::nn::tests::draft::{Draft, map};
-use crate::nn::{Model, Progress, Runner, TileInput, required};
+use crate::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Anchor;
 use crate::overlap::{Open, OverlapWeights};
 use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
@@ -26,7 +26,15 @@ pub(super) fn file() -> Vec<u8> {
 }
 
 pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
-    StripSettings { cols, ring_lines, overlap_px: 3, pixel_m: 2.0, coarse_px: 4.0, anchor: true, light: None }
+    StripSettings {
+        cols,
+        ring_lines,
+        overlap_px: 3,
+        pixel_m: 2.0,
+        coarse_px: 4.0,
+        anchor: true,
+        light: Lighting::NOT_ASKED,
+    }
 }
 
 /// A scene with gaps of all kinds in both maps.
@@ -99,12 +107,13 @@ fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) 
     let model = Model::new(file).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let StripSettings { pixel_m, coarse_px, light, .. } = *settings;
+    let StripSettings { pixel_m, coarse_px, .. } = *settings;
+    let light = TileLight::Scene(settings.light);
     let input = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m, coarse_px, light };
-    let Ok(scale) = runner.begin_metres(&input, &mut []) else { return Some(coarse_m) };
+    let Ok(begun) = runner.begin_metres(&input, &mut []) else { return Some(coarse_m) };
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; image.len()];
-    runner.heights(&scale, &mut heights_m).unwrap();
+    runner.heights(&begun.scale, &mut heights_m).unwrap();
     if settings.anchor {
         let (mut difference, mut sums) = (vec![0.0; image.len()], vec![0.0; Anchor::sums_len(TILE.0, TILE.1)]);
         Anchor::new(coarse_px).apply(&mut heights_m, &coarse_m, TILE.1, &mut difference, &mut sums).unwrap();

@@ -83,7 +83,7 @@ impl Feed {
             if self.hides_sun(index) {
                 tile.sun = KnownSun::default();
             }
-            match Sample::new(&self.config, &tile.lit_for(self.config.illumination)) {
+            match Sample::new(&self.config, &tile) {
                 Ok(sample) => return Ok(sample),
                 Err(error) => last = Some(error),
             }

@@ -40,7 +40,6 @@ impl TileSource for Ripples {
             truth_m: map(&height),
             coarse_px: 30.0,
             sun: KnownSun { azimuth_deg: Some(270.0), elevation_deg: None },
-            light: None,
         })
     }
 }

@@ -4,7 +4,7 @@ use super::feed::tensors;
 use super::recipe::Target;
 use super::sample::Sample;
 use super::source::TileSource;
-use crate::model::config::{NetConfig, TargetRange};
+use crate::model::config::{NetConfig, TruthRange};
 use crate::model::elunar::ELunarDtmNet;
 use crate::{Error, Result};
 use burn::tensor::Device;
@@ -73,10 +73,10 @@ impl ValidationSet {
         let cases: Result<Vec<Option<Case>>> = (0..count as u64)
             .into_par_iter()
             .map(|index| {
-                let tile = target.of(source.tile(index)?)?.lit_for(config.illumination);
+                let tile = target.of(source.tile(index)?)?;
                 let sample = Sample::new(config, &tile).ok();
                 let range = match config.target_range {
-                    TargetRange::Pixel => ElevationScale::from_heights(&tile.coarse_m, None, config.nr).ok(),
+                    TruthRange::Pixel => ElevationScale::from_heights(&tile.coarse_m, None, config.nr).ok(),
                     _ => None,
                 };
                 Ok(sample.map(|sample| Case {
@@ -108,8 +108,8 @@ impl ValidationSet {
             let output = net.forward(image, input).into_data().try_to_vec::<f32>();
             let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
             let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
-            let mut output_m = vec![0.0; output.len()];
-            sample.scale.recover(&output, &mut output_m).map_err(|e| wrong(&e))?;
+            let mut output_m = output.clone();
+            sample.scale.recover((sample.rows, sample.cols), &mut output_m);
             match &case.range {
                 None => relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?,
                 Some(range) => {

@@ -25,7 +25,7 @@ pub fn calibration_tiles(
                 let found = (raw.rows, raw.cols);
                 return Err(Error::usage(format!("tile {index}: expected {TILE_ROWS} x {TILE_COLS}, found {found:?}")));
             }
-            calibration_tile(config, &raw.lit_for(config.illumination))
+            calibration_tile(config, &raw)
         })
         .collect()
 }
@@ -34,7 +34,7 @@ fn calibration_tile(config: &NetConfig, raw: &RawTile) -> Result<CalibrationTile
     let sample = Sample::new(config, raw)?;
     let mut truth = vec![0.0; raw.truth_m.len()];
     let bad = |e| Error::usage(format!("tile cannot be normalised: {e}"));
-    sample.scale.normalise(&raw.truth_m, &mut truth).map_err(bad)?;
-    let ground = Ground { metres_per_unit: sample.scale.metres_per_unit(), pixel_m: raw.pixel_m, truth };
+    sample.scale.normalise((raw.rows, raw.cols), &raw.truth_m, &mut truth).map_err(bad)?;
+    let ground = Ground { metres_per_unit: sample.scale.elevation.metres_per_unit(), pixel_m: raw.pixel_m, truth };
     Ok(CalibrationTile { image: sample.image, coarse: sample.coarse, ground: Some(ground) })
 }

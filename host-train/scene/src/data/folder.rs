@@ -137,7 +137,6 @@ impl Scene {
             coarse_m: cut(&self.coarse),
             truth_m: cut(&self.truth),
             sun: KnownSun::default(),
-            light: None,
         }
     }
 }

@@ -5,3 +5,6 @@ pub mod folder;
 pub mod prepared;
 pub mod sample;
 pub mod source;
+
+#[cfg(test)]
+mod serve_tests;

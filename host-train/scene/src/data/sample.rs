@@ -1,10 +1,11 @@
 //! One tile as the network sees it: normalised image, coarse DTM and truth.
 
-use crate::illumination::{self, KnownSun, Light, Turn, turned};
-use crate::model::config::{Illumination, NetConfig, TargetRange};
+use crate::illumination::{KnownSun, Turn, turned};
+use crate::maps::Maps;
+use crate::model::config::NetConfig;
 use crate::{Error, Result};
-use elunar_core::norm::{Anchor, ElevationScale, intensity};
-use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry};
+use elunar_core::nn::{TileInput, TileLight, TileScale};
+use elunar_core::norm::Anchor;
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]
@@ -25,8 +26,6 @@ pub struct RawTile {
     pub coarse_px: f32,
     /// What is known of the Sun.
     pub sun: KnownSun,
-    /// How brightness answers to slope; found by [`RawTile::lit_for`].
-    pub light: Option<Light>,
 }
 
 impl RawTile {
@@ -43,30 +42,9 @@ impl RawTile {
             .map_err(|e| Error::usage(format!("tile: {e}")))?;
         Ok(self)
     }
-
-    /// The tile mirrored so that the Sun shines from where `illumination` wants it, with its light: from what is known of the Sun,
-    /// the rest fitted.
-    pub fn lit_for(self, illumination: Illumination) -> Self {
-        if illumination == Illumination::Any {
-            return self;
-        }
-        let pixel_m = f64::from(self.pixel_m);
-        let fit = illumination::fit_of(&self.image, &self.coarse_m, self.cols, pixel_m, self.coarse_px);
-        let (turn, light) = illumination::light_for(illumination, self.sun, &fit);
-        let apply = |map: &[f32]| turned(turn, map, self.cols);
-        Self {
-            image: apply(&self.image),
-            coarse_m: apply(&self.coarse_m),
-            truth_m: apply(&self.truth_m),
-            // Mirrored with the ground; nobody asks again.
-            sun: KnownSun::default(),
-            light: Some(light),
-            ..self
-        }
-    }
 }
 
-/// A normalised tile.
+/// A normalised tile, mirrored so that the Sun shines from where the network expects it.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// Rows.
@@ -79,49 +57,25 @@ pub struct Sample {
     pub coarse: Vec<f32>,
     /// Truth in the same unit: in [0, NR] (own range), about that (reference range), or in pixels.
     pub truth: Vec<f32>,
-    /// How the coarse DTM was normalised: turns the network's output into metres (Eq. 8).
-    pub scale: ElevationScale,
+    /// How the whole tile was mirrored, and its coarse DTM normalised: turns the network's output into metres (Eq. 8).
+    pub scale: TileScale,
 }
 
 impl Sample {
-    /// Normalises a tile as `config` wants it (Eq. 2, Sec. III-A2).
+    /// Normalises a tile as `config` wants it (Eq. 2, Sec. III-A2), and its truth; the tile has a light of its own ([`TileLight::Own`]).
     ///
     /// # Errors
     /// [`Error::Usage`] if the tile has no relief or a constant image.
     pub fn new(config: &NetConfig, tile: &RawTile) -> Result<Self> {
         let bad = |e: &dyn std::fmt::Display| Error::usage(format!("tile cannot be normalised: {e}"));
-        let n = tile.rows * tile.cols;
-        let mut sample = Self {
-            rows: tile.rows,
-            cols: tile.cols,
-            image: vec![0.0; config.image_maps() * n],
-            coarse: vec![0.0; n],
-            truth: vec![0.0; n],
-            scale: coarse_scale(config, &tile.coarse_m, tile.pixel_m)?,
-        };
-        match (config.illumination, tile.light) {
-            (Illumination::Given, Some(light)) => {
-                let plan = Photoclinometry::new((tile.rows, tile.cols));
-                let mut scratch = vec![0.0; plan.scratch_len()];
-                let RawTile { image, coarse_m, coarse_px, .. } = tile;
-                // Already mirrored.
-                let turn = Turn::default();
-                let input = GuideInput { image, coarse_m, valid: None, turn, coarse_px: *coarse_px };
-                let guide = Guide::new(&plan, input, &sample.scale, light, &mut scratch);
-                guide.and_then(|guide| guide.fill(&mut sample.image, &mut sample.coarse)).map_err(|e| bad(&e))?;
-            }
-            (Illumination::Given, None) => return Err(bad(&"expected its light, found none")),
-            _ => {
-                intensity::normalise(&tile.image, None, &mut sample.image).map_err(|e| bad(&e))?;
-                sample.scale.normalise(&tile.coarse_m, &mut sample.coarse).map_err(|e| bad(&e))?;
-            }
-        }
-        let truth_scale = match config.target_range {
-            TargetRange::Reference | TargetRange::Pixel => sample.scale,
-            TargetRange::Own => ElevationScale::from_heights(&tile.truth_m, None, config.nr).map_err(|e| bad(&e))?,
-        };
-        truth_scale.normalise(&tile.truth_m, &mut sample.truth).map_err(|e| bad(&e))?;
-        Ok(sample)
+        let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
+        let (rules, shape, light) = (config.input_rules(), (rows, cols), TileLight::Own(sun));
+        let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
+        let Maps { image, coarse, scale } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
+        let mut truth = vec![0.0; coarse.len()];
+        let truth_scale = rules.truth_scale(&scale, truth_m).map_err(|e| bad(&e))?;
+        truth_scale.normalise(shape, truth_m, &mut truth).map_err(|e| bad(&e))?;
+        Ok(Self { rows, cols, image, coarse, truth, scale })
     }
 
     /// A window of the normalised tile, mirrored as asked; image and heights turn together, so light and shape stay consistent.
@@ -144,16 +98,4 @@ impl Sample {
             scale: self.scale,
         }
     }
-}
-
-/// The scale a coarse tile is normalised with: its own range, widened by the configured margin; or pixels.
-///
-/// # Errors
-/// [`Error::Usage`] if the tile has no relief.
-pub fn coarse_scale(config: &NetConfig, coarse_m: &[f32], pixel_m: f32) -> Result<ElevationScale> {
-    let scale = match config.target_range {
-        TargetRange::Pixel => ElevationScale::from_pixel(coarse_m, None, pixel_m, config.nr),
-        _ => ElevationScale::from_heights(coarse_m, None, config.nr).and_then(|s| s.with_margin(config.range_margin)),
-    };
-    scale.map_err(|e| Error::usage(format!("coarse DTM tile cannot be normalised: {e}")))
 }

@@ -118,7 +118,6 @@ impl TileSource for SynthSource {
             truth_m: tile.truth_m,
             coarse_px: (COARSE_PIXEL_M / tile.pixel_m) as f32,
             sun: KnownSun { azimuth_deg: Some(tile.sun_azimuth_deg), elevation_deg: Some(tile.sun_elevation_deg) },
-            light: None,
         })
     }
 }

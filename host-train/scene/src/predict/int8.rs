@@ -1,10 +1,9 @@
 //! An exported model file as a model the tile loop can run.
 
-use super::network::{Model, Normalisation, TileNetwork};
+use super::network::{Model, TileNetwork};
 use crate::digest::sha256_hex;
-use crate::model::config::{Illumination, TargetRange};
 use crate::{Error, Result};
-use elunar_core::nn::{self, Kernel, Progress, Runner, TruthRange, Verdict, required};
+use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -57,19 +56,8 @@ impl Model for Int8Model {
         self.model().tile()
     }
 
-    fn normalisation(&self) -> Normalisation {
-        let model = self.model();
-        let target_range = match model.truth_range() {
-            TruthRange::Own => TargetRange::Own,
-            TruthRange::Reference => TargetRange::Reference,
-            TruthRange::Pixel => TargetRange::Pixel,
-        };
-        let illumination = match model.illumination() {
-            nn::Illumination::Any => Illumination::Any,
-            nn::Illumination::Northwest => Illumination::Northwest,
-            nn::Illumination::Given => Illumination::Given,
-        };
-        Normalisation { nr: model.nr(), range_margin: model.range_margin(), target_range, illumination }
+    fn input_rules(&self) -> InputRules {
+        self.model().input_rules()
     }
 
     fn description(&self) -> String {

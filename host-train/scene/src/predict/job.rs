@@ -1,6 +1,7 @@
 //! A DTM being made in a file: rows that an interrupted run left are kept, the rest is made, and the whole becomes a GeoTIFF.
 
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
+use crate::illumination::LightSource;
 use crate::progress;
 use crate::{Error, Result, interrupt};
 use std::ops::ControlFlow;
@@ -84,7 +85,7 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
 /// One line about a finished DTM.
 #[must_use]
 pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
-    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty } = *tally;
+    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light } = *tally;
     let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
     let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
     let notes = [
@@ -94,6 +95,9 @@ pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Ta
     ];
     for (count, what) in notes.into_iter().filter(|(count, _)| *count > 0) {
         text += &format!(", {count} {what}");
+    }
+    if light == LightSource::Assumed {
+        text += "; the light is assumed, as neither the Sun is known nor the scene shows it: give --sun-azimuth and --sun-elevation";
     }
     text
 }

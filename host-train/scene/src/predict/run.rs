@@ -3,7 +3,7 @@
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::tile::{Outcome, Rules, TileWorker};
-use crate::illumination::KnownSun;
+use crate::illumination::{KnownSun, LightSource};
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
@@ -63,6 +63,8 @@ pub struct Tally {
     pub tiles_coarse: usize,
     /// Of those made now, tiles without a valid pixel.
     pub tiles_empty: usize,
+    /// Where the scene's light comes from.
+    pub light: LightSource,
 }
 
 /// What [`predict`] made.
@@ -111,12 +113,12 @@ pub fn predict_rows(
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
-    let normalisation = model.normalisation();
-    let light = scene.light_for(normalisation.illumination, options.sun)?;
-    let rules = Rules::new(normalisation, light, scene, options);
+    let input = model.input_rules();
+    let lighting = scene.light_for(input.illumination, options.sun)?;
+    let rules = Rules::new(input, lighting, scene, options);
     let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
     let cut = Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads };
-    make_rows(scene, cut, &makers, from, keep, progress)
+    Ok(Tally { light: lighting.source, ..make_rows(scene, cut, &makers, from, keep, progress)? })
 }
 
 /// How a scene is cut into tiles and shared out.

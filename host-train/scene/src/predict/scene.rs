@@ -1,13 +1,13 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
-use crate::illumination::{self, KnownSun, Light, Turn};
-use crate::model::config::Illumination;
+use crate::illumination::{KnownSun, Lighting};
 use crate::raster::align::{Interpolation, Onto};
 use crate::raster::source::{InMemory, Source};
 use crate::raster::stated::Statements;
 use crate::raster::{GeoRef, Raster};
 use crate::{Error, Result};
 use elunar_core::fill::fill_gaps;
+use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
@@ -166,19 +166,13 @@ impl Scene {
         Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
     }
 
-    /// How tiles are mirrored for a network that knows `illumination`, and their light then: from what is known of the Sun, the rest
-    /// fitted to the scene.
+    /// The scene's light for a network that knows `illumination`: from what is known of the Sun, the rest fitted to the scene.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<(Turn, Light)> {
-        let told = match illumination {
-            Illumination::Any => true,
-            Illumination::Northwest => sun.azimuth_deg.is_some(),
-            Illumination::Given => false,
-        };
-        let fit = if told { LightFit::default() } else { self.survey()?.light };
-        Ok(illumination::light_for(illumination, sun, &fit))
+    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<Lighting> {
+        let fit = if Lighting::wants_fit(illumination, sun) { self.survey()?.light } else { LightFit::default() };
+        Ok(Lighting::decide(illumination, sun, &fit))
     }
 
     /// Looks at all of a small scene, at evenly spread rows of a long one.

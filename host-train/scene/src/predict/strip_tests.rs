@@ -4,11 +4,10 @@ use super::int8::{self, Int8Model};
 use super::network::Model;
 use super::tests::{place, silent};
 use super::{Input, Options, Scene, predict};
-use crate::illumination::KnownSun;
+use crate::illumination::{KnownSun, Light, Lighting};
 use crate::raster::Raster;
 use crate::raster::resample::PixelMap;
 use elunar_core::nn::Runner;
-use elunar_core::norm::Light;
 use elunar_core::strip::{
     Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
 };
@@ -62,7 +61,6 @@ fn scene((image, coarse): &(Raster, Raster)) -> Scene {
 }
 
 fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usize) -> StripSettings {
-    let (turn, light) = scene.light_for(model.normalisation().illumination, options.sun).unwrap();
     StripSettings {
         cols: scene.cols,
         ring_lines,
@@ -70,7 +68,7 @@ fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usi
         pixel_m: scene.pixel_m,
         coarse_px: scene.coarse_px,
         anchor: options.anchor,
-        light: Some(light.mirrored(turn)),
+        light: scene.light_for(model.input_rules().illumination, options.sun).unwrap(),
     }
 }
 
@@ -193,7 +191,7 @@ fn memory_is_as_documented() {
                 pixel_m: 2.0,
                 coarse_px: 30.0,
                 anchor: true,
-                light: Some(Light::assumed(None)),
+                light: Lighting::given(Light::assumed(None)),
             };
             let plan = StripPlan::new(&model, settings).unwrap();
             let parts =

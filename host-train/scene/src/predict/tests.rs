@@ -1,11 +1,11 @@
 //! Networks whose answer is known, over scenes with every kind of edge.
 
-use super::network::{Model, Normalisation, TileNetwork};
+use super::network::{Model, TileNetwork};
 use super::*;
-use crate::model::config::{Illumination, TargetRange};
 use crate::mosaic::Blend;
 use crate::raster::{Crs, GeoRef, Raster};
 use crate::{Error, Result};
+use elunar_core::nn::{Illumination, InputRules, TruthRange};
 use std::ops::ControlFlow;
 
 /// Gives back its coarse input, bit for bit, or raised by as much everywhere.
@@ -25,11 +25,11 @@ impl Model for Identity {
     fn tile(&self) -> (usize, usize) {
         self.tile
     }
-    fn normalisation(&self) -> Normalisation {
-        Normalisation {
+    fn input_rules(&self) -> InputRules {
+        InputRules {
             nr: 50.0,
             range_margin: self.range_margin,
-            target_range: TargetRange::Reference,
+            truth_range: TruthRange::Reference,
             illumination: Illumination::Any,
         }
     }
@@ -68,13 +68,8 @@ impl Model for Truth {
     fn tile(&self) -> (usize, usize) {
         self.tile
     }
-    fn normalisation(&self) -> Normalisation {
-        Normalisation {
-            nr: 50.0,
-            range_margin: 0.1,
-            target_range: TargetRange::Reference,
-            illumination: Illumination::Any,
-        }
+    fn input_rules(&self) -> InputRules {
+        InputRules { nr: 50.0, range_margin: 0.1, truth_range: TruthRange::Reference, illumination: Illumination::Any }
     }
     fn description(&self) -> String {
         "truth".into()
@@ -276,8 +271,8 @@ impl Model for Faulty {
     fn tile(&self) -> (usize, usize) {
         (64, 80)
     }
-    fn normalisation(&self) -> Normalisation {
-        Normalisation { nr: 50.0, range_margin: 0.0, target_range: TargetRange::Own, illumination: Illumination::Any }
+    fn input_rules(&self) -> InputRules {
+        InputRules { nr: 50.0, range_margin: 0.0, truth_range: TruthRange::Own, illumination: Illumination::Any }
     }
     fn description(&self) -> String {
         "faulty".into()

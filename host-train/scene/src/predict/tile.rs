@@ -1,14 +1,14 @@
 //! One tile: normalise, run the network, recover metres.
 
 use super::Options;
-use super::network::{Normalisation, TileNetwork};
+use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
-use crate::illumination::{Light, Turn};
+use crate::illumination::Lighting;
+use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
 use crate::{Error, Result};
-use elunar_core::nn::{TileInput, TileMaps, TileScale};
+use elunar_core::nn::{InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
-use elunar_core::photoclinometry::Photoclinometry;
 use elunar_core::tile::Window;
 
 /// What became of a tile.
@@ -25,11 +25,11 @@ pub(crate) enum Outcome {
 /// What all tiles of a job have in common.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
-    pub(super) normalisation: Normalisation,
+    pub(super) input: InputRules,
     /// Rows and columns of the scene.
     pub(super) scene: (usize, usize),
-    /// How brightness answers to slope.
-    pub(super) light: Light,
+    /// The light of the scene.
+    pub(super) lighting: Lighting,
     /// Ground size of a pixel, metres.
     pub(super) pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
@@ -39,18 +39,11 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// For a scene whose light is `light` once it is mirrored by `turn`.
-    pub(super) fn new(
-        normalisation: Normalisation,
-        (turn, light): (Turn, Light),
-        scene: &Scene,
-        options: &Options,
-    ) -> Self {
+    /// For a scene and its light.
+    pub(super) fn new(input: InputRules, lighting: Lighting, scene: &Scene, options: &Options) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
-        // Mirrored twice is as it was: tiles are mirrored one by one on their way into the network.
-        let light = light.mirrored(turn);
-        Self { normalisation, scene: (scene.rows, scene.cols), light, pixel_m, coarse_px, blend, anchor }
+        Self { input, scene: (scene.rows, scene.cols), lighting, pixel_m, coarse_px, blend, anchor }
     }
 }
 
@@ -61,13 +54,6 @@ pub(super) struct TileWorker<'a> {
     sums: Vec<f64>,
     scratch: Vec<f32>,
     weights: OverlapWeights,
-}
-
-/// A tile as the network sees it, and the way back.
-struct Normalised {
-    image: Vec<f32>,
-    coarse: Vec<f32>,
-    scale: TileScale,
 }
 
 impl<'a> TileWorker<'a> {
@@ -83,34 +69,28 @@ impl<'a> TileWorker<'a> {
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
         let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weights = self.weights(&valid, window);
-        match self.normalised(&image, &coarse_m, (window.rows, window.cols))? {
+        match self.maps(&image, &coarse_m, (window.rows, window.cols))? {
             Some(tile) => Ok(Outcome::Predicted { heights_m: self.predicted(tile, &coarse_m, window)?, weights }),
             None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
         }
     }
 
     /// A tile without gaps, made ready; `None` for one without contrast or relief.
-    fn normalised(&mut self, image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Result<Option<Normalised>> {
-        let Rules { normalisation, pixel_m, coarse_px, light, .. } = self.rules;
-        let maps = normalisation.image_maps();
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Result<Option<Maps>> {
+        let Rules { input, pixel_m, coarse_px, lighting, .. } = self.rules;
+        let light = TileLight::Scene(lighting);
         // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
-        let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light: Some(light) };
-        if maps > 1 {
-            self.scratch.resize(Photoclinometry::new(shape).scratch_len(), 0.0);
+        let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
+        match Maps::new(&input, shape, &tile, &mut self.scratch) {
+            Ok(maps) => Ok(Some(maps)),
+            Err(e) if e.nothing_to_see() => Ok(None),
+            Err(e) => Err(Error::usage(e.to_string())),
         }
-        let made = match TileMaps::new(&normalisation.input_rules(), shape, &tile, &mut self.scratch) {
-            Ok(made) => made,
-            Err(e) if e.nothing_to_see() => return Ok(None),
-            Err(e) => return Err(Error::usage(e.to_string())),
-        };
-        let (mut image, mut coarse) = (vec![0.0; maps * image.len()], vec![0.0; coarse_m.len()]);
-        made.fill(&mut image, &mut coarse).map_err(|e| Error::usage(e.to_string()))?;
-        Ok(Some(Normalised { image, coarse, scale: made.scale() }))
     }
 
     /// Heights of a normalised tile, metres.
-    fn predicted(&mut self, tile: Normalised, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
-        let Normalised { image, coarse, scale } = tile;
+    fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
+        let Maps { image, coarse, scale } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
         scale.recover((window.rows, window.cols), &mut heights_m);

@@ -2,11 +2,11 @@
 
 use super::list::SceneFiles;
 use crate::hillshade::pixel_of;
-use crate::illumination::fit_of;
 use crate::raster::align::{Interpolation, Onto};
 use crate::raster::source::{self, Info, Source};
 use crate::raster::stated::{HeightUnit, Statements};
 use crate::{Error, Result};
+use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use std::path::Path;
@@ -81,7 +81,8 @@ impl Scene {
         let (rows, cols) = (all_rows.min(AZIMUTH_PX), all_cols.min(AZIMUTH_PX));
         let window = Window { row: (all_rows - rows) / 2, col: (all_cols - cols) / 2, rows, cols };
         let pixel_m = (self.pixel.row_m * self.pixel.col_m).sqrt();
-        let fit = fit_of(&self.image.read(window)?, &self.dtm.read(window)?, cols, pixel_m, self.coarse_px);
+        let (image, dtm_m) = (self.image.read(window)?, self.dtm.read(window)?);
+        let fit = LightFit::of_tile(&image, &dtm_m, None, cols, pixel_m, self.coarse_px);
         Ok(fit.light().map(|light| light.azimuth_deg()))
     }
 

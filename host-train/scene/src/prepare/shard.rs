@@ -188,7 +188,6 @@ impl ShardFile {
                 azimuth_deg: azimuth_deg.is_finite().then_some(f64::from(azimuth_deg)),
                 elevation_deg: elevation_deg.is_finite().then_some(f64::from(elevation_deg)),
             },
-            light: None,
         })
     }
 }

@@ -5,7 +5,7 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::file::seal_file;
-use elunar_core::nn::{Model, Progress, Runner, TileInput, required, validity};
+use elunar_core::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use std::path::{Path, PathBuf};
@@ -101,9 +101,9 @@ impl Tile {
             valid: mask.as_deref(),
             pixel_m: self.pixel_m,
             coarse_px: self.coarse_px,
-            light: fit.with_sun(known[0], known[1]),
+            light: TileLight::Scene(Lighting::given(fit.with_sun(known[0], known[1]).unwrap())),
         };
-        let scale = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap();
+        let scale = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap().scale;
         while runner.step(STEP_MACS).unwrap() == Progress::Running {}
         let (mut heights_m, mut valid) = (vec![0.0; PX], vec![false; PX]);
         runner.heights(&scale, &mut heights_m).unwrap();

@@ -3,7 +3,9 @@
 #![allow(unsafe_code)]
 
 use elunar_capi::elunar_core::terrain::TerrainError;
-use elunar_capi::elunar_core::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity};
+use elunar_capi::elunar_core::nn::{
+    Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
+};
 use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
 };
@@ -93,7 +95,7 @@ root! {
         runner.begin(image, coarse)
     }
     elunar_root_begin_metres(runner: &mut Runner<'_, '_>, tile: &TileInput<'_>, scratch: &mut [f32])
-        -> Result<TileScale, TileError> { runner.begin_metres(tile, scratch) }
+        -> Result<Begun, TileError> { runner.begin_metres(tile, scratch) }
     elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> Result<(), RunError> { runner.begin_self_test() }
     elunar_root_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result<Progress, RunError> { runner.step(macs) }
     elunar_root_output(runner: &Runner<'_, '_>, out: &mut [f32]) -> Result<(), RunError> { runner.output(out) }

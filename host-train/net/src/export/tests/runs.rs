@@ -2,9 +2,9 @@
 
 use super::super::compile::{Options, Precision, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
-use crate::config::{Head, Illumination, NetConfig, TargetRange};
-use crate::illumination::{Light, Turn, turned};
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileError, TileInput, required};
+use crate::config::{Head, Illumination, NetConfig, TruthRange};
+use crate::illumination::{Light, LightSource, Lighting, Turn, turned};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
 use elunar_core::norm::ElevationScale;
 use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use std::path::Path;
@@ -100,9 +100,17 @@ fn metres_come_out_as_by_way_of_buffers() {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let input =
-        TileInput { image: &brightness, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light: None };
-    let scale = runner.begin_metres(&input, &mut []).unwrap();
+    let input = TileInput {
+        image: &brightness,
+        coarse_m: &coarse_m,
+        valid: None,
+        pixel_m: 2.0,
+        coarse_px: 30.0,
+        light: TileLight::default(),
+    };
+    let begun = runner.begin_metres(&input, &mut []).unwrap();
+    assert_eq!(begun.light, LightSource::NotAsked);
+    let scale = begun.scale;
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; n];
     runner.heights(&scale, &mut heights_m).unwrap();
@@ -123,7 +131,7 @@ fn metres_come_out_as_by_way_of_buffers() {
 fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let config = NetConfig {
         head: Head::Residual,
-        target_range: TargetRange::Pixel,
+        target_range: TruthRange::Pixel,
         illumination: Illumination::Given,
         ..small_config()
     };
@@ -153,18 +161,19 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let (image, light) = (brightness.as_slice(), Some(light));
+    let (image, light) = (brightness.as_slice(), TileLight::Scene(Lighting::given(light)));
     let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
     assert_eq!(runner.scratch_len(), scratch.len());
-    let found = runner.begin_metres(&input, &mut scratch).unwrap();
-    assert_eq!(found.turn, turn);
+    let begun = runner.begin_metres(&input, &mut scratch).unwrap();
+    assert_eq!((begun.scale.turn, begun.light), (turn, LightSource::Given));
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; expected_m.len()];
-    runner.heights(&found, &mut heights_m).unwrap();
+    runner.heights(&begun.scale, &mut heights_m).unwrap();
     assert_eq!(heights_m, turned(turn, &expected_m, shape.1));
     let level = vec![5.0; heights_m.len()];
-    let dark = TileInput { coarse_m: &level, light: None, ..input };
-    assert_eq!(runner.begin_metres(&dark, &mut scratch), Err(TileError::Light));
+    let dark = TileInput { coarse_m: &level, light: TileLight::default(), ..input };
+    let begun = runner.begin_metres(&dark, &mut scratch).unwrap();
+    assert_eq!((begun.scale.turn, begun.light), (Turn::default(), LightSource::Assumed));
     assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 8192, found: 2048 }));
 }
 

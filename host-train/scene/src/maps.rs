@@ -1,0 +1,33 @@
+//! A tile as a network sees it, in buffers: one way for prediction, training and calibration.
+
+use elunar_core::nn::{InputRules, TileError, TileInput, TileMaps, TileScale};
+
+/// A tile as a network sees it ([`TileMaps`]), and the way back; maps are row-major, mirrored as the scale says.
+pub(crate) struct Maps {
+    /// The image's maps side by side in every pixel.
+    pub(crate) image: Vec<f32>,
+    /// The coarse DTM, normalised.
+    pub(crate) coarse: Vec<f32>,
+    /// From the network's output back to the ground.
+    pub(crate) scale: TileScale,
+}
+
+impl Maps {
+    /// Of a tile of (rows, columns); `scratch` grows as needed and may be used again.
+    ///
+    /// # Errors
+    /// As [`TileMaps::new`].
+    pub(crate) fn new(
+        rules: &InputRules,
+        shape: (usize, usize),
+        tile: &TileInput<'_>,
+        scratch: &mut Vec<f32>,
+    ) -> Result<Self, TileError> {
+        scratch.resize(rules.scratch_len(shape), 0.0);
+        let made = TileMaps::new(rules, shape, tile, scratch)?;
+        let pixels = tile.image.len();
+        let (mut image, mut coarse) = (vec![0.0; rules.illumination.image_maps() * pixels], vec![0.0; pixels]);
+        made.fill(&mut image, &mut coarse)?;
+        Ok(Self { image, coarse, scale: made.scale() })
+    }
+}
