@@ -1,7 +1,7 @@
 //! The arithmetic of ELunarDTM, for a laptop and for a spacecraft: no `std`, no heap, no files, no threads.
 //!
 //! ```
-//! use elunar_core::nn::{Model, Progress, Runner, TileInput, required};
+//! use elunar_core::nn::{Model, Progress, Runner, TileInput, TileLight, required};
 //!
 //! // A network of random weights, small enough to travel with this crate; its tile has 32 x 32 pixels.
 //! let model = Model::new(include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/tile-v4.eld")))?;
@@ -11,11 +11,12 @@
 //!
 //! let mut arena = vec![0; required(&model)]; // all memory that it takes
 //! let mut runner = Runner::new(model, &mut arena)?;
-//! let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light: None };
-//! let scale = runner.begin_metres(&tile, &mut [])?;
+//! let light = TileLight::default(); // fitted to the tile
+//! let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
+//! let begun = runner.begin_metres(&tile, &mut [])?;
 //! while runner.step(1_000_000)? == Progress::Running {} // multiply-accumulates at a time
 //! let mut heights_m = vec![0.0; rows * cols];
-//! runner.heights(&scale, &mut heights_m)?;
+//! runner.heights(&begun.scale, &mut heights_m)?;
 //! # assert!(heights_m.iter().zip(&coarse_m).all(|(fine, coarse)| (fine - coarse).abs() < 10.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
