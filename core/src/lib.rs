@@ -11,7 +11,7 @@
 //!
 //! let mut arena = vec![0; required(&model)]; // all memory that it takes
 //! let mut runner = Runner::new(model, &mut arena)?;
-//! let light = TileLight::default(); // fitted to the tile
+//! let light = TileLight::default(); // an unknown Sun; this model knows any
 //! let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
 //! let begun = runner.begin_metres(&tile, &mut [])?;
 //! while runner.step(1_000_000)? == Progress::Running {} // multiply-accumulates at a time

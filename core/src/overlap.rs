@@ -11,14 +11,36 @@ use crate::error::{LengthError, same_length};
 use crate::part::item;
 use crate::tile::Window;
 
-/// Taps of the blur: the odd floor of 7 sigma (`dem_mosaic`).
-pub const TAPS: usize = 35;
-/// Distances beyond this count no more: extra crop 200 + twice the taps + 1 (`dem_mosaic`'s margin, without erosion and hole filling).
-pub const FARTHEST_PX: u32 = 271;
 /// Standard deviation of the blur, pixels.
-const SIGMA_PX: f64 = 5.0;
+pub const SIGMA_PX: f64 = 5.0;
+/// Taps of the blur.
+pub const TAPS: usize = taps(SIGMA_PX);
+/// Distances beyond this count no more.
+pub const FARTHEST_PX: u32 = farthest_px(TAPS);
 /// Taps on either side of the middle.
 const REACH: usize = TAPS / 2;
+
+/// Taps of a blur by a Gaussian of `sigma_px` pixels: the odd floor of 7 sigma (`dem_mosaic`).
+#[must_use]
+pub const fn taps(sigma_px: f64) -> usize {
+    (7.0 * sigma_px) as usize | 1
+}
+
+/// Distance, pixels, beyond which none counts: extra crop 200 + twice the taps + 1 (`dem_mosaic`'s margin, without erosion and hole filling).
+#[must_use]
+pub const fn farthest_px(taps: usize) -> u32 {
+    (taps as u32).saturating_mul(2).saturating_add(201)
+}
+
+/// One side of the symmetric kernel of such a blur, centre first: the Gaussian integrated over each pixel, summing to one over both sides.
+pub fn half_kernel(sigma_px: f64, kernel: &mut [f64]) {
+    let edge = |x: f64| libm::erf(x / (sigma_px * core::f64::consts::SQRT_2));
+    for (i, k) in kernel.iter_mut().enumerate() {
+        *k = 0.5 * (edge(i as f64 + 0.5) - edge(i as f64 - 0.5));
+    }
+    let sum = item(kernel, 0) + 2.0 * kernel.iter().skip(1).sum::<f64>();
+    kernel.iter_mut().for_each(|k| *k /= sum);
+}
 
 /// Which sides of a tile are the scene's border, where no other tile is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -67,13 +89,8 @@ impl OverlapWeights {
     /// For tiles of (rows, columns).
     #[must_use]
     pub fn new(tile: (usize, usize)) -> Self {
-        let edge = |x: f64| libm::erf(x / (SIGMA_PX * core::f64::consts::SQRT_2));
         let mut kernel = [0.0; REACH + 1];
-        for (i, k) in kernel.iter_mut().enumerate() {
-            *k = 0.5 * (edge(i as f64 + 0.5) - edge(i as f64 - 0.5));
-        }
-        let sum = kernel[0] + 2.0 * kernel.iter().skip(1).sum::<f64>();
-        kernel.iter_mut().for_each(|k| *k /= sum);
+        half_kernel(SIGMA_PX, &mut kernel);
         Self { tile, kernel }
     }
 

@@ -4,7 +4,7 @@ use super::list::is_plain;
 use super::results::MethodInfo;
 use super::scene::TestScene;
 use crate::evaluate::CoAlignment;
-use crate::illumination::KnownSun;
+use crate::illumination::{KnownSun, LightSource};
 use crate::model::backend::Backend;
 use crate::predict::network::Model;
 use crate::predict::{Options, Prediction, predict};
@@ -107,7 +107,13 @@ impl Method {
                 let start = Instant::now();
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-                let Prediction { dtm, .. } = predict(&scene.input, model.as_ref(), &options, &mut { progress })?;
+                let Prediction { dtm, tally } = predict(&scene.input, model.as_ref(), &options, &mut { progress })?;
+                if tally.light == LightSource::Assumed {
+                    let (method, name) = (&self.name, &scene.entry.name);
+                    eprintln!(
+                        "{name}, {method}: the light is assumed, as neither the Sun is known nor the scene shows it"
+                    );
+                }
                 let seconds = start.elapsed().as_secs_f64();
                 let image_m = dtm.pixel_m().unwrap_or(scene.pixel_m);
                 let aligned = match usage.co_alignment {

@@ -1,5 +1,7 @@
 //! How much a tile counts at each of its pixels.
 
+use elunar_core::overlap;
+
 /// How weights are made from the distance to the nearest gap or edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -23,12 +25,9 @@ pub struct WeightRules {
 
 impl Default for WeightRules {
     fn default() -> Self {
-        Self { erode_px: 0, blur_sigma_px: 5.0, exponent: 2 }
+        Self { erode_px: 0, blur_sigma_px: overlap::SIGMA_PX, exponent: 2 }
     }
 }
-
-/// Pixels around a tile that `dem_mosaic` looks at beyond erosion and blur (`--extra-crop-length`).
-const EXTRA_CROP_PX: u32 = 200;
 
 impl WeightRules {
     /// Weights of a tile, row-major `rows` x `cols`: 0 where `valid` is false or eroded, positive elsewhere.
@@ -54,25 +53,23 @@ impl WeightRules {
         blurred.into_iter().zip(distance).map(weight).collect()
     }
 
-    /// Distances beyond this count no more: erosion + extra crop 200 + twice the blur's taps + 1 (`dem_mosaic`'s margin, without
-    /// hole filling). 271 by default: no pixel of a 256 x 320 tile is that far from an edge.
+    /// Distances beyond this count no more: erosion and [`overlap::farthest_px`]. 271 by default: no pixel of a 256 x 320 tile is that far
+    /// from an edge.
     #[must_use]
     pub fn farthest_px(&self) -> u32 {
-        self.erode_px + EXTRA_CROP_PX + 2 * self.taps() as u32 + 1
+        self.erode_px + overlap::farthest_px(self.taps())
     }
 
-    /// Taps of the blur: the odd floor of 7 sigma.
+    /// Taps of the blur.
     pub(super) fn taps(&self) -> usize {
-        (7.0 * self.blur_sigma_px) as usize | 1
+        overlap::taps(self.blur_sigma_px)
     }
 
-    /// One side of the symmetric kernel, centre first: the Gaussian integrated over each pixel, summing to one.
+    /// One side of the blur's symmetric kernel, centre first.
     fn kernel(&self) -> Vec<f64> {
-        let edge = |x: f64| libm::erf(x / (self.blur_sigma_px * std::f64::consts::SQRT_2));
-        let half: Vec<f64> =
-            (0..=self.taps() / 2).map(|i| 0.5 * (edge(i as f64 + 0.5) - edge(i as f64 - 0.5))).collect();
-        let sum = half[0] + 2.0 * half[1..].iter().sum::<f64>();
-        half.into_iter().map(|k| k / sum).collect()
+        let mut kernel = vec![0.0; self.taps() / 2 + 1];
+        overlap::half_kernel(self.blur_sigma_px, &mut kernel);
+        kernel
     }
 }
 
