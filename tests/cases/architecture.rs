@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Our packages and the packages of ours each may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 6] = [
+const EDGES: [(&str, &[&str]); 7] = [
     ("elunar-core", &[]),
-    ("host-train", &["elunar-core"]),
+    ("host-train", &["elunar-core", "elunar-testing"]),
+    ("elunar-testing", &[]),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
-    ("elunar-tests", &["elunar-core", "host-train", "elunar-provoke"]),
+    ("elunar-tests", &["elunar-core", "host-train", "elunar-provoke", "elunar-testing"]),
     ("elunar-benches", &["elunar-core", "host-train", "elunar-capi"]),
 ];
 
@@ -108,6 +109,8 @@ fn what_flies_is_core_libm_and_heapless() {
         assert_eq!(foreign(&whole, &ours), [""; 0], "below {package}");
         assert!(!whole.iter().any(|(_, p)| p == "host-train"), "{package} meets host-train");
     }
+    let host = tree(&["--package", "host-train", "--edges", "normal,build"]);
+    assert!(!host.iter().any(|(_, p)| p == "elunar-testing"), "what only tests need is linked into host-train");
     let host = tree(&["--package", "host-train", "--edges", "normal,build,dev"]);
     assert!(host.iter().any(|(_, p)| p == "elunar-core") && !host.iter().any(|(_, p)| p == "elunar-capi"));
 }
