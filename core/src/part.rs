@@ -1,49 +1,160 @@
 //! Parts of slices without a way to panic. What validation has proven cannot fail; should memory change afterwards, a part that is not there
 //! is empty, and the linker sees that nothing panics.
+//!
+//! In this crate's tests such a default fails the test, with its place ([`defaults`]): a healthy model needs none.
 
 /// `len` items from `at` on; none if they are not all there.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn part<T>(all: &[T], at: usize, len: usize) -> &[T] {
-    all.get(at..).and_then(|rest| rest.get(..len)).unwrap_or_default()
+    match all.get(at..).and_then(|rest| rest.get(..len)) {
+        Some(part) => part,
+        None => absent(&[]),
+    }
 }
 
 /// As [`part`], to write.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn part_mut<T>(all: &mut [T], at: usize, len: usize) -> &mut [T] {
-    all.get_mut(at..).and_then(|rest| rest.get_mut(..len)).unwrap_or_default()
+    match all.get_mut(at..).and_then(|rest| rest.get_mut(..len)) {
+        Some(part) => part,
+        None => absent(&mut []),
+    }
 }
 
 /// The first `len` items; none if there are fewer.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn head<T>(all: &[T], len: usize) -> &[T] {
-    all.get(..len).unwrap_or_default()
+    match all.get(..len) {
+        Some(head) => head,
+        None => absent(&[]),
+    }
 }
 
 /// As [`head`], to write.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn head_mut<T>(all: &mut [T], len: usize) -> &mut [T] {
-    all.get_mut(..len).unwrap_or_default()
+    match all.get_mut(..len) {
+        Some(head) => head,
+        None => absent(&mut []),
+    }
 }
 
 /// Item `index`, or the default beyond the end.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn item<T: Copy + Default>(all: &[T], index: usize) -> T {
-    all.get(index).copied().unwrap_or_default()
+    match all.get(index) {
+        Some(item) => *item,
+        None => absent(T::default()),
+    }
 }
 
 /// Writes item `index`, if there is one.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn put<T>(all: &mut [T], index: usize, value: T) {
-    if let Some(item) = all.get_mut(index) {
-        *item = value;
+    match all.get_mut(index) {
+        Some(item) => *item = value,
+        None => absent(()),
     }
 }
 
-/// Copies as many items as both have.
+/// Copies as many items as both have: all of `to`, unless memory has changed.
 #[inline(always)]
+#[cfg_attr(test, track_caller)]
 pub(crate) fn copy<T: Copy>(to: &mut [T], from: &[T]) {
+    if to.len() > from.len() {
+        absent(());
+    }
     let len = to.len().min(from.len());
     if let (Some(to), Some(from)) = (to.get_mut(..len), from.get(..len)) {
         to.copy_from_slice(from);
+    }
+}
+
+/// `default`, in place of what is not there. In tests it is counted, and fails the test unless [`defaults::Expected`] lives.
+#[inline(always)]
+#[cfg_attr(test, track_caller)]
+fn absent<T>(default: T) -> T {
+    #[cfg(test)]
+    defaults::count();
+    default
+}
+
+/// What the functions of this module return in place of what is not there, counted on every thread of a test.
+#[cfg(test)]
+pub(crate) mod defaults {
+    use std::cell::Cell;
+    use std::panic::Location;
+
+    std::thread_local! {
+        /// How many defaults were returned while they were expected; `None`: they are not.
+        static COUNT: Cell<Option<u32>> = const { Cell::new(None) };
+    }
+
+    /// Counts one default, where defaults are expected.
+    ///
+    /// # Panics
+    /// Where they are not, with the place in the crate that asked for what is not there.
+    #[track_caller]
+    pub(super) fn count() {
+        match COUNT.get() {
+            Some(count) => COUNT.set(Some(count + 1)),
+            None => panic!("a part of a slice that is not there: {}", Location::caller()),
+        }
+    }
+
+    /// While it lives, defaults are legal on this thread: for tests of damaged memory and of arguments beyond the end.
+    pub(crate) struct Expected(());
+
+    impl Expected {
+        pub(crate) fn new() -> Self {
+            COUNT.set(Some(0));
+            Self(())
+        }
+
+        /// How many defaults were returned so far.
+        pub(crate) fn count(&self) -> u32 {
+            COUNT.get().unwrap_or_default()
+        }
+    }
+
+    impl Drop for Expected {
+        fn drop(&mut self) {
+            COUNT.set(None);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every function on three items; with `more` of 1 it asks for one item that is not there.
+    const USES: [fn(usize); 7] = [
+        |more| assert_eq!(part(&[1, 2, 3], 1, 2 + more).len(), 2 - 2 * more),
+        |more| assert_eq!(part_mut(&mut [1, 2, 3], 1 + more, 2).len(), 2 - 2 * more),
+        |more| assert_eq!(head(&[1, 2, 3], 3 + more).len(), 3 - 3 * more),
+        |more| assert_eq!(head_mut(&mut [1, 2, 3], 3 + more).len(), 3 - 3 * more),
+        |more| assert_eq!(item(&[1, 2, 3], 2 + more), 3 - 3 * more),
+        |more| put(&mut [1, 2, 3], 2 + more, 7),
+        |more| copy(&mut [1, 2, 3], head(&[4, 5, 6], 3 - more)),
+    ];
+
+    #[test]
+    fn every_default_fails_a_test_that_does_not_expect_it() {
+        for (number, one) in USES.into_iter().enumerate() {
+            one(0);
+            let report = std::panic::catch_unwind(|| one(1)).expect_err("a default");
+            let text = report.downcast::<String>().expect("a message");
+            assert!(text.contains("not there: core/src/part.rs:"), "function {number}: {text}");
+            let expected = defaults::Expected::new();
+            one(1);
+            assert_eq!(expected.count(), 1, "function {number}");
+        }
     }
 }

@@ -115,11 +115,13 @@ mod tests {
 
     #[test]
     fn lines_go_on_straight() {
+        let beyond = crate::part::defaults::Expected::new();
         let mut line = [9.0, 9.0, 4.0, 6.0, 7.0, 9.0, 9.0];
         continue_line(&mut line, 2, 3, 2);
         assert_eq!(line, [0.0, 2.0, 4.0, 6.0, 7.0, 8.0, 9.0]);
         let mut one = [9.0, 5.0, 9.0];
         continue_line(&mut one, 1, 1, 2);
         assert_eq!(one, [5.0; 3]);
+        assert_eq!(beyond.count(), 2, "room for one ghost of two on either side");
     }
 }

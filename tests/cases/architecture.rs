@@ -11,7 +11,7 @@ const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-testing", &[]),
     ("elunar-raster", &["elunar-core", "elunar-testing"]),
     ("elunar-synth", &["elunar-core", "elunar-raster"]),
-    ("elunar-net", &["elunar-core", "elunar-raster", "elunar-synth"]),
+    ("elunar-net", &["elunar-core", "elunar-testing", "elunar-raster", "elunar-synth"]),
     ("elunar-scene", &["elunar-core", "elunar-testing", "elunar-raster", "elunar-synth", "elunar-net"]),
     ("elunar-learn", &["elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
     ("elunar", &["elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
@@ -32,7 +32,16 @@ const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
     (
         "elunar-tests",
-        &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "host-train", "elunar-provoke"],
+        &[
+            "elunar-core",
+            "elunar-raster",
+            "elunar-net",
+            "elunar-scene",
+            "elunar-learn",
+            "elunar-testing",
+            "host-train",
+            "elunar-provoke",
+        ],
     ),
     ("elunar-benches", &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "elunar-capi"]),
 ];
@@ -132,6 +141,8 @@ fn what_flies_is_core_and_libm() {
         assert_eq!(foreign(&whole, &ours), [""; 0], "below {package}");
         assert!(!whole.iter().any(|(_, p)| p == "host-train"), "{package} meets host-train");
     }
+    let host = tree(&["--package", "host-train", "--edges", "normal,build"]);
+    assert!(!host.iter().any(|(_, p)| p == "elunar-testing"), "what only tests need is linked into host-train");
     let host = tree(&["--package", "host-train", "--edges", "normal,build,dev"]);
     assert!(host.iter().any(|(_, p)| p == "elunar-core") && !host.iter().any(|(_, p)| p == "elunar-capi"));
 }

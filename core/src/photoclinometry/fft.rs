@@ -107,9 +107,9 @@ fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32
     let (part, turns) = (span / factor, len / span);
     let sign = if way == Way::Forward { 1.0 } else { -1.0 };
     for j in 0..part {
-        // What the parts are turned by. j p < span, so no root lies beyond the table.
+        // What the parts are turned by. j p < span, so no root lies beyond the table. Beyond `factor` nobody reads them.
         let twiddles: [[f32; 2]; MAX_FACTOR] = core::array::from_fn(|p| {
-            let at = 2 * j * p * turns;
+            let at = 2 * j * p.min(factor - 1) * turns;
             [item(roots, at), sign * item(roots, at + 1)]
         });
         for block in (0..len).step_by(span) {

@@ -36,7 +36,6 @@ use super::Runner;
 use super::Verdict;
 use super::file::{HEADER_BYTES, RawModel, word};
 use super::model::Model;
-use crate::part::head;
 use upload::Upload;
 
 /// Most boots of a trial.
@@ -150,7 +149,7 @@ impl<S: Storage> Slots<S> {
 
     /// A slot's first bytes; none if it is shorter.
     fn file(&self, slot: Slot, file_bytes: u32) -> &[u8] {
-        head(self.storage.bytes(Region::Model(slot)), file_bytes as usize)
+        self.storage.bytes(Region::Model(slot)).get(..file_bytes as usize).unwrap_or_default()
     }
 
     /// Whether a slot holds this model, and the runner accepts it.

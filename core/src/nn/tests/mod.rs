@@ -14,5 +14,6 @@ mod shadow;
 mod slots;
 mod suspend;
 mod unit;
+mod whole;
 
 pub(crate) use random::Random;

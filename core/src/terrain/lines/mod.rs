@@ -5,7 +5,7 @@ use super::hillshade::{Light, Sun};
 use super::slope::from_gradient_deg;
 use super::{HazardLimits, PixelSize, of_lines};
 use crate::error::{LengthError, same_length};
-use crate::part::{copy, head, head_mut, item, part, part_mut, put};
+use crate::part::{copy, head, head_mut, item, part, part_mut};
 use crate::terrain::TerrainError;
 
 /// What is computed of a DTM's lines.
@@ -206,18 +206,25 @@ impl<'m> TerrainLines<'m> {
         if !(maps.slope_deg.is_empty() && maps.hillshade.is_empty()) {
             for col in 0..cols {
                 let gradient = of_lines(around, col, pixel);
-                put(maps.slope_deg, col, gradient.map_or(f32::NAN, |gradient| from_gradient_deg(gradient) as f32));
-                put(maps.hillshade, col, gradient.map_or(0, |gradient| self.light.shade(gradient)));
+                give(maps.slope_deg, col, gradient.map_or(f32::NAN, |gradient| from_gradient_deg(gradient) as f32));
+                give(maps.hillshade, col, gradient.map_or(0, |gradient| self.light.shade(gradient)));
             }
         }
         if !(maps.footprint_slope_deg.is_empty() && maps.roughness_m.is_empty() && maps.hazard.is_empty()) {
             for col in 0..cols {
                 let footprint = footprint::at(lines, col, radius_px, pixel);
-                put(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
-                put(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
-                put(maps.hazard, col, limits.judge(footprint));
+                give(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
+                give(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
+                give(maps.hazard, col, limits.judge(footprint));
             }
         }
+    }
+}
+
+/// Writes a pixel of a map, if the map is wanted: else it is empty.
+fn give<T>(map: &mut [T], col: usize, value: T) {
+    if let Some(pixel) = map.get_mut(col) {
+        *pixel = value;
     }
 }
 

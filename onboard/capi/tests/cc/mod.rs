@@ -4,18 +4,12 @@
 //! `libelunar.a` of `onboard/flight`, which needs no other library.
 #![allow(dead_code)] // each test file uses a part
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 /// The languages a caller may write in.
 pub(crate) const LANGUAGES: [&str; 2] = ["c99", "c++17"];
-
-/// Says on stderr that a check does not run; not by `eprintln!`, which passing tests keep to themselves.
-pub(crate) fn skipped(why: &str) {
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
-}
 
 pub(crate) fn compiler(language: &str) -> Command {
     let (variable, default) = if language.starts_with("c++") { ("CXX", "c++") } else { ("CC", "cc") };
@@ -30,7 +24,7 @@ pub(crate) fn compiler(language: &str) -> Command {
 pub(crate) fn exists(language: &str) -> bool {
     let found = compiler(language).arg("--version").output().is_ok_and(|out| out.status.success());
     if !found {
-        skipped(&format!("{language} programs: no compiler (CC, CXX; Debian packages gcc, g++)"));
+        crate::common::absent(&format!("{language} programs: no compiler (CC, CXX; Debian packages gcc, g++)"));
     }
     found
 }

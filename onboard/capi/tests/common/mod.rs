@@ -8,8 +8,17 @@ use elunar_core::nn::file::seal_file;
 use elunar_core::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+
+/// Reports that a program a test needs is absent: the check is skipped, or fails where `ELUNAR_REQUIRE_ORACLES` is 1. Not by `eprintln!`: the
+/// test runner keeps its text of tests that pass.
+pub(crate) fn absent(why: &str) {
+    let required = std::env::var("ELUNAR_REQUIRE_ORACLES").is_ok_and(|value| !value.is_empty() && value != "0");
+    assert!(!required, "ELUNAR_REQUIRE_ORACLES=1, but {why}");
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
+}
 
 /// Rows and columns of the tile.
 pub(crate) const ROWS: usize = 256;

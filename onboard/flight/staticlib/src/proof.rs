@@ -3,7 +3,9 @@
 #![allow(unsafe_code)]
 
 use elunar_capi::elunar_core::terrain::TerrainError;
-use elunar_capi::elunar_core::nn::{Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity};
+use elunar_capi::elunar_core::nn::{
+    Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
+};
 use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
 };

@@ -21,7 +21,7 @@ fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
             let config = serde_json::from_str(&weights.metadata["config"]).unwrap();
             found.push((path, weights, config));
         } else {
-            println!("SKIPPED: {} is absent", path.display());
+            elunar_testing::skipped("a golden case", &format!("{} is absent", path.display()));
         }
     }
     found

@@ -1,0 +1,56 @@
+//! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (such a part fails a test of
+//! this crate, see [`crate::part`]).
+
+use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileInput, TileLight, required};
+use crate::norm::Light;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The repository's model files; none where this crate stands alone.
+fn files() -> Vec<PathBuf> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let golden = ["int8", "int16", "mixed", "guided"].map(|name| format!("tests/golden/provoked/{name}.eld"));
+    let all = golden.into_iter().chain(["host-train/models/nano.eld".into()]).map(|file| repository.join(file));
+    let (found, absent): (Vec<_>, Vec<_>) = all.partition(|file| file.is_file());
+    if !absent.is_empty() {
+        // Not by `eprintln!`: the test runner keeps its text of tests that pass.
+        let _ = writeln!(std::io::stderr(), "SKIPPED: whole models: this crate stands alone, without {absent:?}");
+    }
+    found
+}
+
+fn finish(runner: &mut Runner<'_, '_>) {
+    while runner.step(1 << 24).unwrap() == Progress::Running {}
+}
+
+/// A self test and a tile in metres, which is what flies, with and without looking for changed memory.
+fn run(kernel: Kernel, model: Model<'_>, protect: bool) {
+    let (rows, cols) = model.tile();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::with_kernel(kernel, model, &mut arena).unwrap();
+    runner.protect(protect);
+    runner.begin_self_test().unwrap();
+    finish(&mut runner);
+    runner.check_self_test().unwrap();
+    let image: Vec<f32> = (0..rows * cols).map(|i| 90.0 + ((i * 2_654_435_761) >> 7 & 63) as f32).collect();
+    let coarse_m: Vec<f32> = (0..rows * cols).map(|i| -1900.0 + (i / cols) as f32 + (i % cols) as f32 / 3.0).collect();
+    let light = TileLight::Scene(Lighting::given(Light { east: 20.0, south: 20.0 }));
+    let mut scratch = vec![0.0; runner.scratch_len()];
+    let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
+    let begun = runner.begin_metres(&tile, &mut scratch).unwrap();
+    finish(&mut runner);
+    let mut heights_m = vec![0.0; rows * cols];
+    runner.heights(&begun.scale, &mut heights_m).unwrap();
+    assert!(heights_m.iter().all(|h| h.is_finite()));
+}
+
+#[test]
+fn healthy_models_use_only_what_is_there() {
+    for file in files() {
+        let bytes = std::fs::read(&file).unwrap();
+        for kernel in Kernel::available() {
+            run(kernel, Model::new(&bytes).unwrap(), true);
+        }
+        run(Kernel::best(), Model::new(&bytes).unwrap(), false);
+    }
+}
