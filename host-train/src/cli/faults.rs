@@ -61,7 +61,7 @@ pub fn run_command(args: &Args) -> Result<()> {
     });
     let journal = journal.transpose()?;
     let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
-    let bar = progress::bar("", args.injections as u64, "injections").with_position(known);
+    let bar = progress::bar("", args.injections, "injections").with_position(known);
     // What an earlier run did says nothing about this one's rate.
     bar.reset_eta();
     // Runs that panic are counted, not shown.

@@ -1,8 +1,8 @@
 //! Any bytes are a table of points, all of them finite, or refused.
 #![no_main]
 
-use elunar_scene::lola::csv::parse;
 use elunar_raster::MOON_RADIUS_M;
+use elunar_scene::lola::csv::parse;
 use std::path::Path;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

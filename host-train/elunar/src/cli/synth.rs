@@ -92,7 +92,7 @@ pub fn run(args: Args) -> Result<()> {
     let moon = Moon::new(args.seed, options.clone())?;
     std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
     interrupt::listen();
-    let bar = progress::bar("", u64::from(args.scenes), "scenes");
+    let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {
         if interrupt::requested() {
             return Err(Error::usage("interrupted"));

@@ -2,16 +2,16 @@
 //! functions: the runner's, the slots', the terrain maps'. Never part of an archive that flies.
 #![allow(unsafe_code)]
 
-use elunar_capi::elunar_core::terrain::TerrainError;
-use elunar_capi::elunar_core::nn::{
-    Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
-};
 use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
+};
+use elunar_capi::elunar_core::nn::{
+    Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
 };
 use elunar_capi::elunar_core::strip::{
     Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
 };
+use elunar_capi::elunar_core::terrain::TerrainError;
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
 
 unsafe extern "C" {
