@@ -16,7 +16,6 @@ pub mod picture;
 pub mod predict;
 pub mod prepare;
 pub mod progress;
-pub mod quantile;
 pub mod sfs;
 
 use elunar_net::{digest, illumination};

@@ -3,8 +3,8 @@
 use super::journal::{LevelLog, StepLog, TileLog};
 use super::settings::Settings;
 use crate::picture::{Chart, Series, plot, png_bytes};
-use crate::quantile::quantile;
 use crate::raster::atomic_write;
+use crate::raster::quantile::quantile;
 use crate::{Error, Result};
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use serde::Serialize;
