@@ -186,7 +186,7 @@ fn a_full_disk_leaves_nothing_behind() {
     let spill_kib = (13 * 512 * 512 + 288 * 336) * 4 / 1024;
     for kib in [64, spill_kib] {
         let command = format!("ulimit -f {kib} && trap '' XFSZ && exec \"$0\" \"$@\"");
-        let test = "raster::geotiff::cog_tests::child_writing_to_a_full_disk";
+        let test = "geotiff::cog_tests::child_writing_to_a_full_disk";
         let out = Command::new("bash")
             .args(["-c", &command])
             .arg(std::env::current_exe().unwrap())

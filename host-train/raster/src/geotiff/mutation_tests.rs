@@ -118,7 +118,7 @@ fn child_reading_mutants() {
 fn damaged_files_never_panic_or_swallow_memory() {
     let folder = scratch();
     make_seeds(folder.path());
-    let test = "raster::geotiff::mutation_tests::child_reading_mutants";
+    let test = "geotiff::mutation_tests::child_reading_mutants";
     let out = Command::new("bash")
         .args(["-c", "ulimit -v 1048576 && exec \"$0\" \"$@\""])
         .arg(std::env::current_exe().unwrap())
