@@ -17,6 +17,7 @@ pub mod predict;
 pub mod prepare;
 pub mod progress;
 pub mod sfs;
+pub mod table;
 
 use elunar_net::{digest, illumination};
 use elunar_raster as raster;
