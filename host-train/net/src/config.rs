@@ -97,6 +97,9 @@ pub struct Switches {
 /// ablation).
 pub const RESNET_BLOCKS: usize = 2;
 
+/// Kernel sides of the coarse-DTM encoder's five units (Fig. 5).
+pub const DTM_KERNELS: [usize; 5] = [11, 9, 7, 5, 3];
+
 /// Default of [`NetConfig::range_margin`] with [`TruthRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
 /// to 10 %, so a tenth on both sides keeps nearly all truth inside [0, NR]).
 pub const REFERENCE_MARGIN: f32 = 0.1;

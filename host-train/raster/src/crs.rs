@@ -7,9 +7,13 @@ pub use build::Axes;
 
 use super::Projection;
 use std::collections::BTreeMap;
+use tiff::tags::Tag;
 
 /// Radius of the Moon's reference sphere, metres: all heights of this project are above it.
 pub const MOON_RADIUS_M: f64 = 1_737_400.0;
+
+/// What a key names for its tag if its value stands in the key itself.
+const INLINE: Tag = Tag::Unknown(0);
 
 /// A coordinate reference system as GeoTIFF keys carry it. Kept verbatim, so that what comes in goes out.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -184,10 +188,10 @@ impl Crs {
         if self.directory.len() < 4 + 4 * count {
             return Some(format!("GeoKey directory promises {count} keys, {} numbers found", self.directory.len()));
         }
-        let bad = self.entries().find(|&[_, tag, n, at]| match tag {
-            34736 => usize::from(at) + usize::from(n) > self.doubles.len(),
-            34737 => usize::from(at) + usize::from(n) > self.ascii.len(),
-            34735 => usize::from(at) + usize::from(n) > self.directory.len(),
+        let bad = self.entries().find(|&[_, tag, n, at]| match Tag::from_u16_exhaustive(tag) {
+            Tag::GeoDoubleParamsTag => usize::from(at) + usize::from(n) > self.doubles.len(),
+            Tag::GeoAsciiParamsTag => usize::from(at) + usize::from(n) > self.ascii.len(),
+            Tag::GeoKeyDirectoryTag => usize::from(at) + usize::from(n) > self.directory.len(),
             _ => false,
         });
         bad.map(|[key, tag, n, at]| format!("GeoKey {key} points at {n} values from {at} in tag {tag}, beyond its end"))
@@ -210,11 +214,13 @@ impl Crs {
         let mut values = BTreeMap::new();
         for [key, tag, n, at] in self.entries() {
             let range = usize::from(at)..usize::from(at) + usize::from(n);
-            let value = match tag {
-                0 => Some(Value::Numbers(vec![f64::from(at)])),
-                34735 => self.directory.get(range).map(|v| Value::Numbers(v.iter().map(|&x| f64::from(x)).collect())),
-                34736 => self.doubles.get(range).map(|v| Value::Numbers(v.to_vec())),
-                34737 => self.ascii.get(range).map(|t| Value::Text(t.trim_end_matches('|').into())),
+            let value = match Tag::from_u16_exhaustive(tag) {
+                INLINE => Some(Value::Numbers(vec![f64::from(at)])),
+                Tag::GeoKeyDirectoryTag => {
+                    self.directory.get(range).map(|v| Value::Numbers(v.iter().map(|&x| f64::from(x)).collect()))
+                }
+                Tag::GeoDoubleParamsTag => self.doubles.get(range).map(|v| Value::Numbers(v.to_vec())),
+                Tag::GeoAsciiParamsTag => self.ascii.get(range).map(|t| Value::Text(t.trim_end_matches('|').into())),
                 _ => None,
             };
             if let Some(value) = value {

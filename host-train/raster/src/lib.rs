@@ -10,6 +10,7 @@ pub mod geotiff;
 pub mod npy;
 pub mod pds3;
 mod projection;
+pub mod quantile;
 pub mod resample;
 pub mod source;
 pub mod stated;
@@ -58,12 +59,18 @@ impl Raster {
     }
 }
 
+/// The folder a file lies in: its parent, or `.` for a bare name.
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Writes `bytes` to `path` whole or not at all: a temporary sibling is filled, synced and renamed into place.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder or file cannot be written.
 pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut builder = tempfile::Builder::new();
     // Readable as the user's umask says; a temporary file is private by default.
     #[cfg(unix)]
@@ -73,4 +80,16 @@ pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     file.as_file().sync_all().map_err(Error::io(path))?;
     file.persist(path).map_err(|e| Error::Io { path: path.into(), source: e.error })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bare_name_lies_in_the_current_folder() {
+        for (path, folder) in [("a.tif", "."), ("b/a.tif", "b"), ("/a.tif", "/"), ("./a.tif", "."), ("", ".")] {
+            assert_eq!(folder_of(Path::new(path)), Path::new(folder), "{path}");
+        }
+    }
 }

@@ -17,8 +17,8 @@ pub mod picture;
 pub mod predict;
 pub mod prepare;
 pub mod progress;
-pub mod quantile;
 pub mod sfs;
+pub mod table;
 
 use elunar_net::{digest, illumination};
 use elunar_raster as raster;

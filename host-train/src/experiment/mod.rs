@@ -90,11 +90,11 @@ pub fn run(
     let comparison = Comparison { trained, test };
     table::curves(&comparison, out)?;
     for (file, text) in [
-        ("comparison.md", table::markdown(&comparison)),
-        ("comparison.csv", table::validation(&comparison).csv()),
-        ("test.csv", suite::tables::sums(&comparison.test).csv()),
+        ("comparison.md", table::markdown(&comparison).into_bytes()),
+        ("comparison.csv", table::validation(&comparison).csv()?),
+        ("test.csv", suite::tables::sums(&comparison.test).csv()?),
     ] {
-        atomic_write(&out.join(file), text.as_bytes())?;
+        atomic_write(&out.join(file), &text)?;
     }
     let path = out.join(COMPARISON);
     let text = serde_json::to_vec_pretty(&comparison).map_err(|e| Error::broken(&path, e.to_string()))?;

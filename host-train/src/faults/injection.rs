@@ -4,10 +4,12 @@ use elunar_core::nn::file::{HEADER_BYTES, word};
 use elunar_core::nn::{Model, Suspended, required};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// What is hit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Target {
     /// Constants of the model: weights, biases, multipliers, tables.
     Constants,
@@ -40,19 +42,6 @@ impl Target {
             Self::Notes => "scratch and row checksums",
             Self::StuckBit => "stuck bit in a map",
             Self::Place => "place of the run, unguarded",
-        }
-    }
-
-    /// As the journal has it.
-    pub const fn key(self) -> &'static str {
-        match self {
-            Self::Constants => "constants",
-            Self::Program => "program",
-            Self::Header => "header",
-            Self::Maps => "maps",
-            Self::Notes => "notes",
-            Self::StuckBit => "stuck-bit",
-            Self::Place => "place",
         }
     }
 

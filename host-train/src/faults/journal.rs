@@ -4,6 +4,8 @@ use super::injection::Target;
 use super::outcome::Outcome;
 use super::table::Results;
 use crate::{Error, Result};
+use csv::StringRecord;
+use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
@@ -13,8 +15,8 @@ use std::sync::{Mutex, PoisonError};
 /// The columns after the line that says which campaign it is.
 const COLUMNS: &str = "injection,hit,bits,operator,outcome";
 
-/// An injection that was made, and how it ended.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// An injection that was made, and how it ended: a line of the journal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tried {
     /// Its number.
     pub index: u64,
@@ -52,10 +54,7 @@ impl Journal {
         let text = text.get(..whole).unwrap_or_default();
         match text.strip_prefix(&head) {
             Some(lines) => {
-                for (number, line) in lines.lines().enumerate() {
-                    let tried = parse(line).ok_or_else(|| {
-                        Error::broken(path, format!("line {}: expected {COLUMNS}, found '{line}'", number + 3))
-                    })?;
+                for tried in parse(path, lines)? {
                     if known.insert(tried.index) {
                         results.add(&tried);
                     }
@@ -94,10 +93,12 @@ impl Journal {
     /// # Errors
     /// If it cannot be written.
     pub fn add(&self, tried: &Tried) -> Result<()> {
-        let Tried { index, target, bits, operator, outcome } = tried;
-        let line = format!("{index},{},{bits},{operator},{}\n", target.key(), outcome.key());
+        let mut line = csv::WriterBuilder::new().has_headers(false).from_writer(vec![]);
+        line.serialize(tried).map_err(|e| Error::broken(&self.path, e.to_string()))?;
+        let line = line.into_inner().map_err(|e| Error::broken(&self.path, e.to_string()))?;
+        // The whole line at once: what is cut off is the file's last line.
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
-        file.write_all(line.as_bytes()).map_err(Error::io(&self.path))
+        file.write_all(&line).map_err(Error::io(&self.path))
     }
 
     /// What the file had when it was opened.
@@ -107,16 +108,22 @@ impl Journal {
     }
 }
 
-fn parse(line: &str) -> Option<Tried> {
-    let fields: Vec<&str> = line.split(',').collect();
-    let [index, target, bits, operator, outcome] = fields.as_slice() else { return None };
-    Some(Tried {
-        index: index.parse().ok()?,
-        target: *Target::ALL.iter().find(|t| t.key() == *target)?,
-        bits: bits.parse().ok()?,
-        operator: (*operator).into(),
-        outcome: *Outcome::ALL.iter().find(|o| o.key() == *outcome)?,
-    })
+/// The injections of all lines behind the head.
+fn parse(path: &Path, lines: &str) -> Result<Vec<Tried>> {
+    // No line has quotes. Read without quoting, a damaged line cannot swallow the next one.
+    let mut reader =
+        csv::ReaderBuilder::new().has_headers(false).flexible(true).quoting(false).from_reader(lines.as_bytes());
+    let (mut row, mut all) = (StringRecord::new(), vec![]);
+    let broken =
+        |line: u64, found: &str| Error::broken(path, format!("line {line}: expected {COLUMNS}, found '{found}'"));
+    while reader.read_record(&mut row).map_err(|e| Error::broken(path, e.to_string()))? {
+        let columns = row.len() == COLUMNS.split(',').count();
+        let tried = if columns { row.deserialize(None).ok() } else { None };
+        // The reader stands on the next line already, and the head has two.
+        let line = reader.position().line() + 1;
+        all.push(tried.ok_or_else(|| broken(line, &row.iter().collect::<Vec<_>>().join(",")))?);
+    }
+    Ok(all)
 }
 
 #[cfg(test)]

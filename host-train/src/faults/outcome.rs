@@ -1,10 +1,13 @@
 //! The classes of outcomes.
 
+use serde::{Deserialize, Serialize};
+
 /// Heights further than this from those of the clean run are corrupt, metres.
 pub const LIMIT_M: f32 = 0.1;
 
 /// How a run with flipped bits ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// The runner said so; begun again, the tile came out right.
     Recovered,
@@ -31,18 +34,6 @@ impl Outcome {
             Self::Reported => "detected, reported",
             Self::Masked => "masked",
             Self::Silent => "silent, above 0.1 m",
-            Self::Hang => "hang",
-            Self::Crash => "crash",
-        }
-    }
-
-    /// As the journal has it.
-    pub const fn key(self) -> &'static str {
-        match self {
-            Self::Recovered => "recovered",
-            Self::Reported => "reported",
-            Self::Masked => "masked",
-            Self::Silent => "silent",
             Self::Hang => "hang",
             Self::Crash => "crash",
         }

@@ -15,6 +15,7 @@ pub mod tables;
 use crate::raster::atomic_write;
 use crate::raster::geotiff::{WriteOptions, write};
 use crate::{Error, Result};
+use elunar_scene::table::to_csv;
 use judge::Seen;
 use list::List;
 use method::Method;
@@ -83,12 +84,12 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
         }
     }
     for (file, text) in [
-        ("tables.md", tables::markdown(&results)),
-        ("scenes.csv", tables::scenes(&results).csv()),
-        ("sums.csv", tables::sums(&results).csv()),
-        ("cross.csv", tables::cross(&results).csv()),
+        ("tables.md", tables::markdown(&results).into_bytes()),
+        ("scenes.csv", tables::scenes(&results).csv()?),
+        ("sums.csv", tables::sums(&results).csv()?),
+        ("cross.csv", tables::cross(&results).csv()?),
     ] {
-        atomic_write(&out.join(file), text.as_bytes())?;
+        atomic_write(&out.join(file), &text)?;
     }
     results.write(out)?;
     Ok(results)
@@ -101,14 +102,14 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
 pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
     let folder = out.join(SCENES);
     std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-    let mut table = String::from("name,sun_azimuth_deg,sun_elevation_deg\n");
+    let mut rows = vec![["name", "sun_azimuth_deg", "sun_elevation_deg"].map(String::from)];
     for entry in &list.scene {
         let scene = TestScene::make(entry)?;
         scene.write(&folder)?;
         let angle = |deg: Option<f64>| deg.map_or_else(String::new, |deg| format!("{deg:.3}"));
-        table += &format!("{},{},{}\n", entry.name, angle(scene.sun_deg.0), angle(scene.sun_deg.1));
+        rows.push([entry.name.clone(), angle(scene.sun_deg.0), angle(scene.sun_deg.1)]);
     }
-    atomic_write(&folder.join("scenes.csv"), table.as_bytes())
+    atomic_write(&folder.join("scenes.csv"), &to_csv(rows)?)
 }
 
 fn empty(list: &List, methods: &[Method]) -> Results {

@@ -2,6 +2,8 @@
 
 use super::results::{MethodScores, Results};
 use super::summary::{Summary, summaries};
+use crate::Result;
+use elunar_scene::table::to_csv;
 
 /// A table of text: heading and rows of the same length.
 #[derive(Debug, Clone, PartialEq)]
@@ -175,15 +177,14 @@ impl Table {
     }
 
     /// As CSV; a dash becomes an empty cell.
-    #[must_use]
-    pub fn csv(&self) -> String {
-        let cell = |text: &String| match text.as_str() {
-            "–" => String::new(),
-            text if text.contains([',', '"', '\n']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            text => text.into(),
+    ///
+    /// # Errors
+    /// If a row is not as long as the heading.
+    pub fn csv(&self) -> Result<Vec<u8>> {
+        let cell = |text: &String| {
+            if text == "–" { String::new() } else { text.clone() }
         };
-        let line = |cells: &Vec<String>| cells.iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
-        std::iter::once(&self.heading).chain(&self.rows).map(line).collect()
+        to_csv(std::iter::once(&self.heading).chain(&self.rows).map(|cells| cells.iter().map(cell)))
     }
 }
 
@@ -232,7 +233,7 @@ mod tests {
 
     #[test]
     fn csv_quotes_what_it_must() {
-        let csv = scenes(&results()).csv();
+        let csv = String::from_utf8(scenes(&results()).csv().unwrap()).unwrap();
         let mut lines = csv.lines();
         assert!(lines.next().unwrap().contains("\"|e|<2 m, %\""));
         let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();

@@ -1,6 +1,6 @@
 //! What commands that write a file do first.
 
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, folder_of};
 use std::path::Path;
 
 /// Fails before the work rather than after it: if `output` is one of `inputs`, or its folder cannot be written.
@@ -17,7 +17,7 @@ pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
     if output.is_dir() {
         return Err(Error::usage(format!("{}: a file to write expected, a folder found", output.display())));
     }
-    let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(output);
     tempfile::NamedTempFile::new_in(folder).map_err(Error::io(output)).map(drop)
 }
 

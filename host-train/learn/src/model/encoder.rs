@@ -1,6 +1,6 @@
 //! The two encoders: image (Fig. 4) and coarse DTM (Fig. 5).
 
-use super::config::{ImageEncoderKind, NetConfig};
+use super::config::{DTM_KERNELS, ImageEncoderKind, NetConfig};
 use super::conv::{ConvBn, ConvBnShape};
 use super::resnet::ResNet;
 use super::swin::Swin;
@@ -48,9 +48,6 @@ impl ImageEncoder {
         [e1, e2, e3, e4, e5]
     }
 }
-
-/// Kernel sides of the coarse-DTM encoder (Fig. 5).
-pub const DTM_KERNELS: [usize; 5] = [11, 9, 7, 5, 3];
 
 /// The coarse-DTM encoder: five stride-2 units with falling kernels, `[B, 1, H, W]` to `[B, dtm[4], H/32, W/32]`.
 pub fn dtm_encoder(config: &NetConfig, device: &Device) -> Vec<ConvBn> {

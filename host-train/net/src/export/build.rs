@@ -1,7 +1,7 @@
 //! Configuration and weights to operator graph. Batch norm becomes part of the convolution before it.
 
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
-use crate::config::{DecoderKind, Head, ImageEncoderKind, NetConfig, RESNET_BLOCKS};
+use crate::config::{DTM_KERNELS, DecoderKind, Head, ImageEncoderKind, NetConfig, RESNET_BLOCKS};
 use crate::fit::check_fit;
 use crate::weights::Weights;
 use crate::{Error, Result};
@@ -97,7 +97,7 @@ impl<'a> Builder<'a> {
         let mut deepest = vec![plain(e[4])];
         if let (true, Some(coarse)) = (self.config.use_coarse, coarse) {
             let mut s = coarse;
-            for (i, side) in [11, 9, 7, 5, 3].into_iter().enumerate() {
+            for (i, side) in DTM_KERNELS.into_iter().enumerate() {
                 let spec =
                     Spec { output: self.config.dtm[i], side, stride: 2, activation: Activation::Relu, precise: false };
                 s = self.conv_bn(&format!("dtm_encoder.{i}"), &[plain(s)], spec, None);

@@ -3,6 +3,7 @@
 use super::model::entry_macs;
 use crate::{Error, Result};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
+use elunar_raster::quantile::quantile;
 use serde::Serialize;
 use std::time::Instant;
 
@@ -49,12 +50,7 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
             measured.iter_mut().zip(seconds).for_each(|(of, s)| of.push(1e3 * s));
         }
     }
-    let operators_ms: Vec<f64> = measured.into_iter().map(median).collect();
+    let operators_ms: Vec<f64> = measured.iter_mut().map(|ms| quantile(ms, 0.5).unwrap_or(0.0)).collect();
     let tile_ms = operators_ms.iter().sum();
     Ok(Times { kernel: kernel.name(), tiles, operators_ms, tile_ms })
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

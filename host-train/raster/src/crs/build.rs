@@ -1,6 +1,7 @@
 //! Making systems: the keys are those GDAL 3.10 writes for them.
 
-use super::{Crs, MOON_RADIUS_M, code, key};
+use super::{Crs, INLINE, MOON_RADIUS_M, code, key};
+use tiff::tags::Tag;
 
 /// Where the axes of a projected system begin, and what they count in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,26 +96,26 @@ impl Builder {
         self.double(key::FALSE_EASTING, axes.false_easting).double(key::FALSE_NORTHING, axes.false_northing)
     }
 
-    fn entry(&mut self, key: u16, tag: u16, count: usize, at: usize) -> &mut Self {
+    fn entry(&mut self, key: u16, tag: Tag, count: usize, at: usize) -> &mut Self {
         let small = |n: usize| u16::try_from(n).expect("a handful of keys");
-        self.crs.directory.extend([key, tag, small(count), small(at)]);
+        self.crs.directory.extend([key, tag.to_u16(), small(count), small(at)]);
         self.crs.directory[3] += 1;
         self
     }
 
     fn short(&mut self, key: u16, value: u16) -> &mut Self {
-        self.entry(key, 0, 1, usize::from(value))
+        self.entry(key, INLINE, 1, usize::from(value))
     }
 
     fn double(&mut self, key: u16, value: f64) -> &mut Self {
         self.crs.doubles.push(value);
-        self.entry(key, 34736, 1, self.crs.doubles.len() - 1)
+        self.entry(key, Tag::GeoDoubleParamsTag, 1, self.crs.doubles.len() - 1)
     }
 
     fn text(&mut self, key: u16, value: &str) -> &mut Self {
         let at = self.crs.ascii.len();
         self.crs.ascii.push_str(value);
         self.crs.ascii.push('|');
-        self.entry(key, 34737, value.len() + 1, at)
+        self.entry(key, Tag::GeoAsciiParamsTag, value.len() + 1, at)
     }
 }

@@ -4,6 +4,7 @@ use super::NODATA;
 use super::write::{Compression, SampleType};
 use std::io::Result;
 use tiff::encoder::compression::{CompressionAlgorithm, Deflate, Lzw};
+use tiff::tags::{CompressionMethod, Predictor};
 
 /// GDAL's own level.
 const ZSTD_LEVEL: i32 = 9;
@@ -18,22 +19,22 @@ pub(super) struct Coding {
 }
 
 impl Coding {
-    /// Code of tag 317: prediction helps only where something is compressed.
-    pub(super) fn predictor(self) -> u16 {
+    /// Prediction helps only where something is compressed.
+    pub(super) fn predictor(self) -> Predictor {
         match (self.compression, self.sample) {
-            (Compression::None, _) => 1,
-            (_, SampleType::F32) => 3,
-            _ => 2,
+            (Compression::None, _) => Predictor::None,
+            (_, SampleType::F32) => Predictor::FloatingPoint,
+            _ => Predictor::Horizontal,
         }
     }
 
-    /// Code of tag 259.
-    pub(super) fn compression_code(self) -> u16 {
+    /// As the file names it.
+    pub(super) fn compression_method(self) -> CompressionMethod {
         match self.compression {
-            Compression::None => 1,
-            Compression::Lzw => 5,
-            Compression::Deflate => 8,
-            Compression::Zstd => 50000,
+            Compression::None => CompressionMethod::None,
+            Compression::Lzw => CompressionMethod::LZW,
+            Compression::Deflate => CompressionMethod::Deflate,
+            Compression::Zstd => CompressionMethod::ZSTD,
         }
     }
 
@@ -64,7 +65,7 @@ impl Coding {
     fn append(self, line: &[f32], out: &mut Vec<u8>) {
         let lowest = if self.zero_is_nodata { 1.0 } else { 0.0 };
         let whole = |v: f32, highest: f32| if v.is_finite() { v.round().clamp(lowest, highest) } else { 0.0 };
-        let predicted = self.predictor() != 1;
+        let predicted = self.predictor() != Predictor::None;
         match self.sample {
             SampleType::F32 if predicted => append_float_predicted(line, out),
             SampleType::F32 => line.iter().for_each(|&v| out.extend(or_nodata(v).to_le_bytes())),
@@ -90,7 +91,7 @@ fn or_nodata(value: f32) -> f32 {
     if value.is_finite() { value } else { NODATA }
 }
 
-/// Predictor 3: the row's bytes by significance, highest first, then differences of neighbouring bytes.
+/// [`Predictor::FloatingPoint`]: the row's bytes by significance, highest first, then differences of neighbouring bytes.
 fn append_float_predicted(line: &[f32], out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + 4 * line.len(), 0);

@@ -1,6 +1,7 @@
 //! The head of a TIFF: its header and directories with all their values, before any sample, as a cloud-optimised file needs it.
 
 use std::collections::BTreeMap;
+use tiff::tags::{Tag, Type};
 
 /// The values of one tag.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,19 +15,33 @@ pub(super) enum Field {
     Text(String),
 }
 
-/// One image's tags.
-pub(super) type Directory = BTreeMap<u16, Field>;
+/// One image's tags, by number: files hold them in that order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Directory(BTreeMap<u16, Field>);
+
+impl Directory {
+    /// Sets a tag, in place of what it was.
+    pub(super) fn insert(&mut self, tag: Tag, field: Field) {
+        self.0.insert(tag.to_u16(), field);
+    }
+}
+
+impl<const N: usize> From<[(Tag, Field); N]> for Directory {
+    fn from(tags: [(Tag, Field); N]) -> Self {
+        Self(tags.into_iter().map(|(tag, field)| (tag.to_u16(), field)).collect())
+    }
+}
 
 impl Field {
-    /// TIFF's type number, the count, and the bytes, little-endian.
-    fn encode(&self, big: bool) -> (u16, usize, Vec<u8>) {
+    /// The type, the count, and the bytes, little-endian.
+    fn encode(&self, big: bool) -> (Type, usize, Vec<u8>) {
         match self {
-            Self::Short(v) => (3, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Self::Long(v) => (4, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Self::Offset(v) if big => (16, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Self::Offset(v) => (4, v.len(), v.iter().flat_map(|&v| (v as u32).to_le_bytes()).collect()),
-            Self::Double(v) => (12, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Self::Text(text) => (2, text.len() + 1, [text.as_bytes(), &[0]].concat()),
+            Self::Short(v) => (Type::SHORT, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Long(v) => (Type::LONG, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Offset(v) if big => (Type::LONG8, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Offset(v) => (Type::LONG, v.len(), v.iter().flat_map(|&v| (v as u32).to_le_bytes()).collect()),
+            Self::Double(v) => (Type::DOUBLE, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Self::Text(text) => (Type::ASCII, text.len() + 1, [text.as_bytes(), &[0]].concat()),
         }
     }
 }
@@ -40,13 +55,13 @@ pub(super) fn head(images: &[Directory], big: bool) -> Vec<u8> {
     out.extend(word(first as u64));
     for (index, tags) in images.iter().enumerate() {
         let (count_bytes, entry_bytes) = if big { (8, 20) } else { (2, 12) };
-        let values_at = out.len() + count_bytes + entry_bytes * tags.len() + word(0).len();
+        let values_at = out.len() + count_bytes + entry_bytes * tags.0.len() + word(0).len();
         let mut values = Vec::new();
-        out.extend(&(tags.len() as u64).to_le_bytes()[..count_bytes]);
-        for (tag, field) in tags {
+        out.extend(&(tags.0.len() as u64).to_le_bytes()[..count_bytes]);
+        for (tag, field) in &tags.0 {
             let (kind, count, mut bytes) = field.encode(big);
             out.extend(tag.to_le_bytes());
-            out.extend(kind.to_le_bytes());
+            out.extend(kind.to_u16().to_le_bytes());
             out.extend(word(count as u64));
             if bytes.len() <= word(0).len() {
                 bytes.resize(word(0).len(), 0);

@@ -5,7 +5,7 @@ use super::plain::SampleKind;
 use crate::Result;
 use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
-use tiff::tags::Tag;
+use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, SampleFormat, Tag};
 
 /// Deflate and LZW cannot shrink data more than about 1000 and 2700 times: a file that claims more is damaged or hostile.
 const MOST_COMPRESSION: u64 = 4096;
@@ -19,31 +19,34 @@ const SMALL_BYTES: usize = 1 << 22;
 /// Rows of plain files are taken together up to this many bytes.
 const PLAIN_BYTES: usize = 1 << 20;
 
-/// Compressions read here: their codes in tag 259 and their names.
-const COMPRESSIONS: [(u16, &str); 7] = [
-    (1, "uncompressed"),
-    (5, "LZW"),
-    (7, "JPEG"),
-    (8, "Deflate"),
-    (32946, "Deflate"),
-    (32773, "PackBits"),
-    (ZSTD, "ZSTD"),
-];
+/// The name of a compression read here; `None` for another.
+fn readable(method: CompressionMethod) -> Option<&'static str> {
+    Some(match method {
+        CompressionMethod::None => "uncompressed",
+        CompressionMethod::LZW => "LZW",
+        CompressionMethod::ModernJPEG => "JPEG",
+        CompressionMethod::Deflate | CompressionMethod::OldDeflate => "Deflate",
+        CompressionMethod::PackBits => "PackBits",
+        CompressionMethod::ZSTD => "ZSTD",
+        _ => return None,
+    })
+}
 
-const ZSTD: u16 = 50000;
-
-/// Compressions other programs write: named, so that the refusal helps.
-const REFUSED: [(u16, &str); 9] = [
-    (2, "CCITT"),
-    (3, "CCITT"),
-    (4, "CCITT"),
-    (6, "old JPEG"),
-    (34887, "LERC"),
-    (34925, "LZMA"),
-    (50001, "WEBP"),
-    (50002, "JPEG XL"),
-    (34712, "JPEG 2000"),
-];
+/// A compression other programs write: named, so that the refusal helps.
+fn refused(method: CompressionMethod) -> String {
+    let name = match method {
+        CompressionMethod::Huffman | CompressionMethod::Fax3 | CompressionMethod::Fax4 => "CCITT",
+        CompressionMethod::JPEG => "old JPEG",
+        CompressionMethod::WebP => "WEBP",
+        // The `tiff` crate has no names for these.
+        CompressionMethod::Unknown(34712) => "JPEG 2000",
+        CompressionMethod::Unknown(34887) => "LERC",
+        CompressionMethod::Unknown(34925) => "LZMA",
+        CompressionMethod::Unknown(50002) => "JPEG XL",
+        other => return format!("compression {}", other.to_u16()),
+    };
+    format!("{name} compression")
+}
 
 /// Sizes of a file and its chunks, pixels.
 #[derive(Debug)]
@@ -101,9 +104,9 @@ impl Layout {
         };
         layout.check_claims(&file, compression)?;
         let file = layout.with_limits(file);
-        let mut file = layout.check_table(file, tiled, compression == 1)?;
+        let mut file = layout.check_table(file, tiled, compression == CompressionMethod::None)?;
         // Prediction without compression is legal, if pointless.
-        if file.unsigned::<u16>(Tag::Predictor)?.is_some_and(|predictor| predictor != 1) {
+        if file.unsigned::<u16>(Tag::Predictor)?.is_some_and(|predictor| predictor != Predictor::None.to_u16()) {
             layout.plain = None;
         }
         if layout.plain.is_some() {
@@ -129,10 +132,10 @@ impl Layout {
     }
 
     /// Refuses sizes the file cannot hold.
-    fn check_claims(&self, file: &Handle, compression: u16) -> Result<()> {
+    fn check_claims(&self, file: &Handle, compression: CompressionMethod) -> Result<()> {
         let image = (self.rows as u64).saturating_mul(self.cols as u64).saturating_mul(self.sample_bytes as u64);
         let claimed = image.max(self.chunk_bytes() as u64);
-        let most = if compression == ZSTD { MOST_COMPRESSION_ZSTD } else { MOST_COMPRESSION };
+        let most = if compression == CompressionMethod::ZSTD { MOST_COMPRESSION_ZSTD } else { MOST_COMPRESSION };
         if claimed / most > file.file_bytes {
             let (rows, cols, file_bytes) = (self.rows, self.cols, file.file_bytes);
             return Err(file.broken(format!(
@@ -200,14 +203,16 @@ fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
             return Err(file.unsupported(format!("{other:?} samples, grey of 8, 16, 32 or 64 bits expected")));
         }
     };
-    if file.unsigned::<u16>(Tag::PhotometricInterpretation)? == Some(0) {
+    if file.unsigned::<u16>(Tag::PhotometricInterpretation)? == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
         return Err(file.unsupported("grey counted downwards (white is zero), black is zero expected"));
     }
-    let letter = match file.unsigned::<u16>(Tag::SampleFormat)?.unwrap_or(1) {
-        1 => 'u',
-        2 => 'i',
-        3 => 'f',
+    let format = file.unsigned(Tag::SampleFormat)?.map_or(SampleFormat::Uint, SampleFormat::from_u16_exhaustive);
+    let letter = match format {
+        SampleFormat::Uint => 'u',
+        SampleFormat::Int => 'i',
+        SampleFormat::IEEEFP => 'f',
         other => {
+            let other = other.to_u16();
             return Err(file.unsupported(format!("sample format {other}; integers and floats (1 to 3) are read")));
         }
     };
@@ -217,12 +222,12 @@ fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
     Ok(SampleKind { letter, bits })
 }
 
-fn compression(file: &mut Handle) -> Result<(u16, &'static str)> {
-    let code: u16 = file.unsigned(Tag::Compression)?.unwrap_or(1);
-    let named = |list: &[(u16, &'static str)]| list.iter().find(|(number, _)| *number == code).copied();
-    named(&COMPRESSIONS).ok_or_else(|| {
-        let name =
-            named(&REFUSED).map_or_else(|| format!("compression {code}"), |(_, name)| format!("{name} compression"));
+fn compression(file: &mut Handle) -> Result<(CompressionMethod, &'static str)> {
+    let code: Option<u16> = file.unsigned(Tag::Compression)?;
+    let method = code.map_or(CompressionMethod::None, CompressionMethod::from_u16_exhaustive);
+    let named = readable(method).map(|name| (method, name));
+    named.ok_or_else(|| {
+        let name = refused(method);
         file.unsupported(format!(
             "{name}; Deflate, LZW, ZSTD, PackBits or JPEG expected (gdal_translate -co COMPRESS=DEFLATE IN OUT)"
         ))

@@ -1,17 +1,21 @@
 //! A cloud-optimised GeoTIFF, written row by row.
 
 use super::super::GeoRef;
-use super::NODATA_TEXT;
 use super::block::Coding;
 use super::ifd::{Directory, Field, head};
 use super::metadata::{self, Item};
 use super::pyramid::{BLOCK_PX, Level, halve, levels};
 use super::write::{SampleType, WriteOptions};
-use crate::{Error, Result};
+use super::{NODATA_TEXT, tag};
+use crate::{Error, Result, folder_of};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag};
+
+/// Bit of [`Tag::NewSubfileType`]: an image of lower resolution of another one of the file.
+const REDUCED: u32 = 1;
 
 /// Writes a cloud-optimised GeoTIFF from top to bottom: blocks of 512 x 512, overviews by means of valid samples until the
 /// smallest fits one block, directories first, BigTIFF only for files beyond 4 GiB.
@@ -52,7 +56,7 @@ impl Writer {
         if path.is_dir() {
             return Err(Error::usage(format!("{}: a file name expected, a folder found", path.display())));
         }
-        let spill = BufWriter::new(tempfile::tempfile_in(folder(path)).map_err(Error::io(path))?);
+        let spill = BufWriter::new(tempfile::tempfile_in(folder_of(path)).map_err(Error::io(path))?);
         let coding = Coding {
             sample: options.sample,
             compression: options.compression,
@@ -108,7 +112,7 @@ impl Writer {
         // Readable as the user's umask says; a temporary file is private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder(&self.path))?;
+        let file = builder.tempfile_in(folder_of(&self.path))?;
         let mut out = BufWriter::with_capacity(1 << 20, file.as_file());
         out.write_all(&self.head())?;
         let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
@@ -196,7 +200,7 @@ impl Writer {
                 at += length;
                 at - length
             };
-            image.insert(324, Field::Offset(level.blocks.iter().map(place).collect()));
+            image.insert(Tag::TileOffsets, Field::Offset(level.blocks.iter().map(place).collect()));
         }
         head(&images, big)
     }
@@ -204,30 +208,31 @@ impl Writer {
     fn tags(&self, level: &Level, overview: bool) -> Directory {
         let (block_rows, block_cols) = level.block();
         let float = self.options.sample == SampleType::F32;
+        let format = if float { SampleFormat::IEEEFP } else { SampleFormat::Uint };
         let short = |value: u16| Field::Short(vec![value]);
         let long = |value: usize| Field::Long(vec![value as u32]);
         let mut tags = Directory::from([
-            (256, long(level.cols)),
-            (257, long(level.rows)),
-            (258, short(8 * self.options.sample.bytes() as u16)),
-            (259, short(self.coding.compression_code())),
-            (262, short(1)),
-            (277, short(1)),
-            (284, short(1)),
-            (317, short(self.coding.predictor())),
-            (322, long(block_cols)),
-            (323, long(block_rows)),
-            (324, Field::Offset(vec![0; level.blocks.len()])),
-            (325, Field::Long(level.blocks.iter().map(|&(_, length)| length as u32).collect())),
-            (339, short(if float { 3 } else { 1 })),
+            (Tag::ImageWidth, long(level.cols)),
+            (Tag::ImageLength, long(level.rows)),
+            (Tag::BitsPerSample, short(8 * self.options.sample.bytes() as u16)),
+            (Tag::Compression, short(self.coding.compression_method().to_u16())),
+            (Tag::PhotometricInterpretation, short(PhotometricInterpretation::BlackIsZero.to_u16())),
+            (Tag::SamplesPerPixel, short(1)),
+            (Tag::PlanarConfiguration, short(PlanarConfiguration::Chunky.to_u16())),
+            (Tag::Predictor, short(self.coding.predictor().to_u16())),
+            (Tag::TileWidth, long(block_cols)),
+            (Tag::TileLength, long(block_rows)),
+            (Tag::TileOffsets, Field::Offset(vec![0; level.blocks.len()])),
+            (Tag::TileByteCounts, Field::Long(level.blocks.iter().map(|&(_, length)| length as u32).collect())),
+            (Tag::SampleFormat, short(format.to_u16())),
         ]);
         if float {
-            tags.insert(42113, Field::Text(NODATA_TEXT.into()));
+            tags.insert(Tag::GdalNodata, Field::Text(NODATA_TEXT.into()));
         } else if self.coding.zero_is_nodata {
-            tags.insert(42113, Field::Text("0".into()));
+            tags.insert(Tag::GdalNodata, Field::Text("0".into()));
         }
         if overview {
-            tags.insert(254, Field::Long(vec![1]));
+            tags.insert(Tag::NewSubfileType, Field::Long(vec![REDUCED]));
             return tags;
         }
         if let Some(georef) = &self.georef {
@@ -235,14 +240,10 @@ impl Writer {
         }
         let items = items(&self.options);
         if !items.is_empty() {
-            tags.insert(42112, Field::Text(metadata::format(&items)));
+            tags.insert(tag::GDAL_METADATA, Field::Text(metadata::format(&items)));
         }
         tags
     }
-}
-
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn insert_georef(tags: &mut Directory, georef: &GeoRef) {
@@ -252,20 +253,20 @@ fn insert_georef(tags: &mut Directory, georef: &GeoRef) {
         t[3] += 0.5 * (t[4] + t[5]);
     }
     if t[1] > 0.0 && t[5] < 0.0 && t[2] == 0.0 && t[4] == 0.0 {
-        tags.insert(33550, Field::Double(vec![t[1], -t[5], 0.0]));
-        tags.insert(33922, Field::Double(vec![0.0, 0.0, 0.0, t[0], t[3], 0.0]));
+        tags.insert(Tag::ModelPixelScaleTag, Field::Double(vec![t[1], -t[5], 0.0]));
+        tags.insert(Tag::ModelTiepointTag, Field::Double(vec![0.0, 0.0, 0.0, t[0], t[3], 0.0]));
     } else {
         let matrix = vec![t[1], t[2], 0.0, t[0], t[4], t[5], 0.0, t[3], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        tags.insert(34264, Field::Double(matrix));
+        tags.insert(Tag::ModelTransformationTag, Field::Double(matrix));
     }
     let crs = &georef.crs;
     if !crs.is_empty() {
-        tags.insert(34735, Field::Short(crs.directory.clone()));
+        tags.insert(Tag::GeoKeyDirectoryTag, Field::Short(crs.directory.clone()));
         if !crs.doubles.is_empty() {
-            tags.insert(34736, Field::Double(crs.doubles.clone()));
+            tags.insert(Tag::GeoDoubleParamsTag, Field::Double(crs.doubles.clone()));
         }
         if !crs.ascii.is_empty() {
-            tags.insert(34737, Field::Text(crs.ascii.clone()));
+            tags.insert(Tag::GeoAsciiParamsTag, Field::Text(crs.ascii.clone()));
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::label::{Block, Item};
 use super::value::{Kind, Value};
 use super::{Defect, one_line, read_label};
-use crate::{Error, Result};
+use crate::{Error, Result, folder_of};
 use std::path::{Path, PathBuf};
 
 /// What an `^IMAGE` says, resolved to bytes.
@@ -107,7 +107,7 @@ pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) {
         return Err(Error::unsupported(label, format!("a file beside the label expected, ^IMAGE names {name:?}")));
     }
-    let folder = label.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(label);
     let exact = folder.join(name);
     if exact.exists() {
         return Ok(exact);
@@ -127,7 +127,7 @@ pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
 pub fn label_beside(image: &Path) -> Result<Option<PathBuf>> {
     let Some((name, stem)) = image.file_name().zip(image.file_stem()) else { return Ok(None) };
     let (name, wanted) = (name.to_string_lossy(), format!("{}.lbl", stem.to_string_lossy()));
-    let folder = image.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(image);
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder))?;
     let beside = entries.flatten().filter(|e| e.file_name().to_string_lossy().eq_ignore_ascii_case(&wanted));
     let Some(label) = beside.map(|e| e.path()).find(|path| path != image) else { return Ok(None) };

@@ -1,6 +1,6 @@
 //! What a difference looks like as a whole.
 
-use crate::quantile::quantile;
+use crate::raster::quantile::quantile;
 use elunar_core::metrics::HeightErrors;
 use elunar_core::metrics::height::LIMITS_M;
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! The figures of one candidate.
 
-use crate::quantile::quantile;
 use crate::raster::Raster;
+use crate::raster::quantile::quantile;
 use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};

@@ -1,14 +1,15 @@
 //! Points from text: the PointPerRow tables of the LOLA RDR query, and any other table of longitude, latitude and height.
 
 use super::track::Point;
+use crate::table::{Row, Rows};
 use crate::{Error, Result};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
 
 /// Lines of these tables have a few hundred bytes.
-const MOST_LINE_BYTES: u64 = 1 << 16;
+const MOST_LINE_BYTES: usize = 1 << 16;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,7 +109,8 @@ pub struct Table {
 /// True if a line is the heading of a table this module knows.
 #[must_use]
 pub fn is_heading(line: &str) -> bool {
-    CsvFormat::of_heading(&cells(line)).is_some()
+    let first = Rows::new(Path::new(""), line.as_bytes(), usize::MAX).next();
+    first.is_ok_and(|row| row.is_some_and(|row| CsvFormat::of_heading(&cells(&row)).is_some()))
 }
 
 /// Reads the points of a file as heights above a sphere of `sphere_m`; the columns are found by the heading unless `format` names them.
@@ -118,45 +120,32 @@ pub fn is_heading(line: &str) -> bool {
 /// number, no place, or a radius more than a tenth off the sphere's.
 pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
     let file = File::open(path).map_err(Error::io(path))?;
-    parse(path, BufReader::new(file), format, sphere_m)
+    parse(path, file, format, sphere_m)
 }
 
 /// As [`read`], from any text; `path` is its name in messages.
 ///
 /// # Errors
 /// As [`read`].
-pub fn parse(path: &Path, mut text: impl BufRead, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
+pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
     let mut table = Table::default();
     let mut format = format.cloned();
-    let mut buffer = Vec::new();
+    let mut rows = Rows::new(path, text, MOST_LINE_BYTES);
     // Under a stated format the first line may be a heading, which is then passed over.
     let mut first = true;
-    for number in 1usize.. {
-        buffer.clear();
-        let read = text.by_ref().take(MOST_LINE_BYTES).read_until(b'\n', &mut buffer).map_err(Error::io(path))?;
-        if read == 0 {
-            break;
-        }
-        if read as u64 == MOST_LINE_BYTES {
-            return Err(Error::broken(path, format!("line {number}: a line below {MOST_LINE_BYTES} bytes expected")));
-        }
-        let line = String::from_utf8_lossy(&buffer);
-        let line = line.trim_start_matches('\u{feff}').trim();
-        if line.is_empty() || line.starts_with('#') {
-            continue;
-        }
-        let cells = cells(line);
+    while let Some(row) = rows.next()? {
+        let cells = cells(&row);
         match (&format, std::mem::take(&mut first)) {
             (None, _) => {
                 let known = CsvFormat::of_heading(&cells);
-                let refuse = || Error::unsupported(path, unknown_heading(line));
+                let refuse = || Error::unsupported(path, unknown_heading(&row.text()));
                 format = Some(known.ok_or_else(refuse)?);
             }
             (Some(_), true) if cells.iter().all(|cell| cell.parse::<f64>().is_err() && !cell.is_empty()) => {}
             (Some(format), _) => match point(format, &cells, sphere_m) {
                 Ok(Some(point)) => table.points.push(point),
                 Ok(None) => table.flagged += 1,
-                Err(what) => return Err(Error::broken(path, format!("line {number}: {what}"))),
+                Err(what) => return Err(Error::broken(path, format!("line {}: {what}", row.line))),
             },
         }
     }
@@ -175,17 +164,13 @@ fn unknown_heading(line: &str) -> String {
 }
 
 /// Cells between commas, or else semicolons, or else blanks; without the quotes around them.
-fn cells(line: &str) -> Vec<&str> {
-    let bare = |cell: &'_ str| -> std::ops::Range<usize> {
-        let trimmed = cell.trim().trim_matches('"').trim();
-        let start = trimmed.as_ptr() as usize - cell.as_ptr() as usize;
-        start..start + trimmed.len()
+fn cells(row: &Row) -> Vec<&str> {
+    let cells = match row.cells().as_slice() {
+        [line] if line.contains(';') => line.split(';').collect(),
+        [line] => line.split_ascii_whitespace().collect(),
+        cells => cells.to_vec(),
     };
-    let cells: Vec<&str> = match [',', ';'].into_iter().find(|&mark| line.contains(mark)) {
-        Some(mark) => line.split(mark).collect(),
-        None => line.split_ascii_whitespace().collect(),
-    };
-    cells.into_iter().map(|cell| &cell[bare(cell)]).collect()
+    cells.into_iter().map(|cell| cell.trim().trim_matches('"').trim()).collect()
 }
 
 /// One row; `None` if it is flagged, whatever else it holds.

@@ -21,6 +21,7 @@ pub use sheet::{Panel, sheet};
 pub use text::{FONT, install_font};
 
 use crate::raster::atomic_write;
+use crate::raster::quantile::nearest_rank;
 use crate::{Error, Result};
 use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
@@ -61,12 +62,7 @@ fn check_size(samples: usize, rows: usize, cols: usize) -> Result<(u32, u32)> {
 /// What share of the finite samples lies below the two returned values: `low` and `high` (0–1); `None` without finite samples.
 fn percentiles(samples: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
     let mut finite: Vec<f32> = samples.iter().copied().filter(|v| v.is_finite()).collect();
-    if finite.is_empty() {
-        return None;
-    }
-    let last = finite.len() - 1;
-    let mut at = |share: f64| *finite.select_nth_unstable_by((share * last as f64).round() as usize, f32::total_cmp).1;
-    Some((at(low), at(high)))
+    Some((nearest_rank(&mut finite, low)?, nearest_rank(&mut finite, high)?))
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 //!
 //! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict_rows`] cuts the scene into overlapping tiles, runs a
 //! [`network::Model`] over them and joins the heights, a band of rows at a time; [`Part`] keeps finished rows on disk. [`int8`] is the network of a model file.
+//! [`predict_array`] is all of it for callers that hold arrays.
 
+mod arrays;
 pub mod int8;
 pub mod job;
 pub mod network;
@@ -18,6 +20,7 @@ mod strip_tests;
 #[cfg(test)]
 mod tests;
 
+pub use arrays::predict_array;
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::Part;
 pub(crate) use run::{Cut, TileMaker, make_rows};

@@ -1,5 +1,6 @@
 //! Which files belong together.
 
+use crate::table::Rows;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -33,10 +34,9 @@ const COLUMNS: [&str; 6] = ["image", "dtm", "coarse", "site", "sun_azimuth_deg",
 pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let lines = text.trim_start_matches('\u{feff}').lines().enumerate().map(|(k, line)| (k + 1, line.trim()));
-    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let (number, header) = lines.next().ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
-    let header: Vec<&str> = header.split(',').map(str::trim).collect();
+    let mut rows = Rows::new(path, text.as_bytes(), usize::MAX);
+    let head = rows.next()?.ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
+    let (number, header) = (head.line, head.cells());
     if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {
         let what = format!("line {number}: columns among {} expected, {unknown:?} found", COLUMNS.join(", "));
         return Err(Error::broken(path, what));
@@ -44,19 +44,18 @@ pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
     if let Some(missing) = COLUMNS[..3].iter().find(|name| !header.contains(name)) {
         return Err(Error::broken(path, format!("line {number}: a column {missing} expected, none found")));
     }
-    let scenes: Vec<SceneFiles> = lines
-        .map(|(number, line)| {
-            scene(folder, &header, line).map_err(|what| Error::broken(path, format!("line {number}: {what}")))
-        })
-        .collect::<Result<_>>()?;
+    let mut scenes = vec![];
+    while let Some(row) = rows.next()? {
+        let refuse = |what| Error::broken(path, format!("line {}: {what}", row.line));
+        scenes.push(scene(folder, &header, &row.cells()).map_err(refuse)?);
+    }
     if scenes.is_empty() {
         return Err(Error::broken(path, "one scene a line expected, none found"));
     }
     Ok(scenes)
 }
 
-fn scene(folder: &Path, header: &[&str], line: &str) -> std::result::Result<SceneFiles, String> {
-    let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+fn scene(folder: &Path, header: &[&str], cells: &[&str]) -> std::result::Result<SceneFiles, String> {
     if cells.len() != header.len() {
         return Err(format!("{} cells expected, {} found", header.len(), cells.len()));
     }

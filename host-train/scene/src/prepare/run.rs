@@ -183,7 +183,7 @@ fn judge_scene(
 fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
-    match crate::quantile::quantile(&mut ratios, 0.5) {
+    match crate::raster::quantile::quantile(&mut ratios, 0.5) {
         Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::usage(format!(
             "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
             files.coarse.display(),
@@ -196,7 +196,7 @@ fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
 fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
     let median = |of: fn(&super::Offset) -> f64| {
         let mut values: Vec<f64> = tiles.iter().filter_map(|t| t.offset.as_ref()).map(of).collect();
-        crate::quantile::quantile(&mut values, 0.5)
+        crate::raster::quantile::quantile(&mut values, 0.5)
     };
     Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
 }

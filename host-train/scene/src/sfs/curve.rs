@@ -3,12 +3,12 @@
 use super::journal::{LevelLog, StepLog, TileLog};
 use super::settings::Settings;
 use crate::picture::{Chart, Series, plot, png_bytes};
-use crate::quantile::quantile;
 use crate::raster::atomic_write;
+use crate::raster::quantile::quantile;
+use crate::table::to_csv;
 use crate::{Error, Result};
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use serde::Serialize;
-use std::fmt::Write;
 use std::path::Path;
 
 /// One point of the curve: means over all tiles, those that are done with the level at their last step.
@@ -81,25 +81,25 @@ fn mean(steps: &[StepLog], step: usize) -> Point {
 /// [`Error::Usage`] for another extension or without tiles, [`Error::Io`] if the file cannot be written.
 pub fn write_curve(path: &Path, points: &[Point]) -> Result<()> {
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("csv") => atomic_write(path, csv(points).as_bytes()),
+        Some("csv") => atomic_write(path, &csv(points)?),
         Some("png") => atomic_write(path, &png_bytes(&picture(points)?.into())?),
         _ => Err(Error::usage(format!("{}: a name ending in .csv or .png expected", path.display()))),
     }
 }
 
-fn csv(points: &[Point]) -> String {
-    let mut text = String::from("step,level,level_step,tiles,cost,brightness,smoothness,dem,rmse_m,slope_mae_deg\n");
-    for p in points {
-        let Point { step, level, level_step, tiles, cost, brightness, smoothness, dem, .. } = p;
-        let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
-        let (rmse, slope) = (number(p.rmse_m), number(p.slope_mae_deg));
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            "{step},{level},{level_step},{tiles},{cost:.9e},{brightness:.9e},{smoothness:.9e},{dem:.9e},{rmse},{slope}"
-        );
-    }
-    text
+fn csv(points: &[Point]) -> Result<Vec<u8>> {
+    let heading =
+        ["step", "level", "level_step", "tiles", "cost", "brightness", "smoothness", "dem", "rmse_m", "slope_mae_deg"];
+    let row = |p: &Point| {
+        let Point { step, level, level_step, tiles, .. } = p;
+        let [step, level, level_step, tiles] = [step, level, level_step, tiles].map(usize::to_string);
+        let [cost, brightness, smoothness, dem] =
+            [p.cost, p.brightness, p.smoothness, p.dem].map(|term| format!("{term:.9e}"));
+        let [rmse, slope] =
+            [p.rmse_m, p.slope_mae_deg].map(|error| error.map_or_else(String::new, |error| format!("{error:.6}")));
+        [step, level, level_step, tiles, cost, brightness, smoothness, dem, rmse, slope]
+    };
+    to_csv(std::iter::once(heading.map(String::from)).chain(points.iter().map(row)))
 }
 
 fn picture(points: &[Point]) -> Result<image::RgbImage> {
