@@ -30,7 +30,7 @@ lint() {
 # The network once more on the reference backend, which shares no kernel with the default one; unoptimised, because a small network is
 # computed sooner than a large crate is optimised.
 backends() {
-    cargo run --locked --package host-train --features ndarray --config profile.dev.package.host-train.opt-level=0 --config profile.dev.package.elunar-learn.opt-level=0 -- check --backend ndarray tests/golden/mini/case.safetensors
+    cargo run --locked --package host-train --features ndarray --config profile.dev.package.host-train.opt-level=0 --config profile.dev.package.elunar-learn.opt-level=0 -- check --backend ndarray tests/golden/{mini,ablations}/case.safetensors
 }
 
 test() {

@@ -1,4 +1,4 @@
-//! Every tolerance of the tests in `cases/`, each with its reason.
+//! Tolerances of the tests in `cases/`, each with its reason.
 
 /// Loss terms of `core` (sums in `f64`) against PyTorch (sums in `f32`), relative. Some thousand `f32` additions in pairwise
 /// order lose about 1e-6; the cosine of the normal term loses digits to 1 − cos.

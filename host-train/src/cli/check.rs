@@ -1,5 +1,9 @@
 //! `host-train check`: the network against a golden file, map by map.
 
+mod kinks;
+
+pub use kinks::Kinks;
+
 use crate::model::backend::Backend;
 use crate::model::config::config_of;
 use crate::model::store;
@@ -41,6 +45,14 @@ pub struct Line {
     pub error: f64,
     /// What is accepted.
     pub tolerance: f64,
+    /// How it was compared, where that needs a word; else empty.
+    pub note: String,
+}
+
+impl Line {
+    fn new(name: impl Into<String>, error: f64, tolerance: f64) -> Self {
+        Self { name: name.into(), error, tolerance, note: String::new() }
+    }
 }
 
 /// Runs the command.
@@ -54,7 +66,7 @@ pub fn run(args: Args) -> Result<()> {
         println!("{} on {:?}", path.display(), args.backend);
         for line in compare(path, &device)? {
             let ok = line.error <= line.tolerance;
-            println!("  {:24} {:10.3e}  {}", line.name, line.error, if ok { "ok" } else { "FAILED" });
+            println!("  {:24} {:10.3e}  {}  {}", line.name, line.error, if ok { "ok" } else { "FAILED" }, line.note);
             if !ok {
                 failed.push(format!("{}: {} off by {:.3e}", path.display(), line.name, line.error));
             }
@@ -85,7 +97,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
         let error = relative_error(&golden.tensors.get(&name), found);
         let error =
             error.ok_or_else(|| Error::broken(path, format!("expected tensor {name} of the network's shape")))?;
-        lines.push(Line { name, error, tolerance: MAP_TOLERANCE });
+        lines.push(Line::new(name, error, MAP_TOLERANCE));
     }
 
     let t = terms(map("truth")?, output.clone(), Elevation::MeanNormalised);
@@ -93,7 +105,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
     let found = [("elevation", t.elevation), ("gradient", t.gradient), ("normal", t.normal)];
     for ((name, value), e) in found.into_iter().zip(&expected) {
         let error = (f64::from(value.into_scalar::<f32>()) - e).abs() / e.abs();
-        lines.push(Line { name: format!("loss.{name}"), error, tolerance: MAP_TOLERANCE });
+        lines.push(Line::new(format!("loss.{name}"), error, MAP_TOLERANCE));
     }
     lines.extend(compare_metrics(&golden, path)?);
     lines.push(compare_gradient(&golden, path, device)?);
@@ -130,28 +142,51 @@ fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
                 .get(name)
                 .ok_or_else(|| Error::broken(path, format!("metadata `metrics`: expected {name}")))?;
             let error = value.map_or(f64::INFINITY, |v| (v - expected).abs() / expected.abs().max(f64::MIN_POSITIVE));
-            Ok(Line { name: format!("metric.{name}"), error, tolerance: METRIC_TOLERANCE })
+            Ok(Line::new(format!("metric.{name}"), error, METRIC_TOLERANCE))
         })
         .collect()
 }
 
-/// Automatic differentiation of the hybrid loss against the analytic gradient on plain slices, at the golden output.
+/// Automatic differentiation of the hybrid loss against the analytic gradient on plain slices, at the golden output. At kinks of the loss
+/// ([`Kinks`]) the two may differ by as much as the derivative jumps there.
 fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Line> {
+    let (found, shape) = automatic_gradient(golden, path, device)?;
+    let expected = analytic_gradient(golden, path, shape)?;
+    let kinks = Kinks::find(flat(golden, "truth", path)?, flat(golden, "output", path)?, shape, &LossWeights::PAPER);
+    let mut line = Line::new("gradient", kinks.difference(&expected, &found) / peak(&expected), MAP_TOLERANCE);
+    if kinks.count > 0 {
+        let (count, of) = (kinks.count, kinks.of);
+        line.note =
+            format!("({count} of {of} absolute values at a kink: any derivative between its two slopes passes)");
+    }
+    Ok(line)
+}
+
+/// The gradient of the paper's loss at the golden output by automatic differentiation, and its rows and columns.
+fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<(Vec<f32>, (usize, usize))> {
     let device = device.clone().autodiff();
     let prediction = tensor(golden, "output", path, &device)?.require_grad();
     let [_, _, rows, cols] = prediction.dims();
     let terms = terms(tensor(golden, "truth", path, &device)?, prediction.clone(), Elevation::MeanNormalised);
     let grads = LossWeights::PAPER.total(&terms).backward();
     let found = prediction.grad(&grads).ok_or_else(|| Error::usage("the backend gave no gradient"))?;
+    let found = found.into_data().try_to_vec::<f32>().map_err(|e| Error::usage(format!("the gradient: {e}")))?;
+    Ok((found, (rows, cols)))
+}
 
+/// The same by `core`.
+fn analytic_gradient(golden: &Weights, path: &Path, shape: (usize, usize)) -> Result<Vec<f32>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LossError| Error::broken(path, format!("truth against output: {e}"));
-    let pair = Pair::new(truth, output, None, (rows, cols)).map_err(wrong)?;
-    let mut data = vec![0.0; truth.len()];
-    add_gradient(&pair, ElevationTerm::MeanNormalised, Default::default(), &mut data).map_err(wrong)?;
-    let expected = Array { shape: vec![1, 1, rows, cols], data };
-    let error = relative_error(&Some(&expected), &found).unwrap_or(f64::INFINITY);
-    Ok(Line { name: "gradient".into(), error, tolerance: MAP_TOLERANCE })
+    let pair = Pair::new(truth, output, None, shape).map_err(wrong)?;
+    let mut gradient = vec![0.0; truth.len()];
+    add_gradient(&pair, ElevationTerm::MeanNormalised, Default::default(), &mut gradient).map_err(wrong)?;
+    Ok(gradient)
+}
+
+/// The largest magnitude.
+fn peak(values: &[f32]) -> f64 {
+    values.iter().fold(0.0, |m, v| m.max(f64::from(v.abs())))
 }
 
 fn flat<'a>(golden: &'a Weights, name: &str, path: &Path) -> Result<&'a [f32]> {
@@ -177,8 +212,69 @@ fn relative_error(expected: &Option<&Array>, found: &Tensor<4>) -> Option<f64> {
         return None;
     }
     let found = found.to_data().try_to_vec::<f32>().ok()?;
-    let peak = expected.data.iter().fold(0.0f64, |m, v| m.max(f64::from(v.abs())));
     let worst = expected.data.iter().zip(&found).map(|(e, f)| f64::from((e - f).abs()));
     // A NaN must not pass as "no difference".
-    Some(worst.fold(0.0, |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) }) / peak)
+    Some(worst.fold(0.0, |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) }) / peak(&expected.data))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::backend::Backend;
+
+    /// The golden case of windows of 5, with a truth that has the output's slopes in three pixels, as arithmetic without rounding sees it.
+    fn touching() -> Weights {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/mini/case.safetensors");
+        let mut golden = Weights::read(&path).unwrap();
+        let [_, _, _, cols] = golden.tensors["output"].shape[..] else { panic!("a map") };
+        let output = golden.tensors["output"].data.clone();
+        let truth = &mut golden.tensors.get_mut("truth").unwrap().data;
+        for (row, col) in (20..23).flat_map(|row| (30..35).map(move |col| (row, col))) {
+            truth[row * cols + col] = output[row * cols + col] + 1.7;
+        }
+        golden
+    }
+
+    #[test]
+    fn a_kink_of_the_loss_is_no_error_of_its_gradient() {
+        let golden = touching();
+        let (path, device) = (Path::new("touching"), Backend::Flex.device().unwrap());
+        let line = compare_gradient(&golden, path, &device).unwrap();
+        assert!(line.error <= line.tolerance, "{line:?}");
+        let (truth, output) = (&golden.tensors["truth"], &golden.tensors["output"]);
+        let shape = (truth.shape[2], truth.shape[3]);
+        let kinks = Kinks::find(&truth.data, &output.data, shape, &LossWeights::PAPER);
+        assert!((6..20).contains(&kinks.count) && kinks.of == 3 * truth.data.len(), "{}", kinks.count);
+        assert!(line.note.starts_with(&format!("({} of 18432 absolute values", kinks.count)), "{}", line.note);
+        let gradient = analytic_gradient(&golden, path, shape).unwrap();
+        let strict = Kinks { count: 0, of: 0, slack: vec![0.0; truth.data.len()], offset: 0.0 };
+        let (found, _) = automatic_gradient(&golden, path, &device).unwrap();
+        let apart = strict.difference(&gradient, &found) / peak(&gradient);
+        assert!(apart > 100.0 * MAP_TOLERANCE, "both fall on the same side, so the case shows nothing: {apart}");
+        // No more is excused than that, and nothing elsewhere.
+        let error = |at: usize, by: f64| {
+            let mut found = gradient.clone();
+            found[at] += by as f32;
+            kinks.difference(&gradient, &found) / peak(&gradient)
+        };
+        let (kink, elsewhere, small) = (21 * shape.1 + 31, 50 * shape.1 + 70, 2.0 * MAP_TOLERANCE * peak(&gradient));
+        assert!(kinks.slack[kink] > 100.0 * small && kinks.slack[elsewhere] == 0.0 && kinks.offset == 0.0);
+        assert!(error(kink, 0.9 * kinks.slack[kink]) == 0.0 && error(kink, kinks.slack[kink] + small) > MAP_TOLERANCE);
+        assert!(error(elsewhere, small) > MAP_TOLERANCE);
+        assert_eq!(kinks.difference(&gradient, &vec![f32::NAN; gradient.len()]), f64::INFINITY);
+    }
+
+    #[test]
+    fn what_goes_through_the_mean_is_the_same_everywhere() {
+        // Equal maps touch in every pixel.
+        let (truth, prediction) = ([2.0f32; 12], [2.0f32; 12]);
+        let kinks = Kinks::find(&truth, &prediction, (3, 4), &LossWeights::PAPER);
+        assert_eq!((kinks.count, kinks.of), (36, 36));
+        // Twelve pixels, each with weight 10 / 12, two slopes 2 apart, and its share z* / N of the mean's derivative.
+        let expected = 12.0 * 2.0 * 10.0 / 12.0 * 2.0 / 2.001 / 2.001 / 12.0;
+        assert!((kinks.offset - expected).abs() < 1e-12, "{}", kinks.offset);
+        let alone = Kinks { count: 1, of: 36, slack: vec![0.0; 12], offset: 0.5 };
+        assert_eq!(alone.difference(&[1.4; 12], &[1.0; 12]), 0.0, "within the offset");
+        assert!((alone.difference(&[1.4; 12], &[0.8; 12]) - 0.1).abs() < 1e-6, "beyond it");
+    }
 }

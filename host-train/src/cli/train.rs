@@ -13,6 +13,7 @@ use crate::train::run::{BEST, LAST, Outcome, Record, Run};
 use crate::train::source::{DataSpec, VALIDATION_SEED};
 use crate::{Error, Result};
 use elunar_learn::stopwatch;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -85,7 +86,7 @@ pub fn run(args: Args) -> Result<()> {
     eprintln!(
         "{}: {} parameters, {} steps of {} crops {}x{}, {:?}",
         folder.display(),
-        parameters(&store::shapes(&record.network, &record.backend.device()?)),
+        parameters(&store::outline(&record.network, &record.backend.device()?)),
         record.recipe.steps,
         record.recipe.batch,
         record.recipe.crop[0],
@@ -113,9 +114,9 @@ fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
 }
 
 /// Trainable numbers: everything but the running statistics.
-fn parameters(weights: &Weights) -> usize {
-    let trainable = weights.tensors.iter().filter(|(name, _)| !name.contains(".running_"));
-    trainable.map(|(_, a)| a.data.len()).sum()
+fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
+    let trainable = shapes.iter().filter(|(name, _)| !name.contains(".running_"));
+    trainable.map(|(_, shape)| shape.iter().product::<usize>()).sum()
 }
 
 fn report(folder: &Path, outcome: &Outcome) {

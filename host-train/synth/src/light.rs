@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn weights_are_the_tabulated_ones() {
-        // SPEC B2: 30° .608, 60° .416, 90° .186, clamped beyond about 105°.
+        // The cubic in the phase angle, worked out by hand to three decimals, and clamped beyond about 105°.
         for (alpha_deg, expected) in [(0.0, 1.0), (30.0, 0.608), (60.0, 0.416), (90.0, 0.186), (120.0, 0.0)] {
             assert!((lunar_lambert_weight(alpha_deg) - expected).abs() < 1e-3, "{alpha_deg}°");
         }
@@ -174,6 +174,7 @@ mod tests {
         let out = reflectance(&[5.0; 64], [8, 8], 2.0, &sun(70.0, 30.0), 0.0);
         let (weight, mu0) = (0.416f32, 0.5);
         let expected = 2.0 * weight * mu0 / (mu0 + 1.0) + (1.0 - weight) * mu0 + SCATTERED * mu0;
+        // The weight has three decimals.
         assert!(out.iter().all(|v| (v - expected).abs() < 2e-3), "{} instead of {expected}", out[0]);
     }
 

@@ -8,6 +8,7 @@ use elunar_net::config::NetConfig;
 use elunar_net::fit::check_fit;
 use elunar_net::weights::{Array, Weights};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The network with these weights, on `device`; `path` names them in messages.
@@ -48,6 +49,13 @@ pub fn arrays<M: Module>(module: &M) -> Weights {
 /// Every expected tensor with its shape, zero-filled.
 pub fn shapes(config: &NetConfig, device: &Device) -> Weights {
     save(config, &ELunarDtmNet::new(config, device))
+}
+
+/// Every expected tensor's name and shape, in PyTorch's layouts; allocates none of them.
+pub fn outline(config: &NetConfig, device: &Device) -> BTreeMap<String, Vec<usize>> {
+    let mut outline = Outline::default();
+    ELunarDtmNet::new(config, device).visit(&mut outline);
+    outline.shapes
 }
 
 /// Where a walk through the modules stands.
@@ -112,6 +120,30 @@ impl ModuleVisitor for Saver {
             shape.reverse();
         }
         self.weights.tensors.insert(self.walk.name(), Array { shape, data });
+    }
+}
+
+#[derive(Default)]
+struct Outline {
+    walk: Walk,
+    shapes: BTreeMap<String, Vec<usize>>,
+}
+
+impl ModuleVisitor for Outline {
+    fn enter_module(&mut self, name: &str, kind: &str) {
+        self.walk.enter(name, kind);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.walk.exit();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let mut shape = param.lazy_shape().to_vec();
+        if self.walk.transposed() {
+            shape.reverse();
+        }
+        self.shapes.insert(self.walk.name(), shape);
     }
 }
 

@@ -130,6 +130,7 @@ mod tests {
                 let (lon_deg, lat_deg) = projection.inverse(x, y);
                 // A central meridian of 180 calls 30 degrees -330.
                 let expected = height((lon_deg + 180.0).rem_euclid(360.0) - 180.0, lat_deg);
+                // Heights of thousands of metres as f32, interpolated between posts of a plane in degrees.
                 assert!((f64::from(*z) - expected).abs() < 2e-3, "{text}: {z} {expected}");
             }
         }

@@ -1,0 +1,61 @@
+"""Writes ablations/case.safetensors: the paper's ablations and the residual head, with random weights, and everything computed from one tile.
+
+    python3 tests/golden/generate/ablations.py tests/golden/ablations/case.safetensors
+
+Needs numpy, torch, torchvision, timm and safetensors. Layout of the file: see mini/README.md.
+"""
+import json
+import os
+import sys
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+
+import judge
+import mini
+import modules
+
+CONFIG = {
+    "embed": 4,
+    "depths": [1, 1, 1, 1],  # of Swin, which is not there
+    "heads": [1, 1, 1, 1],
+    "window": 4,
+    "stem": 5,
+    "dtm": [3, 4, 4, 6, 8],
+    "decoder": [12, 8, 6, 6, 6],
+    "head": "residual",
+    "image_encoder": "resnet",
+    "decoder_kind": "upb",
+}
+SEED = 33
+CORRECTION = 4.0  # deviation of what the residual head adds, in units of [0, 50]
+
+
+@torch.no_grad()
+def main(path):
+    random = np.random.default_rng(SEED)
+    network = modules.Network(CONFIG, (mini.ROWS, mini.COLS)).eval()
+    modules.randomise(network, random)
+    image, coarse = mini.inputs(random)
+    output, _ = network(image, coarse)
+    network.head.weight *= CORRECTION / (output - coarse).std()
+    output, maps = network(image, coarse)
+    noise = torch.from_numpy(random.normal(0, 1, output.shape).astype(np.float32))
+    truth = (coarse + noise).clamp(0, 50)
+    tensors = modules.state(network) | {"input.image": image, "input.coarse": coarse, "output": output, "truth": truth}
+    tensors |= {f"trace.{name}": value for name, value in maps.items()}
+    metadata = {
+        "config": CONFIG,
+        "loss_terms": judge.loss_terms(truth, output),
+        "metrics": judge.metrics(truth, output),
+    }
+    metadata = {key: json.dumps(value) for key, value in metadata.items()}
+    save_file({name: t.contiguous() for name, t in tensors.items()}, path, metadata=metadata)
+    os.chmod(path, 0o644)  # save_file makes it private
+    print(f"{path}: output {output.min():.2f} to {output.max():.2f}", metadata["loss_terms"], metadata["metrics"])
+    print("deviations of the maps:", {name: round(float(value.std()), 2) for name, value in maps.items()})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
