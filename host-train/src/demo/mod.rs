@@ -1,13 +1,13 @@
 //! The tour: everything this program does, once, on a scene nobody trained on, with a report at the end.
 //!
 //! [`scene`] makes the scene, [`tune`] fine-tunes the network for its light and ground, [`shrink`] exports the int8 model,
-//! [`infer`] predicts with both, [`judge`] compares them with the truth and with the coarse DTM, [`report`] writes it all down.
+//! [`infer`] predicts with both, [`compare`] compares them with the truth and with the coarse DTM, [`report`] writes it all down.
 //! Each is what the command of the same purpose does; [`console`] announces and times them.
 
+mod compare;
 mod console;
 mod folder;
 mod infer;
-mod judge;
 mod report;
 mod scene;
 mod shrink;
@@ -133,7 +133,7 @@ pub fn run(settings: &Settings) -> Result<PathBuf> {
     let tuned = console.step(tune::title(settings), || tune::run(settings, &folder, seeds, &scene.about, weights))?;
     let shrunk = console.step("From float to int8", || shrink::run(settings, &folder, seeds, &scene.about))?;
     let predicted = console.step("Predicting the scene", || infer::run(settings, &folder, &scene))?;
-    let verdict = console.step("Against the truth", || judge::run(&folder, &scene, &predicted))?;
+    let verdict = console.step("Against the truth", || compare::run(&folder, &scene, &predicted))?;
     let times = console.times().to_vec();
     let story = report::Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times };
     let report = console.step("The report", || report::write(&folder, &story))?;

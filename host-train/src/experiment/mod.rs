@@ -82,7 +82,7 @@ pub fn run(
     let folder = out.join(TEST);
     let test = match known(&folder, list, &methods) {
         Some(test) => {
-            say("test scenes: judged before");
+            say("test scenes: scored before");
             test
         }
         None => suite::run(list, &methods, &folder, &mut |scene| say(&format!("test scene {scene}")))?,

@@ -13,7 +13,7 @@ pub const CURVES: &str = "curves.png";
 /// Upper end of the range that normalised figures are given in: the paper's NR.
 const RANGE: f64 = 50.0;
 
-/// The paper's Table V: the validation tiles in normalised units. Every network is judged in the range it was trained in, as in the
+/// The paper's Table V: the validation tiles in normalised units. Every network is scored in the range it was trained in, as in the
 /// paper, brought to [0, 50].
 #[must_use]
 pub fn validation(comparison: &Comparison) -> Table {

@@ -121,7 +121,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let out = folder.path().join("out");
     let found = run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap();
     assert_eq!(found.trained.len(), 2);
-    let methods: Vec<&str> = found.test.scenes[0].judged.iter().map(|j| j.method.as_str()).collect();
+    let methods: Vec<&str> = found.test.scenes[0].scored.iter().map(|j| j.method.as_str()).collect();
     assert_eq!(methods, [COARSE, "one", "two"]);
     assert_eq!(found.test.cross.len(), 2);
     for file in ["comparison.md", "comparison.csv", "test.csv", "curves.png", "test/tables.md", "test/dtm/one/a.tif"] {
@@ -132,7 +132,7 @@ fn experiments_end_in_one_table_and_one_page() {
 
     let mut said = vec![];
     let again = run(&experiments, &list, &out, Manner::default(), &mut |line| said.push(line.to_string())).unwrap();
-    assert_eq!(said, ["one: trained before", "two: trained before", "test scenes: judged before"]);
+    assert_eq!(said, ["one: trained before", "two: trained before", "test scenes: scored before"]);
     let read = Comparison::read(&out).unwrap();
     assert_eq!([&again, &read].map(table::markdown), [text.as_str(), text.as_str()]);
 

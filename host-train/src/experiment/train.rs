@@ -26,7 +26,7 @@ pub struct Trained {
     pub experiment: Experiment,
     /// Trainable numbers of the network.
     pub parameters: usize,
-    /// Its best weights on the validation tiles, judged by the truth as it is, whatever the recipe aims at.
+    /// Its best weights on the validation tiles, scored by the truth as it is, whatever the recipe aims at.
     pub validation: Validation,
     /// Seconds of training since it was last started or resumed.
     pub seconds: f64,

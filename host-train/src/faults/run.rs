@@ -113,12 +113,12 @@ impl<'c> Desk<'c> {
         outcome
     }
 
-    /// Goes on from a place, and judges how it ends.
+    /// Goes on from a place, and sorts how it ends.
     fn outcome(&mut self, place: &Suspended, stuck: Option<&Injection>, target: Target, index: u64) -> Outcome {
         match catch_unwind(AssertUnwindSafe(|| self.finish(place, stuck))) {
             Err(_) => Outcome::Crash,
             Ok(Ended::Hanging) => Outcome::Hang,
-            Ok(Ended::Done) => self.judge(),
+            Ok(Ended::Done) => self.compare(),
             Ok(Ended::Refused) if target.is_model() => Outcome::Reported,
             // A bit that is stuck is stuck again.
             Ok(Ended::Refused) if stuck.is_some() => Outcome::Reported,
@@ -152,7 +152,7 @@ impl<'c> Desk<'c> {
     }
 
     /// Whether heights are as they should be.
-    fn judge(&self) -> Outcome {
+    fn compare(&self) -> Outcome {
         let pairs = self.heights_m.iter().zip(&self.moments.heights_m);
         // NaN is further away than anything.
         let near = pairs.into_iter().all(|(found, clean)| (found - clean).abs() <= LIMIT_M);
@@ -165,7 +165,7 @@ impl<'c> Desk<'c> {
         self.arena.clone_from(&first.arena);
         let place = first.place;
         match self.finish(&place, None) {
-            Ended::Done if self.judge() == Outcome::Masked => Outcome::Recovered,
+            Ended::Done if self.compare() == Outcome::Masked => Outcome::Recovered,
             Ended::Done => Outcome::Silent,
             _ => Outcome::Reported,
         }

@@ -61,7 +61,7 @@ fn pictures(folder: &Path, scene: &SceneResult) -> Result<String> {
     let weak = if scene.weak_truth { " Weak truth: left out of the sums." } else { "" };
     Ok(format!(
         "<h3>{}</h3>\n<p class=\"faint\">{}, {} × {} pixels of {:.2} m, coarse DTM of {:.0} m; Sun from azimuth {}, {} high; {} of {} \
-         pixels judged.{weak} {}</p>\n{figures}",
+         pixels scored.{weak} {}</p>\n{figures}",
         escaped(&scene.name),
         escaped(&scene.kind),
         scene.shape.0,

@@ -1,4 +1,4 @@
-//! What is judged: networks with the way their output is used, and DTMs that are there already.
+//! What is scored: networks with the way their output is used, and DTMs that are there already.
 
 use super::list::is_plain;
 use super::results::MethodInfo;

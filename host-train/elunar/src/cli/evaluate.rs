@@ -46,8 +46,8 @@ pub fn run(args: Args) -> Result<()> {
     let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
     let comparison = compare(Named::new(&truth_name, &truth), &candidates)?;
-    if let (Some(path), Some(judged)) = (&args.error_map, comparison.judged.first()) {
-        let error = &judged.error_m;
+    if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
+        let error = &scored.error_m;
         picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
     }
     if args.json {

@@ -65,7 +65,7 @@ pub struct Recipe {
     pub weights: LossWeights,
     /// Elevation term.
     pub elevation: Elevation,
-    /// What training and validation judge by.
+    /// What training and validation compare with.
     pub target: Target,
     /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
     #[serde(default)]

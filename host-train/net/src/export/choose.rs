@@ -12,7 +12,7 @@ use elunar_core::nn::{Model, required};
 use serde::Serialize;
 use std::fmt;
 
-/// What an export is made of, and what it is judged by.
+/// What an export is made of, and what its error is measured with.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
     /// The network's configuration.

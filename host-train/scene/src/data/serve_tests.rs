@@ -4,7 +4,7 @@ use super::prepared::PreparedSource;
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
 use crate::Result;
-use crate::illumination::{KnownSun, LightSource, Turn, turned};
+use crate::illumination::{KnownSun, LightSource, Mirror, mirrored};
 use crate::model::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use crate::predict::network::{Model, TileNetwork};
 use crate::predict::{Input, Options, Scene, int8, predict};
@@ -15,13 +15,13 @@ use crate::raster::{GeoRef, Raster};
 use crate::synth::{Moon, SynthOptions};
 use elunar_core::nn::{InputRules, Progress, Runner, TileInput, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
-use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 
-const SHAPE: (usize, usize) = (TILE_ROWS, TILE_COLS);
+const SHAPE: Shape = tile::TILE;
 
 /// A network that keeps what it sees.
 struct Recorder {
@@ -35,7 +35,7 @@ fn answer(pixel: usize) -> f32 {
 }
 
 impl Model for Recorder {
-    fn tile(&self) -> (usize, usize) {
+    fn tile(&self) -> Shape {
         SHAPE
     }
     fn input_rules(&self) -> InputRules {
@@ -100,7 +100,7 @@ fn lightless() -> (Scene, RawTile) {
         samples: (0..rows * cols).map(|i| sample(i / cols, i % cols)).collect(),
         georef: Some(georef),
     };
-    let image = raster(SHAPE, georef((0.0, 0.0), 2.0), &|row, col| 100.0 + ((row + col) % 2) as f32);
+    let image = raster((TILE_ROWS, TILE_COLS), georef((0.0, 0.0), 2.0), &|row, col| 100.0 + ((row + col) % 2) as f32);
     let hills = |row: usize, col: usize| -1900.0 + 30.0 * (row as f32 / 2.0).sin() * (col as f32 / 3.0).cos();
     let coarse = raster((14, 16), georef((-120.0, 120.0), 60.0), &hills);
     let (image, coarse) = (Input::in_memory("image", image), Input::in_memory("coarse DTM", coarse));
@@ -159,7 +159,7 @@ fn training_tiles_are_served_tiles() {
                 let mut heights_m: Vec<f32> = (0..TILE_ROWS * TILE_COLS).map(answer).collect();
                 sample.scale.recover(SHAPE, &mut heights_m);
                 assert_same(&made.dtm.samples, &heights_m, &format!("{what}: heights"));
-                mirrored += usize::from(!sample.scale.turn.is_none());
+                mirrored += usize::from(!sample.scale.mirror.is_none());
                 compared += 1;
             }
         }
@@ -205,14 +205,14 @@ fn samples_are_mirrored_and_normalised_maps() {
             for range in [TruthRange::Own, TruthRange::Reference] {
                 let config = config(illumination, range);
                 let sample = Sample::new(&config, &tile).unwrap();
-                let turn = match (illumination, tile.sun.azimuth_deg) {
-                    (Illumination::Any, _) => Turn::default(),
-                    (_, Some(azimuth_deg)) => Turn::from_azimuth_deg(azimuth_deg),
+                let mirror = match (illumination, tile.sun.azimuth_deg) {
+                    (Illumination::Any, _) => Mirror::default(),
+                    (_, Some(azimuth_deg)) => Mirror::from_azimuth_deg(azimuth_deg),
                     // Fitted or assumed.
-                    _ => sample.scale.turn,
+                    _ => sample.scale.mirror,
                 };
                 let [image, coarse_m, truth_m] =
-                    [&tile.image, &tile.coarse_m, &tile.truth_m].map(|map| turned(turn, map, TILE_COLS));
+                    [&tile.image, &tile.coarse_m, &tile.truth_m].map(|map| mirrored(mirror, map, TILE_COLS));
                 let (mut shades, mut coarse, mut truth) =
                     (vec![0.0; image.len()], vec![0.0; image.len()], vec![0.0; image.len()]);
                 intensity::normalise(&image, None, &mut shades).unwrap();
@@ -228,7 +228,7 @@ fn samples_are_mirrored_and_normalised_maps() {
                 assert_same(&sample.image, &shades, &format!("{what}: image"));
                 assert_same(&sample.coarse, &coarse, &format!("{what}: coarse DTM"));
                 assert_same(&sample.truth, &truth, &format!("{what}: truth"));
-                assert_eq!((sample.scale.turn, sample.scale.elevation), (turn, scale), "{what}");
+                assert_eq!((sample.scale.mirror, sample.scale.elevation), (mirror, scale), "{what}");
             }
         }
     }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Errors are candidate minus truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// Pixels judged.
+    /// Pixels scored.
     pub pixels: u64,
     /// Shares, in [0, 1], of |error| below 2, 4 and 10 m (the paper's RE, Sec. V).
     pub share_within: [f64; 3],
@@ -38,7 +38,7 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Judges `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
+    /// Scores `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.

@@ -26,7 +26,7 @@ pub struct Ground<'a> {
 /// How a track fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
-    /// Points compared: those with a valid height under every shift, so that all shifts are judged by the same points.
+    /// Points compared: those with a valid height under every shift, so that all shifts are compared on the same points.
     pub points: usize,
     /// Standard deviation of DTM minus track as Eq. 18 has it (no mean removed, divided by points − 1), metres, at the best shift.
     pub std_m: f64,

@@ -2,11 +2,12 @@
 
 use crate::Result;
 use elunar_core::nn::InputRules;
+use elunar_core::tile::Shape;
 
 /// A loaded model: immutable, shared by all threads.
 pub trait Model: Sync {
     /// Tile rows and columns the model takes.
-    fn tile(&self) -> (usize, usize);
+    fn tile(&self) -> Shape;
     /// How tiles are normalised.
     fn input_rules(&self) -> InputRules;
     /// One line for file metadata: kind, name, SHA-256 of the model file.

@@ -7,7 +7,7 @@ use crate::illumination::{KnownSun, LightSource};
 use crate::mosaic::{Blend, Mosaic};
 use crate::raster::Raster;
 use crate::{Error, Result};
-use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_ROWS, Tiling, Window};
+use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,11 +43,11 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The overlap for tiles of (rows, columns): 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
+    /// The overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
     /// the paper's a third of their shorter side (our choice).
     #[must_use]
-    pub fn overlap_for(tile: (usize, usize)) -> usize {
-        let side = tile.0.min(tile.1);
+    pub fn overlap_for(tile: Shape) -> usize {
+        let side = tile.rows.min(tile.cols);
         if side >= TILE_ROWS { INFERENCE_OVERLAP_PX } else { side / 3 }
     }
 }
@@ -125,7 +125,7 @@ pub fn predict_rows(
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cut {
     /// Rows and columns of a tile.
-    pub(crate) tile: (usize, usize),
+    pub(crate) tile: Shape,
     /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
     pub(crate) overlap_px: usize,
     /// Threads; 0 takes as many as the machine offers.
@@ -162,7 +162,7 @@ pub(crate) fn make_rows<'a>(
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
-    let covered = (scene.rows.max(cut.tile.0), scene.cols.max(cut.tile.1));
+    let covered = Shape::new(scene.rows.max(cut.tile.rows), scene.cols.max(cut.tile.cols));
     let tiling = Tiling::new(covered, cut.tile, cut.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
     let first = tiling.iter().take_while(|window| window.row + window.rows <= from).count();
     let threads = match cut.threads {

@@ -1,7 +1,7 @@
 //! A prepared set to look at: samples, and the two histograms that its filters and NR rest on.
 
 use super::filter::difference_m;
-use super::judge::Tile;
+use super::inspect::Tile;
 use super::manifest::ThreeSigma;
 use super::shard::ShardFile;
 use crate::Result;

@@ -95,7 +95,7 @@ impl StepLog {
 }
 
 impl Journal {
-    /// An empty journal for a scene; with a truth, every step is judged by it (bilinearly on the image's grid), which takes time that is
+    /// An empty journal for a scene; with a truth, every step is scored by it (bilinearly on the image's grid), which takes time that is
     /// not counted as the tile's.
     ///
     /// # Errors

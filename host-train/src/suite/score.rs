@@ -11,7 +11,7 @@ use crate::{Error, Result};
 use elunar_core::metrics::HeightErrors;
 
 /// What was found on a scene, with the DTMs for pictures.
-pub struct JudgedScene {
+pub struct ScoredScene {
     /// The figures; no pictures yet.
     pub result: SceneResult,
     /// The rasters, coarse DTM first.
@@ -22,7 +22,7 @@ pub struct JudgedScene {
 ///
 /// # Errors
 /// From the methods; if no pixel is common to all.
-pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
+pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
     let mut made = Vec::with_capacity(methods.len());
     for method in methods {
         made.push(method.dtm(scene).map_err(|e| Error::usage(format!("scene {}: {e}", scene.entry.name)))?);
@@ -34,15 +34,15 @@ pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
     let seconds = std::iter::once(None).chain(made.iter().map(|(_, seconds)| *seconds));
     let light = scene.sun_deg.0.zip(scene.sun_deg.1);
     let light = light.map(|(azimuth_deg, elevation_deg)| Light { image: &scene.image, azimuth_deg, elevation_deg });
-    let judged = comparison.judged.iter().zip(seconds).map(|(judged, seconds)| {
+    let scored = comparison.scored.iter().zip(seconds).map(|(scored, seconds)| {
         Ok(MethodScores {
-            method: judged.name.clone(),
-            heights: judged.scores,
-            relief: relief(&comparison, judged, &scene.truth, scene.high_pass_m, light)?,
+            method: scored.name.clone(),
+            heights: scored.scores,
+            relief: relief(&comparison, scored, &scene.truth, scene.high_pass_m, light)?,
             seconds,
         })
     });
-    let judged = judged.collect::<Result<Vec<_>>>()?;
+    let scored = scored.collect::<Result<Vec<_>>>()?;
     let entry = &scene.entry;
     let result = SceneResult {
         name: entry.name.clone(),
@@ -55,10 +55,10 @@ pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
         high_pass_m: scene.high_pass_m,
         sun_deg: scene.sun_deg,
         pixels: (comparison.common_pixels, comparison.truth_pixels),
-        judged,
+        scored,
         pictures: vec![],
     };
-    Ok(JudgedScene { result, comparison })
+    Ok(ScoredScene { result, comparison })
 }
 
 /// One scene of a ground: its name, truth, high-pass wavelength and pixel, and the DTMs of all methods.

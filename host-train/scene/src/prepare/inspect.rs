@@ -33,7 +33,7 @@ pub(super) struct Tile {
     pub(super) dropped: Option<Reason>,
 }
 
-/// Judges every tile of a scene on its own; `done` is called after each.
+/// Inspects every tile of a scene on its own; `done` is called after each.
 pub(super) fn tiles(
     scene: &Scene,
     sun_elevation_deg: Option<f64>,
@@ -46,7 +46,7 @@ pub(super) fn tiles(
         exaggeration: 1.0,
     });
     let windows = scene.windows();
-    let judged: Result<Vec<Tile>> = windows
+    let inspected: Result<Vec<Tile>> = windows
         .into_par_iter()
         .map(|window| {
             let tile = tile(&scene.maps(window)?, window, scene, sun, parameters);
@@ -54,9 +54,9 @@ pub(super) fn tiles(
             tile
         })
         .collect();
-    let mut judged = judged?;
-    drop_displaced(&mut judged, parameters);
-    Ok(judged)
+    let mut inspected = inspected?;
+    drop_displaced(&mut inspected, parameters);
+    Ok(inspected)
 }
 
 fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters: &Parameters) -> Result<Tile> {

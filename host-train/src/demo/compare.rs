@@ -41,12 +41,12 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted
     ];
     let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
     let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)])?;
-    let int8_against_float = pair.judged.first().map(|judged| judged.scores);
+    let int8_against_float = pair.scored.first().map(|scored| scored.scores);
     let int8_against_float = int8_against_float.ok_or_else(|| Error::usage("evaluate: expected scores, found none"))?;
-    for judged in &against_truth.judged {
-        let error = &judged.error_m;
+    for scored in &against_truth.scored {
+        let error = &scored.error_m;
         let map = error_map(&error.samples, error.rows, error.cols)?;
-        write_png(&folder.file(&error_file(&judged.name)), map)?;
+        write_png(&folder.file(&error_file(&scored.name)), map)?;
     }
     profile(folder, scene, &float.made.dtm, &int8.made.dtm)?;
     for line in table(&against_truth).lines() {
