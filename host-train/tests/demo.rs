@@ -2,8 +2,7 @@
 
 use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::run::Record;
-use elunar_net::config::trained_network;
-use elunar_net::config::{NetConfig, Preset};
+use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_raster::{align::Named, geotiff::read};
 use elunar_scene::evaluate::{Candidate, compare};
 use host_train::demo::{Settings, Start, run};

@@ -1,17 +1,16 @@
 //! Float weights as a model the tile loop can run.
 
-use crate::digest::sha256_hex;
 use crate::model::backend::Backend;
-use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
-use crate::model::weights::Weights;
 use crate::train::feed::side_by_side;
-use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::{Shape, TILE};
-use elunar_net::config::config_of;
+use elunar_net::config::{NetConfig, config_of};
+use elunar_net::digest::sha256_hex;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;

@@ -4,19 +4,18 @@ mod kinks;
 
 pub use kinks::Kinks;
 
-use crate::model::backend::Backend;
-use crate::model::config::config_of;
-use crate::model::store;
-use crate::model::weights::{Array, Weights};
-use crate::train::loss::{Elevation, LossWeights, terms};
-use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_core::error::LengthError;
-use elunar_core::loss::LossError;
-use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, add_gradient};
+use elunar_core::loss::{LossError, Pair};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
 use elunar_core::tile::Shape;
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::store;
+use elunar_learn::train::loss::{Elevation, LossWeights, terms};
+use elunar_net::config::config_of;
+use elunar_net::weights::{Array, Weights};
+use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -221,7 +220,7 @@ fn relative_error(expected: &Option<&Array>, found: &Tensor<4>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::backend::Backend;
+    use elunar_learn::model::backend::Backend;
 
     /// The golden case of windows of 5, with a truth that has the output's slopes in three pixels, as arithmetic without rounding sees it.
     fn touching() -> Weights {

@@ -4,11 +4,10 @@ use super::console::say;
 use super::folder::Folder;
 use super::infer::Predicted;
 use super::scene::DemoScene;
-use crate::evaluate::{Candidate, Comparison, Scores, compare, table};
-use crate::picture::{Chart, Series, curves, error_map, write_png};
-use crate::raster::Raster;
-use crate::raster::align::Named;
-use crate::{Error, Result};
+use elunar_raster::align::Named;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::{Candidate, Comparison, Scores, compare, table};
+use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
 /// Heights along the middle row.
 pub(super) const PROFILE: &str = "profile.png";

@@ -13,11 +13,11 @@ mod scene;
 mod shrink;
 mod tune;
 
-use crate::model::config::trained_network;
-use crate::model::config::{NetConfig, Preset};
-use crate::train::recipe::Recipe;
-use crate::{Error, Result, interrupt};
 use console::Console;
+use elunar_learn::train::recipe::Recipe;
+use elunar_net::config::{NetConfig, Preset, trained_network};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
 use folder::Folder;
 use std::path::PathBuf;
 
@@ -95,7 +95,7 @@ impl Settings {
 }
 
 /// The Moons of a tour. Their seeds lie far from those `train` uses by default (small numbers, and
-/// [`crate::train::source::VALIDATION_SEED`] above them), so that nothing in a tour has been trained on before it.
+/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that nothing in a tour has been trained on before it.
 #[derive(Debug, Clone, Copy)]
 struct Seeds {
     scene: u64,

@@ -2,10 +2,10 @@
 
 use super::Comparison;
 use super::train::TRAINING;
-use crate::Result;
-use crate::picture::{Chart, Series, curves as draw};
 use crate::suite::tables::{Table, cross, scenes, sums};
-use crate::train::curves::History;
+use elunar_learn::train::curves::History;
+use elunar_raster::Result;
+use elunar_scene::picture::{Chart, Series, curves as draw};
 use std::path::Path;
 
 /// The picture of all validations.

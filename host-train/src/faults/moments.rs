@@ -1,15 +1,15 @@
 //! A clean run, and its memory at some moments.
 
 use super::run::fault;
-use crate::digest::sha256_hex;
-use crate::predict::int8::Int8Model;
-use crate::predict::network::Model as _;
-use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
-use crate::{Error, Result};
 use elunar_core::nn::{
     Kernel, KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
 };
 use elunar_core::tile::Shape;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::{Error, Result};
+use elunar_scene::predict::int8::Int8Model;
+use elunar_scene::predict::network::Model as _;
+use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use std::collections::BTreeMap;
 
 /// Multiply-accumulates of a step.

@@ -5,9 +5,10 @@ use super::journal::{Journal, Tried};
 use super::moments::{Moments, STEP_MACS};
 use super::outcome::{LIMIT_M, Outcome};
 use super::table::Results;
-use crate::predict::int8::Int8Model;
-use crate::{Error, Result, interrupt};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
+use elunar_scene::predict::int8::Int8Model;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 

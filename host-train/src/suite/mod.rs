@@ -12,9 +12,8 @@ pub mod score;
 pub mod summary;
 pub mod tables;
 
-use crate::raster::atomic_write;
-use crate::raster::geotiff::{WriteOptions, write};
-use crate::{Error, Result};
+use elunar_raster::geotiff::{WriteOptions, write};
+use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::table::to_csv;
 use list::List;
 use method::Method;

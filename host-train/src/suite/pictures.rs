@@ -3,11 +3,10 @@
 use super::results::COARSE;
 use super::scene::TestScene;
 use super::score::Seen;
-use crate::evaluate::Comparison;
-use crate::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
-use crate::raster::Raster;
-use crate::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::Comparison;
+use elunar_scene::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
 use std::path::Path;
 
 /// Folder of the pictures in a suite's.

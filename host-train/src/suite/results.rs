@@ -1,7 +1,7 @@
 //! What a suite found, as it is kept in `results.json`.
 
-use crate::evaluate::{CoAlignment, ReliefScores, Scores};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
+use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -130,6 +130,6 @@ impl Results {
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(RESULTS);
         let text = serde_json::to_vec_pretty(self).map_err(|e| Error::broken(&path, e.to_string()))?;
-        crate::raster::atomic_write(&path, &text)
+        elunar_raster::atomic_write(&path, &text)
     }
 }

@@ -3,12 +3,11 @@
 use super::method::Method;
 use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
 use super::scene::TestScene;
-use crate::evaluate::lowpass::high_pass;
-use crate::evaluate::{Candidate, Comparison, Light, compare, relief};
-use crate::raster::Raster;
-use crate::raster::align::Named;
-use crate::{Error, Result};
 use elunar_core::metrics::HeightErrors;
+use elunar_raster::align::Named;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::lowpass::high_pass;
+use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief};
 
 /// What was found on a scene, with the DTMs for pictures.
 pub struct ScoredScene {
@@ -116,7 +115,7 @@ pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(height: impl Fn(usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };

@@ -112,8 +112,8 @@ fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::evaluate::{CoAlignment, ReliefScores, Scores};
     use crate::suite::results::{MethodInfo, SceneResult};
+    use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
 
     pub(crate) fn scores(method: &str, rmse_m: f64, slope: f64) -> MethodScores {
         let heights = Scores {

@@ -2,7 +2,7 @@
 
 use super::results::{MethodScores, Results};
 use super::summary::{Summary, summaries};
-use crate::Result;
+use elunar_raster::Result;
 use elunar_scene::table::to_csv;
 
 /// A table of text: heading and rows of the same length.

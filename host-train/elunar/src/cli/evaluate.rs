@@ -1,8 +1,7 @@
 //! `elunar evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
 
-use elunar_raster::Result;
 use elunar_raster::align::Named;
-use elunar_raster::source;
+use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{Candidate, compare, json, table};
 use elunar_scene::picture;
 use std::path::PathBuf;

@@ -1,7 +1,6 @@
 //! `elunar latency`: how long a tile takes.
 
-use elunar_core::nn::Kernel;
-use elunar_core::nn::{self, Progress, Runner, required};
+use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_raster::quantile::quantile;
 use elunar_raster::{Error, Result};

@@ -1,7 +1,6 @@
 //! `elunar lola`: laser altimeter tracks over a DTM.
 
-use elunar_raster::source;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, source};
 use elunar_scene::lola::csv::{self, CsvFormat};
 use elunar_scene::lola::report::{ComparedTrack, Report, json, table};
 use elunar_scene::lola::shift::Ground;

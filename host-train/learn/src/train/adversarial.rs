@@ -6,14 +6,14 @@
 //! network:  hybrid loss + weight * mean((C(prediction) - 1)²)          the critic as it is then
 //! ```
 
-use crate::Result;
-use crate::model::config::NetConfig;
 use crate::model::critic::Critic;
 use crate::model::init::normal_weights;
 use crate::model::store;
-use crate::model::weights::Weights;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
+use elunar_net::config::NetConfig;
+use elunar_net::weights::Weights;
+use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

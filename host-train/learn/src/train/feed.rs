@@ -3,10 +3,10 @@
 use super::recipe::Recipe;
 use super::sample::Sample;
 use super::source::TileSource;
-use crate::illumination::{KnownSun, Mirror};
-use crate::model::config::{Illumination, NetConfig};
-use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_net::config::{Illumination, NetConfig};
+use elunar_net::illumination::{KnownSun, Mirror};
+use elunar_raster::{Error, Result};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;

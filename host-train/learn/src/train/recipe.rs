@@ -3,9 +3,9 @@
 use super::adversarial::Adversarial;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
-use crate::model::config::Preset;
 use crate::model::precision::Precision;
-use crate::{Error, Result};
+use elunar_net::config::Preset;
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// What the network learns to reach.

@@ -4,15 +4,15 @@ use super::feed::tensors;
 use super::recipe::Target;
 use super::sample::Sample;
 use super::source::TileSource;
-use crate::model::config::{NetConfig, TruthRange};
 use crate::model::elunar::ELunarDtmNet;
-use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
 use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Shape;
+use elunar_net::config::{NetConfig, TruthRange};
+use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -2,10 +2,10 @@
 
 use super::timing::Times;
 use crate::digest::sha256_hex;
-use crate::{Error, Result};
 use elunar_core::nn::file::{Dtype, NONE, Operator, Tensor};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::Shape;
+use elunar_raster::{Error, Result};
 use serde::Serialize;
 
 /// A model in figures.

@@ -2,11 +2,11 @@
 
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
-use crate::model::config::NetConfig;
-use crate::{Error, Result};
 use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS};
+use elunar_net::config::NetConfig;
 use elunar_net::export::CalibrationTile;
 use elunar_net::export::calibrate::Ground;
+use elunar_raster::{Error, Result};
 
 /// Tiles `first..first + count` of a source, normalised as the network wants them.
 ///

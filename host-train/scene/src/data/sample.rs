@@ -1,12 +1,12 @@
 //! One tile as the network sees it: normalised image, coarse DTM and truth.
 
-use crate::illumination::{KnownSun, Mirror, mirrored};
 use crate::maps::Maps;
-use crate::model::config::NetConfig;
-use crate::{Error, Result};
 use elunar_core::nn::{TileInput, TileLight, TileScale};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::Shape;
+use elunar_net::config::NetConfig;
+use elunar_net::illumination::{KnownSun, Mirror, mirrored};
+use elunar_raster::{Error, Result};
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]

@@ -3,19 +3,18 @@
 use super::prepared::PreparedSource;
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
-use crate::Result;
-use crate::illumination::{KnownSun, LightSource, Mirror, mirrored};
-use crate::model::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use crate::predict::network::{Model, TileNetwork};
 use crate::predict::{Input, Options, Scene, int8, predict};
 use crate::prepare::list::SceneFiles;
 use crate::prepare::{self, Parameters, Split};
-use crate::raster::geotiff::{self, SampleType, WriteOptions};
-use crate::raster::{GeoRef, Raster};
-use crate::synth::{Moon, SynthOptions};
 use elunar_core::nn::{InputRules, Progress, Runner, TileInput, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
 use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
+use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
+use elunar_net::illumination::{KnownSun, LightSource, Mirror, mirrored};
+use elunar_raster::geotiff::{self, SampleType, WriteOptions};
+use elunar_raster::{GeoRef, Raster, Result};
+use elunar_synth::{Moon, SynthOptions};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -92,7 +91,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
 fn lightless() -> (Scene, RawTile) {
     let georef = |origin: (f64, f64), pixel_m: f64| GeoRef {
         transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m],
-        crs: crate::raster::Crs::moon_equirectangular(0.0, 0.0),
+        crs: elunar_raster::Crs::moon_equirectangular(0.0, 0.0),
     };
     let raster = |(rows, cols): (usize, usize), georef, sample: &dyn Fn(usize, usize) -> f32| Raster {
         rows,

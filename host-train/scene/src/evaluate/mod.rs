@@ -11,10 +11,9 @@ pub use relief::{Light, ReliefScores, Side, relief};
 pub use report::{json, table};
 pub use scores::Scores;
 
-use crate::raster::Raster;
-use crate::raster::align::{Interpolation, Named, onto};
-use crate::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::align::{Interpolation, Named, onto};
+use elunar_raster::{Error, Raster, Result};
 
 /// A raster to be scored.
 #[derive(Debug, Clone, Copy)]
@@ -110,7 +109,7 @@ fn masked(raster: &Raster, keep: &[bool]) -> Raster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -184,7 +183,7 @@ mod tests {
     /// Two rasters with gaps on shifted grids, scored by numpy from the files.
     #[test]
     fn scores_match_numpy() {
-        use crate::raster::geotiff::{WriteOptions, write};
+        use elunar_raster::geotiff::{WriteOptions, write};
         let folder = tempfile::tempdir().unwrap();
         let bumps =
             |r: usize, c: usize, k: f32| (r as f32 * 0.31 * k).sin() * 20.0 + (c as f32 * 0.17).cos() * 15.0 - 1900.0;

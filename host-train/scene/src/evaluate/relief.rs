@@ -2,11 +2,10 @@
 
 use super::lowpass::{LowPass, high_pass};
 use super::{Comparison, Scored};
-use crate::raster::Raster;
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{Correlation, Facing, GradientErrors, HeightErrors};
 use elunar_core::terrain::{PixelSize, Sun, gradient, hillshade};
+use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is known of a scene beside its heights.
@@ -145,8 +144,8 @@ fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> 
 mod tests {
     use super::*;
     use crate::evaluate::{Candidate, compare};
-    use crate::raster::align::Named;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::align::Named;
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(f64, f64) -> f64) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -193,7 +192,7 @@ mod tests {
     /// All figures of a DTM with a void, by numpy from the definitions.
     #[test]
     fn figures_match_numpy() {
-        use crate::raster::geotiff::{WriteOptions, write};
+        use elunar_raster::geotiff::{WriteOptions, write};
         let folder = tempfile::tempdir().unwrap();
         let truth = raster(60, 70, hills);
         let mut dtm = raster(60, 70, |r, c| 1.03 * hills(r, c) + 0.3 * (r * 0.8 + c * 0.3).sin() + 0.4);

@@ -1,11 +1,10 @@
 //! The figures of one candidate.
 
-use crate::raster::Raster;
-use crate::raster::quantile::quantile;
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::quantile::quantile;
+use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// Errors are candidate minus truth.

@@ -1,10 +1,9 @@
 //! Where a track fits a DTM best, and how well it fits there.
 
 use super::track::Point;
-use crate::raster::source::Source;
-use crate::raster::{GeoRef, Projection};
-use crate::{Error, Result};
 use elunar_core::tile::Window;
+use elunar_raster::source::Source;
+use elunar_raster::{Error, GeoRef, Projection, Result};
 
 /// Steps per pixel of the search (the paper moves by half a pixel).
 const STEPS_PER_PX: usize = 2;

@@ -3,8 +3,7 @@
 use super::network::Model;
 use super::run::{Options, predict};
 use super::scene::{Input, Scene};
-use crate::raster::{Crs, GeoRef, Raster};
-use crate::{Error, Result};
+use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use ndarray::{Array2, ArrayView2};
 use std::ops::ControlFlow;
 

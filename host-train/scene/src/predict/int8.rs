@@ -1,10 +1,10 @@
 //! An exported model file as a model the tile loop can run.
 
 use super::network::{Model, TileNetwork};
-use crate::digest::sha256_hex;
-use crate::{Error, Result};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use elunar_core::tile::Shape;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.

@@ -1,8 +1,8 @@
 //! What the tile loop needs of a network, float or int8.
 
-use crate::Result;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::Shape;
+use elunar_raster::Result;
 
 /// A loaded model: immutable, shared by all threads.
 pub trait Model: Sync {

@@ -3,11 +3,10 @@
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::tile::{Outcome, Rules, TileWorker};
-use crate::illumination::{KnownSun, LightSource};
 use crate::mosaic::{Blend, Mosaic};
-use crate::raster::Raster;
-use crate::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
+use elunar_net::illumination::{KnownSun, LightSource};
+use elunar_raster::{Error, Raster, Result};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -98,7 +97,7 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// coarse DTM are invalid. Memory does not depend on the number of rows.
 ///
 /// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
-/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`crate::illumination`]), normalised by its own
+/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`elunar_net::illumination`]), normalised by its own
 /// ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, mirrored back and blended.
 /// The result is the same for every number of threads and every `from`: tiles are blended in reading order, whoever finished first.
 ///

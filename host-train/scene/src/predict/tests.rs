@@ -3,10 +3,9 @@
 use super::network::{Model, TileNetwork};
 use super::*;
 use crate::mosaic::Blend;
-use crate::raster::{Crs, GeoRef, Raster};
-use crate::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
 use elunar_core::tile::Shape;
+use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use std::ops::ControlFlow;
 
 /// Of the networks below.

@@ -3,13 +3,13 @@
 use super::Options;
 use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
-use crate::illumination::Lighting;
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
-use crate::{Error, Result};
 use elunar_core::nn::{InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::{Shape, Window};
+use elunar_net::illumination::Lighting;
+use elunar_raster::{Error, Result};
 
 /// What became of a tile.
 pub(crate) enum Outcome {

@@ -7,12 +7,12 @@ use super::scene::{Reading, Scene};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, pictures};
-use crate::digest::{hex, sha256_hex};
-use crate::raster::align::Interpolation;
-use crate::raster::atomic_write;
-use crate::raster::stated::HeightUnit;
-use crate::{Error, Result, interrupt};
+use crate::interrupt;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use elunar_net::digest::{hex, sha256_hex};
+use elunar_raster::align::Interpolation;
+use elunar_raster::stated::HeightUnit;
+use elunar_raster::{Error, Result, atomic_write};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -184,7 +184,7 @@ fn inspect_scene(
 fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
-    match crate::raster::quantile::quantile(&mut ratios, 0.5) {
+    match elunar_raster::quantile::quantile(&mut ratios, 0.5) {
         Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::usage(format!(
             "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
             files.coarse.display(),
@@ -197,7 +197,7 @@ fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
 fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
     let median = |of: fn(&super::Offset) -> f64| {
         let mut values: Vec<f64> = tiles.iter().filter_map(|t| t.offset.as_ref()).map(of).collect();
-        crate::raster::quantile::quantile(&mut values, 0.5)
+        elunar_raster::quantile::quantile(&mut values, 0.5)
     };
     Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
 }

@@ -24,9 +24,8 @@ pub use reflectance::{Light, Shade};
 pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
 
 use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
-use crate::raster::Raster;
-use crate::{Error, Result};
 use elunar_core::tile::Shape;
+use elunar_raster::{Error, Raster, Result};
 
 /// As [`solve_rows`], into memory.
 ///

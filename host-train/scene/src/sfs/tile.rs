@@ -5,11 +5,11 @@ use super::level::{Level, Objective};
 use super::pyramid::{doubled, pyramid};
 use super::settings::Settings;
 use super::solver::{End, solve};
-use crate::Result;
 use crate::mosaic::OverlapWeights;
 use crate::predict::{Band, Cutout, Outcome, TileMaker};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{Shape, Window};
+use elunar_raster::Result;
 use std::time::{Duration, Instant};
 
 /// Makes tiles on one thread.

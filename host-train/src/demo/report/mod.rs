@@ -11,10 +11,9 @@ use super::scene::{COARSE_SHADE, DemoScene, IMAGE, TRUTH_SHADE};
 use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
-use crate::picture::{Panel, sheet, write_png};
-use crate::raster::atomic_write;
 use crate::report::html::Picture;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result, atomic_write};
+use elunar_scene::picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
 
 /// Image and hillshades side by side.

@@ -1,13 +1,13 @@
 //! The page itself, section by section.
 
 use super::{Pictures, Story};
-use crate::Result;
 use crate::demo::compare::NAMES;
 use crate::demo::console::minutes;
 use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL};
 use crate::demo::{SHIPPED_MODEL, Start};
-use crate::evaluate::Scores;
 use crate::report::html::{Cell, document, escaped, figure, table};
+use elunar_raster::Result;
+use elunar_scene::evaluate::Scores;
 
 /// The report as one HTML document.
 ///
