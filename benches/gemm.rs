@@ -124,7 +124,7 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
     }
     let _ = writeln!(
         text,
-        "fractions are of {}.\n\nOne step of a convolution each: weights of all panels (times 4 sets where an enlargement is folded in) \
+        "fractions are of {}.\n\nOne step of a convolution each: weights of all panels (times 4 sets where an upsampling is folded in) \
          by a row of pixels, or several. Filling of panels and groups counts as work in the fractions; \"useful\" is the share \
          without it, and without weights that are 0 because columns are computed as channels. \"inner loop\" is the fraction at which \
          the fastest kernel makes the second half of the products: free of what a call costs, of which the runner has less.\n",

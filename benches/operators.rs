@@ -14,6 +14,7 @@ use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::file::Operator;
 use elunar_core::nn::{Model, Runner, required};
+use elunar_core::tile::Shape;
 use elunar_net::config::Preset;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -51,7 +52,7 @@ impl<'a, 'm> Stepper<'a, 'm> {
             Some((entry.operator, (entry.first..entry.first + entry.count).map(step).sum()))
         };
         let entries = (0..).map_while(entry_macs).collect();
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let (image, coarse) = tile(rows, cols, model.image_maps());
         let runner = Runner::new(model, arena).expect("the arena is as large as the model says");
         Self { runner, model, entries, image, coarse, output: vec![0.0; rows * cols] }

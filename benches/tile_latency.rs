@@ -13,6 +13,7 @@ use elunar_benches::models::{exported, name, presets, tile};
 use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
+use elunar_core::tile::Shape;
 use elunar_learn::float;
 use elunar_learn::model::backend::Backend;
 use elunar_net::config::Preset;
@@ -36,7 +37,7 @@ impl<'a, 'm> Worker<'a, 'm> {
     /// Warm: it has run one tile.
     fn new(kernel: Kernel, model: Model<'a>, arena: &'m mut [u8]) -> Self {
         let runner = Runner::with_kernel(kernel, model, arena).expect("the arena is as large as the model says");
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let (image, coarse) = tile(rows, cols, model.image_maps());
         let mut worker = Self { runner, image, coarse, output: vec![0.0; rows * cols] };
         worker.tiles(1);
@@ -118,7 +119,7 @@ fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-train/models/nano.safetensors");
     let model = float::open(&path, Backend::Flex).expect("shipped float weights");
     let mut worker = model.worker().expect("the shipped model runs");
-    let (rows, cols) = model.tile();
+    let Shape { rows, cols } = model.tile();
     let ((image, coarse), mut output) =
         (tile(rows, cols, model.input_rules().illumination.image_maps()), vec![0.0; rows * cols]);
     group.throughput(Throughput::Elements(1));

@@ -5,6 +5,7 @@
 //! input ends. One thread; what is timed takes and returns floats, quantising included.
 
 use elunar_core::nn::{Kernel, required};
+use elunar_core::tile::Shape;
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::Model;
 use std::error::Error;
@@ -38,7 +39,7 @@ fn open(path: &str, kernel: Option<&str>) -> Result<Int8Model, Box<dyn Error>> {
 
 fn serve(path: &str, kernel: Option<&str>) -> Result<(), Box<dyn Error>> {
     let model = open(path, kernel)?;
-    let (rows, cols) = model.tile();
+    let Shape { rows, cols } = model.tile();
     let (mut input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
     let facts = model.model();
     writeln!(

@@ -11,7 +11,7 @@ use elunar_core::nn::{Kernel, Model};
 pub struct Shape {
     /// Output channels.
     pub channels: usize,
-    /// Sets of filters applied in a step, each with weights of its own: 1, or 4 with a folded enlargement.
+    /// Sets of filters applied in a step, each with weights of its own: 1, or 4 with a folded upsampling.
     pub sets: usize,
     /// Output rows that a panel's weights are used for one after the other.
     pub lines: usize,
@@ -79,7 +79,7 @@ impl Shape {
 }
 
 /// The products of a model's convolutions, most multiply-accumulates first, equal ones together. The border filters of a folded
-/// enlargement are counted as the inner ones; the products inside attention are left out.
+/// upsampling are counted as the inner ones; the products inside attention are left out.
 pub fn of(model: &Model<'_>) -> Vec<Use> {
     let mut found: Vec<Use> = Vec::new();
     for operator in (0..).map_while(|i| model.operator(i)) {

@@ -5,9 +5,9 @@
 //!
 //! // A network of random weights, small enough to travel with this crate; its tile has 32 x 32 pixels.
 //! let model = Model::new(include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/tile-v4.eld")))?;
-//! let (rows, cols) = model.tile();
-//! let image: Vec<f32> = (0..rows * cols).map(|i| 90.0 + (i % 7) as f32).collect(); // brightness, in any unit
-//! let coarse_m: Vec<f32> = (0..rows * cols).map(|i| -1900.0 + (i / cols) as f32).collect(); // metres, on the image's grid
+//! let shape = model.tile();
+//! let image: Vec<f32> = (0..shape.pixels()).map(|i| 90.0 + (i % 7) as f32).collect(); // brightness, in any unit
+//! let coarse_m: Vec<f32> = (0..shape.pixels()).map(|i| -1900.0 + (i / shape.cols) as f32).collect(); // metres, on the image's grid
 //!
 //! let mut arena = vec![0; required(&model)]; // all memory that it takes
 //! let mut runner = Runner::new(model, &mut arena)?;
@@ -15,7 +15,7 @@
 //! let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
 //! let begun = runner.begin_metres(&tile, &mut [])?;
 //! while runner.step(1_000_000)? == Progress::Running {} // multiply-accumulates at a time
-//! let mut heights_m = vec![0.0; rows * cols];
+//! let mut heights_m = vec![0.0; shape.pixels()];
 //! runner.heights(&begun.scale, &mut heights_m)?;
 //! # assert!(heights_m.iter().zip(&coarse_m).all(|(fine, coarse)| (fine - coarse).abs() < 10.0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -36,7 +36,7 @@
 //! A camera that delivers lines instead of tiles has [`strip`], which does all of this line by line: [`resample`] brings the coarse DTM onto
 //! the image's grid, [`fill`] closes gaps, [`overlap`] weighs tiles where they are blended.
 //!
-//! Beside that path stand the judges: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
+//! Beside that path stand the measures: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
 //! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals;
 //! and, line by line, the hazards of a lander's footprint).
 //!

@@ -9,7 +9,7 @@
 
 use crate::error::{LengthError, same_length};
 use crate::part::item;
-use crate::tile::Window;
+use crate::tile::{Shape, Window};
 
 /// Standard deviation of the blur, pixels.
 pub const SIGMA_PX: f64 = 5.0;
@@ -56,12 +56,12 @@ pub struct Open {
 }
 
 impl Open {
-    /// The sides of `window` that lie on the border of a scene of (rows, columns), or beyond it.
+    /// The sides of `window` that lie on the border of a scene of this shape, or beyond it.
     #[must_use]
-    pub fn of(window: Window, scene: (usize, usize)) -> Self {
+    pub fn of(window: Window, scene: Shape) -> Self {
         let Window { row, col, rows, cols } = window;
         let ends = |first: usize, len: usize, scene: usize| first.saturating_add(len) >= scene;
-        Self { top: row == 0, bottom: ends(row, rows, scene.0), left: col == 0, right: ends(col, cols, scene.1) }
+        Self { top: row == 0, bottom: ends(row, rows, scene.rows), left: col == 0, right: ends(col, cols, scene.cols) }
     }
 }
 
@@ -69,8 +69,9 @@ impl Open {
 ///
 /// ```
 /// use elunar_core::overlap::{Open, OverlapWeights};
+/// use elunar_core::tile::Shape;
 ///
-/// let weights = OverlapWeights::new((64, 80));
+/// let weights = OverlapWeights::new(Shape::new(64, 80));
 /// let open = Open { top: true, bottom: false, left: true, right: false };
 /// let (mut line, mut scratch) = ([0.0; 80], [0.0; OverlapWeights::scratch_len(80)]);
 /// weights.line(open, 0, &mut line, &mut scratch)?;
@@ -80,15 +81,15 @@ impl Open {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OverlapWeights {
-    tile: (usize, usize),
+    tile: Shape,
     /// One side of the symmetric kernel, centre first: the Gaussian integrated over each pixel, summing to one.
     kernel: [f64; REACH + 1],
 }
 
 impl OverlapWeights {
-    /// For tiles of (rows, columns).
+    /// For tiles of this shape.
     #[must_use]
-    pub fn new(tile: (usize, usize)) -> Self {
+    pub fn new(tile: Shape) -> Self {
         let mut kernel = [0.0; REACH + 1];
         half_kernel(SIGMA_PX, &mut kernel);
         Self { tile, kernel }
@@ -108,11 +109,11 @@ impl OverlapWeights {
     }
 
     fn px_to_rows(&self, open: Open, row: isize) -> u32 {
-        along(row, self.tile.0, open.top, open.bottom)
+        along(row, self.tile.rows, open.top, open.bottom)
     }
 
     fn px_to_cols(&self, open: Open, col: isize) -> u32 {
-        along(col, self.tile.1, open.left, open.right)
+        along(col, self.tile.cols, open.left, open.right)
     }
 
     /// The weights of a tile's line `row` from left to right, all positive.
@@ -120,7 +121,7 @@ impl OverlapWeights {
     /// # Errors
     /// [`LengthError`] if `out` has not the tile's columns, or `scratch` not [`scratch_len`](Self::scratch_len).
     pub fn line(&self, open: Open, row: usize, out: &mut [f64], scratch: &mut [f64]) -> Result<(), LengthError> {
-        let cols = self.tile.1;
+        let cols = self.tile.cols;
         same_length(cols, out.len())?;
         same_length(Self::scratch_len(cols), scratch.len())?;
         // Down the columns first, those beyond an open side included; always in the order of pixels, so that sums are the same bits. Loops
@@ -168,11 +169,11 @@ mod tests {
         (0..16).map(|k| Open { top: k & 1 > 0, bottom: k & 2 > 0, left: k & 4 > 0, right: k & 8 > 0 })
     }
 
-    fn table(tile: (usize, usize), open: Open) -> Vec<f64> {
+    fn table(tile: Shape, open: Open) -> Vec<f64> {
         let weights = OverlapWeights::new(tile);
-        let (mut line, mut scratch) = (vec![0.0; tile.1], vec![7.0; OverlapWeights::scratch_len(tile.1)]);
+        let (mut line, mut scratch) = (vec![0.0; tile.cols], vec![7.0; OverlapWeights::scratch_len(tile.cols)]);
         let mut all = vec![];
-        for row in 0..tile.0 {
+        for row in 0..tile.rows {
             weights.line(open, row, &mut line, &mut scratch).unwrap();
             all.extend_from_slice(&line);
         }
@@ -180,7 +181,7 @@ mod tests {
     }
 
     /// The whole tile and its surroundings at once, by the definition in two dimensions.
-    fn naive((rows, cols): (usize, usize), open: Open, row: usize, col: usize) -> f64 {
+    fn naive(Shape { rows, cols }: Shape, open: Open, row: usize, col: usize) -> f64 {
         let taps: Vec<f64> = (-17..=17).map(|i| (-f64::from(i * i) / 50.0).exp()).collect();
         let total: f64 = taps.iter().sum();
         let (mut sum, beyond) = (0.0, 400);
@@ -199,15 +200,16 @@ mod tests {
 
     #[test]
     fn weights_are_blurred_distances_squared() {
-        for (tile, open) in [(64, 80), (5, 9), (300, 40)].into_iter().flat_map(|t| kinds().map(move |k| (t, k))) {
+        let tiles = [Shape::new(64, 80), Shape::new(5, 9), Shape::new(300, 40)];
+        for (tile, open) in tiles.into_iter().flat_map(|t| kinds().map(move |k| (t, k))) {
             let found = table(tile, open);
-            for i in (0..tile.0 * tile.1).step_by(97) {
-                let (row, col) = (i / tile.1, i % tile.1);
+            for i in (0..tile.pixels()).step_by(97) {
+                let (row, col) = (i / tile.cols, i % tile.cols);
                 let expected = naive(tile, open, row, col);
                 // The Gaussian at the middle of a pixel differs from its mean over the pixel by up to 0.7 % of a tap.
                 assert!(
                     (found[i] / expected - 1.0).abs() < 0.02,
-                    "{tile:?} {open:?} {row} {col}: {} {expected}",
+                    "{tile} {open:?} {row} {col}: {} {expected}",
                     found[i]
                 );
             }
@@ -217,18 +219,18 @@ mod tests {
 
     #[test]
     fn open_sides_are_those_of_the_scene() {
-        let of = |row, col| Open::of(Window { row, col, rows: 20, cols: 30 }, (60, 90));
+        let of = |row, col| Open::of(Window { row, col, rows: 20, cols: 30 }, Shape::new(60, 90));
         assert_eq!(of(20, 30), NONE);
         assert_eq!(of(0, 60), Open { top: true, right: true, ..NONE });
         assert_eq!(of(40, 0), Open { bottom: true, left: true, ..NONE });
-        assert_eq!(Open::of(Window { row: 0, col: 0, rows: 99, cols: 99 }, (3, 3)), kinds().last().unwrap());
+        assert_eq!(Open::of(Window { row: 0, col: 0, rows: 99, cols: 99 }, Shape::new(3, 3)), kinds().last().unwrap());
     }
 
     #[test]
     fn far_inside_nothing_is_felt_and_odd_buffers_are_refused() {
         let all = kinds().last().unwrap();
-        assert!(table((30, 40), all).iter().all(|w| (w / 271.0_f64.powi(2) - 1.0).abs() < 1e-12));
-        let weights = OverlapWeights::new((30, 40));
+        assert!(table(Shape::new(30, 40), all).iter().all(|w| (w / 271.0_f64.powi(2) - 1.0).abs() < 1e-12));
+        let weights = OverlapWeights::new(Shape::new(30, 40));
         assert_eq!(
             (weights.distance_px(NONE, 0, 9), weights.distance_px(NONE, 29, 9), weights.distance_px(NONE, 15, 38)),
             (1, 1, 2)

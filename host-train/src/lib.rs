@@ -10,19 +10,3 @@ pub mod faults;
 pub mod report;
 pub mod suite;
 pub mod toml_file;
-
-use elunar_net::{digest, export, illumination};
-use elunar_raster as raster;
-use elunar_raster::{Error, Result};
-use elunar_scene::{evaluate, interrupt, picture, predict, prepare};
-use elunar_synth as synth;
-
-mod model {
-    pub(crate) use elunar_learn::model::{backend, init, store};
-    pub(crate) use elunar_net::{config, published, weights};
-}
-
-mod train {
-    pub(crate) use elunar_learn::train::{curves, journal, loss, recipe, run, validate};
-    pub(crate) use elunar_scene::data::source;
-}

@@ -1,6 +1,6 @@
 //! Settings in TOML files: refused with one line that names file, line and what is wrong there.
 
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 

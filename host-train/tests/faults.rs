@@ -43,7 +43,7 @@ fn bits_flip_in_every_kind_of_operator() {
     let entries = (0..model.entry_count()).filter_map(|entry| model.entry(entry));
     let kinds: BTreeSet<_> = entries.filter_map(|entry| model.operator(entry.operator)).map(|o| o.name()).collect();
     let mut hit: BTreeSet<_> = moments.moments.iter().map(|moment| moment.operator).collect();
-    assert!(hit.remove("judgement"), "while the model is compared");
+    assert!(hit.remove("verification"), "while the model is compared");
     assert_eq!(hit, kinds);
 }
 

@@ -136,8 +136,8 @@ fn the_archives_products_go_in_and_a_hillshade_comes_out() {
     let apart = largest_difference(&site.0.path("plain.tif"), &site.0.path("dtm.tif"));
     assert!(apart < 0.1, "{apart} m apart");
 
-    let judged = ["--truth", "TRUTH.TIF", "--coarse", "SLDEM2015_FLOAT.LBL", "--error-map", "error.png", "--json"];
-    let scores = site.0.made(&[&["evaluate", "--dtm", "dtm.tif"][..], &judged].concat());
+    let scored = ["--truth", "TRUTH.TIF", "--coarse", "SLDEM2015_FLOAT.LBL", "--error-map", "error.png", "--json"];
+    let scores = site.0.made(&[&["evaluate", "--dtm", "dtm.tif"][..], &scored].concat());
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
     assert_eq!(scores["common_pixels"], 300 * 350);
     let difference = site.0.made(&["diff", "dtm.tif", "TRUTH.TIF", "-o", "difference.tif"]);

@@ -18,7 +18,7 @@ use support::Shell;
 
 mod support;
 
-/// Large enough that the last decoder blocks contain their enlargement.
+/// Large enough that the last decoder blocks contain their upsampling.
 const TILE: (usize, usize) = (64, 64);
 
 struct Bench {
@@ -29,7 +29,7 @@ struct Bench {
     options: Options,
 }
 
-/// The golden network, calibrated on the tiles it is judged by: nothing lies beyond its codes.
+/// The golden network, calibrated on the tiles it is scored by: nothing lies beyond its codes.
 fn bench() -> Bench {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();

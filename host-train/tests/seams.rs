@@ -1,6 +1,6 @@
 //! Where tiles join, nobody must see it.
 
-use elunar_core::tile::Tiling;
+use elunar_core::tile::{Shape, Tiling};
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::KnownSun;
@@ -46,7 +46,7 @@ fn seams_are_no_steps() {
     let dtm = predict(&scene, model.as_ref(), &options, &mut |_, _| ControlFlow::Continue(())).unwrap().dtm;
     let at = |row: usize, col: usize| dtm.samples[row * COLS + col];
 
-    let tiling = Tiling::new((ROWS, COLS), model.tile(), options.overlap_px).unwrap();
+    let tiling = Tiling::new(Shape::new(ROWS, COLS), model.tile(), options.overlap_px).unwrap();
     let edges = |first: fn(&elunar_core::tile::Window) -> [usize; 2], len: usize| {
         let mut edges: Vec<usize> = tiling.iter().flat_map(|w| first(&w)).filter(|&e| e > 2 && e < len - 2).collect();
         edges.sort_unstable();

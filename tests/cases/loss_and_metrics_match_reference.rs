@@ -3,6 +3,7 @@
 use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, terms};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
+use elunar_core::tile::Shape;
 use elunar_net::weights::{Array, Weights};
 use elunar_tests::{golden_networks, tolerance};
 use std::collections::BTreeMap;
@@ -24,7 +25,7 @@ fn assert_close(name: &str, found: f64, expected: f64, relative: f64) {
 fn loss_terms_match_pytorch() {
     each_case(|file, truth, predicted| {
         let expected: [f64; 3] = serde_json::from_str(&file.metadata["loss_terms"]).unwrap();
-        let shape = (truth.shape[2], truth.shape[3]);
+        let shape = Shape::new(truth.shape[2], truth.shape[3]);
         let pair = Pair::new(&truth.data, &predicted.data, None, shape).unwrap();
         let found = terms(&pair, ElevationTerm::MeanNormalised).unwrap();
         assert_close("elevation", found.elevation, expected[0], tolerance::LOSS_TERM);

@@ -3,6 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, Terms, Weights, add_gradient};
+use elunar_core::tile::Shape;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::loss::{Elevation, LossWeights, terms};
 use elunar_net::weights::Weights as File;
@@ -27,7 +28,7 @@ fn by_core(batch: &Batch, term: ElevationTerm, weights: Weights) -> (Terms, Vec<
     let mut sum = Terms { elevation: 0.0, gradient: 0.0, normal: 0.0 };
     let mut gradient = Vec::new();
     for (truth, predicted) in batch.truth.iter().zip(&batch.predicted) {
-        let pair = Pair::new(truth, predicted, None, (batch.rows, batch.cols)).unwrap();
+        let pair = Pair::new(truth, predicted, None, Shape::new(batch.rows, batch.cols)).unwrap();
         let mut own = vec![0.0; truth.len()];
         let found = add_gradient(&pair, term, scaled, &mut own).unwrap();
         sum.elevation += found.elevation * share;

@@ -76,7 +76,7 @@ fn loading_running_and_scrubbing_allocate_nothing() {
 fn a_strip_allocates_nothing() {
     let (bytes, _) = mini();
     let model = Model::new(&bytes).unwrap();
-    let (rows, cols) = (3 * model.tile().0, 2 * model.tile().1 + 5);
+    let (rows, cols) = (3 * model.tile().rows, 2 * model.tile().cols + 5);
     let settings = StripSettings {
         cols,
         ring_lines: StripPlan::least_lines(&model),

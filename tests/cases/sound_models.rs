@@ -10,7 +10,7 @@ use elunar_provoke::Random;
 use elunar_tests::repository;
 use std::path::{Path, PathBuf};
 
-/// The taller tiles are large enough for enlargements to be folded into filters.
+/// The taller tiles are large enough for upsamplings to be folded into filters.
 const MODELS: [(&str, (usize, usize), Precision, Illumination); 4] = [
     ("mixed", (32, 32), Precision::Mixed, Illumination::Any),
     ("int8", (64, 32), Precision::Int8, Illumination::Any),

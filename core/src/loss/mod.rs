@@ -29,6 +29,7 @@ pub use error::LossError;
 
 use crate::error::same_length;
 use crate::mask;
+use crate::tile::Shape;
 
 /// The "small offset" on the means of Eq. 6–7; also the mask threshold of the relative metrics (value: our choice).
 pub const PAD_EPS: f64 = 1e-3;
@@ -46,7 +47,7 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// Pairs two row-major tiles of `shape` (rows, columns).
+    /// Pairs two row-major tiles of `shape`.
     ///
     /// # Errors
     /// [`LossError::Length`] if a buffer does not fit the shape, [`LossError::NothingValid`] if no pixel counts.
@@ -54,10 +55,10 @@ impl<'a> Pair<'a> {
         truth: &'a [f32],
         predicted: &'a [f32],
         valid: Option<&'a [bool]>,
-        shape: (usize, usize),
+        shape: Shape,
     ) -> Result<Self, LossError> {
-        let (rows, cols) = shape;
-        let expected = rows.saturating_mul(cols);
+        let Shape { rows, cols } = shape;
+        let expected = shape.pixels();
         same_length(expected, truth.len())?;
         same_length(expected, predicted.len())?;
         if let Some(valid) = valid {

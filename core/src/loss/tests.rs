@@ -61,13 +61,13 @@ proptest! {
 
     #[test]
     fn gradients_match_finite_differences((truth, predicted, _) in tile(5, 6)) {
-        check_gradients(&Pair::new(&truth, &predicted, None, (5, 6)).unwrap())?;
+        check_gradients(&Pair::new(&truth, &predicted, None, Shape::new(5, 6)).unwrap())?;
     }
 
     #[test]
     fn gradients_match_finite_differences_under_a_mask((truth, predicted, valid) in tile(6, 7)) {
         prop_assume!(valid.contains(&true));
-        let pair = Pair::new(&truth, &predicted, Some(&valid), (6, 7)).unwrap();
+        let pair = Pair::new(&truth, &predicted, Some(&valid), Shape::new(6, 7)).unwrap();
         check_gradients(&pair)?;
         let mut gradient = vec![0.0; 42];
         l1::add_gradient(&pair, 1.0, &mut gradient).unwrap();
@@ -76,7 +76,7 @@ proptest! {
 
     #[test]
     fn terms_match_their_definitions((truth, predicted, _) in tile(4, 5)) {
-        let pair = Pair::new(&truth, &predicted, None, (4, 5)).unwrap();
+        let pair = Pair::new(&truth, &predicted, None, Shape::new(4, 5)).unwrap();
         let mean = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>() / 20.0 + 1e-3;
         let (tm, pm) = (mean(&truth), mean(&predicted));
         let elevation: f64 =
@@ -115,7 +115,7 @@ proptest! {
 
     #[test]
     fn hybrid_is_the_weighted_sum_of_its_terms((truth, predicted, _) in tile(4, 4), a in 0f64..10.0, b in 0f64..3.0) {
-        let pair = Pair::new(&truth, &predicted, None, (4, 4)).unwrap();
+        let pair = Pair::new(&truth, &predicted, None, Shape::new(4, 4)).unwrap();
         let weights = Weights { elevation: a, gradient: b, normal: 1.0 };
         for term in [ElevationTerm::MeanNormalised, ElevationTerm::L1] {
             let (mut sum, mut parts) = (vec![0.0f32; 16], vec![0.0f32; 16]);
@@ -137,8 +137,8 @@ proptest! {
         // Up to the offset ε on the mean, whose share of the loss is ε / z̄.
         prop_assume!(predicted.iter().sum::<f32>() > 16.0);
         let scaled: Vec<f32> = predicted.iter().map(|p| p * k as f32).collect();
-        let one = mean_elevation::value(&Pair::new(&truth, &predicted, None, (4, 4)).unwrap()).unwrap();
-        let other = mean_elevation::value(&Pair::new(&truth, &scaled, None, (4, 4)).unwrap()).unwrap();
+        let one = mean_elevation::value(&Pair::new(&truth, &predicted, None, Shape::new(4, 4)).unwrap()).unwrap();
+        let other = mean_elevation::value(&Pair::new(&truth, &scaled, None, Shape::new(4, 4)).unwrap()).unwrap();
         prop_assert!((one - other).abs() < 2e-3);
     }
 }
@@ -146,7 +146,7 @@ proptest! {
 #[test]
 fn perfect_predictions_cost_nothing_and_pull_nowhere() {
     let tile: Vec<f32> = (0..20).map(|i| (i * i % 7) as f32).collect();
-    let pair = Pair::new(&tile, &tile, None, (4, 5)).unwrap();
+    let pair = Pair::new(&tile, &tile, None, Shape::new(4, 5)).unwrap();
     for (name, value, add_gradient) in TERMS {
         let mut gradient = vec![0.0; 20];
         assert!(value(&pair).unwrap().abs() < 1e-15, "{name}");
@@ -159,22 +159,22 @@ fn perfect_predictions_cost_nothing_and_pull_nowhere() {
 fn an_offset_costs_no_gradient_and_no_normal_term() {
     let truth: Vec<f32> = (0..30).map(|i| (i * i % 11) as f32).collect();
     let offset: Vec<f32> = truth.iter().map(|t| t + 5.0).collect();
-    let pair = Pair::new(&truth, &offset, None, (5, 6)).unwrap();
+    let pair = Pair::new(&truth, &offset, None, Shape::new(5, 6)).unwrap();
     assert_eq!(gradient::value(&pair), Ok(0.0));
     assert!(normal::value(&pair).unwrap().abs() < 1e-15);
 }
 
 #[test]
 fn refuses_what_has_no_mean() {
-    let err = |t: &[f32], p: &[f32], m: Option<&[bool]>| Pair::new(t, p, m, (1, 2)).err();
+    let err = |t: &[f32], p: &[f32], m: Option<&[bool]>| Pair::new(t, p, m, Shape::new(1, 2)).err();
     assert!(matches!(err(&[1.0], &[1.0, 2.0], None), Some(LossError::Length(_))));
     assert!(matches!(err(&[1.0, 2.0], &[1.0], None), Some(LossError::Length(_))));
     assert!(matches!(err(&[1.0, 2.0], &[1.0, 2.0], Some(&[true])), Some(LossError::Length(_))));
     assert_eq!(err(&[1.0, 2.0], &[f32::NAN, 2.0], Some(&[true, false])), Some(LossError::NothingValid));
-    assert_eq!(Pair::new(&[], &[], None, (0, 5)).err(), Some(LossError::NothingValid));
+    assert_eq!(Pair::new(&[], &[], None, Shape::new(0, 5)).err(), Some(LossError::NothingValid));
 
     let valid = [true, false];
-    let pair = Pair::new(&[1.0, 2.0], &[1.0, 2.0], Some(&valid), (1, 2)).unwrap();
+    let pair = Pair::new(&[1.0, 2.0], &[1.0, 2.0], Some(&valid), Shape::new(1, 2)).unwrap();
     assert_eq!(gradient::value(&pair), Err(LossError::NothingValid));
     assert_eq!(normal::value(&pair), Err(LossError::NothingValid));
     for (_, _, add_gradient) in TERMS {
@@ -189,7 +189,7 @@ fn refuses_what_has_no_mean() {
     });
     let one = [1.0f32; 4];
     for (truth, predicted) in [(&zero, &one), (&one, &zero)] {
-        let pair = Pair::new(truth, predicted, None, (2, 2)).unwrap();
+        let pair = Pair::new(truth, predicted, None, Shape::new(2, 2)).unwrap();
         assert_eq!(mean_elevation::value(&pair), Err(LossError::ZeroMean));
         assert_eq!(mean_elevation::add_gradient(&pair, 1.0, &mut [0.0; 4]), Err(LossError::ZeroMean));
     }

@@ -1,7 +1,7 @@
 //! Which light a network works under: the one rule, for ground, flight, strips and training.
 
 use super::input::Illumination;
-use crate::norm::{Light, LightFit, Turn};
+use crate::norm::{Light, LightFit, Mirror};
 
 /// What is known of the Sun, degrees; `None`: unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -113,10 +113,10 @@ impl Lighting {
 
     /// How the ground is mirrored so that the Sun stands in the north-west quadrant; not at all for networks that know any light.
     #[must_use]
-    pub fn turn(&self) -> Turn {
+    pub fn mirror(&self) -> Mirror {
         match self.source {
-            LightSource::NotAsked => Turn::default(),
-            _ => Turn::from_azimuth_deg(self.light.azimuth_deg()),
+            LightSource::NotAsked => Mirror::default(),
+            _ => Mirror::from_azimuth_deg(self.light.azimuth_deg()),
         }
     }
 }
@@ -197,10 +197,10 @@ mod tests {
             [(315.0, false, false), (45.0, false, true), (225.0, true, false), (135.0, true, true)]
         {
             let found = decide(Illumination::Northwest, Some(azimuth_deg), None);
-            assert_eq!(found.turn(), Turn { rows, cols }, "{azimuth_deg}");
+            assert_eq!(found.mirror(), Mirror { rows, cols }, "{azimuth_deg}");
             // Whatever is assumed of the elevation.
-            assert_eq!(Lighting::given(Light::from_sun(azimuth_deg, 3.0).unwrap()).turn(), found.turn());
-            assert!(decide(Illumination::Any, Some(azimuth_deg), None).turn().is_none());
+            assert_eq!(Lighting::given(Light::from_sun(azimuth_deg, 3.0).unwrap()).mirror(), found.mirror());
+            assert!(decide(Illumination::Any, Some(azimuth_deg), None).mirror().is_none());
         }
     }
 }

@@ -6,9 +6,10 @@ use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::intensity::IntensityRange;
-use crate::norm::{ElevationScale, LightFit, NormError, Turn};
+use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
 use crate::part::item;
 use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use crate::tile::Shape;
 use core::fmt;
 
 /// Why a tile in physical units cannot begin.
@@ -62,7 +63,7 @@ pub struct InputRules {
 impl InputRules {
     /// Values of scratch memory that [`TileMaps::new`] wants for tiles of (rows, columns).
     #[must_use]
-    pub fn scratch_len(&self, tile: (usize, usize)) -> usize {
+    pub fn scratch_len(&self, tile: Shape) -> usize {
         match self.illumination {
             Illumination::Given => Photoclinometry::new(tile).scratch_len(),
             Illumination::Any | Illumination::Northwest => 0,
@@ -76,7 +77,7 @@ impl InputRules {
     pub fn truth_scale(&self, scale: &TileScale, truth_m: &[f32]) -> Result<TileScale, NormError> {
         Ok(match self.truth_range {
             TruthRange::Own => {
-                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, turn: scale.turn }
+                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, mirror: scale.mirror }
             }
             TruthRange::Reference | TruthRange::Pixel => *scale,
         })
@@ -134,7 +135,7 @@ pub struct TileScale {
     /// From normalised elevation to metres.
     pub elevation: ElevationScale,
     /// How the tile was mirrored.
-    pub turn: Turn,
+    pub mirror: Mirror,
 }
 
 impl TileScale {
@@ -143,10 +144,10 @@ impl TileScale {
     ///
     /// # Errors
     /// [`NormError::Length`] if a buffer has another length.
-    pub fn normalise(&self, shape: (usize, usize), heights_m: &[f32], out: &mut [f32]) -> Result<(), NormError> {
-        same_length(shape.0.saturating_mul(shape.1), heights_m.len())?;
+    pub fn normalise(&self, shape: Shape, heights_m: &[f32], out: &mut [f32]) -> Result<(), NormError> {
+        same_length(shape.pixels(), heights_m.len())?;
         same_length(heights_m.len(), out.len())?;
-        let cols = shape.1.max(1);
+        let cols = shape.cols.max(1);
         for (row, out) in out.chunks_mut(cols).enumerate() {
             self.row(heights_m, row * cols, shape, out);
         }
@@ -155,16 +156,16 @@ impl TileScale {
 
     /// Pixels of one row, from the row-major index `first` of the mirrored tile on.
     #[inline]
-    fn row(&self, heights_m: &[f32], first: usize, shape: (usize, usize), out: &mut [f32]) {
-        for (z, pixel) in out.iter_mut().zip(self.turn.sources(first, shape)) {
+    fn row(&self, heights_m: &[f32], first: usize, shape: Shape, out: &mut [f32]) {
+        for (z, pixel) in out.iter_mut().zip(self.mirror.sources(first, shape)) {
             *z = self.elevation.normalised(item(heights_m, pixel));
         }
     }
 
     /// Brings a network's output for a tile of (rows, columns), row-major, back: not mirrored, in metres (Eq. 8).
-    pub fn recover(&self, shape: (usize, usize), heights: &mut [f32]) {
+    pub fn recover(&self, shape: Shape, heights: &mut [f32]) {
         for i in 0..heights.len() {
-            let from = self.turn.source(i, shape);
+            let from = self.mirror.source(i, shape);
             // Mirroring exchanges pixels in pairs.
             if from > i && from < heights.len() {
                 heights.swap(i, from);
@@ -198,25 +199,25 @@ pub struct GuidedMaps<'t, 's> {
 #[derive(Debug)]
 pub struct RangedMaps<'t> {
     tile: TileInput<'t>,
-    shape: (usize, usize),
+    shape: Shape,
     range: IntensityRange,
     scale: TileScale,
     source: LightSource,
 }
 
 impl<'t, 's> TileMaps<'t, 's> {
-    /// Makes the maps of a tile of (rows, columns) for a model that has these rules. `scratch` is as long as [`super::Model::scratch_len`] says,
+    /// Makes the maps of a tile of this shape for a model that has these rules. `scratch` is as long as [`super::Model::scratch_len`] says,
     /// and lent for as long as the maps are used.
     ///
     /// # Errors
     /// [`TileError`].
     pub fn new(
         rules: &InputRules,
-        shape: (usize, usize),
+        shape: Shape,
         tile: &TileInput<'t>,
         scratch: &'s mut [f32],
     ) -> Result<Self, TileError> {
-        let expected = shape.0.saturating_mul(shape.1);
+        let expected = shape.pixels();
         let lengths = [tile.image.len(), tile.coarse_m.len(), tile.valid.map_or(expected, <[bool]>::len)];
         if let Some(&found) = lengths.iter().find(|&&len| len != expected) {
             return Err(TileError::Run(RunError::TileSize { expected, found }));
@@ -224,15 +225,15 @@ impl<'t, 's> TileMaps<'t, 's> {
         let elevation = rules.elevation_scale(tile)?;
         let lighting = match rules.illumination {
             Illumination::Any => Lighting::NOT_ASKED,
-            illumination => tile.lighting(illumination, shape.1),
+            illumination => tile.lighting(illumination, shape.cols),
         };
-        let (turn, source) = (lighting.turn(), lighting.source);
-        let scale = TileScale { elevation, turn };
+        let (mirror, source) = (lighting.mirror(), lighting.source);
+        let scale = TileScale { elevation, mirror };
         let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
         if rules.illumination == Illumination::Given {
             let plan = Photoclinometry::new(shape);
-            let input = GuideInput { image, coarse_m, valid, turn, coarse_px };
-            let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(turn), scratch)?;
+            let input = GuideInput { image, coarse_m, valid, mirror, coarse_px };
+            let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
             return Ok(Self::Guided(GuidedMaps { guide, scale, source }));
         }
         let range = IntensityRange::of(image, valid)?;
@@ -267,7 +268,7 @@ impl<'t, 's> TileMaps<'t, 's> {
             Self::Ranged(maps) => {
                 same_length(maps.tile.image.len(), image.len())?;
                 same_length(maps.tile.image.len(), coarse.len())?;
-                let cols = maps.shape.1.max(1);
+                let cols = maps.shape.cols.max(1);
                 for (row, (image, coarse)) in image.chunks_mut(cols).zip(coarse.chunks_mut(cols)).enumerate() {
                     maps.image(row * cols, image);
                     maps.coarse(row * cols, coarse);
@@ -296,7 +297,7 @@ impl RangedMaps<'_> {
     #[inline]
     pub(super) fn image(&self, first: usize, out: &mut [f32]) {
         let (TileInput { image, valid, .. }, range) = (self.tile, self.range);
-        for (v, pixel) in out.iter_mut().zip(self.scale.turn.sources(first, self.shape)) {
+        for (v, pixel) in out.iter_mut().zip(self.scale.mirror.sources(first, self.shape)) {
             *v = if mask::counts(image, valid, pixel) { range.normalised(item(image, pixel)) } else { 0.0 };
         }
     }

@@ -29,7 +29,7 @@ impl Runner<'_, '_> {
     /// # Errors
     /// [`TileError`]; then nothing has begun.
     pub fn begin_metres(&mut self, tile: &TileInput<'_>, scratch: &mut [f32]) -> Result<Begun, TileError> {
-        self.judge_header().map_err(TileError::Run)?;
+        self.validate_header().map_err(TileError::Run)?;
         let (rules, shape) = (self.model().input_rules(), self.model().tile());
         let maps = TileMaps::new(&rules, shape, tile, scratch)?;
         // The question which kind it is stands outside of the loops over pixels.

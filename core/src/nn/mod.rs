@@ -3,7 +3,7 @@
 //! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. Whoever makes the
 //! file ([`mod@file`]) decides what network it is; this module knows operators only. Life of a tile:
 //!
-//! 1. [`Model::new`] judges the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
+//! 1. [`Model::new`] validates the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
 //! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.
 //! 3. [`Runner::begin`] quantises image and coarse DTM; [`Runner::step`] works for a bounded number of multiply-accumulates;
 //!    [`Runner::output`] gives normalised elevation as f32, straight from the last layer's accumulators.
@@ -21,7 +21,7 @@
 //! ```text
 //! slots   suspend   metres
 //!         runner                      steps, protection, telemetry
-//! model (view)      dispatch          a file that was judged; operators compiled for a processor
+//! model (view)      dispatch          a file that was validated; operators compiled for a processor
 //! model/validate      |
 //!            ops                      what an operator reads, writes and costs; its unit of work
 //! file      kernels                   records and their bytes; arithmetic on bytes, which knows neither

@@ -12,6 +12,7 @@ use super::self_test;
 use super::tensor::Tensor;
 use crate::part::{copy, head, head_mut, part, part_mut};
 use crate::quant::params::quantise;
+use crate::tile::Shape;
 
 /// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
 pub fn required(model: &Model<'_>) -> usize {
@@ -66,7 +67,7 @@ pub(super) enum State {
         unit: usize,
     },
     /// All is computed; the model is compared from this chunk on.
-    Judging {
+    Verifying {
         chunk: u32,
     },
     Done,
@@ -135,7 +136,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// [`RunError::TileSize`], or [`RunError::NotFinite`]; then nothing has begun.
     pub fn begin(&mut self, image: &[f32], coarse: &[f32]) -> Result<(), RunError> {
         self.state = State::Idle;
-        let (rows, cols) = self.model.tile();
+        let Shape { rows, cols } = self.model.tile();
         for (input, maps) in [(image, self.model.image_maps()), (coarse, 1)] {
             let expected = maps * rows * cols;
             if input.len() != expected {
@@ -148,12 +149,12 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.load(|i, out| copy(out, part(image, i, out.len())), |i, out| copy(out, part(coarse, i, out.len())))
     }
 
-    /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] judges it.
+    /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] compares it.
     ///
     /// # Errors
     /// [`RunError::ModelChanged`].
     pub fn begin_self_test(&mut self) -> Result<(), RunError> {
-        let ((seed, _), (_, cols), nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
+        let ((seed, _), Shape { cols, .. }, nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
         let line = cols * self.model.image_maps();
         let image = |i: usize| self_test::image_sample(seed, line, i);
         let coarse = |i: usize| self_test::coarse_sample(seed, cols, i, nr);
@@ -169,7 +170,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         image: impl Fn(usize, &mut [f32]),
         coarse: impl Fn(usize, &mut [f32]),
     ) -> Result<(), RunError> {
-        self.judge_header()?;
+        self.validate_header()?;
         let model = self.model;
         self.load_codes(model.image_tensor(), image)?;
         if model.coarse_tensor() != NONE {
@@ -180,7 +181,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     /// Whether the model's header is what it was: tile, roles of tensors, units.
-    pub(super) fn judge_header(&self) -> Result<(), RunError> {
+    pub(super) fn validate_header(&self) -> Result<(), RunError> {
         let holds = !self.protected || self.model.raw().header_holds();
         if holds { Ok(()) } else { Err(RunError::ModelChanged { chunk: u32::MAX }) }
     }
@@ -257,7 +258,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         if let State::At { entry, step, unit } = self.state {
             spent = self.compute(budget, (entry, step, unit))?;
         }
-        while let State::Judging { chunk } = self.state {
+        while let State::Verifying { chunk } = self.state {
             if spent >= budget {
                 break;
             }
@@ -269,7 +270,7 @@ impl<'a, 'm> Runner<'a, 'm> {
                 return Err(RunError::ModelChanged { chunk });
             }
             spent += CHUNK_BYTES as u64;
-            self.state = State::Judging { chunk: chunk + 1 };
+            self.state = State::Verifying { chunk: chunk + 1 };
             if chunk + 1 >= raw.chunks() {
                 self.finish();
             }
@@ -296,7 +297,7 @@ impl<'a, 'm> Runner<'a, 'm> {
             let units = prepared.units();
             while step < now.count {
                 if unit == 0 {
-                    self.judge_reads(&prepared, now.first + step)?;
+                    self.validate_reads(&prepared, now.first + step)?;
                 }
                 while unit < units {
                     if spent >= budget {
@@ -319,7 +320,7 @@ impl<'a, 'm> Runner<'a, 'm> {
             (entry, step) = (entry + 1, 0);
         }
         if self.protected {
-            self.state = State::Judging { chunk: 0 };
+            self.state = State::Verifying { chunk: 0 };
         } else {
             self.finish();
         }
@@ -327,7 +328,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     /// Compares every row that a step reads with its checksum.
-    fn judge_reads(&self, prepared: &Prepared, step: usize) -> Result<(), RunError> {
+    fn validate_reads(&self, prepared: &Prepared, step: usize) -> Result<(), RunError> {
         if !self.protected {
             return Ok(());
         }
@@ -362,7 +363,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         if self.state != State::Done {
             return Err(RunError::State);
         }
-        self.judge_header()?;
+        self.validate_header()?;
         let number = self.model.output_tensor();
         let changed = RunError::ProgramChanged { entry: self.model.entry_count() as u32 };
         let tensor = self.model.sealed_tensor(number).ok_or(changed)?;
@@ -421,7 +422,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         match self.state {
             State::Idle => None,
             State::At { entry, .. } => Some(entry),
-            State::Judging { .. } | State::Done => Some(self.model.entry_count()),
+            State::Verifying { .. } | State::Done => Some(self.model.entry_count()),
         }
     }
 

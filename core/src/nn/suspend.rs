@@ -1,10 +1,10 @@
 //! A run put aside as plain integers and taken up again.
 //!
 //! For callers that keep nothing of ours between two calls but numbers, as a C interface does whose context may be hit by radiation:
-//! every bit pattern of a [`Suspended`] or a [`super::Verdict`] can be read, and what is made of them is judged first.
+//! every bit pattern of a [`Suspended`] or a [`super::Verdict`] can be read, and what is made of them is validated first.
 //!
 //! ```text
-//! Model::new -> verdict()              judged once: time proportional to the file
+//! Model::new -> verdict()              validated once: time proportional to the file
 //! Model::reopen(bytes, verdict)        header checksum, length and sections only
 //! Runner::resume(.., suspended) -> step ... -> suspend()
 //! ```
@@ -18,7 +18,7 @@ use super::scrub::Scrub;
 /// Where a runner stands; the default is a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Suspended {
-    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::JUDGING`].
+    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::VERIFYING`].
     pub phase: u32,
     /// 1 for a runner that trusts its memory, 0 for any other.
     pub trusting: u32,
@@ -46,7 +46,7 @@ impl Suspended {
     /// A tile is finished and its output there.
     pub const DONE: u32 = 2;
     /// All of a tile is computed; the model is being compared.
-    pub const JUDGING: u32 = 3;
+    pub const VERIFYING: u32 = 3;
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
@@ -55,7 +55,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         let (phase, entry, step, unit) = match self.state {
             State::Idle => (Suspended::IDLE, 0, 0, 0),
             State::At { entry, step, unit } => (Suspended::AT_WORK, entry, step, unit),
-            State::Judging { chunk } => (Suspended::JUDGING, chunk as usize, 0, 0),
+            State::Verifying { chunk } => (Suspended::VERIFYING, chunk as usize, 0, 0),
             State::Done => (Suspended::DONE, 0, 0, 0),
         };
         let (scrub_chunk, scrub_offset, scrub_crc) = self.scrub.position();
@@ -105,8 +105,8 @@ fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
             let operator = model.operator(now.operator)?;
             (step < now.count && unit < model.units(&operator)).then_some(State::At { entry, step, unit })
         }
-        Suspended::JUDGING if step == 0 && unit == 0 => {
-            (at.entry < model.raw().chunks()).then_some(State::Judging { chunk: at.entry })
+        Suspended::VERIFYING if step == 0 && unit == 0 => {
+            (at.entry < model.raw().chunks()).then_some(State::Verifying { chunk: at.entry })
         }
         phase if at.entry != 0 || at.step != 0 || at.unit != 0 || phase > Suspended::DONE => None,
         Suspended::DONE => Some(State::Done),

@@ -10,6 +10,7 @@
 
 use crate::part::item;
 use crate::terrain::PixelSize;
+use crate::tile::Shape;
 
 /// Contrast of a unit slope along columns and along rows.
 ///
@@ -102,23 +103,23 @@ impl Light {
 
     /// The light in a mirrored map.
     #[must_use]
-    pub fn mirrored(self, turn: Turn) -> Self {
+    pub fn mirrored(self, mirror: Mirror) -> Self {
         let sign = |mirrored: bool| if mirrored { -1.0 } else { 1.0 };
-        Self { east: self.east * sign(turn.cols), south: self.south * sign(turn.rows) }
+        Self { east: self.east * sign(mirror.cols), south: self.south * sign(mirror.rows) }
     }
 }
 
 /// Mirrorings of a row-major map, undone by applying them again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Turn {
+pub struct Mirror {
     /// First row last.
     pub rows: bool,
     /// First column last.
     pub cols: bool,
 }
 
-impl Turn {
-    /// The turn that brings a Sun of this azimuth (degrees clockwise from up) into the north-west quadrant.
+impl Mirror {
+    /// The mirroring that brings a Sun of this azimuth (degrees clockwise from up) into the north-west quadrant.
     #[must_use]
     pub fn from_azimuth_deg(azimuth_deg: f64) -> Self {
         let (east, north) = (libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
@@ -131,9 +132,9 @@ impl Turn {
         self == Self::default()
     }
 
-    /// Where in the map the pixel comes from that lies at `index` of the mirrored one, both row-major rows x cols.
+    /// Where in the map the pixel comes from that lies at `index` of the mirrored one, both row-major and of this shape.
     #[must_use]
-    pub fn source(self, index: usize, (rows, cols): (usize, usize)) -> usize {
+    pub fn source(self, index: usize, Shape { rows, cols }: Shape) -> usize {
         let cols = cols.max(1);
         let (row, col) = (index / cols, index % cols);
         let row = if self.rows { rows.saturating_sub(1).wrapping_sub(row) } else { row };
@@ -141,9 +142,9 @@ impl Turn {
     }
 
     /// As [`Self::source`], of the pixels from `index` on to the end of its row.
-    pub(crate) fn sources(self, index: usize, shape: (usize, usize)) -> impl Iterator<Item = usize> {
+    pub(crate) fn sources(self, index: usize, shape: Shape) -> impl Iterator<Item = usize> {
         let first = self.source(index, shape);
-        (0..shape.1).map(move |i| if self.cols { first.wrapping_sub(i) } else { first + i })
+        (0..shape.cols).map(move |i| if self.cols { first.wrapping_sub(i) } else { first + i })
     }
 }
 
@@ -352,8 +353,8 @@ mod tests {
         fn turns_bring_every_sun_to_the_north_west(azimuth in 0.0f64..360.0, strength in 0.3f64..3.0) {
             let light = Light::of(azimuth, strength).unwrap();
             prop_assert!((light.azimuth_deg() - azimuth).abs() < 1e-3 || azimuth < 1e-3);
-            let turned = light.mirrored(Turn::from_azimuth_deg(azimuth));
-            prop_assert!(turned.east >= -1e-6 && turned.south >= -1e-6, "{turned:?}");
+            let mirrored = light.mirrored(Mirror::from_azimuth_deg(azimuth));
+            prop_assert!(mirrored.east >= -1e-6 && mirrored.south >= -1e-6, "{mirrored:?}");
         }
     }
 
@@ -428,10 +429,10 @@ mod tests {
 
     #[test]
     fn mirrored_pixels_come_from_their_mirror_image() {
-        let turn = |rows, cols| Turn { rows, cols };
-        let order = |t: Turn| (0..6).map(|i| t.source(i, (2, 3))).collect::<Vec<_>>();
-        assert_eq!(order(turn(false, false)), [0, 1, 2, 3, 4, 5]);
-        assert_eq!(order(turn(false, true)), [2, 1, 0, 5, 4, 3]);
-        assert_eq!(order(turn(true, true)), [5, 4, 3, 2, 1, 0]);
+        let mirror = |rows, cols| Mirror { rows, cols };
+        let order = |t: Mirror| (0..6).map(|i| t.source(i, Shape::new(2, 3))).collect::<Vec<_>>();
+        assert_eq!(order(mirror(false, false)), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(order(mirror(false, true)), [2, 1, 0, 5, 4, 3]);
+        assert_eq!(order(mirror(true, true)), [5, 4, 3, 2, 1, 0]);
     }
 }

@@ -10,5 +10,5 @@ pub mod shading;
 pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, nr_from_reliefs};
 pub use error::NormError;
-pub use light::{Light, LightFit, Turn};
+pub use light::{Light, LightFit, Mirror};
 pub use shading::Shading;

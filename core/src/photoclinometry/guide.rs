@@ -3,8 +3,9 @@
 use super::{Photoclinometry, Relief};
 use crate::mask;
 use crate::norm::NormError;
-use crate::norm::{ElevationScale, Light, Shading, Turn};
+use crate::norm::{ElevationScale, Light, Mirror, Shading};
 use crate::part::item;
+use crate::tile::Shape;
 
 /// Maps of which the image consists: two components of slope, the relief, and how uncertain they are.
 pub const MAPS: usize = 4;
@@ -21,7 +22,7 @@ pub struct GuideInput<'t> {
     /// Which pixels count beside those that are real (see [`mask`]); `None`: all.
     pub valid: Option<&'t [bool]>,
     /// How the maps are mirrored before anything else.
-    pub turn: Turn,
+    pub mirror: Mirror,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
 }
@@ -29,17 +30,17 @@ pub struct GuideInput<'t> {
 /// A tile's image and coarse DTM, made ready for the network pixel by pixel.
 ///
 /// ```
-/// use elunar_core::norm::{ElevationScale, Light, Turn};
+/// use elunar_core::norm::{ElevationScale, Light, Mirror};
 /// use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry};
 ///
 /// // A single row of bright pixels faces a Sun in the west, 40 degrees high.
 /// let image: Vec<f32> = (0..32 * 32).map(|i| if i % 32 == 16 { 120.0 } else { 100.0 }).collect();
 /// let coarse_m = vec![-1900.0; 32 * 32];
 /// let scale = ElevationScale::from_pixel(&coarse_m, None, 2.0, 50.0)?;
-/// let plan = Photoclinometry::new((32, 32));
+/// let plan = Photoclinometry::new(Shape::new(32, 32));
 /// let mut scratch = vec![0.0; plan.scratch_len()];
 /// let light = Light::from_sun(270.0, 40.0).expect("above the horizon");
-/// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, turn: Turn::default(), coarse_px: 30.0 };
+/// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
 /// let guide = Guide::new(&plan, tile, &scale, light, &mut scratch)?;
 /// let (mut maps, mut coarse) = ([[0.0; 4]; 32], [0.0; 32]);
 /// guide.image(16 * 32, &mut maps);
@@ -52,7 +53,7 @@ pub struct GuideInput<'t> {
 #[derive(Debug)]
 pub struct Guide<'t, 's> {
     tile: GuideInput<'t>,
-    shape: (usize, usize),
+    shape: Shape,
     scale: ElevationScale,
     shading: Shading,
     uncertainty: f32,
@@ -72,20 +73,20 @@ impl<'t, 's> Guide<'t, 's> {
         light: Light,
         scratch: &'s mut [f32],
     ) -> Result<Self, NormError> {
-        let GuideInput { image, coarse_m, valid, turn, coarse_px } = tile;
-        let expected = plan.tile.0 * plan.tile.1;
+        let GuideInput { image, coarse_m, valid, mirror, coarse_px } = tile;
+        let expected = plan.tile.pixels();
         for found in [image.len(), coarse_m.len(), valid.map_or(expected, <[bool]>::len)] {
             crate::error::same_length(expected, found)?;
         }
         let shading = Shading::new(image, valid, light)?;
         let shape = plan.tile;
         let brightness = |row: usize, out: &mut [f32]| {
-            for (out, pixel) in out.iter_mut().zip(turn.sources(row * shape.1, shape)) {
+            for (out, pixel) in out.iter_mut().zip(mirror.sources(row * shape.cols, shape)) {
                 *out = if mask::counts(image, valid, pixel) { item(image, pixel) } else { f32::NAN };
             }
         };
         let coarse = |row: usize, out: &mut [f32]| {
-            for (out, pixel) in out.iter_mut().zip(turn.sources(row * shape.1, shape)) {
+            for (out, pixel) in out.iter_mut().zip(mirror.sources(row * shape.cols, shape)) {
                 *out = scale.normalised(item(coarse_m, pixel));
             }
         };
@@ -96,8 +97,8 @@ impl<'t, 's> Guide<'t, 's> {
     /// The image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on, in units of 0.1 of slope, of a pixel of
     /// height, and of slope per contrast; level where the image does not count.
     pub fn image(&self, first: usize, out: &mut [[f32; MAPS]]) {
-        let GuideInput { image, valid, turn, .. } = self.tile;
-        let pixels = turn.sources(first, self.shape).zip(self.relief.part(first, out.len()));
+        let GuideInput { image, valid, mirror, .. } = self.tile;
+        let pixels = mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
         for (maps, (pixel, &relief)) in out.iter_mut().zip(pixels) {
             let [east, south] =
                 if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
@@ -107,7 +108,7 @@ impl<'t, 's> Guide<'t, 's> {
 
     /// The coarse DTM with the relief at pixels of one row of the mirrored tile, likewise, in pixels about its mean.
     pub fn coarse(&self, first: usize, out: &mut [f32]) {
-        let pixels = self.tile.turn.sources(first, self.shape).zip(self.relief.part(first, out.len()));
+        let pixels = self.tile.mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
         for (z, (pixel, relief)) in out.iter_mut().zip(pixels) {
             *z = self.scale.normalised(item(self.tile.coarse_m, pixel)) + relief;
         }
@@ -120,7 +121,7 @@ impl<'t, 's> Guide<'t, 's> {
     pub fn fill(&self, image: &mut [f32], coarse: &mut [f32]) -> Result<(), NormError> {
         crate::error::same_length(self.tile.image.len(), coarse.len())?;
         crate::error::same_length(MAPS * coarse.len(), image.len())?;
-        let cols = self.shape.1.max(1);
+        let cols = self.shape.cols.max(1);
         let lines = image.as_chunks_mut::<MAPS>().0.chunks_mut(cols).zip(coarse.chunks_mut(cols));
         for (row, (maps, heights)) in lines.enumerate() {
             self.image(row * cols, maps);

@@ -21,6 +21,7 @@ pub use guide::{Guide, GuideInput, LIMIT, MAPS};
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
 use crate::part::{copy, head_mut, item, part, part_mut, put};
+use crate::tile::Shape;
 use fft::{GROUP, Lanes, Order, Way, transform};
 
 /// Weight of slopes across the light, against the misfit along it (our choice, of 0.02 to 0.1 the best on synthetic scenes).
@@ -34,17 +35,17 @@ const _: () = assert!(TOGETHER <= MARGIN_PX);
 /// Sizes for tiles of one shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Photoclinometry {
-    tile: (usize, usize),
+    tile: Shape,
     rows: Order,
     cols: Order,
 }
 
 impl Photoclinometry {
-    /// For tiles of rows x columns.
+    /// For tiles of this shape.
     #[must_use]
-    pub fn new(tile: (usize, usize)) -> Self {
+    pub fn new(tile: Shape) -> Self {
         let padded = |n: usize| Order::at_least(n.saturating_add(2 * MARGIN_PX));
-        Self { tile, rows: padded(tile.0), cols: padded(tile.1) }
+        Self { tile, rows: padded(tile.rows), cols: padded(tile.cols) }
     }
 
     /// Values of scratch memory: the padded tile, and tables.
@@ -59,7 +60,7 @@ impl Photoclinometry {
 
     /// First row and column of the tile in the padded field.
     fn corner(&self) -> (usize, usize) {
-        ((self.rows.len() - self.tile.0) / 2, (self.cols.len() - self.tile.1) / 2)
+        ((self.rows.len() - self.tile.rows) / 2, (self.cols.len() - self.tile.cols) / 2)
     }
 
     /// Finds the relief of a tile. `brightness` and `coarse` write a row of the image, NaN where it does not count, and of the coarse DTM in
@@ -94,7 +95,7 @@ impl Photoclinometry {
         transform(field, &self.rows, row_roots, columns, Way::Backward);
         self.rows_backward(field, col_roots);
         let ((top, left), stride) = (self.corner(), self.cols.len());
-        Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.1 })
+        Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
     }
 
     /// The field in two: the rows above the tile, free while rows are worked on, and the rest, which begins with the tile's.
@@ -112,7 +113,7 @@ impl Photoclinometry {
         seen: impl Fn(f32) -> f32,
         [east, south]: [f32; 2],
     ) {
-        let ((rows, cols), (_, left), width) = (self.tile, self.corner(), self.cols.len());
+        let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
         let (margin, tile) = self.margin(field);
         // Three rows of the coarse DTM, one of the image.
         let (heights, rest) = margin.split_at_mut_checked(3 * cols).unwrap_or_default();
@@ -157,7 +158,7 @@ impl Photoclinometry {
 
     /// Continues the tile's rows, or what they have become, above and below by their mirror image.
     fn mirror_rows(&self, field: &mut [f32]) {
-        let (rows, (top, _), width) = (self.tile.0, self.corner(), self.cols.len());
+        let (rows, (top, _), width) = (self.tile.rows, self.corner(), self.cols.len());
         let (above, rest) = self.margin(field);
         let (tile, below) = rest.split_at_mut_checked(rows * width).unwrap_or_default();
         let line = |row: isize| part(tile, mirrored(row, rows) * width, width);
@@ -174,7 +175,7 @@ impl Photoclinometry {
     fn rows_forward(&self, field: &mut [f32], roots: &[f32]) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
         let (margin, tile) = self.margin(field);
-        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.0 * width));
+        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.rows * width));
         room.fill(0.0);
         for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
             // Lanes beyond the last row are transformed with whatever they hold, and left alone.
@@ -205,9 +206,9 @@ impl Photoclinometry {
     /// Undoes [`Self::rows_forward`], but for the length as a factor, and for what lies beside the tile.
     fn rows_backward(&self, field: &mut [f32], roots: &[f32]) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
-        let ((_, cols), (_, left)) = (self.tile, self.corner());
+        let (Shape { cols, .. }, (_, left)) = (self.tile, self.corner());
         let (margin, tile) = self.margin(field);
-        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.0 * width));
+        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.rows * width));
         for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
             for k in 0..=half {
                 let inner = k > 0 && k < half;

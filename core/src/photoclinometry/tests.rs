@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::norm::NormError;
-use crate::norm::{ElevationScale, Turn};
+use crate::norm::{ElevationScale, Mirror};
+use crate::tile::Shape;
 use core::f64::consts::TAU;
 
 /// A complex field, row-major.
@@ -31,7 +32,7 @@ fn naive_transform(field: &Field, (rows, cols): (usize, usize), sign: f64) -> Fi
 
 /// The relief by the formula, of an unexplained slope that is already there.
 fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], coarse_px: f64) -> Vec<f64> {
-    let ((rows, cols), (height, width)) = (plan.tile, (plan.rows.len(), plan.cols.len()));
+    let (Shape { rows, cols }, (height, width)) = (plan.tile, (plan.rows.len(), plan.cols.len()));
     let (top, left) = plan.corner();
     // The mirror image of the tile, by reflecting until inside.
     let inside = |mut i: isize, n: isize| {
@@ -70,7 +71,7 @@ fn relief(plan: &Photoclinometry, image: &[f32], coarse: &[f32], light: Light, c
     let (bright, heights) =
         (|r: usize, out: &mut [f32]| row(image, r, out), |r: usize, out: &mut [f32]| row(coarse, r, out));
     let found = plan.relief(bright, heights, (&shading, light), coarse_px, &mut scratch).unwrap();
-    (0..plan.tile.0).flat_map(|r| found.part(r * plan.tile.1, plan.tile.1).to_vec()).collect()
+    (0..plan.tile.rows).flat_map(|r| found.part(r * plan.tile.cols, plan.tile.cols).to_vec()).collect()
 }
 
 fn noise(n: usize) -> Vec<f32> {
@@ -80,7 +81,7 @@ fn noise(n: usize) -> Vec<f32> {
 #[test]
 fn the_relief_is_that_of_the_formula() {
     let (rows, cols) = (20, 29);
-    let plan = Photoclinometry::new((rows, cols));
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
     let light = Light { east: 1.5, south: 0.8 };
     let image: Vec<f32> = noise(rows * cols).iter().map(|v| 100.0 + 20.0 * v).collect();
     let coarse: Vec<f32> = noise(2 * rows * cols)[rows * cols..].iter().map(|v| 0.1 * v).collect();
@@ -113,7 +114,7 @@ fn the_relief_is_that_of_the_formula() {
 #[test]
 fn craters_come_back() {
     let (rows, cols) = (96, 128);
-    let plan = Photoclinometry::new((rows, cols));
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
     let light = Light { east: 0.9, south: 0.6 };
     // Gaussian pits.
     let pits = [(30.0, 40.0, 6.0, 1.5), (60.0, 90.0, 9.0, 2.0), (70.0, 30.0, 4.0, 1.0f32)];
@@ -145,7 +146,7 @@ fn craters_come_back() {
 
 #[test]
 fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
-    let plan = Photoclinometry::new((16, 16));
+    let plan = Photoclinometry::new(Shape::new(16, 16));
     let (light, image) = (Light { east: 1.0, south: 0.0 }, vec![1.0, 2.0]);
     let shading = Shading::new(&image, None, light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
@@ -159,7 +160,7 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let short = plan.relief(dark, level, (&shading, light), 30.0, &mut scratch[1..]);
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
-    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, turn: Turn::default(), coarse_px: 30.0 };
+    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
     assert!(matches!(Guide::new(&plan, tile, &scale, light, &mut scratch), Err(NormError::Length(_))));
     for (i, n, expected) in [(-1, 5, 1), (5, 5, 3), (8, 5, 0), (-30, 2, 0), (3, 1, 0)] {
         assert_eq!(mirrored(i, n), expected, "{i} of {n}");

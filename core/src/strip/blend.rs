@@ -6,7 +6,7 @@
 use super::lines::Lines;
 use crate::overlap::{Open, OverlapWeights};
 use crate::part::{part, part_mut};
-use crate::tile::{Tiling, Window};
+use crate::tile::{Shape, Tiling, Window};
 
 /// Sums of a ring of lines; NaN where no tile has come yet.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub(super) struct Blend<'m> {
     /// Room for a line of the strip, a line of a tile, and what making weights wants.
     pub(super) aside: &'m mut [f64],
     pub(super) weights: OverlapWeights,
-    pub(super) tile: (usize, usize),
+    pub(super) tile: Shape,
     pub(super) cols: usize,
 }
 
@@ -23,7 +23,7 @@ pub(super) struct Blend<'m> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
     /// Rows and columns; as many rows as can be counted while the end is not known.
-    pub(super) scene: (usize, usize),
+    pub(super) scene: Shape,
     pub(super) tiling: Tiling,
 }
 
@@ -33,7 +33,7 @@ impl Blend<'_> {
         let (open, cols) = (Open::of(window, cut.scene), window.cols);
         for (r, heights_m) in heights_m.chunks_exact(cols.max(1)).enumerate() {
             let row = window.row.saturating_add(r);
-            if row >= cut.scene.0 {
+            if row >= cut.scene.rows {
                 break;
             }
             let (weights, scratch) = weights_of(self.aside, self.cols, cols);
@@ -41,7 +41,7 @@ impl Blend<'_> {
             let _ = self.weights.line(open, r, weights, scratch);
             let (image, coarse_m) = lines.line(row);
             let valid = image.iter().zip(coarse_m).map(|(v, z)| v.is_finite() && z.is_finite()).skip(window.col);
-            let at = (row % self.tile.0.max(1)).saturating_mul(self.cols);
+            let at = (row % self.tile.rows.max(1)).saturating_mul(self.cols);
             let sums = part_mut(self.sums, at, self.cols).iter_mut().skip(window.col);
             for (((sum, valid), weight), &height_m) in sums.zip(valid).zip(weights).zip(heights_m) {
                 if valid {
@@ -54,7 +54,7 @@ impl Blend<'_> {
     /// The heights of a line that all of its tiles have been added to, NaN in its gaps; its sums are free for another line then.
     pub(super) fn take(&mut self, cut: &Cut, row: usize, out_m: &mut [f32]) {
         self.weigh(cut, row);
-        let at = (row % self.tile.0.max(1)).saturating_mul(self.cols);
+        let at = (row % self.tile.rows.max(1)).saturating_mul(self.cols);
         let (sums, totals) = (part_mut(self.sums, at, self.cols), part(self.aside, 0, self.cols));
         for ((out_m, sum), total) in out_m.iter_mut().zip(sums).zip(totals) {
             *out_m = (*sum / total) as f32;
@@ -65,8 +65,8 @@ impl Blend<'_> {
     /// Adds up the weights of all tiles over a line, in the order in which tiles are added.
     fn weigh(&mut self, cut: &Cut, row: usize) {
         part_mut(self.aside, 0, self.cols).fill(0.0);
-        let (_, across) = cut.tiling.shape();
-        let first = row.saturating_sub(self.tile.0) / cut.tiling.stride().0.max(1);
+        let across = cut.tiling.shape().cols;
+        let first = row.saturating_sub(self.tile.rows) / cut.tiling.stride().rows.max(1);
         let mut made = None;
         for index in first.saturating_mul(across).. {
             let Some(window) = cut.tiling.get(index).filter(|window| window.row <= row) else { break };

@@ -9,7 +9,7 @@ use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, Til
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
-use crate::tile::{Tiling, Window};
+use crate::tile::{Shape, Tiling, Window};
 
 /// Blocks that a strip works in, each at least as long as [`StripPlan`] says.
 #[derive(Debug)]
@@ -149,7 +149,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         let lines = Lines { image, coarse_m, cols, ring };
         let (image, rest) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
         let (coarse_m, scratch) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
-        let (sums, aside) = sums.split_at_mut_checked(plan.tile.0.saturating_mul(cols)).unwrap_or_default();
+        let (sums, aside) = sums.split_at_mut_checked(plan.tile.rows.saturating_mul(cols)).unwrap_or_default();
         let blend = Blend { sums, aside, weights: OverlapWeights::new(plan.tile), tile: plan.tile, cols };
         Ok(Self { plan, runner, lines, blend, image, coarse_m, scratch, queue, at })
     }
@@ -264,14 +264,16 @@ impl<'a, 'm> Strip<'a, 'm> {
         let (tile, settings) = (self.plan.tile, self.plan.settings);
         let rows = if at.ended { at.lines } else { usize::MAX };
         // The plan has proved that this is a tiling.
-        let tiling = Tiling::new((rows.max(tile.0), settings.cols.max(tile.1)), tile, settings.overlap_px).ok()?;
-        Some(Cut { scene: (rows, settings.cols), tiling })
+        let tiling =
+            Tiling::new(Shape::new(rows.max(tile.rows), settings.cols.max(tile.cols)), tile, settings.overlap_px)
+                .ok()?;
+        Some(Cut { scene: Shape::new(rows, settings.cols), tiling })
     }
 
     /// The tile at hand, if its lines have come, and it is known whether there are more below.
     fn tile(&self) -> Option<(Window, Cut)> {
         let cut = self.cut(&self.at)?;
-        let (_, across) = cut.tiling.shape();
+        let across = cut.tiling.shape().cols;
         let index = self.at.tile_rows.saturating_mul(across).saturating_add(self.at.tile_cols);
         let window = cut.tiling.get(index)?;
         let complete = self.at.lines > window.row.saturating_add(window.rows);
@@ -281,10 +283,10 @@ impl<'a, 'm> Strip<'a, 'm> {
     /// The first line that tiles to come can reach, wherever the strip will end: those above are finished, and kept no longer.
     fn first_needed(&self, at: &At) -> usize {
         let Some(cut) = self.cut(at) else { return 0 };
-        let (_, across) = cut.tiling.shape();
+        let across = cut.tiling.shape().cols;
         let next = cut.tiling.get(at.tile_rows.saturating_mul(across)).map_or(at.lines, |window| window.row);
         // If it ended now, the last row of tiles would begin here; should it go on, further down.
-        let last = if at.ended { at.lines } else { at.lines.saturating_sub(self.plan.tile.0) };
+        let last = if at.ended { at.lines } else { at.lines.saturating_sub(self.plan.tile.rows) };
         next.min(last)
     }
 
@@ -321,7 +323,7 @@ impl<'a, 'm> Strip<'a, 'm> {
             return self.fault(None);
         }
         if self.plan.settings.anchor {
-            let (pixels, cols) = (self.plan.pixels(), self.plan.tile.1);
+            let (pixels, cols) = (self.plan.pixels(), self.plan.tile.cols);
             let anchor = Anchor::new(self.plan.settings.coarse_px);
             // The lengths are planned.
             let _ = anchor.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
@@ -351,7 +353,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         self.at.counters.tiles += 1;
         (self.at.phase, self.at.again) = (Phase::Waiting, false);
         self.at.tile_cols += 1;
-        let across = self.cut(&self.at).map_or(0, |cut| cut.tiling.shape().1);
+        let across = self.cut(&self.at).map_or(0, |cut| cut.tiling.shape().cols);
         if self.at.tile_cols >= across {
             (self.at.tile_cols, self.at.tile_rows) = (0, self.at.tile_rows.saturating_add(1));
         }

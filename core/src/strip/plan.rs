@@ -4,7 +4,7 @@ use super::error::StripError;
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
-use crate::tile::Tiling;
+use crate::tile::{Shape, Tiling};
 
 /// What is known of a strip before its first line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,14 +30,14 @@ pub struct StripSettings {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripPlan {
     pub(super) settings: StripSettings,
-    pub(super) tile: (usize, usize),
+    pub(super) tile: Shape,
     arena_bytes: usize,
     samples_len: usize,
     sums_len: usize,
 }
 
 impl StripPlan {
-    /// Judges settings, and counts.
+    /// Validates settings, and counts.
     ///
     /// # Errors
     /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Light`].
@@ -48,7 +48,7 @@ impl StripPlan {
         if cols == 0 {
             return Err(many);
         }
-        Tiling::new((tile.0, cols.max(tile.1)), tile, overlap_px)?;
+        Tiling::new(Shape::new(tile.rows, cols.max(tile.cols)), tile, overlap_px)?;
         let expected = Self::least_lines(model);
         if ring_lines < expected {
             return Err(StripError::Ring { expected, found: ring_lines });
@@ -59,11 +59,11 @@ impl StripPlan {
         if light.source == LightSource::NotAsked && model.illumination() != Illumination::Any {
             return Err(StripError::Light);
         }
-        let pixels = tile.0.saturating_mul(tile.1);
+        let pixels = tile.pixels();
         let scratch_len = model.scratch_len().max(pixels);
         let lines = ring_lines.checked_mul(cols).and_then(|n| n.checked_mul(2)).ok_or(many)?;
         let samples_len = lines.checked_add(2 * pixels).and_then(|n| n.checked_add(scratch_len)).ok_or(many)?;
-        let rows = tile.0.checked_mul(cols).ok_or(many)?;
+        let rows = tile.rows.checked_mul(cols).ok_or(many)?;
         let sums_len = rows.checked_add(Self::aside_len(cols, tile)).ok_or(many)?;
         let plan = Self { settings, tile, arena_bytes: required(model), samples_len, sums_len };
         // What cannot be counted in bytes cannot be lent.
@@ -73,7 +73,7 @@ impl StripPlan {
     /// The fewest lines that a strip of this model can keep: a tile's, and the one that tells whether the strip goes on below it.
     #[must_use]
     pub fn least_lines(model: &Model<'_>) -> usize {
-        model.tile().0.saturating_add(1)
+        model.tile().rows.saturating_add(1)
     }
 
     /// The settings.
@@ -119,12 +119,12 @@ impl StripPlan {
 
     /// Pixels of a tile.
     pub(super) fn pixels(&self) -> usize {
-        self.tile.0.saturating_mul(self.tile.1)
+        self.tile.rows.saturating_mul(self.tile.cols)
     }
 
     /// Sums beside those of rows: a line of the strip and one of a tile with its scratch memory, to weigh; or those of the anchor.
-    fn aside_len(cols: usize, tile: (usize, usize)) -> usize {
-        let weigh = cols.saturating_add(tile.1).saturating_add(OverlapWeights::scratch_len(tile.1));
-        weigh.max(Anchor::sums_len(tile.0, tile.1))
+    fn aside_len(cols: usize, tile: Shape) -> usize {
+        let weigh = cols.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
+        weigh.max(Anchor::sums_len(tile.rows, tile.cols))
     }
 }

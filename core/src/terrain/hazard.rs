@@ -37,7 +37,7 @@ impl HazardLimits {
     }
 
     /// The hazard byte. Compares what the maps hold, so that they and the byte never contradict each other.
-    pub(super) fn judge(&self, footprint: Option<Footprint>) -> u8 {
+    pub(super) fn classify(&self, footprint: Option<Footprint>) -> u8 {
         let Some(Footprint { slope_deg, roughness_m }) = footprint else { return UNKNOWN };
         let steep = if slope_deg as f32 <= self.slope_deg { 0 } else { TOO_STEEP };
         let rough = if roughness_m as f32 <= self.roughness_m { 0 } else { TOO_ROUGH };
@@ -67,11 +67,11 @@ mod tests {
     #[test]
     fn a_limit_may_be_reached_and_not_exceeded_and_the_unknown_is_a_hazard() {
         let limits = HazardLimits::new(10.0, 0.5).unwrap();
-        let judge = |slope_deg, roughness_m| limits.judge(Some(Footprint { slope_deg, roughness_m }));
-        assert_eq!(judge(10.0, 0.5), 0);
-        assert_eq!(judge(10.1, 0.5), TOO_STEEP);
-        assert_eq!(judge(10.0, 0.51), TOO_ROUGH);
-        assert_eq!(judge(f64::NAN, f64::NAN), TOO_STEEP | TOO_ROUGH);
-        assert_eq!(limits.judge(None), UNKNOWN);
+        let classify = |slope_deg, roughness_m| limits.classify(Some(Footprint { slope_deg, roughness_m }));
+        assert_eq!(classify(10.0, 0.5), 0);
+        assert_eq!(classify(10.1, 0.5), TOO_STEEP);
+        assert_eq!(classify(10.0, 0.51), TOO_ROUGH);
+        assert_eq!(classify(f64::NAN, f64::NAN), TOO_STEEP | TOO_ROUGH);
+        assert_eq!(limits.classify(None), UNKNOWN);
     }
 }

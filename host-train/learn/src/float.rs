@@ -1,17 +1,16 @@
 //! Float weights as a model the tile loop can run.
 
-use crate::digest::sha256_hex;
 use crate::model::backend::Backend;
-use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
-use crate::model::weights::Weights;
 use crate::train::feed::side_by_side;
-use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::nn::InputRules;
-use elunar_core::tile::{TILE_COLS, TILE_ROWS};
-use elunar_net::config::config_of;
+use elunar_core::tile::{Shape, TILE};
+use elunar_net::config::{NetConfig, config_of};
+use elunar_net::digest::sha256_hex;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;
@@ -58,8 +57,8 @@ pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
 }
 
 impl Model for FloatModel {
-    fn tile(&self) -> (usize, usize) {
-        (TILE_ROWS, TILE_COLS)
+    fn tile(&self) -> Shape {
+        TILE
     }
 
     fn input_rules(&self) -> InputRules {
@@ -81,7 +80,7 @@ struct Worker<'a> {
 
 impl TileNetwork for Worker<'_> {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
-        let (rows, cols) = self.model.tile();
+        let Shape { rows, cols } = self.model.tile();
         let maps = self.model.config.image_maps();
         for (name, maps, found) in
             [("image", maps, image.len()), ("coarse DTM", 1, coarse.len()), ("output", 1, output.len())]

@@ -6,8 +6,3 @@ pub mod stopwatch;
 #[cfg(test)]
 mod testing;
 pub mod train;
-
-use elunar_net::{digest, illumination};
-use elunar_raster as raster;
-use elunar_raster::{Error, Result};
-use elunar_scene::{interrupt, picture};

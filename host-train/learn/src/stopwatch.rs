@@ -24,8 +24,8 @@ pub enum Part {
     Optimiser,
     /// Convolutions, forward and backward.
     Convolution(Pass),
-    /// Enlargements with their 5x5 convolution, forward and backward.
-    Enlargement(Pass),
+    /// Upsamplings with their 5x5 convolution, forward and backward.
+    Upsampling(Pass),
     /// Batch normalisation, forward and backward.
     BatchNorm(Pass),
 }
@@ -55,7 +55,7 @@ type In = fn(Pass) -> Part;
 /// The operators of a pass.
 const OPERATORS: [(In, &str); 3] = [
     (Part::Convolution, "convolutions"),
-    (Part::Enlargement, "enlargements with 5x5 convolution"),
+    (Part::Upsampling, "upsampling with 5x5 convolution"),
     (Part::BatchNorm, "batch normalisation"),
 ];
 
@@ -72,7 +72,7 @@ impl Part {
             Self::Backward => 4,
             Self::Optimiser => 5,
             Self::Convolution(pass) => 6 + pass as usize,
-            Self::Enlargement(pass) => 8 + pass as usize,
+            Self::Upsampling(pass) => 8 + pass as usize,
             Self::BatchNorm(pass) => 10 + pass as usize,
         };
         &NANOSECONDS[index]

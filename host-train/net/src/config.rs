@@ -2,9 +2,9 @@
 
 use crate::names::{IlluminationName, TruthRangeName};
 use crate::weights::Weights;
-use crate::{Error, Result};
 use elunar_core::nn::InputRules;
 pub use elunar_core::nn::{Illumination, TruthRange};
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Whether weights are those of a configuration.
 
 use crate::weights::Weights;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -8,12 +8,13 @@
 //! shares.
 
 pub use elunar_core::nn::{KnownSun, LightSource, Lighting};
-pub use elunar_core::norm::{Light, Turn};
+pub use elunar_core::norm::{Light, Mirror};
+use elunar_core::tile::Shape;
 
 /// A row-major map of `cols` pixels a row, mirrored.
-pub fn turned<T: Copy>(turn: Turn, map: &[T], cols: usize) -> Vec<T> {
-    let shape = (map.len() / cols.max(1), cols);
-    (0..map.len()).map(|i| map[turn.source(i, shape)]).collect()
+pub fn mirrored<T: Copy>(mirror: Mirror, map: &[T], cols: usize) -> Vec<T> {
+    let shape = Shape::new(map.len() / cols.max(1), cols);
+    (0..map.len()).map(|i| map[mirror.source(i, shape)]).collect()
 }
 
 #[cfg(test)]
@@ -25,10 +26,10 @@ mod tests {
     #[test]
     fn maps_are_mirrored_and_back() {
         let map = [1, 2, 3, 4, 5, 6];
-        let turn = Turn { rows: true, cols: true };
-        assert_eq!(turned(turn, &map, 3), [6, 5, 4, 3, 2, 1]);
-        assert_eq!(turned(turn, &turned(turn, &map, 3), 3), map);
-        assert_eq!(turned(Turn { rows: false, cols: true }, &map, 3), [3, 2, 1, 6, 5, 4]);
+        let mirror = Mirror { rows: true, cols: true };
+        assert_eq!(mirrored(mirror, &map, 3), [6, 5, 4, 3, 2, 1]);
+        assert_eq!(mirrored(mirror, &mirrored(mirror, &map, 3), 3), map);
+        assert_eq!(mirrored(Mirror { rows: false, cols: true }, &map, 3), [3, 2, 1, 6, 5, 4]);
     }
 
     #[test]

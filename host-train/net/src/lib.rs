@@ -12,5 +12,3 @@ pub mod inspect;
 mod names;
 pub mod published;
 pub mod weights;
-
-use elunar_raster::{Error, Result};

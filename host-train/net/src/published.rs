@@ -5,7 +5,7 @@
 //! to one channel, which is what feeding the same grey value three times computes.
 
 use crate::weights::{Array, Weights};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 const PREFIX: &str = "image_encoder.swin.";

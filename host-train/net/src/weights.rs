@@ -1,6 +1,6 @@
 //! Named float tensors as a file holds them: the meeting point of the Burn network, the checker and the exporter.
 
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;

@@ -33,7 +33,7 @@ impl Format {
         Ok(Self::of_head(&head(path)?))
     }
 
-    /// Judges the first bytes of a file.
+    /// Tells the format from the first bytes of a file.
     #[must_use]
     pub fn of_head(head: &[u8]) -> Self {
         let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();

@@ -2,7 +2,7 @@
 //!
 //! The same function serves the synthetic Moon, training and prediction, so that all three see the coarse DTM alike.
 //!
-//! The arithmetic is [`elunar_core::resample`]'s. Catmull–Rom is our choice (SPEC A5): it passes through the nodes (0.22 m rms
+//! The arithmetic is [`elunar_core::resample`]'s. Catmull–Rom is our choice: it passes through the nodes (0.22 m rms
 //! against thin-plate splines where GDAL's approximating B-spline leaves 1.43 m), and, unlike the prefiltered spline (0.19 m),
 //! it is local, so a hole in the coarse DTM spoils only its own neighbourhood.
 

@@ -1,10 +1,10 @@
 //! The hillshade of any raster source, band by band, as `gdaldem hillshade` makes it (Horn).
 
-use crate::raster::source::Source;
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::terrain::{PixelSize, Sun, hillshade};
 use elunar_core::tile::Window;
+use elunar_raster::source::Source;
+use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -119,9 +119,9 @@ fn shade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::geotiff::{WriteOptions, write};
-    use crate::raster::source::InMemory;
-    use crate::raster::{Crs, GeoRef, Raster};
+    use elunar_raster::geotiff::{WriteOptions, write};
+    use elunar_raster::source::InMemory;
+    use elunar_raster::{Crs, GeoRef, Raster};
 
     fn rough(rows: usize, cols: usize, transform: [f64; 6]) -> Raster {
         let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -186,8 +186,8 @@ mod tests {
         let metres = rough(30, 30, [0.0, 500.0, 0.0, 15.0 * 500.0, 0.0, -500.0]);
         let mut degrees = metres.clone();
         let directory = vec![1, 1, 0, 3, 1024, 0, 1, 2, 2057, 34736, 1, 0, 2058, 34736, 1, 0];
-        let crs = Crs { directory, doubles: vec![crate::raster::MOON_RADIUS_M], ascii: String::new() };
-        let step = 500.0 / crate::raster::MOON_RADIUS_M.to_radians();
+        let crs = Crs { directory, doubles: vec![elunar_raster::MOON_RADIUS_M], ascii: String::new() };
+        let step = 500.0 / elunar_raster::MOON_RADIUS_M.to_radians();
         degrees.georef = Some(GeoRef { transform: [0.0, step, 0.0, 15.0 * step, 0.0, -step], crs });
         assert_eq!(whole(&degrees, &Shading::default()), whole(&metres, &Shading::default()));
     }
@@ -206,7 +206,7 @@ mod tests {
                 command.args(["hillshade", "-q", "-az", &numbers[0], "-alt", &numbers[1], "-z", &numbers[2]]);
                 command.args(compute_edges.then_some("-compute_edges"));
                 assert!(command.arg(folder.path().join("dem.tif")).arg(&out).status().unwrap().success());
-                let expected = crate::raster::geotiff::read(&out).unwrap();
+                let expected = elunar_raster::geotiff::read(&out).unwrap();
                 let sun = Sun { azimuth_deg, elevation_deg, exaggeration };
                 let found = whole(&raster, &Shading { sun, compute_edges });
                 for (i, (&found, &expected)) in found.iter().zip(&expected.samples).enumerate() {

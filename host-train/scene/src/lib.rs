@@ -19,12 +19,3 @@ pub mod prepare;
 pub mod progress;
 pub mod sfs;
 pub mod table;
-
-use elunar_net::{digest, illumination};
-use elunar_raster as raster;
-use elunar_raster::{Error, Result};
-use elunar_synth as synth;
-
-mod model {
-    pub(crate) use elunar_net::config;
-}

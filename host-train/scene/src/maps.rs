@@ -1,6 +1,7 @@
 //! A tile as a network sees it, in buffers: one way for prediction, training and calibration.
 
 use elunar_core::nn::{InputRules, TileError, TileInput, TileMaps, TileScale};
+use elunar_core::tile::Shape;
 
 /// A tile as a network sees it ([`TileMaps`]), and the way back; maps are row-major, mirrored as the scale says.
 pub(crate) struct Maps {
@@ -13,13 +14,13 @@ pub(crate) struct Maps {
 }
 
 impl Maps {
-    /// Of a tile of (rows, columns); `scratch` grows as needed and may be used again.
+    /// Of a tile of this shape; `scratch` grows as needed and may be used again.
     ///
     /// # Errors
     /// As [`TileMaps::new`].
     pub(crate) fn new(
         rules: &InputRules,
-        shape: (usize, usize),
+        shape: Shape,
         tile: &TileInput<'_>,
         scratch: &mut Vec<f32>,
     ) -> Result<Self, TileError> {

@@ -1,7 +1,7 @@
 //! Tables as text, one row a line: reading them with line numbers, writing them as CSV. The `csv` crate does both.
 
-use crate::{Error, Result};
 use csv::{ByteRecord, StringRecord, Terminator};
+use elunar_raster::{Error, Result};
 use std::io::{Chain, Read};
 use std::path::Path;
 

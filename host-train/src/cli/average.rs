@@ -1,8 +1,8 @@
 //! `host-train average`: the mean of several weight files.
 
-use crate::model::config::config_of;
-use crate::model::weights::Weights;
-use crate::{Error, Result};
+use elunar_net::config::config_of;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// Options of `average`.
@@ -51,8 +51,8 @@ pub fn run(args: Args) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::config::miniature_network;
-    use crate::model::init::initial_weights;
+    use elunar_learn::model::init::initial_weights;
+    use elunar_net::config::miniature_network;
 
     #[test]
     fn the_mean_lies_in_the_middle_and_strangers_are_refused() {

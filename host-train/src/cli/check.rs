@@ -4,18 +4,18 @@ mod kinks;
 
 pub use kinks::Kinks;
 
-use crate::model::backend::Backend;
-use crate::model::config::config_of;
-use crate::model::store;
-use crate::model::weights::{Array, Weights};
-use crate::train::loss::{Elevation, LossWeights, terms};
-use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_core::error::LengthError;
-use elunar_core::loss::LossError;
-use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, add_gradient};
+use elunar_core::loss::{LossError, Pair};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
+use elunar_core::tile::Shape;
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::store;
+use elunar_learn::train::loss::{Elevation, LossWeights, terms};
+use elunar_net::config::config_of;
+use elunar_net::weights::{Array, Weights};
+use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -163,7 +163,7 @@ fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Li
 }
 
 /// The gradient of the paper's loss at the golden output by automatic differentiation, and its rows and columns.
-fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<(Vec<f32>, (usize, usize))> {
+fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<(Vec<f32>, Shape)> {
     let device = device.clone().autodiff();
     let prediction = tensor(golden, "output", path, &device)?.require_grad();
     let [_, _, rows, cols] = prediction.dims();
@@ -171,11 +171,11 @@ fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<
     let grads = LossWeights::PAPER.total(&terms).backward();
     let found = prediction.grad(&grads).ok_or_else(|| Error::usage("the backend gave no gradient"))?;
     let found = found.into_data().try_to_vec::<f32>().map_err(|e| Error::usage(format!("the gradient: {e}")))?;
-    Ok((found, (rows, cols)))
+    Ok((found, Shape::new(rows, cols)))
 }
 
 /// The same by `core`.
-fn analytic_gradient(golden: &Weights, path: &Path, shape: (usize, usize)) -> Result<Vec<f32>> {
+fn analytic_gradient(golden: &Weights, path: &Path, shape: Shape) -> Result<Vec<f32>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LossError| Error::broken(path, format!("truth against output: {e}"));
     let pair = Pair::new(truth, output, None, shape).map_err(wrong)?;
@@ -220,7 +220,7 @@ fn relative_error(expected: &Option<&Array>, found: &Tensor<4>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::backend::Backend;
+    use elunar_learn::model::backend::Backend;
 
     /// The golden case of windows of 5, with a truth that has the output's slopes in three pixels, as arithmetic without rounding sees it.
     fn touching() -> Weights {
@@ -242,7 +242,7 @@ mod tests {
         let line = compare_gradient(&golden, path, &device).unwrap();
         assert!(line.error <= line.tolerance, "{line:?}");
         let (truth, output) = (&golden.tensors["truth"], &golden.tensors["output"]);
-        let shape = (truth.shape[2], truth.shape[3]);
+        let shape = Shape::new(truth.shape[2], truth.shape[3]);
         let kinks = Kinks::find(&truth.data, &output.data, shape, &LossWeights::PAPER);
         assert!((6..20).contains(&kinks.count) && kinks.of == 3 * truth.data.len(), "{}", kinks.count);
         assert!(line.note.starts_with(&format!("({} of 18432 absolute values", kinks.count)), "{}", line.note);
@@ -257,7 +257,8 @@ mod tests {
             found[at] += by as f32;
             kinks.difference(&gradient, &found) / peak(&gradient)
         };
-        let (kink, elsewhere, small) = (21 * shape.1 + 31, 50 * shape.1 + 70, 2.0 * MAP_TOLERANCE * peak(&gradient));
+        let (kink, elsewhere, small) =
+            (21 * shape.cols + 31, 50 * shape.cols + 70, 2.0 * MAP_TOLERANCE * peak(&gradient));
         assert!(kinks.slack[kink] > 100.0 * small && kinks.slack[elsewhere] == 0.0 && kinks.offset == 0.0);
         assert!(error(kink, 0.9 * kinks.slack[kink]) == 0.0 && error(kink, kinks.slack[kink] + small) > MAP_TOLERANCE);
         assert!(error(elsewhere, small) > MAP_TOLERANCE);
@@ -268,7 +269,7 @@ mod tests {
     fn what_goes_through_the_mean_is_the_same_everywhere() {
         // Equal maps touch in every pixel.
         let (truth, prediction) = ([2.0f32; 12], [2.0f32; 12]);
-        let kinks = Kinks::find(&truth, &prediction, (3, 4), &LossWeights::PAPER);
+        let kinks = Kinks::find(&truth, &prediction, Shape::new(3, 4), &LossWeights::PAPER);
         assert_eq!((kinks.count, kinks.of), (36, 36));
         // Twelve pixels, each with weight 10 / 12, two slopes 2 apart, and its share z* / N of the mean's derivative.
         let expected = 12.0 * 2.0 * 10.0 / 12.0 * 2.0 / 2.001 / 2.001 / 12.0;

@@ -2,7 +2,8 @@
 
 use crate::experiment::{self, Experiment, Manner, table};
 use crate::suite::list::List;
-use crate::{Error, Result, interrupt};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
 use std::path::PathBuf;
 
 /// Options of `experiment`.

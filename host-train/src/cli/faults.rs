@@ -1,11 +1,11 @@
 //! `host-train faults`: what flipped bits do to a tile.
 
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
-use crate::picture::write_png;
-use crate::predict::int8;
-use crate::predict::network::Model as _;
-use crate::{Error, Result, interrupt};
-use elunar_scene::progress;
+use elunar_raster::{Error, Result};
+use elunar_scene::picture::write_png;
+use elunar_scene::predict::int8;
+use elunar_scene::predict::network::Model as _;
+use elunar_scene::{interrupt, progress};
 use std::path::PathBuf;
 
 /// Options of `faults`.

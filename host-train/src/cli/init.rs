@@ -1,8 +1,8 @@
 //! `host-train init`: freshly initialised weights.
 
-use crate::Result;
-use crate::model::config::{NetConfig, Preset, Switches};
-use crate::model::init::initial_weights;
+use elunar_learn::model::init::initial_weights;
+use elunar_net::config::{NetConfig, Preset, Switches};
+use elunar_raster::Result;
 use std::path::PathBuf;
 
 /// Options of `init`.

@@ -1,9 +1,9 @@
 //! `host-train latency`: how long a tile takes; `elunar`'s command, for float networks, too.
 
-use crate::Result;
 use elunar::cli::latency as shared;
 use elunar_learn::float::{is_float, open};
 use elunar_learn::model::backend::Backend;
+use elunar_raster::Result;
 
 /// Options of `latency`.
 #[derive(Debug, clap::Args)]

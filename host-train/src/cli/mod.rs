@@ -12,9 +12,9 @@ pub mod report;
 pub mod suite;
 pub mod train;
 
-use crate::Result;
 use clap::{CommandFactory, Parser, Subcommand};
 use elunar::cli::{Shared, run_shared};
+use elunar_raster::Result;
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]

@@ -1,9 +1,9 @@
 //! `host-train predict`: an image and a coarse DTM in, a DTM out; `elunar`'s command, for float networks, too.
 
-use crate::Result;
 use elunar::cli::predict as shared;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
+use elunar_raster::Result;
 
 /// Options of `predict`.
 #[derive(Debug, clap::Args)]

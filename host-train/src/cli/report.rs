@@ -1,7 +1,8 @@
 //! `host-train report`: one page of what suites, experiments and training runs found.
 
-use crate::{Result, report};
+use crate::report;
 use elunar::cli::output;
+use elunar_raster::Result;
 use std::path::PathBuf;
 
 /// Options of `report`.

@@ -3,8 +3,8 @@
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::{self, SCENES, tables};
-use crate::{Error, Result, interrupt};
-use elunar_scene::progress;
+use elunar_raster::{Error, Result};
+use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
 
 /// Options of `suite`.

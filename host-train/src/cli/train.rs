@@ -1,18 +1,17 @@
 //! `host-train train`: train a network.
 
-use crate::model::backend::Backend;
-use crate::model::config::{Preset, Switches};
-use crate::model::config::{config_of, trained_network};
-use crate::model::init::initial_weights;
-use crate::model::weights::Weights;
-use crate::model::{published, store};
-use crate::prepare::Split;
-use crate::raster::atomic_write;
-use crate::train::recipe::{Recipe, RecipeFlags};
-use crate::train::run::{BEST, LAST, Outcome, Record, Run};
-use crate::train::source::{DataSpec, VALIDATION_SEED};
-use crate::{Error, Result};
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::init::initial_weights;
+use elunar_learn::model::store;
 use elunar_learn::stopwatch;
+use elunar_learn::train::recipe::{Recipe, RecipeFlags};
+use elunar_learn::train::run::{BEST, LAST, Outcome, Record, Run};
+use elunar_net::config::{Preset, Switches, config_of, trained_network};
+use elunar_net::published;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result, atomic_write};
+use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
+use elunar_scene::prepare::Split;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

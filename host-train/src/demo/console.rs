@@ -1,6 +1,7 @@
 //! What the newcomer sees: numbered steps with their times, and bars for what takes long.
 
-use crate::{Error, Result, interrupt};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
 use std::time::Instant;
 
 /// Announces and times the steps of a tour.

@@ -1,9 +1,9 @@
 //! The folder of a tour: which files are its own, and what of an earlier tour has to go before a new one.
 
-use crate::train::curves::CURVES;
-use crate::train::journal::{STEPS, VALIDATIONS};
-use crate::train::run::{BEST, LAST, RECORD, Record};
-use crate::{Error, Result};
+use elunar_learn::train::curves::CURVES;
+use elunar_learn::train::journal::{STEPS, VALIDATIONS};
+use elunar_learn::train::run::{BEST, LAST, RECORD, Record};
+use elunar_raster::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// The report.

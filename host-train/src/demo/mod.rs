@@ -1,23 +1,23 @@
 //! The tour: everything this program does, once, on a scene nobody trained on, with a report at the end.
 //!
 //! [`scene`] makes the scene, [`tune`] fine-tunes the network for its light and ground, [`shrink`] exports the int8 model,
-//! [`infer`] predicts with both, [`judge`] compares them with the truth and with the coarse DTM, [`report`] writes it all down.
+//! [`infer`] predicts with both, [`compare`] compares them with the truth and with the coarse DTM, [`report`] writes it all down.
 //! Each is what the command of the same purpose does; [`console`] announces and times them.
 
+mod compare;
 mod console;
 mod folder;
 mod infer;
-mod judge;
 mod report;
 mod scene;
 mod shrink;
 mod tune;
 
-use crate::model::config::trained_network;
-use crate::model::config::{NetConfig, Preset};
-use crate::train::recipe::Recipe;
-use crate::{Error, Result, interrupt};
 use console::Console;
+use elunar_learn::train::recipe::Recipe;
+use elunar_net::config::{NetConfig, Preset, trained_network};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
 use folder::Folder;
 use std::path::PathBuf;
 
@@ -95,7 +95,7 @@ impl Settings {
 }
 
 /// The Moons of a tour. Their seeds lie far from those `train` uses by default (small numbers, and
-/// [`crate::train::source::VALIDATION_SEED`] above them), so that nothing in a tour has been trained on before it.
+/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that nothing in a tour has been trained on before it.
 #[derive(Debug, Clone, Copy)]
 struct Seeds {
     scene: u64,
@@ -133,7 +133,7 @@ pub fn run(settings: &Settings) -> Result<PathBuf> {
     let tuned = console.step(tune::title(settings), || tune::run(settings, &folder, seeds, &scene.about, weights))?;
     let shrunk = console.step("From float to int8", || shrink::run(settings, &folder, seeds, &scene.about))?;
     let predicted = console.step("Predicting the scene", || infer::run(settings, &folder, &scene))?;
-    let verdict = console.step("Against the truth", || judge::run(&folder, &scene, &predicted))?;
+    let verdict = console.step("Against the truth", || compare::run(&folder, &scene, &predicted))?;
     let times = console.times().to_vec();
     let story = report::Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times };
     let report = console.step("The report", || report::write(&folder, &story))?;

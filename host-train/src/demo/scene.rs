@@ -2,12 +2,11 @@
 
 use super::console::say;
 use super::folder::Folder;
-use crate::picture::{hillshade, stretch, write_png};
-use crate::predict::{Input, Scene};
-use crate::raster::{Raster, geotiff};
-use crate::synth::{Manifest, Moon, SceneEntry, SynthOptions};
-use crate::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::{Error, Raster, Result, geotiff};
+use elunar_scene::picture::{hillshade, stretch, write_png};
+use elunar_scene::predict::{Input, Scene};
+use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions};
 
 /// The image as a viewer shows it.
 pub(super) const IMAGE: &str = "image.png";

@@ -3,17 +3,16 @@
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::{Seeds, Settings, tune};
-use crate::export::report::{Comparison, compare};
-use crate::export::{Options, Precision, export};
-use crate::model::config::config_of;
-use crate::model::weights::Weights;
-use crate::raster::atomic_write;
-use crate::synth::SceneEntry;
-use crate::{Error, Result};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_net::config::config_of;
+use elunar_net::export::report::{Comparison, compare};
+use elunar_net::export::{Options, Precision, export};
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::calibration::calibration_tiles;
 use elunar_scene::progress::bar;
+use elunar_synth::SceneEntry;
 
 /// What the int8 model costs, and how far it is from float.
 pub(super) struct Shrunk {

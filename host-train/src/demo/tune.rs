@@ -3,18 +3,17 @@
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
 use super::{Seeds, Settings, Start};
-use crate::model::backend::Backend;
-use crate::model::config::NetConfig;
-use crate::model::config::config_of;
-use crate::model::init::initial_weights;
-use crate::model::store;
-use crate::model::weights::Weights;
-use crate::synth::{SceneEntry, SynthOptions};
-use crate::train::curves::{CURVES, History};
-use crate::train::run::{BEST, Record, Run};
-use crate::train::source::DataSpec;
-use crate::train::validate::{Validation, ValidationSet};
-use crate::{Error, Result};
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::init::initial_weights;
+use elunar_learn::model::store;
+use elunar_learn::train::curves::{CURVES, History};
+use elunar_learn::train::run::{BEST, Record, Run};
+use elunar_learn::train::validate::{Validation, ValidationSet};
+use elunar_net::config::{NetConfig, config_of};
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
+use elunar_scene::data::source::DataSpec;
+use elunar_synth::{SceneEntry, SynthOptions};
 use std::path::{Path, PathBuf};
 
 /// The tiles' Sun stands at most this much lower or higher than the scene's, degrees (our choice).

@@ -1,14 +1,14 @@
 //! An experiment as a TOML file: a preset or another experiment, and what differs from it.
 
-use crate::evaluate::CoAlignment;
-use crate::model::config::{NetConfig, Preset};
 use crate::suite::list::is_plain;
 use crate::suite::method::Usage;
-use crate::synth::SynthOptions;
 use crate::toml_file::at_line;
-use crate::train::recipe::Recipe;
-use crate::train::source::{DataSpec, VALIDATION_SEED};
-use crate::{Error, Result};
+use elunar_learn::train::recipe::Recipe;
+use elunar_net::config::{NetConfig, Preset};
+use elunar_raster::{Error, Result};
+use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
+use elunar_scene::evaluate::CoAlignment;
+use elunar_synth::SynthOptions;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -256,7 +256,7 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::config::{Head, ImageEncoderKind};
+    use elunar_net::config::{Head, ImageEncoderKind};
 
     const BASE: &str = "name = 'base'\nanswers = '?'\npreset = 'nano'\nseed = 3\n[recipe]\nsteps = 7\n";
 

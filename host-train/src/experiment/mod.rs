@@ -7,12 +7,11 @@ pub mod file;
 pub mod table;
 pub mod train;
 
-use crate::raster::atomic_write;
+use crate::suite;
 use crate::suite::list::List;
 use crate::suite::method::Method;
 use crate::suite::results::{RESULTS, Results};
-use crate::suite::{self};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result, atomic_write};
 pub use file::Experiment;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -82,7 +81,7 @@ pub fn run(
     let folder = out.join(TEST);
     let test = match known(&folder, list, &methods) {
         Some(test) => {
-            say("test scenes: judged before");
+            say("test scenes: scored before");
             test
         }
         None => suite::run(list, &methods, &folder, &mut |scene| say(&format!("test scene {scene}")))?,

@@ -2,10 +2,10 @@
 
 use super::Comparison;
 use super::train::TRAINING;
-use crate::Result;
-use crate::picture::{Chart, Series, curves as draw};
 use crate::suite::tables::{Table, cross, scenes, sums};
-use crate::train::curves::History;
+use elunar_learn::train::curves::History;
+use elunar_raster::Result;
+use elunar_scene::picture::{Chart, Series, curves as draw};
 use std::path::Path;
 
 /// The picture of all validations.
@@ -13,7 +13,7 @@ pub const CURVES: &str = "curves.png";
 /// Upper end of the range that normalised figures are given in: the paper's NR.
 const RANGE: f64 = 50.0;
 
-/// The paper's Table V: the validation tiles in normalised units. Every network is judged in the range it was trained in, as in the
+/// The paper's Table V: the validation tiles in normalised units. Every network is scored in the range it was trained in, as in the
 /// paper, brought to [0, 50].
 #[must_use]
 pub fn validation(comparison: &Comparison) -> Table {

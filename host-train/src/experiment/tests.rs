@@ -2,11 +2,11 @@
 
 use super::file::files;
 use super::*;
-use crate::model::config::NetConfig;
 use crate::suite::results::COARSE;
-use crate::synth::SynthOptions;
-use crate::train::run::{Record, Run};
-use crate::train::source::DataSpec;
+use elunar_learn::train::run::{Record, Run};
+use elunar_net::config::NetConfig;
+use elunar_scene::data::source::DataSpec;
+use elunar_synth::SynthOptions;
 use std::path::PathBuf;
 
 /// The experiments of this repository.
@@ -82,11 +82,11 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
         data: experiment.data.clone(),
         validation_data: experiment.validation_data.clone(),
         seed: experiment.seed,
-        backend: crate::model::backend::Backend::Flex,
+        backend: elunar_learn::model::backend::Backend::Flex,
         started_from: "random weights, seed 1; experiment e".into(),
     };
     let (training, validation) = (record.data.open().unwrap(), record.validation_data.open().unwrap());
-    let initial = Some(crate::model::init::initial_weights(&record.network, record.seed));
+    let initial = Some(elunar_learn::model::init::initial_weights(&record.network, record.seed));
     let run = Run { folder: parts.join(train::TRAINING), record, initial, training, validation, stop_after: Some(1) };
     assert!(!run.train().unwrap().finished);
     let refused = train::train(&experiment, &parts, false, &mut |_| {}).unwrap_err().to_string();
@@ -121,7 +121,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let out = folder.path().join("out");
     let found = run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap();
     assert_eq!(found.trained.len(), 2);
-    let methods: Vec<&str> = found.test.scenes[0].judged.iter().map(|j| j.method.as_str()).collect();
+    let methods: Vec<&str> = found.test.scenes[0].scored.iter().map(|j| j.method.as_str()).collect();
     assert_eq!(methods, [COARSE, "one", "two"]);
     assert_eq!(found.test.cross.len(), 2);
     for file in ["comparison.md", "comparison.csv", "test.csv", "curves.png", "test/tables.md", "test/dtm/one/a.tif"] {
@@ -132,7 +132,7 @@ fn experiments_end_in_one_table_and_one_page() {
 
     let mut said = vec![];
     let again = run(&experiments, &list, &out, Manner::default(), &mut |line| said.push(line.to_string())).unwrap();
-    assert_eq!(said, ["one: trained before", "two: trained before", "test scenes: judged before"]);
+    assert_eq!(said, ["one: trained before", "two: trained before", "test scenes: scored before"]);
     let read = Comparison::read(&out).unwrap();
     assert_eq!([&again, &read].map(table::markdown), [text.as_str(), text.as_str()]);
 

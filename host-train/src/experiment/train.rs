@@ -1,15 +1,14 @@
 //! One experiment from random weights to its figures on the validation tiles.
 
 use super::file::Experiment;
-use crate::model::backend::Backend;
-use crate::model::init::initial_weights;
-use crate::model::store;
-use crate::model::weights::Weights;
-use crate::raster::atomic_write;
-use crate::train::recipe::Target;
-use crate::train::run::{BEST, RECORD, Record, Run};
-use crate::train::validate::{Validation, ValidationSet};
-use crate::{Error, Result};
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::init::initial_weights;
+use elunar_learn::model::store;
+use elunar_learn::train::recipe::Target;
+use elunar_learn::train::run::{BEST, RECORD, Record, Run};
+use elunar_learn::train::validate::{Validation, ValidationSet};
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result, atomic_write};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,7 +25,7 @@ pub struct Trained {
     pub experiment: Experiment,
     /// Trainable numbers of the network.
     pub parameters: usize,
-    /// Its best weights on the validation tiles, judged by the truth as it is, whatever the recipe aims at.
+    /// Its best weights on the validation tiles, scored by the truth as it is, whatever the recipe aims at.
     pub validation: Validation,
     /// Seconds of training since it was last started or resumed.
     pub seconds: f64,

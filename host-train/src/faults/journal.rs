@@ -3,8 +3,8 @@
 use super::injection::Target;
 use super::outcome::Outcome;
 use super::table::Results;
-use crate::{Error, Result};
 use csv::StringRecord;
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};

@@ -1,14 +1,15 @@
 //! A clean run, and its memory at some moments.
 
 use super::run::fault;
-use crate::digest::sha256_hex;
-use crate::predict::int8::Int8Model;
-use crate::predict::network::Model as _;
-use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
-use crate::{Error, Result};
 use elunar_core::nn::{
     Kernel, KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
 };
+use elunar_core::tile::Shape;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::{Error, Result};
+use elunar_scene::predict::int8::Int8Model;
+use elunar_scene::predict::network::Model as _;
+use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use std::collections::BTreeMap;
 
 /// Multiply-accumulates of a step.
@@ -52,7 +53,7 @@ impl Moments {
     /// # Errors
     /// If the model cannot take such a tile.
     pub fn record(model: &Int8Model, seed: u64, count: usize, protected: bool) -> Result<Self> {
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let options = SynthOptions { rows, cols, ..SynthOptions::default() };
         let tile = Moon::new(seed, options)?.tile(0);
         let model = model.model();
@@ -104,5 +105,5 @@ impl Moments {
 
 fn operator_at(model: &Model<'_>, place: &Suspended) -> &'static str {
     let entry = model.entry(place.entry as usize).filter(|_| place.phase == Suspended::AT_WORK);
-    entry.and_then(|entry| model.operator(entry.operator)).map_or("judgement", |operator| operator.name())
+    entry.and_then(|entry| model.operator(entry.operator)).map_or("verification", |operator| operator.name())
 }

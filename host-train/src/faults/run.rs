@@ -5,9 +5,10 @@ use super::journal::{Journal, Tried};
 use super::moments::{Moments, STEP_MACS};
 use super::outcome::{LIMIT_M, Outcome};
 use super::table::Results;
-use crate::predict::int8::Int8Model;
-use crate::{Error, Result, interrupt};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
+use elunar_scene::predict::int8::Int8Model;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -113,12 +114,12 @@ impl<'c> Desk<'c> {
         outcome
     }
 
-    /// Goes on from a place, and judges how it ends.
+    /// Goes on from a place, and sorts how it ends.
     fn outcome(&mut self, place: &Suspended, stuck: Option<&Injection>, target: Target, index: u64) -> Outcome {
         match catch_unwind(AssertUnwindSafe(|| self.finish(place, stuck))) {
             Err(_) => Outcome::Crash,
             Ok(Ended::Hanging) => Outcome::Hang,
-            Ok(Ended::Done) => self.judge(),
+            Ok(Ended::Done) => self.compare(),
             Ok(Ended::Refused) if target.is_model() => Outcome::Reported,
             // A bit that is stuck is stuck again.
             Ok(Ended::Refused) if stuck.is_some() => Outcome::Reported,
@@ -152,7 +153,7 @@ impl<'c> Desk<'c> {
     }
 
     /// Whether heights are as they should be.
-    fn judge(&self) -> Outcome {
+    fn compare(&self) -> Outcome {
         let pairs = self.heights_m.iter().zip(&self.moments.heights_m);
         // NaN is further away than anything.
         let near = pairs.into_iter().all(|(found, clean)| (found - clean).abs() <= LIMIT_M);
@@ -165,7 +166,7 @@ impl<'c> Desk<'c> {
         self.arena.clone_from(&first.arena);
         let place = first.place;
         match self.finish(&place, None) {
-            Ended::Done if self.judge() == Outcome::Masked => Outcome::Recovered,
+            Ended::Done if self.compare() == Outcome::Masked => Outcome::Recovered,
             Ended::Done => Outcome::Silent,
             _ => Outcome::Reported,
         }

@@ -3,8 +3,8 @@
 use super::injection::Target;
 use super::journal::Tried;
 use super::outcome::{Counts, Outcome};
-use crate::Result;
-use crate::picture::{Bars, bars};
+use elunar_raster::Result;
+use elunar_scene::picture::{Bars, bars};
 use image::RgbImage;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,7 +1,7 @@
 //! The few pieces of HTML a page is made of.
 
-use crate::{Error, Result};
 use base64::Engine;
+use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// A picture of a page.

@@ -5,10 +5,9 @@ pub(crate) mod html;
 mod sections;
 
 use crate::experiment::{COMPARISON, Comparison};
-use crate::raster::atomic_write;
 use crate::suite::results::{RESULTS, Results};
-use crate::train::run::RECORD;
-use crate::{Error, Result};
+use elunar_learn::train::run::RECORD;
+use elunar_raster::{Error, Result, atomic_write};
 use html::escaped;
 use std::path::{Path, PathBuf};
 
@@ -41,8 +40,8 @@ fn section(folder: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::write_png;
     use crate::suite::summary::tests::results;
+    use elunar_scene::picture::write_png;
     use image::{GrayImage, Luma};
 
     #[test]

@@ -1,13 +1,13 @@
 //! What a page says of each kind of folder.
 
 use super::html::{Cell, Picture, escaped, figure, table};
-use crate::Result;
 use crate::experiment::train::TRAINING;
 use crate::experiment::{Comparison, TEST, table as comparison_tables};
 use crate::suite::results::{Results, SceneResult};
 use crate::suite::tables::{self, Table};
-use crate::train::curves::{CURVES, draw};
-use crate::train::run::Record;
+use elunar_learn::train::curves::{CURVES, draw};
+use elunar_learn::train::run::Record;
+use elunar_raster::Result;
 use std::path::Path;
 
 /// A test suite.
@@ -18,9 +18,9 @@ pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
         .map(|method| {
             let anchored = if method.anchor { "; anchored to the coarse DTM" } else { "" };
             let aligned = match method.co_alignment {
-                crate::evaluate::CoAlignment::None => "",
-                crate::evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
-                crate::evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
+                elunar_scene::evaluate::CoAlignment::None => "",
+                elunar_scene::evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
+                elunar_scene::evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
             };
             let (name, about) = (escaped(&method.name), escaped(&method.description));
             format!("<li>{name}: <code>{about}</code>{anchored}{aligned}</li>\n")
@@ -61,7 +61,7 @@ fn pictures(folder: &Path, scene: &SceneResult) -> Result<String> {
     let weak = if scene.weak_truth { " Weak truth: left out of the sums." } else { "" };
     Ok(format!(
         "<h3>{}</h3>\n<p class=\"faint\">{}, {} × {} pixels of {:.2} m, coarse DTM of {:.0} m; Sun from azimuth {}, {} high; {} of {} \
-         pixels judged.{weak} {}</p>\n{figures}",
+         pixels scored.{weak} {}</p>\n{figures}",
         escaped(&scene.name),
         escaped(&scene.kind),
         scene.shape.0,

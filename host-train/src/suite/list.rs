@@ -1,14 +1,14 @@
 //! A test suite as a file: which scenes, and what is known of them.
 
-use crate::digest::sha256_hex;
-use crate::raster::Crs;
-use crate::synth::SynthOptions;
-use crate::{Error, Result, toml_file};
+use crate::toml_file;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::{Crs, Error, Result};
+use elunar_synth::SynthOptions;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Scenes to be judged on.
+/// Scenes to be scored on.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct List {

@@ -1,17 +1,17 @@
-//! What is judged: networks with the way their output is used, and DTMs that are there already.
+//! What is scored: networks with the way their output is used, and DTMs that are there already.
 
 use super::list::is_plain;
 use super::results::MethodInfo;
 use super::scene::TestScene;
-use crate::evaluate::CoAlignment;
-use crate::illumination::{KnownSun, LightSource};
-use crate::model::backend::Backend;
-use crate::predict::network::Model;
-use crate::predict::{Options, Prediction, predict};
-use crate::raster::align::{Interpolation, Named, onto};
-use crate::raster::{Raster, source};
-use crate::{Error, Result, interrupt};
 use elunar_learn::float::open_any;
+use elunar_learn::model::backend::Backend;
+use elunar_net::illumination::{KnownSun, LightSource};
+use elunar_raster::align::{Interpolation, Named, onto};
+use elunar_raster::{Error, Raster, Result, source};
+use elunar_scene::evaluate::CoAlignment;
+use elunar_scene::interrupt;
+use elunar_scene::predict::network::Model;
+use elunar_scene::predict::{Options, Prediction, predict};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

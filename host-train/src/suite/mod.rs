@@ -1,26 +1,25 @@
 //! Test suites: models and other programs' DTMs on scenes with a truth, beside the coarse DTM, on the same pixels.
 //!
-//! A [`list`] says which scenes; [`scene`] makes or reads them; a [`method`] makes the DTMs; [`judge`] compares; [`summary`] and
+//! A [`list`] says which scenes; [`scene`] makes or reads them; a [`method`] makes the DTMs; [`compare`] compares; [`summary`] and
 //! [`tables`] sum up, [`pictures`] shows; [`results`] is what is kept. [`run`] does all of it.
 
-pub mod judge;
 pub mod list;
 pub mod method;
 pub mod pictures;
 pub mod results;
 pub mod scene;
+pub mod score;
 pub mod summary;
 pub mod tables;
 
-use crate::raster::atomic_write;
-use crate::raster::geotiff::{WriteOptions, write};
-use crate::{Error, Result};
+use elunar_raster::geotiff::{WriteOptions, write};
+use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::table::to_csv;
-use judge::Seen;
 use list::List;
 use method::Method;
 use results::{COARSE, MethodInfo, Results};
 use scene::TestScene;
+use score::Seen;
 use std::path::Path;
 
 /// Folder of the scenes' files in a suite's.
@@ -28,7 +27,7 @@ pub const SCENES: &str = "scenes";
 /// Folder of the DTMs; one folder per method in it.
 pub const DTMS: &str = "dtm";
 
-/// Judges `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. `progress` hears the
+/// Scores `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. `progress` hears the
 /// name of every scene before its turn.
 ///
 /// # Errors
@@ -50,8 +49,8 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
         progress(&entry.name);
         let scene = TestScene::make(entry)?;
         scene.write(&out.join(SCENES))?;
-        let judged = judge::judge(&scene, methods)?;
-        for (method, found) in methods.iter().zip(&judged.comparison.judged[1..]) {
+        let scored = score::score(&scene, methods)?;
+        for (method, found) in methods.iter().zip(&scored.comparison.scored[1..]) {
             let path = out.join(DTMS).join(&method.name).join(format!("{}.tif", entry.name));
             write(
                 &path,
@@ -59,11 +58,11 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
                 &WriteOptions::heights(format!("DTM of a test scene: {}", method.description)),
             )?;
         }
-        let mut result = judged.result;
-        result.pictures = pictures::scene(out, &scene, &judged.comparison)?;
+        let mut result = scored.result;
+        result.pictures = pictures::scene(out, &scene, &scored.comparison)?;
         results.scenes.push(result);
         if let Some(ground) = &entry.ground {
-            let dtms = judged.comparison.judged.into_iter().map(|j| (j.name, j.placed)).collect();
+            let dtms = scored.comparison.scored.into_iter().map(|j| (j.name, j.placed)).collect();
             let seen = Seen { name: entry.name.clone(), truth: scene.truth, high_pass_m: scene.high_pass_m, dtms };
             match grounds.iter_mut().find(|(name, _)| name == ground) {
                 Some((_, all)) => all.push(seen),
@@ -74,7 +73,7 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
     for (ground, seen) in &grounds {
         let pairs = (0..seen.len()).flat_map(|i| (i + 1..seen.len()).map(move |j| (i, j)));
         for (i, j) in pairs {
-            let found = judge::cross(ground, &seen[i], &seen[j])?;
+            let found = score::cross(ground, &seen[i], &seen[j])?;
             if !found.is_empty() {
                 let picture = pictures::cross(out, ground, &seen[i], &seen[j])?;
                 let scene = results.scenes.iter_mut().find(|scene| scene.name == seen[j].name);

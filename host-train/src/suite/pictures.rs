@@ -1,13 +1,12 @@
 //! A scene's views on two sheets: hillshades, and errors. A ground's two DTMs and their difference on a third.
 
-use super::judge::Seen;
 use super::results::COARSE;
 use super::scene::TestScene;
-use crate::evaluate::Comparison;
-use crate::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
-use crate::raster::Raster;
-use crate::{Error, Result};
+use super::score::Seen;
 use elunar_core::terrain::PixelSize;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::Comparison;
+use elunar_scene::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
 use std::path::Path;
 
 /// Folder of the pictures in a suite's.
@@ -28,10 +27,10 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
         Panel::new("truth", shade(&scene.truth)?),
     ];
     let mut errors = vec![];
-    for judged in &comparison.judged {
-        views.push(Panel::new(&judged.name, shade(&judged.placed)?));
-        let rmse = format!("{}: RMSE {:.2} m", judged.name, judged.scores.rmse_m);
-        errors.push(Panel::new(rmse, error_map(&judged.error_m.samples, judged.error_m.rows, judged.error_m.cols)?));
+    for scored in &comparison.scored {
+        views.push(Panel::new(&scored.name, shade(&scored.placed)?));
+        let rmse = format!("{}: RMSE {:.2} m", scored.name, scored.scores.rmse_m);
+        errors.push(Panel::new(rmse, error_map(&scored.error_m.samples, scored.error_m.rows, scored.error_m.cols)?));
     }
     let mut made = vec![];
     for (what, panels, caption) in

@@ -1,7 +1,7 @@
 //! What a suite found, as it is kept in `results.json`.
 
-use crate::evaluate::{CoAlignment, ReliefScores, Scores};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
+use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub struct Results {
     pub about: String,
     /// SHA-256 of all that its list says: results of another list are others.
     pub list_sha256: String,
-    /// What was judged, the coarse DTM first.
+    /// What was scored, the coarse DTM first.
     pub methods: Vec<MethodInfo>,
     /// Every scene.
     pub scenes: Vec<SceneResult>,
@@ -65,10 +65,11 @@ pub struct SceneResult {
     pub high_pass_m: f64,
     /// Sun: azimuth, elevation, degrees.
     pub sun_deg: (Option<f64>, Option<f64>),
-    /// Pixels judged, of so many valid ones.
+    /// Pixels scored, of so many valid ones.
     pub pixels: (usize, usize),
     /// One per method, in their order.
-    pub judged: Vec<MethodScores>,
+    #[serde(rename = "judged")]
+    pub scored: Vec<MethodScores>,
     /// Pictures in the suite's folder: file, caption.
     pub pictures: Vec<(String, String)>,
 }
@@ -129,6 +130,6 @@ impl Results {
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(RESULTS);
         let text = serde_json::to_vec_pretty(self).map_err(|e| Error::broken(&path, e.to_string()))?;
-        crate::raster::atomic_write(&path, &text)
+        elunar_raster::atomic_write(&path, &text)
     }
 }

@@ -1,13 +1,12 @@
 //! An entry of a list becomes a scene: image, coarse DTM and truth, read, rendered or made.
 
 use super::list::Entry;
-use crate::predict::{Input, Scene};
-use crate::raster::align::{Interpolation, Named, onto};
-use crate::raster::geotiff::{SampleType, WriteOptions, write};
-use crate::raster::stated::Statements;
-use crate::raster::{GeoRef, Raster, source};
-use crate::synth::{COARSE_PIXEL_M, Moon, photograph};
-use crate::{Error, Result};
+use elunar_raster::align::{Interpolation, Named, onto};
+use elunar_raster::geotiff::{SampleType, WriteOptions, write};
+use elunar_raster::stated::Statements;
+use elunar_raster::{Error, GeoRef, Raster, Result, source};
+use elunar_scene::predict::{Input, Scene};
+use elunar_synth::{COARSE_PIXEL_M, Moon, photograph};
 use std::path::{Path, PathBuf};
 
 /// Shortest wavelength of the default high-pass, metres: a coarse DTM of 59 m knows nothing below.
@@ -160,8 +159,8 @@ fn average(fine: &Raster, side: usize) -> Result<Raster> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Crs;
     use crate::suite::list::List;
+    use elunar_raster::Crs;
 
     fn dtm(rows: usize, cols: usize) -> Raster {
         let georef =

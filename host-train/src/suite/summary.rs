@@ -60,42 +60,42 @@ pub fn summaries(results: &Results) -> Vec<Summary> {
     for kind in kinds {
         let of_kind = |method: &str| -> Vec<MethodScores> {
             let scenes = scenes.iter().filter(|scene| kind == ALL || scene.kind == kind);
-            scenes.flat_map(|scene| scene.judged.iter().filter(|judged| judged.method == method)).cloned().collect()
+            scenes.flat_map(|scene| scene.scored.iter().filter(|scored| scored.method == method)).cloned().collect()
         };
         let coarse = of_kind(COARSE);
         for method in &results.methods {
-            let judged = of_kind(&method.name);
-            if !judged.is_empty() {
-                found.push(summary(kind, &method.name, &judged, &coarse));
+            let scored = of_kind(&method.name);
+            if !scored.is_empty() {
+                found.push(summary(kind, &method.name, &scored, &coarse));
             }
         }
     }
     found
 }
 
-fn summary(kind: &str, method: &str, judged: &[MethodScores], coarse: &[MethodScores]) -> Summary {
+fn summary(kind: &str, method: &str, scored: &[MethodScores], coarse: &[MethodScores]) -> Summary {
     let rms = |of: &[MethodScores]| mean(of, |j| j.heights.rmse_m.powi(2)).sqrt();
     let slope = |of: &[MethodScores]| known(of, |j| j.relief.slope_vector_error);
-    let bright = known(judged, |j| j.relief.bright.map(|side| side.slope_vector_error));
-    let shaded = known(judged, |j| j.relief.shaded.map(|side| side.slope_vector_error));
-    let count = judged.len() as f64;
+    let bright = known(scored, |j| j.relief.bright.map(|side| side.slope_vector_error));
+    let shaded = known(scored, |j| j.relief.shaded.map(|side| side.slope_vector_error));
+    let count = scored.len() as f64;
     Summary {
         kind: kind.into(),
         method: method.into(),
-        scenes: judged.len(),
-        rmse_m: rms(judged),
-        rmse_ratio: rms(judged) / rms(coarse),
-        mae_m: mean(judged, |j| j.heights.mae_m),
-        share_within: std::array::from_fn(|k| mean(judged, |j| j.heights.share_within[k])),
-        slope_mae_deg: mean(judged, |j| j.heights.slope_mae_deg),
-        slope_vector_error: slope(judged),
-        slope_vector_ratio: slope(judged).zip(slope(coarse)).map(|(own, coarse)| own / coarse),
-        high_pass_correlation: known(judged, |j| j.relief.high_pass_correlation),
-        low_pass_rmse_m: known(judged, |j| j.relief.low_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
-        high_pass_rmse_m: known(judged, |j| j.relief.high_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
+        scenes: scored.len(),
+        rmse_m: rms(scored),
+        rmse_ratio: rms(scored) / rms(coarse),
+        mae_m: mean(scored, |j| j.heights.mae_m),
+        share_within: std::array::from_fn(|k| mean(scored, |j| j.heights.share_within[k])),
+        slope_mae_deg: mean(scored, |j| j.heights.slope_mae_deg),
+        slope_vector_error: slope(scored),
+        slope_vector_ratio: slope(scored).zip(slope(coarse)).map(|(own, coarse)| own / coarse),
+        high_pass_correlation: known(scored, |j| j.relief.high_pass_correlation),
+        low_pass_rmse_m: known(scored, |j| j.relief.low_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
+        high_pass_rmse_m: known(scored, |j| j.relief.high_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
         sides: bright.zip(shaded),
-        shading_correlation: known(judged, |j| j.relief.shading_correlation),
-        seconds: known(judged, |j| j.seconds).map(|mean| mean * count),
+        shading_correlation: known(scored, |j| j.relief.shading_correlation),
+        seconds: known(scored, |j| j.seconds).map(|mean| mean * count),
     }
 }
 
@@ -112,8 +112,8 @@ fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::evaluate::{CoAlignment, ReliefScores, Scores};
     use crate::suite::results::{MethodInfo, SceneResult};
+    use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
 
     pub(crate) fn scores(method: &str, rmse_m: f64, slope: f64) -> MethodScores {
         let heights = Scores {
@@ -143,7 +143,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn results() -> Results {
-        let scene = |name: &str, kind: &str, weak_truth: bool, judged: Vec<MethodScores>| SceneResult {
+        let scene = |name: &str, kind: &str, weak_truth: bool, scored: Vec<MethodScores>| SceneResult {
             name: name.into(),
             kind: kind.into(),
             remarks: String::new(),
@@ -154,7 +154,7 @@ pub(crate) mod tests {
             high_pass_m: 60.0,
             sun_deg: (Some(300.0), None),
             pixels: (9, 9),
-            judged,
+            scored,
             pictures: vec![],
         };
         let info = |name: &str| MethodInfo {

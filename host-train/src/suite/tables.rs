@@ -2,7 +2,7 @@
 
 use super::results::{MethodScores, Results};
 use super::summary::{Summary, summaries};
-use crate::Result;
+use elunar_raster::Result;
 use elunar_scene::table::to_csv;
 
 /// A table of text: heading and rows of the same length.
@@ -48,19 +48,19 @@ pub fn scenes(results: &Results) -> Table {
     ];
     let mut rows = vec![];
     for scene in &results.scenes {
-        let coarse = scene.judged.first();
-        rows.extend(scene.judged.iter().map(|judged| [vec![scene.name.clone()], scene_row(judged, coarse)].concat()));
+        let coarse = scene.scored.first();
+        rows.extend(scene.scored.iter().map(|scored| [vec![scene.name.clone()], scene_row(scored, coarse)].concat()));
     }
     Table { heading: heading(&names), rows }
 }
 
-fn scene_row(judged: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
-    let (heights, relief) = (&judged.heights, &judged.relief);
+fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
+    let (heights, relief) = (&scored.heights, &scored.relief);
     let percent = |k: usize| digits(Some(100.0 * heights.share_within[k]), 1);
     let slope_ratio =
         relief.slope_vector_error.zip(coarse.and_then(|c| c.relief.slope_vector_error)).map(|(a, b)| a / b);
     vec![
-        judged.method.clone(),
+        scored.method.clone(),
         percent(0),
         percent(1),
         percent(2),
@@ -76,7 +76,7 @@ fn scene_row(judged: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String
         digits(relief.bright.map(|side| side.slope_vector_error), 4),
         digits(relief.shaded.map(|side| side.slope_vector_error), 4),
         digits(relief.shading_correlation, 3),
-        digits(judged.seconds, 1),
+        digits(scored.seconds, 1),
     ]
 }
 

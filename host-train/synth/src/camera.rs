@@ -4,13 +4,13 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Read noise, electrons (SPEC B2: 71 and 74 e- for the two cameras).
+/// Read noise, electrons (LROC NAC calibration: 71 and 74 for the two cameras).
 const READ_NOISE_E: f32 = 72.0;
-/// Full well, electrons (SPEC B2: 248.5 and 262.5 ke-).
+/// Full well, electrons (LROC NAC calibration: 248.5 and 262.5 thousand).
 const FULL_WELL_E: f32 = 255_000.0;
 /// Largest DN of the 12-bit converter.
 const DN_MAX: f32 = 4095.0;
-/// Blur, pixels: a modulation transfer of 28 % at the Nyquist frequency is a Gaussian of 0.51 px (SPEC B2); the upper end adds
+/// Blur, pixels: a modulation transfer of 28 % at the Nyquist frequency is a Gaussian of 0.51 px; the upper end adds
 /// our allowance for the resampling of an orthoimage.
 const BLUR_PX: std::ops::Range<f32> = 0.5..0.7;
 /// Mean signal, electrons, drawn log-uniformly: from a signal-to-noise ratio of about 49 (near the terminator) to 250.

@@ -3,7 +3,7 @@
 //! *Shape.* A fresh simple crater (Fassett & Thomson 2014, d/D = 0.22) is let decay by topographic diffusion, which is what
 //! micrometeorites do to it: `∂h/∂t = κ ∇²h`. In units of the radius there is one age only, `τ = κt/R²`, so one radial
 //! solution serves all craters ([`Profiles`]).
-//! *Number.* Small craters are in equilibrium: `N(>r) = 0.0084 r^-2` per m² (SPEC B2), each new one erasing an old one, so
+//! *Number.* Small craters are in equilibrium: `N(>r) = 0.0084 r^-2` per m², each new one erasing an old one, so
 //! their ages are uniform; those past counting are there too, up to [`TAU_ERASED`]. Above the saturation diameter the production function takes over,
 //! `N ∝ r^-3.2`, and ages are uniform over the age of the surface.
 

@@ -1,9 +1,8 @@
 //! Scenes as files: lunar GeoTIFFs and a manifest that can make them again.
 
 use super::{COARSE_PIXEL_M, SynthOptions, SynthScene, TerrainKind};
-use crate::Result;
-use crate::raster::geotiff::{self, SampleType, WriteOptions};
-use crate::raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster, atomic_write};
+use elunar_raster::geotiff::{self, SampleType, WriteOptions};
+use elunar_raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster, Result, atomic_write};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -45,10 +44,11 @@ impl Manifest {
     /// Writes `manifest.json` into `folder`.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the folder cannot be written.
+    /// [`elunar_raster::Error::Io`] if the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join("manifest.json");
-        let text = serde_json::to_string_pretty(self).map_err(|e| crate::Error::broken(&path, e.to_string()))?;
+        let text =
+            serde_json::to_string_pretty(self).map_err(|e| elunar_raster::Error::broken(&path, e.to_string()))?;
         atomic_write(&path, text.as_bytes())
     }
 }
@@ -94,7 +94,7 @@ impl SynthScene {
     /// Writes `scene_NNNN_image.tif`, `_coarse.tif` and `_truth.tif` into `folder` and returns their manifest entry.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if a file cannot be written; files written before it stay.
+    /// [`elunar_raster::Error::Io`] if a file cannot be written; files written before it stay.
     pub fn write(&self, folder: &Path) -> Result<SceneEntry> {
         let name = format!("scene_{:04}", self.index);
         let file = |what: &str| folder.join(format!("{name}_{what}.tif"));
@@ -126,7 +126,7 @@ fn place(transform: GeoTransform) -> GeoRef {
 mod tests {
     use super::super::{Moon, SynthOptions};
     use super::*;
-    use crate::raster::align::{Interpolation, Named, onto};
+    use elunar_raster::align::{Interpolation, Named, onto};
 
     #[test]
     fn files_hold_the_scene_and_align_through_their_coordinates() {

@@ -29,8 +29,5 @@ pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;
 pub use photograph::photograph;
 
-use elunar_raster as raster;
-use elunar_raster::{Error, Result};
-
 #[cfg(test)]
 mod tests;

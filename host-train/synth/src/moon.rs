@@ -7,8 +7,8 @@ use super::factors::{Factors, within};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::{SynthOptions, TerrainKind, boulder};
-use crate::Result;
-use crate::raster::resample::{PixelMap, resample_bicubic};
+use elunar_raster::Result;
+use elunar_raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -131,7 +131,7 @@ impl Moon {
     /// A Moon for one seed.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if an option is out of range.
+    /// [`elunar_raster::Error::Usage`] if an option is out of range.
     pub fn new(seed: u64, options: SynthOptions) -> Result<Self> {
         options.validate()?;
         let tile_shop = Workshop::new(options.rows, options.cols, &options);
@@ -169,7 +169,7 @@ impl Moon {
     /// Scene number `index`, `rows` × `cols` pixels. Its terrain is not the tile's of the same index, unless sizes agree.
     ///
     /// # Errors
-    /// [`crate::Error::Usage`] if the size is out of range.
+    /// [`elunar_raster::Error::Usage`] if the size is out of range.
     pub fn scene(&self, index: u64, rows: usize, cols: usize) -> Result<SynthScene> {
         SynthOptions { rows, cols, ..self.options.clone() }.validate()?;
         Ok(self.make(index, &Workshop::new(rows, cols, &self.options)))

@@ -1,7 +1,7 @@
 //! What a caller may choose.
 
 use super::TerrainKind;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 
 use serde::{Deserialize, Serialize};
 

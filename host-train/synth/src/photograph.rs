@@ -2,8 +2,7 @@
 
 use super::camera::Exposure;
 use super::light::{Sun, reflectance};
-use crate::raster::Raster;
-use crate::{Error, Result};
+use elunar_raster::{Error, Raster, Result};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

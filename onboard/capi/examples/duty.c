@@ -30,7 +30,7 @@ eld_status_t duty_cycle(void) {
     eld_tile_t tile;
     switch (service.state) {
     case SERVICE_DOWN:
-        /* Both copies of the context were hit: tile and counters are lost, the model is judged anew. */
+        /* Both copies of the context were hit: tile and counters are lost, the model is validated anew. */
         duty_start();
         return service.status;
     case SERVICE_WANTS_MODEL:

@@ -47,7 +47,7 @@ typedef struct {
     uint32_t drops;      /* tiles that came to nothing: refused, or given up after SERVICE_ATTEMPTS faults */
 } service_t;
 
-/* Judges the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile that was at work is begun again. */
+/* Validates the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile that was at work is begun again. */
 eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes);
 
 /* Takes a tile; refused (ELD_REFUSED_NOT_DONE) but in SERVICE_IDLE. Its maps must stay until SERVICE_READY or SERVICE_IDLE. */
@@ -65,7 +65,7 @@ eld_status_t service_self_test(service_t *service);
 /* Hands out the heights of a tile that is ready; SERVICE_IDLE after it. valid may be NULL. */
 eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid);
 
-/* The model stands at its place again, as it was: judges it, and goes on. */
+/* The model stands at its place again, as it was: validates it, and goes on. */
 eld_status_t service_model_reloaded(service_t *service);
 
 /* What to do after a status. */

@@ -149,7 +149,7 @@
 #define ELD_PHASE_SELF_TEST 3
 
 /**
- * Phase: the self test is finished and can be judged.
+ * Phase: the self test is finished and can be checked.
  */
 #define ELD_PHASE_SELF_TEST_DONE 4
 
@@ -411,12 +411,12 @@ eld_status_t eld_kernel_name(char *name,
                              size_t name_bytes);
 
 /**
- * Judges a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
+ * Validates a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
  */
 eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_info_t *info);
 
 /**
- * Judges a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
+ * Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
  * more; the model is read in place, and lent as long. Writes the context to `*context`; NULL if refused, and then `memory` is as it was.
  */
 eld_status_t eld_init(void *memory,
@@ -426,7 +426,7 @@ eld_status_t eld_init(void *memory,
                       eld_context_t **context);
 
 /**
- * Judges and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
+ * Validates and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
  * when this returns. A tile in progress is dropped, with a notice; if the new one is refused, the old one goes on.
  */
 eld_status_t eld_begin(eld_context_t *context,

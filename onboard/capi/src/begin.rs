@@ -1,4 +1,4 @@
-//! Beginning a tile: everything about it is judged before anything changes.
+//! Beginning a tile: everything about it is validated before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
 use crate::record::{Record, SELF_TEST, TILE};
@@ -61,9 +61,9 @@ fn half_begun(record: &mut Record, status: eld_status_t) {
 }
 
 fn keep(record: &mut Record, scale: &TileScale) {
-    let TileScale { elevation, turn } = scale;
+    let TileScale { elevation, mirror } = scale;
     record.scale_bits = [elevation.min_m(), elevation.relief_m(), elevation.nr()].map(f32::to_bits);
-    record.turn = turn.rows as u32 | (turn.cols as u32) << 1;
+    record.mirror = mirror.rows as u32 | (mirror.cols as u32) << 1;
 }
 
 /// Begins the self test's tile.
@@ -87,7 +87,7 @@ fn tile_status(error: TileError) -> eld_status_t {
         TileError::Norm(NormError::TooFewValid { .. }) => ELD_REFUSED_TILE_MASKED,
         TileError::Norm(NormError::ConstantImage) => ELD_REFUSED_TILE_CONSTANT_IMAGE,
         TileError::Norm(NormError::Relief { .. } | NormError::Margin { .. }) => ELD_REFUSED_TILE_NO_RELIEF,
-        // Of the header, which was judged.
+        // Of the header, which was validated.
         TileError::Norm(NormError::Range { .. }) => ELD_FAULT_MODEL_CHANGED,
     }
 }

@@ -1,4 +1,4 @@
-//! A context for the length of a call: opened, judged and repaired at its start, written back at its end.
+//! A context for the length of a call: opened, validated and repaired at its start, written back at its end.
 
 use crate::record::{EMPTY, Record};
 use crate::sealed::{self, Head};
@@ -44,7 +44,7 @@ impl<'h> Context<'h> {
         if context.record.busy != 0 { Err(context.close(Err(ELD_FAULT_INTERRUPTED))) } else { Ok(context) }
     }
 
-    /// The model, if it is still the one that was judged.
+    /// The model, if it is still the one that was validated.
     pub(crate) fn model<'m>(&self, bytes: &'m [u8]) -> Result<Model<'m>, eld_status_t> {
         Model::reopen(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
     }
@@ -85,7 +85,7 @@ impl<'h> Context<'h> {
     /// Whether a tile is at work.
     pub(crate) fn at_work(&self) -> bool {
         let phase = self.record.suspended.phase;
-        self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::JUDGING)
+        self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING)
     }
 
     /// Whether the tile `whose` is finished.

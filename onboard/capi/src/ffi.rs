@@ -1,4 +1,4 @@
-//! The functions C calls, and the only `unsafe`: pointers and lengths are judged and become slices here, the work is done elsewhere.
+//! The functions C calls, and the only `unsafe`: pointers and lengths are validated and become slices here, the work is done elsewhere.
 //!
 //! # What every caller promises
 //! Nothing that C could check for itself is taken on trust: NULL, alignment, lengths that wrap, overlaps and the order of calls get a
@@ -23,6 +23,7 @@ use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
 use elunar_core::nn::{Kernel, Model, TileInput, TileLight, file};
+use elunar_core::tile::Shape;
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
@@ -122,7 +123,7 @@ unsafe fn with_model(
     let memory = context.cast::<u8>();
     let work = |context: &mut Context<'_>| {
         let (model, model_bytes) = (context.record.model as usize, context.record.verdict.file_bytes as usize);
-        // SAFETY: the address and length that `eld_init` judged, sealed since; that the model still lives is the caller's promise.
+        // SAFETY: the address and length that `eld_init` validated, sealed since; that the model still lives is the caller's promise.
         let bytes = unsafe { slice(core::ptr::with_exposed_provenance::<u8>(model), model_bytes) }?;
         let model = context.model(bytes)?;
         let layout = Layout::of(&model).filter(|layout| layout.bytes() as u64 == context.record.home_bytes);
@@ -195,7 +196,7 @@ pub unsafe extern "C" fn eld_kernel_name(name: *mut c_char, name_bytes: usize) -
     ELD_OK
 }
 
-/// Judges a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
+/// Validates a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_model_check(
     model: *const c_void,
@@ -209,14 +210,14 @@ pub unsafe extern "C" fn eld_model_check(
         // SAFETY: the caller's promise.
         let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
         let (model, layout) = info::open(bytes)?;
-        // SAFETY: judged by `structure`.
+        // SAFETY: validated by `structure`.
         unsafe { info.write(info::info(&model, &layout, asked.struct_bytes)) };
         Ok(ELD_OK)
     };
     status_of(check())
 }
 
-/// Judges a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
+/// Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
 /// more; the model is read in place, and lent as long. Writes the context to `*context`; NULL if refused, and then `memory` is as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_init(
@@ -238,7 +239,7 @@ pub unsafe extern "C" fn eld_init(
         }
         // SAFETY: the caller's promise.
         let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
-        let (judged, layout) = info::open(bytes)?;
+        let (validated, layout) = info::open(bytes)?;
         if memory_bytes < layout.bytes() {
             return Err(ELD_REFUSED_MEMORY_SHORT);
         }
@@ -249,7 +250,7 @@ pub unsafe extern "C" fn eld_init(
             home: memory.expose_provenance() as u64,
             home_bytes: layout.bytes() as u64,
             model: model.expose_provenance() as u64,
-            verdict: judged.verdict(),
+            verdict: validated.verdict(),
             ..Record::default()
         };
         // SAFETY: the layout is longer than the head; `Head` is an array of bytes; not shared is the caller's promise.
@@ -261,14 +262,14 @@ pub unsafe extern "C" fn eld_init(
     status_of(init())
 }
 
-/// Judges and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
+/// Validates and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
 /// when this returns. A tile in progress is dropped, with a notice; if the new one is refused, the old one goes on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld_tile_t) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
         // SAFETY: the caller's promise.
         let tile = unsafe { structure(tile) }?;
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let masked = !tile.valid.is_null() || tile.valid_len != 0;
         let lengths = [tile.image_len, tile.coarse_len, if masked { tile.valid_len } else { rows * cols }];
         let mut maps = [span(tile.image, tile.image_len)?, span(tile.coarse_m, tile.coarse_len)?, 0..0];
@@ -329,7 +330,7 @@ pub unsafe extern "C" fn eld_output(
     valid_len: usize,
 ) -> eld_status_t {
     let output = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let masked = !valid.is_null() || valid_len != 0;
         let heights = span(heights_m, heights_len)?;
         apart_from_ours(&context.record, &heights)?;
@@ -383,7 +384,7 @@ pub unsafe extern "C" fn eld_telemetry(context: *mut eld_context_t, out: *mut el
         // SAFETY: the caller's promise.
         let asked = unsafe { structure(out) }?;
         apart_from_ours(&context.record, &span(out, 1)?)?;
-        // SAFETY: judged by `structure`.
+        // SAFETY: validated by `structure`.
         unsafe { out.write(run::telemetry(&context.record, asked.struct_bytes)) };
         Ok(ELD_OK)
     };

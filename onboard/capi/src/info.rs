@@ -8,8 +8,9 @@ use crate::types::{
 };
 use elunar_core::nn::file::{Operator, VERSION, u32_at, word};
 use elunar_core::nn::{Illumination, Model, ModelError, TruthRange};
+use elunar_core::tile::Shape;
 
-/// Judges a file.
+/// Validates a file.
 ///
 /// # Errors
 /// The status of the first thing wrong with it.
@@ -19,9 +20,9 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Model<'_>, Layout), eld_status_t> {
     Ok((model, layout))
 }
 
-/// What a judged model is and needs.
+/// What a validated model is and needs.
 pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld_model_info_t {
-    let ((rows, cols), (_, self_test_crc)) = (model.tile(), model.self_test());
+    let (Shape { rows, cols }, (_, self_test_crc)) = (model.tile(), model.self_test());
     eld_model_info_t {
         struct_bytes,
         format_version: VERSION,

@@ -7,6 +7,7 @@
 use crate::sealed::HEAD_BYTES;
 use core::ops::Range;
 use elunar_core::nn::{Model, required};
+use elunar_core::tile::Shape;
 
 /// Alignment of the lent memory, bytes: an array of `uint64_t` has it everywhere.
 pub(crate) const ALIGN_BYTES: usize = 8;
@@ -27,7 +28,7 @@ pub(crate) struct Layout {
 impl Layout {
     /// The layout for a model, unless this machine cannot address it.
     pub(crate) fn of(model: &Model<'_>) -> Option<Self> {
-        let (rows, cols) = model.tile();
+        let Shape { rows, cols } = model.tile();
         let behind = |end: usize, bytes: usize| {
             let start = end.checked_next_multiple_of(LINE_BYTES)?;
             let end = start.checked_add(bytes).filter(|end| *end <= isize::MAX as usize)?;

@@ -10,7 +10,7 @@
 //!
 //! In the order a call meets them:
 //!
-//! 1. [`ffi`] judges pointers and lengths and turns them into slices: the only functions C sees, the only `unsafe`.
+//! 1. [`ffi`] validates pointers and lengths and turns them into slices: the only functions C sees, the only `unsafe`.
 //! 2. [`sealed`](mod@sealed) reads the context: plain numbers ([`record`](mod@record)), kept twice, each copy under a checksum.
 //! 3. [`layout`](mod@layout) says where things lie in the lent memory.
 //! 4. [`begin`](mod@begin) and [`run`](mod@run) rebuild a runner for the length of the call and put it aside again.

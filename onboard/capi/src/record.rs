@@ -29,7 +29,7 @@ pub(crate) struct Record {
     pub(crate) suspended: Suspended,
     /// The way back to metres: bits of the lowest height, the relief and NR; mirrored rows (1) and columns (2).
     pub(crate) scale_bits: [u32; 3],
-    pub(crate) turn: u32,
+    pub(crate) mirror: u32,
     /// Pixels whose heights mean something, and the checksum of the bits that say which.
     pub(crate) valid_px: u32,
     pub(crate) validity_crc: u32,
@@ -70,7 +70,7 @@ impl Record {
             pair(at.phase, at.entry),
             pair(at.step, at.unit),
             pair(at.scrub_chunk, at.scrub_offset),
-            pair(at.scrub_crc, self.turn),
+            pair(at.scrub_crc, self.mirror),
             pair(min, relief),
             pair(nr, self.valid_px),
             pair(self.validity_crc, self.repairs_untold),
@@ -129,7 +129,7 @@ impl Record {
         let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, ..] = rest;
         let ([header_crc, file_bytes], [scratch_offset, scratch_bytes]) = (halves(identity), halves(scratch));
         let ([tile, busy], [phase, entry], [step, unit]) = (halves(tile), halves(place), halves(step));
-        let ([scrub_chunk, scrub_offset], [scrub_crc, turn]) = (halves(chunk), halves(crc));
+        let ([scrub_chunk, scrub_offset], [scrub_crc, mirror]) = (halves(chunk), halves(crc));
         let ([min, relief], [nr, valid_px], [validity_crc, repairs_untold]) =
             (halves(range), halves(nr), halves(validity));
         let telemetry = Telemetry {
@@ -164,7 +164,7 @@ impl Record {
                 telemetry,
             },
             scale_bits: [min, relief, nr],
-            turn,
+            mirror,
             valid_px,
             validity_crc,
             calls,

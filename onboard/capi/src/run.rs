@@ -1,4 +1,4 @@
-//! Working on a tile, reading it, judging the self test, and looking the model over.
+//! Working on a tile, reading it, checking the self test, and looking the model over.
 
 use crate::context::{Context, Lent, Outcome};
 use crate::record::{EMPTY, Record, SELF_TEST, TILE};
@@ -10,7 +10,7 @@ use crate::types::{
 use crate::validity;
 use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended, TileScale};
-use elunar_core::norm::{ElevationScale, Turn};
+use elunar_core::norm::{ElevationScale, Mirror};
 
 /// The runner as the record left it.
 ///
@@ -54,22 +54,22 @@ pub(crate) fn output(
     }
     let [min_m, relief_m, nr] = context.record.scale_bits.map(f32::from_bits);
     let elevation = ElevationScale::from_parts(min_m, relief_m, nr).map_err(|_| ELD_FAULT_RUN)?;
-    let turn = Turn { rows: context.record.turn & 1 != 0, cols: context.record.turn & 2 != 0 };
+    let mirror = Mirror { rows: context.record.mirror & 1 != 0, cols: context.record.mirror & 2 != 0 };
     let runner = runner(&context.record, model, lent.arena)?;
-    runner.heights(&TileScale { elevation, turn }, heights_m).map_err(run_status)?;
+    runner.heights(&TileScale { elevation, mirror }, heights_m).map_err(run_status)?;
     if let Some(valid) = valid {
         validity::unpack(lent.validity, valid);
     }
     Ok(ELD_OK)
 }
 
-/// Judges the finished self test.
+/// Checks the finished self test.
 pub(crate) fn check_self_test(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>) -> Outcome {
     context.finished(SELF_TEST)?;
     let mut runner = runner(&context.record, model, lent.arena)?;
-    let judged = runner.check_self_test();
+    let checked = runner.check_self_test();
     context.record.suspended = runner.suspend();
-    judged.map(|()| ELD_OK).map_err(run_status)
+    checked.map(|()| ELD_OK).map_err(run_status)
 }
 
 /// Looks over `max_bytes` of the model, whatever the tile's place in it has become.
@@ -126,7 +126,7 @@ pub(crate) fn run_status(error: RunError) -> eld_status_t {
         RunError::SelfTest { .. } => ELD_FAULT_SELF_TEST,
         RunError::ModelChanged { .. } | RunError::ProgramChanged { .. } => ELD_FAULT_MODEL_CHANGED,
         RunError::DataChanged { .. } => ELD_FAULT_DATA_CHANGED,
-        // Memory, samples and order are judged before the runner is asked.
+        // Memory, samples and order are validated before the runner is asked.
         RunError::ArenaTooSmall { .. } | RunError::NotFinite { .. } | RunError::State => ELD_FAULT_RUN,
     }
 }

@@ -59,7 +59,7 @@ pub struct Known {
     pub text: &'static CStr,
 }
 
-/// The text of a literal that ends with NUL; judged by the compiler.
+/// The text of a literal that ends with NUL; checked by the compiler.
 const fn c_text(text: &'static str) -> &'static CStr {
     match CStr::from_bytes_with_nul(text.as_bytes()) {
         Ok(text) => text,

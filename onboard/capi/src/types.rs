@@ -36,7 +36,7 @@ pub const ELD_PHASE_TILE: u32 = 1;
 pub const ELD_PHASE_TILE_DONE: u32 = 2;
 /// Phase: the self test is at work.
 pub const ELD_PHASE_SELF_TEST: u32 = 3;
-/// Phase: the self test is finished and can be judged.
+/// Phase: the self test is finished and can be checked.
 pub const ELD_PHASE_SELF_TEST_DONE: u32 = 4;
 
 /// What a model is and needs. All sizes are exact.

@@ -28,21 +28,21 @@ fn includes() -> Vec<String> {
     folders.iter().flat_map(|folder| ["-I".to_string(), folder.display().to_string()]).collect()
 }
 
-/// Slope and roughness as `elunar_app_hazard.c` describes them, with the table's limits: pixels judged, hazards.
+/// Slope and roughness as `elunar_app_hazard.c` describes them, with the table's limits: pixels classified, hazards.
 fn hazards(heights_m: &[f32], valid: &[u8]) -> (usize, usize) {
     let (max_slope, max_roughness_m, pixel_m) = (0.2679f32, 0.5f32, 2.0f32);
-    let (mut judged, mut found) = (0, 0);
+    let (mut classified, mut found) = (0, 0);
     for at in (1..ROWS - 1).flat_map(|row| (1..COLS - 1).map(move |col| row * COLS + col)) {
         let cross = [at, at - 1, at + 1, at - COLS, at + COLS];
         if cross.iter().all(|i| valid[*i] == 1) {
             let [z, left, right, above, below] = cross.map(|i| heights_m[i]);
             let (dx, dy) = ((right - left) / (2.0 * pixel_m), (below - above) / (2.0 * pixel_m));
             let rough = z - 0.25 * (left + right + above + below);
-            judged += 1;
+            classified += 1;
             found += usize::from(dx * dx + dy * dy > max_slope * max_slope || rough.abs() > max_roughness_m);
         }
     }
-    (judged, found)
+    (classified, found)
 }
 
 #[test]
@@ -83,12 +83,13 @@ fn the_application_computes_what_rust_computes() {
     let ids: Vec<u32> =
         said.lines().filter_map(|line| line.strip_prefix("event ")?.split_once(' ')?.0.parse().ok()).collect();
     assert_eq!(ids, [1, 2, 6, 5, 4, 15, 18, 9, 16, 12, 13, 6, 11, 19, 18, 17, 18, 8, 3]);
-    let (judged, found) = hazards(&heights_m, &valid);
-    assert!(found > 0 && found < judged, "{found} of {judged}: nothing is shown");
+    let (classified, found) = hazards(&heights_m, &valid);
+    assert!(found > 0 && found < classified, "{found} of {classified}: nothing is shown");
     let packets: Vec<&str> = said.lines().filter(|line| line.starts_with("hk ")).collect();
-    let counted = format!("tiles 2 written 1 dropped 0 judged {judged} hazards {found} scrub passes 0 faults 0 status");
+    let counted =
+        format!("tiles 2 written 1 dropped 0 classified {classified} hazards {found} scrub passes 0 faults 0 status");
     assert!(packets[0].starts_with(&format!("hk commands 2 errors 5 state 3 {counted}")), "{}", packets[0]);
-    let counted = format!("tiles 4 written 1 dropped 0 judged {judged} hazards {found}");
+    let counted = format!("tiles 4 written 1 dropped 0 classified {classified} hazards {found}");
     assert!(packets[1].starts_with(&format!("hk commands 4 errors 6 state 3 {counted}")), "{}", packets[1]);
     assert!(
         packets[2].starts_with("hk commands 0 errors 0 state 3 ")

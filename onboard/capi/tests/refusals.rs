@@ -24,8 +24,8 @@ fn init(memory: *mut u64, bytes: usize, model: &[u8]) -> eld_status_t {
     status
 }
 
-/// Whether a model with changes is refused as it should be, by both functions that judge it.
-fn judged(model: &[u8]) -> eld_status_t {
+/// Whether a model with changes is refused as it should be, by both functions that validate it.
+fn validated(model: &[u8]) -> eld_status_t {
     let mut memory = vec![7u64; 200_000];
     let checked = info(model).unwrap_err();
     assert_eq!(init(memory.as_mut_ptr(), 8 * memory.len(), model), checked);
@@ -228,9 +228,9 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_NO_TILE, "step before begin", || Context::new(nano()).step(1)),
     (ELD_REFUSED_NO_TILE, "output before begin", || Context::new(nano()).output().unwrap_err()),
-    (ELD_REFUSED_NO_TILE, "self test judged before it began", || Context::new(nano()).self_test_check()),
+    (ELD_REFUSED_NO_TILE, "self test checked before it began", || Context::new(nano()).self_test_check()),
     (ELD_REFUSED_NOT_DONE, "output before done", || begun().output().unwrap_err()),
-    (ELD_REFUSED_NOT_DONE, "self test judged before done", || {
+    (ELD_REFUSED_NOT_DONE, "self test checked before done", || {
         let mut context = Context::new(nano());
         context.self_test_begin();
         context.self_test_check()
@@ -254,40 +254,40 @@ const CASES: &[Case] = &[
         let mut memory = vec![0u64; 1_000_000];
         init(memory.as_mut_ptr().wrapping_byte_add(4), 7_000_000, nano())
     }),
-    (ELD_REFUSED_MODEL_MAGIC, "another file", || judged(b"\x89PNG\r\n\x1a\n and so on")),
-    (ELD_REFUSED_MODEL_MAGIC, "nothing", || judged(&[])),
-    (ELD_REFUSED_MODEL_VERSION, "a later version", || judged(&changed(|m| set(m, word::VERSION, 99)))),
+    (ELD_REFUSED_MODEL_MAGIC, "another file", || validated(b"\x89PNG\r\n\x1a\n and so on")),
+    (ELD_REFUSED_MODEL_MAGIC, "nothing", || validated(&[])),
+    (ELD_REFUSED_MODEL_VERSION, "a later version", || validated(&changed(|m| set(m, word::VERSION, 99)))),
     (ELD_REFUSED_MODEL_ENDIANNESS, "words swapped", || {
         let swapped: Vec<u8> =
             nano()[8..].as_chunks::<4>().0.iter().flat_map(|[a, b, c, d]| [*d, *c, *b, *a]).collect();
-        judged(&[&nano()[..8], &swapped].concat())
+        validated(&[&nano()[..8], &swapped].concat())
     }),
-    (ELD_REFUSED_MODEL_LENGTH, "cut short", || judged(&nano()[..nano().len() - 1])),
+    (ELD_REFUSED_MODEL_LENGTH, "cut short", || validated(&nano()[..nano().len() - 1])),
     (ELD_REFUSED_MODEL_HEADER_CHECKSUM, "a header bit flips", || {
         let mut model = nano().to_vec();
         model[4 * word::NR] ^= 1;
-        judged(&model)
+        validated(&model)
     }),
     (ELD_REFUSED_MODEL_CHECKSUM, "a weight's bit flips", || {
         let mut model = nano().to_vec();
         model[3_000_000] ^= 0x40;
-        judged(&model)
+        validated(&model)
     }),
-    (ELD_REFUSED_MODEL_HEADER, "a negative range", || judged(&changed(|m| set(m, word::NR, (-50f32).to_bits())))),
+    (ELD_REFUSED_MODEL_HEADER, "a negative range", || validated(&changed(|m| set(m, word::NR, (-50f32).to_bits())))),
     (ELD_REFUSED_MODEL_TENSOR, "a tensor of rubbish", || {
-        judged(&changed(|m| {
+        validated(&changed(|m| {
             let at = header(m, word::TENSORS);
             m[at..at + 32].fill(0xff);
         }))
     }),
     (ELD_REFUSED_MODEL_OPERATOR, "an operator of rubbish", || {
-        judged(&changed(|m| {
+        validated(&changed(|m| {
             let at = header(m, word::OPERATORS);
             m[at..at + 32].fill(0xff);
         }))
     }),
     (ELD_REFUSED_MODEL_SCHEDULE, "a schedule of nothing", || {
-        judged(&changed(|m| {
+        validated(&changed(|m| {
             let at = header(m, word::SCHEDULE);
             let bytes = ENTRY_BYTES * header(m, word::SCHEDULE + 1);
             m[at..at + bytes].fill(0);

@@ -116,9 +116,9 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
     if (!IsOrigination) Fail("housekeeping originates here");
     memcpy(&Packet, (const void *)MsgPtr, sizeof Packet);
     Packets++;
-    printf("hk commands %u errors %u state %u tiles %lu written %u dropped %u judged %u hazards %u scrub passes %lu faults %lu status 0x%08lx\n",
+    printf("hk commands %u errors %u state %u tiles %lu written %u dropped %u classified %u hazards %u scrub passes %lu faults %lu status 0x%08lx\n",
            Packet.Payload.CommandCounter, Packet.Payload.CommandErrorCounter, Packet.Payload.State, (unsigned long)Packet.Payload.Tiles,
-           (unsigned)Packet.Payload.TilesWritten, (unsigned)Packet.Payload.TilesDropped, (unsigned)Packet.Payload.JudgedPx,
+           (unsigned)Packet.Payload.TilesWritten, (unsigned)Packet.Payload.TilesDropped, (unsigned)Packet.Payload.ClassifiedPx,
            (unsigned)Packet.Payload.HazardPx, (unsigned long)Packet.Payload.ScrubPasses, (unsigned long)Packet.Payload.Faults,
            (unsigned long)Packet.Payload.LastStatus);
     return CFE_SUCCESS;

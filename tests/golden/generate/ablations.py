@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from safetensors.torch import save_file
 
-import judge
+import scores
 import mini
 import modules
 
@@ -47,8 +47,8 @@ def main(path):
     tensors |= {f"trace.{name}": value for name, value in maps.items()}
     metadata = {
         "config": CONFIG,
-        "loss_terms": judge.loss_terms(truth, output),
-        "metrics": judge.metrics(truth, output),
+        "loss_terms": scores.loss_terms(truth, output),
+        "metrics": scores.metrics(truth, output),
     }
     metadata = {key: json.dumps(value) for key, value in metadata.items()}
     save_file({name: t.contiguous() for name, t in tensors.items()}, path, metadata=metadata)

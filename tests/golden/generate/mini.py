@@ -14,7 +14,7 @@ import torch
 from safetensors.torch import save_file
 
 import float_net
-import judge
+import scores
 
 CONFIG = {
     "embed": 6,
@@ -82,8 +82,8 @@ def main(path):
     tensors |= {f"trace.{name}": value for name, value in maps.items()}
     metadata = {
         "config": CONFIG,
-        "loss_terms": judge.loss_terms(truth, output),
-        "metrics": judge.metrics(truth, output),
+        "loss_terms": scores.loss_terms(truth, output),
+        "metrics": scores.metrics(truth, output),
     }
     metadata = {key: json.dumps(value) for key, value in metadata.items()}
     save_file({name: t.contiguous() for name, t in tensors.items()}, path, metadata=metadata)

@@ -89,7 +89,7 @@ pub fn mutated_model(patches: &[u8]) -> bool {
     run(&mutated(patches))
 }
 
-/// The model that [`mutated_model`] judges.
+/// The model that [`mutated_model`] validates.
 pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
     let mut reader = Reader(patches);
     let models = sound_models();

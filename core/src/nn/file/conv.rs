@@ -1,4 +1,4 @@
-//! The record of a convolution, and the sets of filters of one that contains an enlargement.
+//! The record of a convolution, and the sets of filters of one that contains an upsampling.
 
 use super::count::at_least_one;
 
@@ -12,7 +12,7 @@ use super::count::at_least_one;
 /// consecutive samples of a kernel row (`kernel columns * channels`, filled up with zeros), a panel some output channels
 /// (see [`super::panels`]), filled up with zeros.
 ///
-/// With `fold` the operator is "enlarge twofold by bilinear interpolation, then convolve 5x5 with zero padding", computed on the
+/// With `fold` the operator is "upsample twofold by bilinear interpolation, then convolve 5x5 with zero padding", computed on the
 /// small map: a row of the small map gives two rows of the output, and every output phase has a filter of its own ([`Phase`]). A pixel
 /// whose row or column has a correction adds up to four variants, weights and biases: (filter, filter), (correction, filter),
 /// (filter, correction), (correction, correction).
@@ -38,7 +38,7 @@ pub struct Conv {
     /// Output rows per step (with `fold`, rows of the small map): with several, weights that no cache holds are fetched once for all
     /// of them.
     pub block: usize,
-    /// Twofold enlargement contained in the weights.
+    /// Twofold upsampling contained in the weights.
     pub fold: bool,
     /// Constants: i8 weights.
     pub weights: usize,
@@ -98,7 +98,7 @@ impl Conv {
 
 /// What one output row (or column) of a folded convolution reads of the small map.
 ///
-/// The enlarged map's sample 2i is 3/4 of sample i and 1/4 of its predecessor, sample 2i+1 is 3/4 of i and 1/4 of its successor.
+/// The upsampled map's sample 2i is 3/4 of sample i and 1/4 of its predecessor, sample 2i+1 is 3/4 of i and 1/4 of its successor.
 /// Five of them are four samples of the small map, its border repeated. So even outputs have one filter and odd ones another. At
 /// the border they see the border sample where the 5x5 convolution has its zero padding: the two outermost outputs on each side
 /// take that off again by a correction of one tap.

@@ -1,7 +1,7 @@
 //! The record of an operator, as the file holds it and as the runner uses it.
 //!
 //! Four operators carry the whole network and its ablations: a convolution that reads two tensors side by side (so concatenation costs
-//! nothing), adds another tensor, clamps and maps through a table, and can contain the bilinear enlargement before it; the enlargement by
+//! nothing), adds another tensor, clamps and maps through a table, and can contain the bilinear upsampling before it; the upsampling by
 //! itself; a layer norm that can gather 2x2 neighbours (patch merging); and window attention. What their steps read, write and cost:
 //! `ops/`.
 
@@ -9,14 +9,14 @@ use super::bytes::{i64_at, u32_at};
 use super::error::OperatorFault;
 use super::layout::NONE;
 use super::seal::{seal_record, sealed};
-use super::{Attention, Conv, Enlarge, LayerNorm};
+use super::{Attention, Conv, LayerNorm, Upsample2};
 
 /// Bytes of an operator record.
 pub const OPERATOR_BYTES: usize = 96;
 const KIND_CONV: u32 = 1;
 const KIND_LAYER_NORM: u32 = 2;
 const KIND_ATTENTION: u32 = 3;
-const KIND_ENLARGE: u32 = 4;
+const KIND_UPSAMPLE: u32 = 4;
 
 /// One operator of the program.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +27,8 @@ pub enum Operator {
     LayerNorm(LayerNorm),
     /// Window attention.
     Attention(Attention),
-    /// Bilinear enlargement.
-    Enlarge(Enlarge),
+    /// Bilinear upsampling.
+    Upsample2(Upsample2),
 }
 
 impl Operator {
@@ -90,7 +90,7 @@ impl Operator {
                 multipliers: size(12),
                 shift: word(13),
             }),
-            KIND_ENLARGE => Self::Enlarge(Enlarge { out: word(1), input: word(2) }),
+            KIND_UPSAMPLE => Self::Upsample2(Upsample2 { out: word(1), input: word(2) }),
             _ => return Err(OperatorFault::Kind),
         })
     }
@@ -144,7 +144,7 @@ impl Operator {
                 a.multipliers as u32,
                 a.shift,
             ]]),
-            Self::Enlarge(e) => filled(&[&[KIND_ENLARGE, e.out, e.input]]),
+            Self::Upsample2(e) => filled(&[&[KIND_UPSAMPLE, e.out, e.input]]),
         };
         words.iter_mut().zip(fields).for_each(|(word, field)| *word = field);
         let mut record = [0; OPERATOR_BYTES];
@@ -159,7 +159,7 @@ impl Operator {
             Self::Conv(c) => c.out,
             Self::LayerNorm(n) => n.out,
             Self::Attention(a) => a.out,
-            Self::Enlarge(e) => e.out,
+            Self::Upsample2(e) => e.out,
         }
     }
 
@@ -169,7 +169,7 @@ impl Operator {
             Self::Conv(c) => [Some(c.first), c.second, c.add],
             Self::LayerNorm(n) => [Some(n.input), None, None],
             Self::Attention(a) => [Some(a.input), None, None],
-            Self::Enlarge(e) => [Some(e.input), None, None],
+            Self::Upsample2(e) => [Some(e.input), None, None],
         }
     }
 
@@ -181,7 +181,7 @@ impl Operator {
             Self::LayerNorm(n) if n.merge == 2 => "merge-norm",
             Self::LayerNorm(_) => "layer-norm",
             Self::Attention(_) => "attention",
-            Self::Enlarge(_) => "enlarge",
+            Self::Upsample2(_) => "upsampling",
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Bytes that are laid out as a model file. Judges integrity, not meaning.
+//! Bytes that are laid out as a model file. Validates integrity, not meaning.
 
 use super::bytes::u32_at;
 use super::error::ModelError;
@@ -7,14 +7,14 @@ use crate::nn::crc::crc32c;
 use crate::nn::sum::sum;
 use crate::part::{head, part};
 
-/// Bytes that carry a valid header; the chunks are not judged until [`RawModel::verify`].
+/// Bytes that carry a valid header; the chunks are not validated until [`RawModel::verify`].
 #[derive(Debug, Clone, Copy)]
 pub struct RawModel<'a> {
     bytes: &'a [u8],
 }
 
 impl<'a> RawModel<'a> {
-    /// Judges magic, version, length and the header's checksum.
+    /// Validates magic, version, length and the header's checksum.
     ///
     /// # Errors
     /// The first of them that fails.
@@ -92,7 +92,7 @@ impl<'a> RawModel<'a> {
         self.bytes
     }
 
-    /// Judges every checksum.
+    /// Validates every checksum.
     ///
     /// # Errors
     /// [`ModelError::ChunkChecksum`] for the first that does not match.

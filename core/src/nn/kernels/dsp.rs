@@ -9,7 +9,7 @@
 //! ```
 #![allow(unsafe_code)]
 
-use super::finish::{Finish, Target};
+use super::requantise::{Requantise, Target};
 use super::{Accumulators, Isa, Patch};
 use core::arch::asm;
 
@@ -25,8 +25,8 @@ impl Isa for Dsp {
     }
 
     #[inline(always)]
-    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-        finish.by_channels(bytes, acc, target)
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        requantise.by_channels(bytes, acc, target)
     }
 }
 

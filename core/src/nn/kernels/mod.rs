@@ -15,13 +15,12 @@
 //! because dot-product instructions take four products at a time. There is no unfolded copy of the input ("im2col"): a row of
 //! a convolution's patch is contiguous in the arena, so the kernel walks `starts`.
 //!
-//! The rest ([`finish`]: rounding; [`layer_norm`]; [`softmax`]) is specified by the `portable` body beside each job, Rust that the compiler
+//! The rest ([`requantise`]: rounding; [`layer_norm`]; [`softmax`]) is specified by the `portable` body beside each job, Rust that the compiler
 //! turns into vector instructions: on x86 it is compiled once per instruction set (`nn/dispatch`), elsewhere for the target. A kernel may put its
 //! own in the place of any part ([`Isa`]), as AVX-512 does; the bytes are the same.
 
 #[cfg(arm_dsp)]
 pub(super) mod dsp;
-pub(super) mod finish;
 #[cfg(arm_mve)]
 pub(super) mod helium;
 pub(super) mod layer_norm;
@@ -29,6 +28,7 @@ pub(super) mod layer_norm;
 pub(super) mod neon;
 #[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
 pub(super) mod neon_dot;
+pub(super) mod requantise;
 pub(super) mod scalar;
 pub(super) mod softmax;
 #[cfg(target_arch = "x86_64")]
@@ -38,7 +38,7 @@ pub(super) mod x86_avx512;
 
 use super::panels::PANEL;
 use crate::part::head_mut;
-use finish::{Finish, Target};
+use requantise::{Requantise, Target};
 use softmax::Softmax;
 
 /// Accumulators of one call: pixels times panel width.
@@ -96,10 +96,10 @@ pub(crate) trait Isa {
         Self::gemm(acc, pixels, patch, weights, width);
     }
 
-    /// Turns accumulators into codes and stores them in the arena; returns how many were cut. As [`Finish::portable`].
+    /// Turns accumulators into codes and stores them in the arena; returns how many were cut. As [`Requantise::portable`].
     #[inline(always)]
-    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-        finish.portable(bytes, acc, target)
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        requantise.portable(bytes, acc, target)
     }
 
     /// Exponentials of one query as two planes, 0 behind the last key; returns their sum. As [`Softmax::portable`].

@@ -7,7 +7,7 @@
 //!         sum[p][c] += x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]
 //! ```
 
-use super::finish::{Finish, Target};
+use super::requantise::{Requantise, Target};
 use super::{Accumulators, Isa, Patch};
 use crate::part::part_mut;
 
@@ -36,12 +36,12 @@ impl Isa for Scalar {
     }
 
     #[inline(always)]
-    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // The compiler knows the vectors of these two.
         if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
-            finish.portable(bytes, acc, target)
+            requantise.portable(bytes, acc, target)
         } else {
-            finish.by_channels(bytes, acc, target)
+            requantise.by_channels(bytes, acc, target)
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A model file that can only hold what is legal: everything is judged once, before the first step (`validate/`). This is the view of it.
+//! A model file that can only hold what is legal: everything is validated once, before the first step (`validate/`). This is the view of it.
 
 mod validate;
 mod verdict;
@@ -14,6 +14,7 @@ use super::maps::InputRules;
 use super::ops::{Constants, Prepared};
 use super::tensor::Tensor;
 use crate::photoclinometry::Photoclinometry;
+use crate::tile::Shape;
 
 /// A validated model, borrowing the file's bytes. Holding one proves that every operator stays inside its tensors, constants
 /// and accumulators, and that no tensor is read before it is written or after it is overwritten.
@@ -32,7 +33,7 @@ pub struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// Judges a file: integrity first, then every record. Takes time proportional to the file, and no memory.
+    /// Validates a file: integrity first, then every record. Takes time proportional to the file, and no memory.
     ///
     /// # Errors
     /// The first violation found.
@@ -40,11 +41,11 @@ impl<'a> Model<'a> {
         let raw = RawModel::new(bytes)?;
         raw.verify()?;
         let mut model = Self::open(raw)?;
-        validate::judge(&mut model)?;
+        validate::validate(&mut model)?;
         Ok(model)
     }
 
-    /// Finds the sections, and judges nothing in them.
+    /// Finds the sections, and validates nothing in them.
     fn open(raw: RawModel<'a>) -> Result<Self, ModelError> {
         let count = |index: usize| raw.word(index) as usize;
         if count(word::TENSORS + 1) > MAX_RECORDS || !(1..=MAX_RECORDS).contains(&count(word::OPERATORS + 1)) {
@@ -66,9 +67,9 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// Tile rows and columns.
-    pub fn tile(&self) -> (usize, usize) {
-        (self.raw.word(word::TILE) as usize, self.raw.word(word::TILE + 1) as usize)
+    /// Shape of the tile.
+    pub fn tile(&self) -> Shape {
+        Shape::new(self.raw.word(word::TILE) as usize, self.raw.word(word::TILE + 1) as usize)
     }
 
     /// Upper end of the normalised elevation range, NR (Eq. 1).
@@ -232,7 +233,7 @@ impl<'a> Model<'a> {
         Prepared { operator: *operator, out: self.tensor(operator.output()), inputs }
     }
 
-    /// Multiply-accumulates of one unit of one step (a layer norm counts four per sample, an enlargement eight).
+    /// Multiply-accumulates of one unit of one step (a layer norm counts four per sample, an upsampling eight).
     pub fn unit_macs(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
         self.prepared(operator).unit_macs(step, unit)
     }

@@ -1,11 +1,11 @@
-//! A model opened again without being judged anew.
+//! A model opened again without being validated anew.
 
 use super::Model;
 use crate::nn::file::{ModelError, RawModel, word};
 #[cfg(doc)]
 use crate::nn::runner::Runner;
 
-/// What judging a model file found, and what binds it to that file.
+/// What validating a model file found, and what binds it to that file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Verdict {
     /// Checksum of the header, which holds that of the list of checksums, which holds those of all other bytes.
@@ -35,11 +35,11 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// The model of a file that was judged before. Reads its header, not its body: bytes that have changed there since are found by
+    /// The model of a file that was validated before. Reads its header, not its body: bytes that have changed there since are found by
     /// [`Runner::scrub`], and kernels bound their accesses themselves.
     ///
     /// # Errors
-    /// As [`Self::new`], of the header; [`ModelError::HeaderChecksum`] if it is not the one that was judged.
+    /// As [`Self::new`], of the header; [`ModelError::HeaderChecksum`] if it is not the one that was validated.
     pub fn reopen(bytes: &'a [u8], verdict: &Verdict) -> Result<Self, ModelError> {
         let mut model = Self::open(RawModel::new(bytes)?)?;
         model.scratch_offset = verdict.scratch_offset as usize;

@@ -1,11 +1,11 @@
 //! Convolution: one panel of output channels of one step.
 //!
 //! ```text
-//! for every stretch of output pixels with the same filter            a row; with a folded enlargement, every second pixel of it
+//! for every stretch of output pixels with the same filter            a row; with a folded upsampling, every second pixel of it
 //!     for as many pixels as the kernel takes at once
 //!         acc = products of the filter                                  [and of the row's correction]
 //!         [at the first and the last pixel: += products of the corrections for the column]
-//!         round acc, add, clamp, look up, store                        kernels/finish.rs
+//!         round acc, add, clamp, look up, store                        kernels/requantise.rs
 //!
 //! products of some filters:
 //!     acc = 0
@@ -16,11 +16,11 @@
 //! Nothing is copied: kernels read the rows where they lie. Rows above and below the map are a row of zero codes in scratch (or,
 //! folded, the border row); columns left and right are the tensor's margin.
 
-use super::finish::finish;
+use super::requantise::requantise;
 use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
-use crate::nn::kernels::finish::Target;
+use crate::nn::kernels::requantise::Target;
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, pixels_at_once};
 use crate::nn::panels::{groups, panel};
 use crate::nn::tensor::{Dtype, Tensor};
@@ -166,7 +166,8 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
         let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let finish = finish(self.constants, self.conv, (&self.out, self.add), (self.first, self.width), variants);
+        let requantise =
+            requantise(self.constants, self.conv, (&self.out, self.add), (self.first, self.width), variants);
         let mut acc = [0; ACCUMULATORS];
         let mut cut = 0;
         let mut done = 0;
@@ -184,7 +185,7 @@ impl<'m> Job<'_, 'm> {
             }
             let col = stretch.col + done * stretch.col_step;
             let target = Target { row: stretch.row, col, col_step: stretch.col_step, pixels: now };
-            cut += finish.run::<I>(arena, &acc, &target);
+            cut += requantise.run::<I>(arena, &acc, &target);
             done += now;
         }
         cut

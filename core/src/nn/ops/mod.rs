@@ -6,11 +6,11 @@
 mod attention;
 mod constants;
 mod conv;
-mod enlarge;
-mod finish;
 mod layer_norm;
 mod prepared;
 mod reach;
+mod requantise;
+mod upsample;
 
 pub(crate) use constants::Constants;
 pub(crate) use prepared::Prepared;
@@ -32,6 +32,6 @@ pub(crate) fn run<I: Isa>(
         Operator::Conv(op) => conv::run::<I>(constants, (op, prepared), arena, step, unit),
         Operator::LayerNorm(op) => layer_norm::run::<I>(constants, (op, prepared), arena, step),
         Operator::Attention(op) => attention::run::<I>(constants, (op, prepared), arena, step, unit),
-        Operator::Enlarge(_) => enlarge::run(prepared, arena, step),
+        Operator::Upsample2(_) => upsample::run(prepared, arena, step),
     }
 }

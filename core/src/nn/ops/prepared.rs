@@ -24,12 +24,12 @@ impl Prepared {
     pub(crate) const fn units(&self) -> usize {
         match &self.operator {
             Operator::Conv(_) => panel_count(self.out.channels),
-            Operator::LayerNorm(_) | Operator::Enlarge(_) => 1,
+            Operator::LayerNorm(_) | Operator::Upsample2(_) => 1,
             Operator::Attention(a) => a.pieces(self.out.cols, a.shift_cols),
         }
     }
 
-    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an enlargement eight.
+    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an upsampling eight.
     pub(crate) fn unit_macs(&self, step: usize, unit: usize) -> u64 {
         let out = &self.out;
         match &self.operator {
@@ -38,7 +38,7 @@ impl Prepared {
                 self.taps(conv, step) * out.channels.saturating_sub(first).min(width) as u64
             }
             Operator::LayerNorm(_) => 4 * (out.cols * out.channels) as u64,
-            Operator::Enlarge(_) => 8 * (out.cols * out.channels) as u64,
+            Operator::Upsample2(_) => 8 * (out.cols * out.channels) as u64,
             Operator::Attention(a) => {
                 let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
                 let tokens = ((rows.1 - rows.0) * (cols.1 - cols.0)) as u64;

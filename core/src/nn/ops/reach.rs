@@ -6,12 +6,12 @@ use crate::nn::tensor::Tensor;
 use core::ops::Range;
 
 impl Operator {
-    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an enlargement, or twice a
+    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an upsampling, or twice a
     /// block for one that a convolution contains; a row of windows for an attention.
     #[inline]
     pub const fn steps(&self, out: &Tensor) -> usize {
         match self {
-            Self::Enlarge(_) => out.rows / 2,
+            Self::Upsample2(_) => out.rows / 2,
             Self::Conv(c) => out.rows.div_ceil(at_least_one(c.step_rows())),
             Self::LayerNorm(_) => out.rows,
             Self::Attention(a) => a.pieces(out.rows, a.shift_rows),
@@ -22,7 +22,7 @@ impl Operator {
     #[inline]
     pub const fn rows_after(&self, out: &Tensor, steps: usize) -> usize {
         match self {
-            Self::Enlarge(_) => 2 * steps,
+            Self::Upsample2(_) => 2 * steps,
             Self::Conv(c) => min(c.step_rows() * steps, out.rows),
             Self::LayerNorm(_) => steps,
             Self::Attention(_) if steps == 0 => 0,
@@ -46,7 +46,7 @@ impl Operator {
             }
             Self::LayerNorm(n) => n.merge * step..n.merge * (step + 1),
             Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),
-            Self::Enlarge(_) => step.saturating_sub(1)..min(step + 2, rows),
+            Self::Upsample2(_) => step.saturating_sub(1)..min(step + 2, rows),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 
 impl<S: Storage> Slots<S> {
     /// Says which model to run, after every reset: the one on trial if it has boots left, else the confirmed one, else any that this runner
-    /// accepts. Counts the boots of a trial before it is run, rolls back one that has none left, and mends the record's copy. Judges the model
+    /// accepts. Counts the boots of a trial before it is run, rolls back one that has none left, and mends the record's copy. Validates the model
     /// whole, which takes time proportional to the file; an upload that was begun has to be begun again.
     ///
     /// A trial that cannot be counted, because the storage refuses, is not run.
@@ -16,7 +16,7 @@ impl<S: Storage> Slots<S> {
         self.mend();
         let Some(record) = self.record() else { return self.salvage(&[Slot::A, Slot::B]) };
         if let Some(trial) = record.trial {
-            let verdict = self.judge(trial.entry).map(|model| model.verdict());
+            let verdict = self.validate(trial.entry).map(|model| model.verdict());
             match (trial.boots_left.checked_sub(1), verdict) {
                 (Some(boots_left), Ok(verdict)) => {
                     let counted = Some(Trial { boots_left, ..trial });
@@ -31,7 +31,7 @@ impl<S: Storage> Slots<S> {
         self.fall_back(record)
     }
 
-    /// The model that runs, opened as it was judged.
+    /// The model that runs, opened as it was validated.
     ///
     /// # Errors
     /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`], or [`SlotError::Model`] if its header has changed since.
@@ -97,7 +97,7 @@ impl<S: Storage> Slots<S> {
     /// The confirmed model, else any.
     fn fall_back(&mut self, record: Record) -> Result<Boot, SlotError> {
         if let Some(confirmed) = record.confirmed {
-            let verdict = self.judge(confirmed).map(|model| model.verdict());
+            let verdict = self.validate(confirmed).map(|model| model.verdict());
             if let Ok(verdict) = verdict {
                 return Ok(self.run(confirmed.slot, Standing::Confirmed, verdict));
             }
@@ -109,7 +109,7 @@ impl<S: Storage> Slots<S> {
     fn salvage(&mut self, slots: &[Slot]) -> Result<Boot, SlotError> {
         for &slot in slots {
             let id = ModelId::of(self.storage.bytes(Region::Model(slot)));
-            let verdict = self.judge(Entry { slot, id }).map(|model| model.verdict());
+            let verdict = self.validate(Entry { slot, id }).map(|model| model.verdict());
             if let Ok(verdict) = verdict {
                 return Ok(self.run(slot, Standing::Salvaged, verdict));
             }

@@ -45,7 +45,7 @@ pub enum SlotError {
         /// The checksum found.
         found: u32,
     },
-    /// The model was judged and refused.
+    /// The model was validated and refused.
     Model(ModelError),
     /// A trial must be of at least one boot and at most [`super::MAX_TRIAL_BOOTS`].
     TrialBoots {

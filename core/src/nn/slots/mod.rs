@@ -1,4 +1,4 @@
-//! Two places for a model, so that a new one can be loaded in flight: written beside the one that runs, judged, tried, and only then
+//! Two places for a model, so that a new one can be loaded in flight: written beside the one that runs, validated, tried, and only then
 //! confirmed. Whenever power goes, there is a model that runs.
 //!
 //! ```text
@@ -52,7 +52,7 @@ pub struct ModelId {
 }
 
 impl ModelId {
-    /// That of a file, by its first [`HEADER_BYTES`] bytes; judges nothing.
+    /// That of a file, by its first [`HEADER_BYTES`] bytes; validates nothing.
     #[must_use]
     pub fn of(file: &[u8]) -> Self {
         let word = |index: usize| super::file::u32_at(file, 4 * index);
@@ -85,7 +85,7 @@ pub struct Boot {
     pub slot: Slot,
     /// What it has shown.
     pub standing: Standing,
-    /// What judging it found.
+    /// What validating it found.
     pub verdict: Verdict,
 }
 
@@ -153,7 +153,7 @@ impl<S: Storage> Slots<S> {
     }
 
     /// Whether a slot holds this model, and the runner accepts it.
-    fn judge(&self, Entry { slot, id }: Entry) -> Result<Model<'_>, SlotError> {
+    fn validate(&self, Entry { slot, id }: Entry) -> Result<Model<'_>, SlotError> {
         let file = self.file(slot, id.file_bytes);
         id.same(ModelId::of(file))?;
         Ok(Model::new(file)?)

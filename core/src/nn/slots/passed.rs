@@ -8,7 +8,7 @@ use crate::nn::{RunError, Runner};
 pub struct SelfTestPassed(ModelId);
 
 impl SelfTestPassed {
-    /// Judges a self test that was begun by [`Runner::begin_self_test`] and is done.
+    /// Validates a self test that was begun by [`Runner::begin_self_test`] and is done.
     ///
     /// # Errors
     /// Those of [`Runner::check_self_test`].

@@ -89,7 +89,7 @@ impl Record {
             trial: entry(6).map(|entry| Trial { entry, boots_left: word(9) }),
             rollbacks: word(10),
         };
-        // Word for word, so that magic, checksum, inverse and spare words are judged, too.
+        // Word for word, so that magic, checksum, inverse and spare words are validated, too.
         (record.encode() == *bytes).then_some(record)
     }
 }

@@ -66,7 +66,7 @@ impl<S: Storage> Slots<S> {
         Ok(found)
     }
 
-    /// Judges the upload, every byte of it, and puts it on trial: the next `boots` boots run it, unless it is confirmed or rejected before.
+    /// Validates the upload, every byte of it, and puts it on trial: the next `boots` boots run it, unless it is confirmed or rejected before.
     /// Takes time proportional to the file.
     ///
     /// One boot is the safe choice; more forgive resets that have other reasons than the model.
@@ -83,7 +83,7 @@ impl<S: Storage> Slots<S> {
             return Err(SlotError::Length { expected: id.file_bytes as usize, found: there });
         }
         let entry = Entry { slot, id };
-        self.judge(entry)?;
+        self.validate(entry)?;
         let trial = Some(Trial { entry, boots_left: boots });
         self.store(Record { trial, ..self.record().unwrap_or_default() })?;
         self.upload = None;

@@ -1,4 +1,4 @@
-//! Convolutions, folded enlargements included, against sums over all taps.
+//! Convolutions, folded upsamplings included, against sums over all taps.
 
 use super::Random;
 use super::draft::{Draft, EMPTY, map};

@@ -3,7 +3,6 @@
 mod attention;
 mod conv;
 pub(crate) mod draft;
-mod enlarge;
 mod layer_norm;
 mod model;
 mod program;
@@ -14,6 +13,7 @@ mod shadow;
 mod slots;
 mod suspend;
 mod unit;
+mod upsample;
 mod whole;
 
 pub(crate) use random::Random;

@@ -5,7 +5,7 @@ use crate::nn::file::{Conv, Dtype, Edge, Operator, OperatorFault, Tensor};
 use crate::nn::{Model, ModelError, required};
 
 /// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` spoils the convolution or its tensors.
-fn judge(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
+fn validate(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
     let mut draft = Draft::new((8, 8));
     (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
     let out = draft.place(Tensor { hi: 255, ..map(Dtype::U8, (8, 8), 2) });
@@ -19,15 +19,15 @@ fn judge(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
 }
 
 fn fault(change: impl Fn(&mut Conv, &mut Draft)) -> OperatorFault {
-    match judge(change) {
+    match validate(change) {
         Err(ModelError::Operator { operator: 0, reason }) => reason,
         other => panic!("expected a fault of operator 0, found {other:?}"),
     }
 }
 
 #[test]
-fn every_field_of_a_convolution_is_judged() {
-    assert_eq!(judge(|_, _| ()), Ok(()));
+fn every_field_of_a_convolution_is_validated() {
+    assert_eq!(validate(|_, _| ()), Ok(()));
     assert_eq!(fault(|c, _| c.out = 9), OperatorFault::TensorIndex);
     assert_eq!(fault(|c, _| c.add = Some(9)), OperatorFault::TensorIndex);
     for change in [
@@ -69,13 +69,13 @@ fn every_field_of_a_convolution_is_judged() {
 }
 
 #[test]
-fn weights_are_judged_one_by_one() {
+fn weights_are_validated_one_by_one() {
     // Three groups of four per kernel row would be two samples of filling in the last; here: three samples, one of filling.
     let weights = 3 * 8 * 4; // kernel rows, channels of the panel, samples with filling
     for byte in 0..weights {
         let (channel, sample) = (byte / 4 % 8, byte % 4);
         let filling = channel >= 2 || sample == 3;
-        let of = |value: u8| judge(|c, d| d.constants[c.weights + byte] = value);
+        let of = |value: u8| validate(|c, d| d.constants[c.weights + byte] = value);
         assert_eq!(of(1).is_ok(), !filling, "byte {byte}");
         assert!(of(0x80).is_err(), "byte {byte}: -128 is no weight");
     }
@@ -86,7 +86,7 @@ fn sums_that_leave_32_bits_are_refused_to_the_last_step() {
     // One weight of 127 and codes up to 255: the bias may take the rest.
     let room = i32::MAX - 127 * 255;
     let with = |bias: i32| {
-        judge(|c, d| {
+        validate(|c, d| {
             d.constants[c.weights] = 127;
             d.constants[c.bias..c.bias + 4].copy_from_slice(&bias.to_le_bytes());
         })

@@ -3,8 +3,8 @@
 use super::Random;
 use super::draft::map;
 use crate::nn::file::{
-    Attention, Conv, Dtype, Edge, Enlarge, Entry, LayerNorm, MAX_MARGIN, NONE, OPERATOR_BYTES, Operator, OperatorFault,
-    Tensor, seal_record,
+    Attention, Conv, Dtype, Edge, Entry, LayerNorm, MAX_MARGIN, NONE, OPERATOR_BYTES, Operator, OperatorFault, Tensor,
+    Upsample2, seal_record,
 };
 use proptest::prelude::*;
 
@@ -87,7 +87,7 @@ fn any_operator(r: &mut Random) -> Operator {
             multipliers: word(r) as usize,
             shift: z,
         }),
-        _ => Operator::Enlarge(Enlarge { out: w, input: x }),
+        _ => Operator::Upsample2(Upsample2 { out: w, input: x }),
     }
 }
 

@@ -2,12 +2,12 @@
 
 use super::conv::phases;
 use super::draft::{EMPTY, map};
-use crate::nn::file::{Attention, Conv, Dtype, Enlarge, LayerNorm, Operator, PHASE_TAPS, Phase};
+use crate::nn::file::{Attention, Conv, Dtype, LayerNorm, Operator, PHASE_TAPS, Phase, Upsample2};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
 #[test]
-fn phases_read_what_an_enlarged_patch_needs() {
+fn phases_read_what_an_upsampled_patch_needs() {
     for len in 4..40usize {
         for index in 0..2 * len {
             let found = Phase::of(index, len);
@@ -15,7 +15,7 @@ fn phases_read_what_an_enlarged_patch_needs() {
             let correction = found.correction.map(|(number, at)| (number, vec![at as isize]));
             let all: Vec<_> = std::iter::once((found.filter, read.clone())).chain(correction).collect();
             assert_eq!(all, phases(index, len), "output {index} of {len}");
-            // The five samples of the enlarged map lie between these of the small map; those in the padding have a correction.
+            // The five samples of the upsampled map lie between these of the small map; those in the padding have a correction.
             let seen = index as isize - 2..=index as isize + 2;
             let centres = seen.clone().map(|at| (at as f64 + 0.5) / 2.0 - 0.5);
             let needed: BTreeSet<isize> = centres.flat_map(|c| [c.floor() as isize, c.ceil() as isize]).collect();
@@ -101,19 +101,19 @@ proptest! {
     }
 
     #[test]
-    fn enlargements_make_two_rows_from_their_neighbours(rows in 4usize..40) {
+    fn upsamplings_make_two_rows_from_their_neighbours(rows in 4usize..40) {
         let out = map(Dtype::U8, (2 * rows, 1), 1);
-        let enlarge = Operator::Enlarge(Enlarge { out: 0, input: 0 });
-        prop_assert_eq!(enlarge.steps(&out), rows);
+        let upsample = Operator::Upsample2(Upsample2 { out: 0, input: 0 });
+        prop_assert_eq!(upsample.steps(&out), rows);
         for step in 0..rows {
             let bilinear = |at: usize| {
                 let centre = (at as f64 + 0.5) / 2.0 - 0.5;
                 [centre.floor().max(0.0) as usize, (centre.ceil() as usize).min(rows - 1)]
             };
             let own = span((2 * step..2 * step + 2).flat_map(bilinear));
-            let read = enlarge.rows_read(&out, 0, rows, step);
+            let read = upsample.rows_read(&out, 0, rows, step);
             prop_assert_eq!(Some((read.start, read.end)), own);
-            prop_assert_eq!(enlarge.rows_after(&out, step + 1), 2 * step + 2);
+            prop_assert_eq!(upsample.rows_after(&out, step + 1), 2 * step + 2);
         }
     }
 

@@ -59,8 +59,8 @@ fn chain() -> Chain {
     Chain { draft, a, b, c, sum }
 }
 
-/// The runner's judgement, after the shadow's has been seen to be the same.
-fn judge(draft: &Draft) -> Result<(), ModelError> {
+/// The runner's validation, after the shadow's has been seen to be the same.
+fn validate(draft: &Draft) -> Result<(), ModelError> {
     let found = Model::new(&draft.file()).map(|_| ());
     assert_eq!(found.is_ok(), shadow::play(draft).is_ok(), "{found:?}, {:?}", shadow::play(draft));
     found
@@ -69,12 +69,12 @@ fn judge(draft: &Draft) -> Result<(), ModelError> {
 #[test]
 fn rings_as_short_as_the_kernels_reach_are_legal_and_run() {
     let mut chain = chain();
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
     // The sum takes the place of what is added; both need one row only.
     chain.draft.tensors[chain.c].ring = 1;
     chain.draft.tensors[chain.sum].ring = 1;
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
     let file = chain.draft.file();
     let model = Model::new(&file).unwrap();
     let mut arena = vec![0x77; required(&model)];
@@ -89,7 +89,7 @@ fn rings_as_short_as_the_kernels_reach_are_legal_and_run() {
     }
     assert_eq!(runner.position(), Some(model.entry_count()));
     seen.dedup();
-    assert_eq!(seen, (0..=model.entry_count()).collect::<Vec<_>>(), "every entry in its turn, then the judgement");
+    assert_eq!(seen, (0..=model.entry_count()).collect::<Vec<_>>(), "every entry in its turn, then the validation");
     assert_eq!(runner.telemetry().macs, model.macs());
 }
 
@@ -99,14 +99,14 @@ fn rings_too_short_are_refused() {
     chain.draft.tensors[chain.a].ring = 2;
     // Row 0 of b needs rows 0 and 1 of a; row 1 needs 0, 1 and 2.
     let entry = chain.draft.schedule.iter().position(|e| (e.operator, e.first) == (B, 1)).unwrap() as u32;
-    assert_eq!(judge(&chain.draft), Err(ModelError::Schedule { entry }));
+    assert_eq!(validate(&chain.draft), Err(ModelError::Schedule { entry }));
 }
 
 #[test]
 fn a_ring_that_nobody_outruns_may_be_shorter_than_what_was_made_in_all() {
     let mut chain = chain();
     chain.draft.tensors[chain.b].ring = 1;
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
     // b runs two rows ahead.
     let places: Vec<usize> =
         (0..chain.draft.schedule.len()).filter(|i| chain.draft.schedule[*i].operator == B).collect();
@@ -115,17 +115,17 @@ fn a_ring_that_nobody_outruns_may_be_shorter_than_what_was_made_in_all() {
     let ahead = chain.draft.schedule.iter().position(|e| (e.operator, e.first) == (A, 2)).unwrap();
     let third = chain.draft.schedule.remove(ahead);
     chain.draft.schedule.insert(places[0], third);
-    assert!(matches!(judge(&chain.draft), Err(ModelError::Schedule { .. })));
+    assert!(matches!(validate(&chain.draft), Err(ModelError::Schedule { .. })));
     chain.draft.tensors[chain.b].ring = 2;
     chain.draft.tensors[chain.a].ring = 4;
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
 }
 
 #[test]
 fn rows_not_made_yet_are_refused() {
     let mut chain = chain();
     chain.draft.schedule.swap(1, 2); // b before the second row of a
-    assert_eq!(judge(&chain.draft), Err(ModelError::Schedule { entry: 1 }));
+    assert_eq!(validate(&chain.draft), Err(ModelError::Schedule { entry: 1 }));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn every_step_runs_once_and_in_order() {
     let with = |change: &dyn Fn(&mut Vec<Entry>)| {
         let mut draft = good.clone();
         change(&mut draft.schedule);
-        judge(&draft)
+        validate(&draft)
     };
     let last = good.schedule.len() as u32;
     assert_eq!(
@@ -164,12 +164,12 @@ fn every_step_runs_once_and_in_order() {
 fn a_sum_may_not_take_a_place_that_is_still_read() {
     let mut chain = chain();
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
-    assert_eq!(judge(&chain.draft), Ok(()), "in place");
+    assert_eq!(validate(&chain.draft), Ok(()), "in place");
     // The output reads c instead of the sum: by then the sum is there.
     let Operator::Conv(mut out) = chain.draft.operators[OUT] else { panic!() };
     out.first = chain.c as u32;
     chain.draft.operators[OUT] = Operator::Conv(out);
-    assert!(judge(&chain.draft).is_err());
+    assert!(validate(&chain.draft).is_err());
     // A convolution over what is added, in its place.
     let mut chain = self::chain();
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
@@ -177,7 +177,7 @@ fn a_sum_may_not_take_a_place_that_is_still_read() {
     sum.second = None;
     sum.first = chain.c as u32;
     chain.draft.operators[SUM] = Operator::Conv(sum);
-    assert!(judge(&chain.draft).is_err());
+    assert!(validate(&chain.draft).is_err());
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn tensors_may_share_bytes_one_after_the_other() {
     }
     chain.draft.in_order();
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.a].offset + 5;
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
 }
 
 #[test]
@@ -210,13 +210,13 @@ fn the_output_may_take_the_place_of_the_image_row_by_row() {
     let mut chain = chain();
     lay_on(&mut chain.draft, 0, 5, 24);
     let size = chain.draft.tensors[0].size_bytes();
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
     assert!(size > 8 * ROWS, "rows lie apart");
     // Row r itself: c has read it last, before the output's row. Row r + 1 is still to be read.
     lay_on(&mut chain.draft, 0, 5, 16);
-    assert_eq!(judge(&chain.draft), Ok(()));
+    assert_eq!(validate(&chain.draft), Ok(()));
     chain.draft.tensors[0].offset -= 24;
-    assert!(judge(&chain.draft).is_err());
+    assert!(validate(&chain.draft).is_err());
 }
 
 #[test]

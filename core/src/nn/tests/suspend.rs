@@ -71,7 +71,7 @@ fn places_that_no_run_has_are_refused() {
         at_work,
         Suspended { entry: entries - 1, ..at_work },
         Suspended { step: steps - 1, unit: units - 1, ..at_work },
-        Suspended { phase: Suspended::JUDGING, ..at_work },
+        Suspended { phase: Suspended::VERIFYING, ..at_work },
         Suspended { phase: Suspended::DONE, ..at_work },
         Suspended { trusting: 1, ..at_work },
     ] {
@@ -80,8 +80,8 @@ fn places_that_no_run_has_are_refused() {
     for bad in [
         Suspended { phase: 4, ..at_work },
         Suspended { trusting: 2, ..at_work },
-        Suspended { phase: Suspended::JUDGING, entry: model.raw().chunks(), ..at_work },
-        Suspended { phase: Suspended::JUDGING, step: 1, ..at_work },
+        Suspended { phase: Suspended::VERIFYING, entry: model.raw().chunks(), ..at_work },
+        Suspended { phase: Suspended::VERIFYING, step: 1, ..at_work },
         Suspended { entry: 1, ..Suspended::default() },
         Suspended { phase: Suspended::DONE, unit: 1, ..at_work },
         Suspended { entry: entries, ..at_work },
@@ -99,7 +99,7 @@ fn places_that_no_run_has_are_refused() {
 }
 
 #[test]
-fn only_the_model_that_was_judged_is_opened_again() {
+fn only_the_model_that_was_validated_is_opened_again() {
     let file = file();
     let model = Model::new(&file).unwrap();
     let verdict = model.verdict();

@@ -3,6 +3,7 @@
 
 use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Light;
+use crate::tile::Shape;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +28,7 @@ fn finish(runner: &mut Runner<'_, '_>) {
 
 /// A self test and a tile in metres, which is what flies, with and without looking for changed memory.
 fn run(kernel: Kernel, model: Model<'_>, protect: bool) {
-    let (rows, cols) = model.tile();
+    let Shape { rows, cols } = model.tile();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::with_kernel(kernel, model, &mut arena).unwrap();
     runner.protect(protect);

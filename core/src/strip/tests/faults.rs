@@ -15,9 +15,9 @@ fn run_in_pieces(
     scene: &Scene,
     mut between: impl FnMut(usize, &mut [u8]),
 ) -> (Vec<f32>, StripCounters) {
-    let judged = bytes.clone();
-    let model = Model::new(&judged).unwrap();
-    let (plan, verdict) = (StripPlan::new(&model, settings(COLS, TILE.0 + 3)).unwrap(), model.verdict());
+    let validated = bytes.clone();
+    let model = Model::new(&validated).unwrap();
+    let (plan, verdict) = (StripPlan::new(&model, settings(COLS, TILE.rows + 3)).unwrap(), model.verdict());
     let mut blocks = Blocks::new(&plan);
     let mut paused: StripPaused = {
         let (arena, memory) = blocks.lend();
@@ -120,5 +120,5 @@ fn a_tile_that_fails_twice_keeps_its_coarse_heights() {
     }
     let top = found[..2 * COLS].iter().zip(&expected);
     assert!(top.clone().any(|(a, _)| a.is_finite()));
-    assert!(top.take(TILE.1 - 3).all(|(a, b)| a == b || a.is_nan()), "tiles before are as they were");
+    assert!(top.take(TILE.cols - 3).all(|(a, b)| a == b || a.is_nan()), "tiles before are as they were");
 }

@@ -7,10 +7,10 @@ use crate::strip::StripSettings;
 fn every_length_is_the_whole_scene_at_once() {
     let file = file();
     let mut gaps = 0;
-    for cols in [1, 7, TILE.1, 11, 17, 25] {
-        for rows in 1..=4 * TILE.0 {
+    for cols in [1, 7, TILE.cols, 11, 17, 25] {
+        for rows in 1..=4 * TILE.rows {
             let scene = Scene::new(rows, cols);
-            let (ring, budget) = (TILE.0 + 1 + rows % 5 * 6, [1, 5_000, u64::MAX][rows % 3]);
+            let (ring, budget) = (TILE.rows + 1 + rows % 5 * 6, [1, 5_000, u64::MAX][rows % 3]);
             let settings = settings(cols, ring);
             let expected = scene.heights_m(&file, &settings);
             let what = format!("{rows} x {cols}, {ring} lines kept, {budget} at once");
@@ -25,8 +25,8 @@ fn every_length_is_the_whole_scene_at_once() {
 fn every_overlap_is_the_whole_scene_at_once() {
     let file = file();
     let scene = Scene::new(41, 23);
-    for overlap_px in 0..TILE.1 {
-        for (ring, eager) in [(TILE.0 + 1, true), (TILE.0 + 1, false), (60, false)] {
+    for overlap_px in 0..TILE.cols {
+        for (ring, eager) in [(TILE.rows + 1, true), (TILE.rows + 1, false), (60, false)] {
             let settings = StripSettings { overlap_px, anchor: overlap_px % 2 == 0, ..settings(23, ring) };
             let expected = scene.heights_m(&file, &settings);
             assert_same(&run(&file, &scene, settings, 700, eager), &expected, &format!("overlap {overlap_px}"));

@@ -10,14 +10,14 @@ fn memory_grows_by_what_a_line_and_a_column_hold() {
     let file = file();
     let model = Model::new(&file).unwrap();
     let plan = |cols, ring| StripPlan::new(&model, settings(cols, ring)).unwrap();
-    assert_eq!(StripPlan::least_lines(&model), TILE.0 + 1);
+    assert_eq!(StripPlan::least_lines(&model), TILE.rows + 1);
     let (least, longer, wider) = (plan(100, 13), plan(100, 14), plan(101, 13));
     assert_eq!(longer.bytes() - least.bytes(), 2 * 4 * 100, "image and coarse heights of a line");
     // Beside them, weighted heights for a tile's rows, and one sum of weights.
-    assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.0 + 8);
+    assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.rows + 8);
     let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), 4 * least.queue_len()];
     assert_eq!(least.bytes(), parts.iter().sum());
-    assert_eq!(least.queue_len(), TILE.0 * TILE.1);
+    assert_eq!(least.queue_len(), TILE.rows * TILE.cols);
 }
 
 #[test]

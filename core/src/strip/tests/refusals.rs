@@ -8,7 +8,7 @@ use crate::strip::{Next, Strip, StripError, StripMemory, StripPlan};
 #[test]
 fn a_full_ring_refuses_lines_and_loses_none() {
     let (file, scene) = (file(), Scene::new(40, 25));
-    let settings = settings(25, TILE.0 + 4);
+    let settings = settings(25, TILE.rows + 4);
     let model = Model::new(&file).unwrap();
     let plan = StripPlan::new(&model, settings).unwrap();
     let mut blocks = Blocks::new(&plan);
@@ -105,7 +105,7 @@ fn refusals_are_one_line_each() {
     let length = LengthError { expected: 4, found: 3 };
     for error in [
         StripError::Columns { found: 0 },
-        StripError::Tile(crate::tile::TilingError::Overlap { overlap_px: 9, tile: (8, 8) }),
+        StripError::Tile(crate::tile::TilingError::Overlap { overlap_px: 9, tile: crate::tile::Shape::new(8, 8) }),
         StripError::Ring { expected: 13, found: 12 },
         StripError::Pixel,
         StripError::Light,

@@ -8,15 +8,15 @@ use crate::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, require
 use crate::norm::Anchor;
 use crate::overlap::{Open, OverlapWeights};
 use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
-use crate::tile::Tiling;
+use crate::tile::{Shape, Tiling};
 
-pub(super) const TILE: (usize, usize) = (12, 10);
+pub(super) const TILE: Shape = Shape::new(12, 10);
 
 /// A model whose heights are its image, with a layer before that only takes time.
 pub(super) fn file() -> Vec<u8> {
-    let mut draft = Draft::new(TILE);
+    let mut draft = Draft::new((TILE.rows, TILE.cols));
     draft.tensors[0].scale = 1.0 / 255.0;
-    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, TILE, 40) });
+    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, (TILE.rows, TILE.cols), 40) });
     draft.finish();
     let Some(Operator::Conv(Conv { weights, multipliers, .. })) = draft.operators.last().copied() else { panic!() };
     draft.constants[weights] = 1;
@@ -68,26 +68,27 @@ impl Scene {
     /// Heights of the whole scene: every tile by itself, all sums at once.
     pub(super) fn heights_m(&self, file: &[u8], settings: &StripSettings) -> Vec<f32> {
         let (rows, cols) = (self.rows, self.cols);
-        let tiling = Tiling::new((rows.max(TILE.0), cols.max(TILE.1)), TILE, settings.overlap_px).unwrap();
+        let tiling =
+            Tiling::new(Shape::new(rows.max(TILE.rows), cols.max(TILE.cols)), TILE, settings.overlap_px).unwrap();
         let weights = OverlapWeights::new(TILE);
         let (mut sums, mut totals) = (vec![0.0; rows * cols], vec![0.0; rows * cols]);
         for window in tiling.iter() {
             let from = |i: usize| {
-                let (r, c) = (window.row + i / TILE.1, window.col + i % TILE.1);
+                let (r, c) = (window.row + i / TILE.cols, window.col + i % TILE.cols);
                 (r.min(rows - 1) * cols + c.min(cols - 1), r < rows && c < cols)
             };
             let real = |v: f32| if is_real(v) { v } else { f32::NAN };
-            let image: Vec<f32> = (0..TILE.0 * TILE.1).map(|i| real(self.image[from(i).0])).collect();
-            let coarse_m: Vec<f32> = (0..TILE.0 * TILE.1).map(|i| real(self.coarse_m[from(i).0])).collect();
+            let image: Vec<f32> = (0..TILE.rows * TILE.cols).map(|i| real(self.image[from(i).0])).collect();
+            let coarse_m: Vec<f32> = (0..TILE.rows * TILE.cols).map(|i| real(self.coarse_m[from(i).0])).collect();
             let valid = |i: usize| from(i).1 && image[i].is_finite() && coarse_m[i].is_finite();
             let Some(heights_m) = tile(file, &image, &coarse_m, settings) else { continue };
-            let mut line = vec![0.0; TILE.1];
-            for i in 0..TILE.0 * TILE.1 {
-                let mut scratch = vec![0.0; OverlapWeights::scratch_len(TILE.1)];
-                weights.line(Open::of(window, (rows, cols)), i / TILE.1, &mut line, &mut scratch).unwrap();
+            let mut line = vec![0.0; TILE.cols];
+            for i in 0..TILE.rows * TILE.cols {
+                let mut scratch = vec![0.0; OverlapWeights::scratch_len(TILE.cols)];
+                weights.line(Open::of(window, Shape::new(rows, cols)), i / TILE.cols, &mut line, &mut scratch).unwrap();
                 if valid(i) {
-                    sums[from(i).0] += line[i % TILE.1] * f64::from(heights_m[i]);
-                    totals[from(i).0] += line[i % TILE.1];
+                    sums[from(i).0] += line[i % TILE.cols] * f64::from(heights_m[i]);
+                    totals[from(i).0] += line[i % TILE.cols];
                 }
             }
         }
@@ -102,7 +103,7 @@ fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) 
     }
     let (mut image, mut coarse_m) = (image.to_vec(), coarse_m.to_vec());
     for map in [&mut image, &mut coarse_m] {
-        fill_gaps(map, TILE.1, &mut vec![0; TILE.0 * TILE.1]).unwrap();
+        fill_gaps(map, TILE.cols, &mut vec![0; TILE.rows * TILE.cols]).unwrap();
     }
     let model = Model::new(file).unwrap();
     let mut arena = vec![0; required(&model)];
@@ -115,8 +116,8 @@ fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) 
     let mut heights_m = vec![0.0; image.len()];
     runner.heights(&begun.scale, &mut heights_m).unwrap();
     if settings.anchor {
-        let (mut difference, mut sums) = (vec![0.0; image.len()], vec![0.0; Anchor::sums_len(TILE.0, TILE.1)]);
-        Anchor::new(coarse_px).apply(&mut heights_m, &coarse_m, TILE.1, &mut difference, &mut sums).unwrap();
+        let (mut difference, mut sums) = (vec![0.0; image.len()], vec![0.0; Anchor::sums_len(TILE.rows, TILE.cols)]);
+        Anchor::new(coarse_px).apply(&mut heights_m, &coarse_m, TILE.cols, &mut difference, &mut sums).unwrap();
     }
     Some(heights_m)
 }

@@ -215,7 +215,7 @@ impl<'m> TerrainLines<'m> {
                 let footprint = footprint::at(lines, col, radius_px, pixel);
                 give(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
                 give(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
-                give(maps.hazard, col, limits.judge(footprint));
+                give(maps.hazard, col, limits.classify(footprint));
             }
         }
     }

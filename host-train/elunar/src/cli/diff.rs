@@ -3,8 +3,7 @@
 use super::output;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
-use elunar_raster::source;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, source};
 use elunar_scene::diff::{Options, Statistics, difference};
 use elunar_scene::picture;
 use std::path::PathBuf;

@@ -1,8 +1,7 @@
 //! `elunar evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
 
-use elunar_raster::Result;
 use elunar_raster::align::Named;
-use elunar_raster::source;
+use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{Candidate, compare, json, table};
 use elunar_scene::picture;
 use std::path::PathBuf;
@@ -46,8 +45,8 @@ pub fn run(args: Args) -> Result<()> {
     let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
     let comparison = compare(Named::new(&truth_name, &truth), &candidates)?;
-    if let (Some(path), Some(judged)) = (&args.error_map, comparison.judged.first()) {
-        let error = &judged.error_m;
+    if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
+        let error = &scored.error_m;
         picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
     }
     if args.json {

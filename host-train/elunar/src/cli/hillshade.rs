@@ -3,11 +3,9 @@
 use super::output;
 use elunar_core::terrain::Sun;
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
-use elunar_raster::source;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, source};
 use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
-use elunar_scene::picture;
-use elunar_scene::progress;
+use elunar_scene::{picture, progress};
 use std::path::PathBuf;
 
 /// Options of `hillshade`.

@@ -1,7 +1,7 @@
 //! `elunar latency`: how long a tile takes.
 
-use elunar_core::nn::Kernel;
-use elunar_core::nn::{self, Progress, Runner, required};
+use elunar_core::nn::{self, Kernel, Progress, Runner, required};
+use elunar_core::tile::Shape;
 use elunar_raster::quantile::quantile;
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8;
@@ -173,7 +173,7 @@ fn print(args: &Args, facts: &Facts, measured: &Measured) {
 
 /// Seconds of each tile of a network, on one made-up tile over and over.
 fn measure_other(model: &dyn Model, extent: Extent) -> Result<Vec<f64>> {
-    let (rows, cols) = model.tile();
+    let Shape { rows, cols } = model.tile();
     let samples = model.input_rules().illumination.image_maps() * rows * cols;
     let image: Vec<f32> = (0..samples).map(|i| (i % 97) as f32 / 96.0).collect();
     let coarse: Vec<f32> = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();

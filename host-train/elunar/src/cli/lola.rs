@@ -1,9 +1,8 @@
 //! `elunar lola`: laser altimeter tracks over a DTM.
 
-use elunar_raster::source;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, source};
 use elunar_scene::lola::csv::{self, CsvFormat};
-use elunar_scene::lola::report::{Judged, Report, json, table};
+use elunar_scene::lola::report::{ComparedTrack, Report, json, table};
 use elunar_scene::lola::shift::Ground;
 use elunar_scene::lola::track::{TRACK_GAP_S, split};
 use elunar_scene::progress;
@@ -48,7 +47,7 @@ pub struct Args {
 /// # Errors
 /// From reading the files, from a DTM without a known place, and if no track can be compared.
 pub fn run(args: Args) -> Result<()> {
-    let report = judge(&args)?;
+    let report = compare(&args)?;
     if args.json {
         println!("{:#}", json(&report));
     } else {
@@ -57,7 +56,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-fn judge(args: &Args) -> Result<Report> {
+fn compare(args: &Args) -> Result<Report> {
     let dtm = source::open(&args.dtm)?;
     let name = args.dtm.display().to_string();
     let ground = Ground::new(&*dtm, &name, args.search_m)?;
@@ -72,7 +71,7 @@ fn judge(args: &Args) -> Result<Report> {
             path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
         for (index, track) in tracks.iter().enumerate() {
             let name = if tracks.len() == 1 { file.clone() } else { format!("{file}#{}", index + 1) };
-            report.tracks.push(Judged { name, points: track.len(), fit: ground.fit(track, args.min_points)? });
+            report.tracks.push(ComparedTrack { name, points: track.len(), fit: ground.fit(track, args.min_points)? });
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -133,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn tracks_of_a_table_are_judged_one_by_one() {
+    fn tracks_of_a_table_are_compared_one_by_one() {
         let folder = tempfile::tempdir().unwrap();
         let (dtm, csv) = (folder.path().join("d.tif"), folder.path().join("t.csv"));
         write_dtm(&dtm);
@@ -141,7 +140,7 @@ mod tests {
         let few: String = rows(20_000.0).lines().take(3).map(|line| format!("{line}\n")).collect();
         std::fs::write(&csv, heading.to_owned() + &rows(3600.0) + &rows(10_830.0) + &few).unwrap();
         let (dtm, csv) = (dtm.to_str().unwrap(), csv.to_str().unwrap());
-        let report = judge(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8"])).unwrap();
+        let report = compare(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8"])).unwrap();
         let names: Vec<&str> = report.tracks.iter().map(|track| track.name.as_str()).collect();
         assert_eq!(names, ["t.csv#1", "t.csv#2", "t.csv#3"]);
         for track in &report.tracks[..2] {
@@ -149,7 +148,7 @@ mod tests {
             assert!((fit.x_m - 4.0).abs() < 1e-3 && fit.y_m.abs() < 1e-3 && fit.std_m < 0.01, "{fit:?}");
         }
         assert_eq!(report.tracks[2].fit, None);
-        let one = judge(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"])).unwrap();
+        let one = compare(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"])).unwrap();
         assert_eq!((one.tracks.len(), one.tracks[0].name.as_str()), (1, "t.csv"));
         let named = args(&[
             "--dtm",
@@ -162,7 +161,7 @@ mod tests {
             "--min-points",
             "200",
         ]);
-        let text = judge(&named).unwrap_err().to_string();
+        let text = compare(&named).unwrap_err().to_string();
         assert!(text.contains("at least 200 points") && text.contains("206 points of 2 tracks"), "{text}");
     }
 }

@@ -4,10 +4,9 @@ use clap::ValueEnum;
 use elunar_raster::align::Interpolation;
 use elunar_raster::stated::HeightUnit;
 use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use elunar_scene::prepare::list::{self, SceneFiles};
 use elunar_scene::prepare::{Manifest, Parameters, Split, run as prepare};
-use elunar_scene::progress;
+use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
 
 /// Options of `prepare`.

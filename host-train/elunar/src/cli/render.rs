@@ -2,8 +2,7 @@
 
 use super::output;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::source;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, source};
 use elunar_scene::picture;
 use elunar_synth::photograph;
 use std::path::PathBuf;

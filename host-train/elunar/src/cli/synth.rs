@@ -2,9 +2,8 @@
 
 use elunar_core::terrain::PixelSize;
 use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use elunar_scene::picture::{Panel, hillshade, sheet, stretch, write_png};
-use elunar_scene::progress;
+use elunar_scene::{interrupt, progress};
 use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind};
 use rayon::prelude::*;
 use std::path::PathBuf;

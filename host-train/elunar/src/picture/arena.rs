@@ -20,7 +20,7 @@ const PARTS: [(&str, RGBColor); 6] = [
     ("image encoder", RGBColor(132, 172, 220)),
     ("DTM encoder", RGBColor(236, 170, 120)),
     ("fusion and decoder", RGBColor(136, 194, 150)),
-    ("enlarged maps", RGBColor(186, 160, 212)),
+    ("upsampled maps", RGBColor(186, 160, 212)),
     ("output", RGBColor(222, 136, 146)),
 ];
 const SCRATCH: RGBColor = RGBColor(235, 205, 90);
@@ -44,7 +44,7 @@ fn part(name: &str) -> usize {
     match name {
         "image" | "coarse" => 0,
         "output" => 5,
-        _ if name.ends_with(".enlarged") => 4,
+        _ if name.ends_with(elunar_net::export::quantise::UPSAMPLED) => 4,
         _ if name.starts_with("image_encoder") || numbered('e') => 1,
         _ if name.starts_with("dtm_encoder") || numbered('s') => 2,
         _ => 3,

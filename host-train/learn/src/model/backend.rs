@@ -1,9 +1,9 @@
 //! Which backends this build can run on.
 
-use crate::{Error, Result};
 use burn::tensor::Device;
 #[cfg(any(feature = "cuda", feature = "vulkan"))]
 use burn::tensor::DeviceType;
+use elunar_raster::{Error, Result};
 
 /// A compute backend; each is a Cargo feature of the same name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]

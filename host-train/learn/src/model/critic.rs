@@ -7,17 +7,17 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
 
-/// Halvings before the judgement: a patch sees 31 x 31 pixels (our choice: small craters, not whole scenes).
+/// Halvings before the score: a patch sees 31 x 31 pixels (our choice: small craters, not whole scenes).
 const HALVINGS: usize = 3;
 
 /// Slope of the leaky ReLU.
 const LEAK: f64 = 0.2;
 
-/// Three halving convolutions and a judgement per patch.
+/// Three halving convolutions and a score per patch.
 #[derive(Module, Debug)]
 pub struct Critic {
     stages: Vec<Conv2d>,
-    judge: Conv2d,
+    score: Conv2d,
 }
 
 impl Critic {
@@ -26,13 +26,13 @@ impl Critic {
         let channels = |stage: usize| if stage == 0 { maps } else { width << (stage - 1) };
         Self {
             stages: (0..HALVINGS).map(|i| conv(channels(i), channels(i + 1), 3, 2, true, device)).collect(),
-            judge: conv(channels(HALVINGS), 1, 3, 1, true, device),
+            score: conv(channels(HALVINGS), 1, 3, 1, true, device),
         }
     }
 
     /// `[B, maps, H, W]` to `[B, 1, H/8, W/8]`: 1 for what looks true, 0 for what looks made.
     pub fn forward(&self, maps: Tensor<4>) -> Tensor<4> {
         let x = self.stages.iter().fold(maps, |x, stage| leaky_relu(convolve(stage, x), LEAK));
-        convolve(&self.judge, x)
+        convolve(&self.score, x)
     }
 }

@@ -1,10 +1,10 @@
 //! Decoder blocks (Fig. 6): upsample by two, refine, add a shortcut.
 
-use super::config::{DecoderKind, NetConfig};
 use super::conv::{ConvBn, ConvBnShape};
 use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
+use elunar_net::config::{DecoderKind, NetConfig};
 
 /// Main path: concat(E, D), up2, 5x5 conv-BN-ReLU, 3x3 conv-BN. Shortcut: D (or all of it, `upb`), up2, 5x5 conv-BN. Sum, ReLU.
 #[derive(Module, Debug)]

@@ -1,6 +1,5 @@
 //! The whole network (Fig. 2).
 
-use super::config::{Head, NetConfig};
 use super::conv::{ConvBn, ConvBnShape, conv, convolve};
 use super::decoder::{DecoderBlock, decoder};
 use super::encoder::{ImageEncoder, dtm_encoder};
@@ -9,6 +8,7 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
 use burn::tensor::{DType, Device, Tensor};
+use elunar_net::config::{Head, NetConfig};
 
 /// ELunarDTMNet: image and coarse DTM in, DTM at the image's resolution out.
 #[derive(Module, Debug)]

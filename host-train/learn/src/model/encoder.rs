@@ -1,11 +1,11 @@
 //! The two encoders: image (Fig. 4) and coarse DTM (Fig. 5).
 
-use super::config::{DTM_KERNELS, ImageEncoderKind, NetConfig};
 use super::conv::{ConvBn, ConvBnShape};
 use super::resnet::ResNet;
 use super::swin::Swin;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
+use elunar_net::config::{DTM_KERNELS, ImageEncoderKind, NetConfig};
 
 /// Image encoder: a 7x7 stem for E1 beside the Swin transformer for E2..E5 (or residual stages after the stem).
 #[derive(Module, Debug)]

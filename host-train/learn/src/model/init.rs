@@ -1,9 +1,9 @@
 //! Fresh weights from a seed: the same bytes on every backend.
 
-use super::config::{Head, NetConfig};
 use super::store::shapes;
-use super::weights::Weights;
 use burn::tensor::Device;
+use elunar_net::config::{Head, NetConfig};
+use elunar_net::weights::Weights;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};

@@ -13,5 +13,3 @@ pub mod precision;
 pub mod resnet;
 pub mod store;
 pub mod swin;
-
-pub(crate) use elunar_net::{config, weights};

@@ -72,13 +72,12 @@ pub fn in_f32<const D: usize>(x: Tensor<D>, work: impl FnOnce(Tensor<D>) -> Tens
 mod tests {
     use super::*;
     use crate::model::backend::Backend;
-    use crate::model::config::{DecoderKind, Illumination, ImageEncoderKind, NetConfig};
     use crate::model::init::initial_weights;
     use crate::model::store;
     use crate::testing::without_zeros;
     use burn::optim::GradientsParams;
     use burn::tensor::{Device, TensorData};
-    use elunar_net::config::miniature_network;
+    use elunar_net::config::{DecoderKind, Illumination, ImageEncoderKind, NetConfig, miniature_network};
     use std::path::Path;
 
     fn map(maps: usize, device: &Device) -> Tensor<4> {

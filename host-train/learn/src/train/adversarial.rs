@@ -1,19 +1,19 @@
 //! Training against a critic, for rivals in the manner of LDEMGAN and MADNet: least-squares losses (Mao et al. 2017) with a patch critic
-//! that sees image, coarse DTM and the DTM to be judged.
+//! that sees image, coarse DTM and the DTM to be scored.
 //!
 //! ```text
 //! critic:   mean((C(truth) - 1)²)/2 + mean(C(prediction)²)/2          the prediction as a constant
 //! network:  hybrid loss + weight * mean((C(prediction) - 1)²)          the critic as it is then
 //! ```
 
-use crate::Result;
-use crate::model::config::NetConfig;
 use crate::model::critic::Critic;
 use crate::model::init::normal_weights;
 use crate::model::store;
-use crate::model::weights::Weights;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
+use elunar_net::config::NetConfig;
+use elunar_net::weights::Weights;
+use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -95,19 +95,19 @@ impl Opponent {
         Ok(())
     }
 
-    fn judge(&self, scene: &Scene, dtm: Tensor<4>) -> Tensor<4> {
+    fn score(&self, scene: &Scene, dtm: Tensor<4>) -> Tensor<4> {
         let [coarse, dtm] = [scene.coarse.clone(), dtm].map(|z| z.mul_scalar(self.scale));
         self.critic.forward(Tensor::cat(vec![scene.image.clone(), coarse, dtm], 1))
     }
 
     /// The critic learns from a truth and a prediction, then says what the prediction is worth: the weighted adversarial term, `[1]`.
     pub fn term(&mut self, scene: &Scene, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
-        let halved = |judged: Tensor<4>| judged.powi_scalar(2).mean().mul_scalar(0.5);
-        let real = halved(self.judge(scene, truth).sub_scalar(1.0));
-        let made = halved(self.judge(scene, prediction.clone().detach()));
+        let halved = |scores: Tensor<4>| scores.powi_scalar(2).mean().mul_scalar(0.5);
+        let real = halved(self.score(scene, truth).sub_scalar(1.0));
+        let made = halved(self.score(scene, prediction.clone().detach()));
         let gradients = GradientsParams::from_grads(real.add(made).backward(), &self.critic);
         self.critic = self.optimiser.step(self.recipe.learning_rate, self.critic.clone(), gradients);
-        let term = self.judge(scene, prediction).sub_scalar(1.0).powi_scalar(2).mean();
+        let term = self.score(scene, prediction).sub_scalar(1.0).powi_scalar(2).mean();
         term.mul_scalar(self.recipe.weight)
     }
 }

@@ -2,12 +2,11 @@
 
 use super::adversarial::Opponent;
 use super::step::Trainer;
-use crate::digest::sha256_hex;
-use crate::model::weights::Weights;
-use crate::raster::atomic_write;
-use crate::{Error, Result};
 use burn::optim::ModuleOptimizer;
 use burn::tensor::Device;
+use elunar_net::digest::sha256_hex;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result, atomic_write};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

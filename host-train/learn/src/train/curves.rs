@@ -1,8 +1,9 @@
 //! A run's two CSV files as pictures: how the loss fell, and what validation found.
 
 use super::journal::{STEPS, VALIDATIONS};
-use crate::picture::{Chart, Panel, Series, plot, sheet};
-use crate::{Error, Result, picture};
+use elunar_raster::{Error, Result};
+use elunar_scene::picture;
+use elunar_scene::picture::{Chart, Panel, Series, plot, sheet};
 use std::path::Path;
 
 /// The picture's name in a run's folder.

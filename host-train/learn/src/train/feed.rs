@@ -3,10 +3,10 @@
 use super::recipe::Recipe;
 use super::sample::Sample;
 use super::source::TileSource;
-use crate::illumination::{KnownSun, Turn};
-use crate::model::config::{Illumination, NetConfig};
-use crate::{Error, Result};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_net::config::{Illumination, NetConfig};
+use elunar_net::illumination::{KnownSun, Mirror};
+use elunar_raster::{Error, Result};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -60,9 +60,9 @@ impl Feed {
                 }
                 let corner = [rng.random_range(0..=sample.rows - rows), rng.random_range(0..=sample.cols - cols)];
                 // Mirrored at random, unless the light must stay where the network expects it.
-                let mirrored = Turn { rows: rng.random(), cols: rng.random() };
-                let turn = if self.config.illumination == Illumination::Any { mirrored } else { Turn::default() };
-                Ok(sample.window(corner, [rows, cols], turn))
+                let random = Mirror { rows: rng.random(), cols: rng.random() };
+                let mirror = if self.config.illumination == Illumination::Any { random } else { Mirror::default() };
+                Ok(sample.window(corner, [rows, cols], mirror))
             })
             .collect()
     }

@@ -1,7 +1,7 @@
 //! The run's two CSV files, one line per step and one per validation, cut back on resume to where the checkpoint stood.
 
 use super::validate::Validation;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ impl Csv {
                 _ => {}
             }
         }
-        crate::raster::atomic_write(&path, text.as_bytes())?;
+        elunar_raster::atomic_write(&path, text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(&path).map_err(Error::io(&path))?;
         Ok(Self { path, file })
     }

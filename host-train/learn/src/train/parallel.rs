@@ -10,9 +10,9 @@
 
 use super::step::{Found, Maps};
 use crate::model::elunar::ELunarDtmNet;
-use crate::{Error, Result};
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
+use elunar_raster::{Error, Result};
 
 /// Devices, each with a share of the processor's threads.
 pub(super) struct Crew {

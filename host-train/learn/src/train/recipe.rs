@@ -3,9 +3,9 @@
 use super::adversarial::Adversarial;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
-use crate::model::config::Preset;
 use crate::model::precision::Precision;
-use crate::{Error, Result};
+use elunar_net::config::Preset;
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// What the network learns to reach.
@@ -65,7 +65,7 @@ pub struct Recipe {
     pub weights: LossWeights,
     /// Elevation term.
     pub elevation: Elevation,
-    /// What training and validation judge by.
+    /// What training and validation compare with.
     pub target: Target,
     /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
     #[serde(default)]

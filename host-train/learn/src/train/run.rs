@@ -6,17 +6,17 @@ use super::feed::{Feed, tensors};
 use super::journal::Journal;
 use super::recipe::Recipe;
 use super::sample::Sample;
-use super::source::DataSpec;
-use super::source::TileSource;
+use super::source::{DataSpec, TileSource};
 use super::step::Trainer;
 use super::validate::{Validation, ValidationSet};
 use crate::model::backend::Backend;
-use crate::model::config::NetConfig;
 use crate::model::store;
-use crate::model::weights::Weights;
 use crate::stopwatch::{Part, pause, time};
-use crate::{Error, Result, interrupt};
 use burn::module::Module;
+use elunar_net::config::NetConfig;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -179,7 +179,7 @@ impl Run {
             let what = "expected a new folder, found a run in it; choose another --out or add --resume";
             return Err(Error::usage(format!("{}: {what}", self.folder.display())));
         }
-        crate::raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
+        elunar_raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
     }
 
     /// The folder's checkpoint, if the folder holds this very run.

@@ -6,15 +6,15 @@ use super::journal::StepRecord;
 use super::loss::terms;
 use super::parallel::Crew;
 use super::recipe::Recipe;
-use crate::model::config::NetConfig;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
-use crate::model::weights::Weights;
 use crate::stopwatch::{Part, time};
-use crate::{Error, Result};
 use burn::grad_clipping::GradientClippingConfig;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_net::config::NetConfig;
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Image, coarse DTM and truth, each `[B, maps, H, W]`.

@@ -4,14 +4,15 @@ use super::feed::tensors;
 use super::recipe::Target;
 use super::sample::Sample;
 use super::source::TileSource;
-use crate::model::config::{NetConfig, TruthRange};
 use crate::model::elunar::ELunarDtmNet;
-use crate::{Error, Result};
 use burn::tensor::Device;
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
 use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
+use elunar_core::tile::Shape;
+use elunar_net::config::{NetConfig, TruthRange};
+use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +53,7 @@ pub struct Validation {
 /// One validation tile: the normalised maps, and what training aims at, in metres.
 struct Case {
     sample: Sample,
-    /// The range that relative errors are judged in, where heights are not normalised to one.
+    /// The range that relative errors are computed in, where heights are not normalised to one.
     range: Option<ElevationScale>,
     coarse_m: Vec<f32>,
     truth_m: Vec<f32>,
@@ -65,7 +66,7 @@ pub struct ValidationSet {
 }
 
 impl ValidationSet {
-    /// The first `count` tiles of `source` that can be normalised, judged by `target`.
+    /// The first `count` tiles of `source` that can be normalised, compared with `target`.
     ///
     /// # Errors
     /// If tiles cannot be made, or none can be normalised.
@@ -109,7 +110,7 @@ impl ValidationSet {
             let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
             let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
             let mut output_m = output.clone();
-            sample.scale.recover((sample.rows, sample.cols), &mut output_m);
+            sample.scale.recover(Shape::new(sample.rows, sample.cols), &mut output_m);
             match &case.range {
                 None => relative.extend(&sample.truth, &output, None).map_err(|e| wrong(&e))?,
                 Some(range) => {

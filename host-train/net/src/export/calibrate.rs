@@ -2,7 +2,7 @@
 
 use super::float;
 use super::graph::Graph;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 
 /// One normalised tile: what the network is fed.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,12 +7,12 @@ use super::graph::Graph;
 use super::report::{Comparison, compare};
 use super::sensitivity::Sensitivity;
 use crate::config::NetConfig;
-use crate::{Error, Result};
 use elunar_core::nn::{Model, required};
+use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::fmt;
 
-/// What an export is made of, and what it is judged by.
+/// What an export is made of, and what its error is measured with.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
     /// The network's configuration.

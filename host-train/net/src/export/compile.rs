@@ -9,9 +9,9 @@ use super::quantise::{Program, quantise};
 use super::write::{Content, file_bytes};
 use crate::config::NetConfig;
 use crate::weights::Weights;
-use crate::{Error, Result};
 use elunar_core::nn::file::{NONE, Operator};
 use elunar_core::nn::{Model, Progress, Runner, required};
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Seed of every self-test tile.

@@ -56,7 +56,7 @@ struct Input {
     samples: Vec<f32>,
 }
 
-/// Sources side by side, enlarged where asked, with a border of zeros.
+/// Sources side by side, upsampled where asked, with a border of zeros.
 fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> Input {
     let first = &graph.nodes[sources[0].node];
     let factor = if sources[0].up { 2 } else { 1 };
@@ -73,7 +73,7 @@ fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> 
                 let read = |r: usize, c: usize, k: usize| map[(r * node.cols + c) * node.channels + k];
                 for k in 0..node.channels {
                     pixel[at + k] =
-                        if source.up { enlarge(row, col, node, |r, c| read(r, c, k)) } else { read(row, col, k) };
+                        if source.up { upsample(row, col, node, |r, c| read(r, c, k)) } else { read(row, col, k) };
                 }
                 at += node.channels;
             }
@@ -83,7 +83,7 @@ fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> 
 }
 
 /// Bilinear at half-pixel centres, border repeated.
-fn enlarge(row: usize, col: usize, node: &Node, read: impl Fn(usize, usize) -> f32) -> f32 {
+fn upsample(row: usize, col: usize, node: &Node, read: impl Fn(usize, usize) -> f32) -> f32 {
     let axis = |index: usize, len: usize| {
         let centre = ((index as f32 + 0.5) / 2.0 - 0.5).max(0.0);
         let low = centre as usize;

@@ -1,10 +1,10 @@
-//! "Enlarge twofold by bilinear interpolation, then convolve 5x5 with zero padding" as filters on the small map.
+//! "Upsample2 twofold by bilinear interpolation, then convolve 5x5 with zero padding" as filters on the small map.
 //!
-//! Both steps are linear. Along one axis, output 2i sees five samples of the enlarged map, each 3/4 of one and 1/4 of another sample
+//! Both steps are linear. Along one axis, output 2i sees five samples of the upsampled map, each 3/4 of one and 1/4 of another sample
 //! of the small map: together four. So does output 2i+1, with other weights; in two dimensions that makes four sets of filters with 16
 //! products instead of 25.
 //!
-//! They see the border repeated where the convolution has zeros: beyond the border, the enlarged map would be the border sample. What
+//! They see the border repeated where the convolution has zeros: beyond the border, the upsampled map would be the border sample. What
 //! the two outermost outputs on each side see of it is one product with that sample, and a correction takes it off again: along
 //! an axis (filter - correction), in two dimensions (filter - correction) x (filter - correction). That makes 12 x 12 weights instead of
 //! 25.
@@ -81,8 +81,8 @@ fn axis() -> Axis {
 mod tests {
     use super::*;
 
-    /// Samples of a one-channel map, enlarged as the network does.
-    fn enlarge(map: &[f64], rows: usize, cols: usize) -> Vec<f64> {
+    /// Samples of a one-channel map, upsampled as the network does.
+    fn upsample(map: &[f64], rows: usize, cols: usize) -> Vec<f64> {
         let axis = |index: usize, len: usize| {
             let near = (index / 2) as isize;
             let far = if index.is_multiple_of(2) { near - 1 } else { near + 1 };
@@ -109,12 +109,12 @@ mod tests {
     }
 
     #[test]
-    fn filters_equal_enlargement_and_convolution_at_every_pixel() {
+    fn filters_equal_upsampling_and_convolution_at_every_pixel() {
         for (rows, cols) in [(4, 4), (5, 9), (8, 6)] {
             let map: Vec<f64> = (0..rows * cols).map(|i| ((i * 7919 % 101) as f64 - 50.0) / 9.0).collect();
             let weights: Vec<f32> = (0..25).map(|i| ((i * 31 % 17) as f32 - 8.0) / 5.0).collect();
             let kernel = Kernel { output: 1, input: 1, side: 5, weights: weights.clone(), bias: vec![0.0] };
-            let (filters, large) = (fold(&kernel), enlarge(&map, rows, cols));
+            let (filters, large) = (fold(&kernel), upsample(&map, rows, cols));
             for row in 0..2 * rows {
                 for col in 0..2 * cols {
                     let mut expected = 0.0;

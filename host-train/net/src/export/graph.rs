@@ -8,7 +8,7 @@ pub type NodeId = usize;
 pub struct Source {
     /// Whose output.
     pub node: NodeId,
-    /// Whether it is enlarged twofold (bilinear, half-pixel centres) on the way.
+    /// Whether it is upsampled twofold (bilinear, half-pixel centres) on the way.
     pub up: bool,
 }
 

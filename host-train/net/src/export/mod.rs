@@ -2,7 +2,7 @@
 //!
 //! [`build`] makes the operator [`graph`] from the configuration and the weights, with batch norm folded in; [`float`] runs it
 //! on real numbers, which shows that the graph is the network and measures the ranges of its maps ([`calibrate`]); [`quantise`]
-//! turns it into integers ([`codes`]: how, `fold`: enlargements become part of filters, `pack`: weights in the kernels' order); [`schedule`] orders the
+//! turns it into integers ([`codes`]: how, `fold`: upsamplings become part of filters, `pack`: weights in the kernels' order); [`schedule`] orders the
 //! steps; [`plan`] says how many rows are kept and where in the arena; [`write`] writes the file; [`compile`] does all of it.
 
 pub mod build;

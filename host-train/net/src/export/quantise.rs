@@ -10,13 +10,13 @@ use super::float::gelu;
 use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::{Filter, pack};
-use crate::{Error, Result};
 use elunar_core::nn::file::{
     self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor,
 };
 use elunar_core::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE, LOGIT_BITS};
 use elunar_core::quant::params::{multiplier, shift_for};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
+use elunar_raster::{Error, Result};
 use std::collections::HashMap;
 
 /// Accumulators are planned up to here, leaving room for the bias and for rounded weights.
@@ -26,7 +26,10 @@ const COLUMNS_AT_ONCE: usize = 8;
 /// Weights from which on rows are made in blocks, and pixels of a block.
 const BLOCK_WEIGHT_BYTES: usize = 1 << 20;
 const BLOCK_PIXELS: usize = 80;
-/// Smallest map whose enlargement is folded into the convolution behind it.
+/// Ends the name of an operator that upsamples, in every model file. Not to be changed: the same weights give the same bytes.
+pub const UPSAMPLED: &str = ".enlarged";
+
+/// Smallest map whose upsampling is folded into the convolution behind it.
 const FOLD_ROWS: usize = 16;
 /// Weights of all filters and corrections of a folded 5x5 convolution, per channel in and out.
 const FOLDED_TAPS: usize = 12 * 12;
@@ -70,7 +73,7 @@ pub fn quantise(graph: &Graph, ranges: &[Range], coarse_limit: f32, wide: &[bool
     let mut q = Quantiser {
         graph,
         exp_table: None,
-        enlarged: HashMap::new(),
+        upsampled: HashMap::new(),
         program: Program {
             tensors: Vec::new(),
             operators: Vec::new(),
@@ -92,8 +95,8 @@ struct Quantiser<'a> {
     graph: &'a Graph,
     program: Program,
     exp_table: Option<usize>,
-    /// Enlarged tensors by node.
-    enlarged: HashMap<NodeId, u32>,
+    /// Upsampled tensors by node.
+    upsampled: HashMap<NodeId, u32>,
 }
 
 impl Quantiser<'_> {
@@ -141,18 +144,18 @@ impl Quantiser<'_> {
         self.program.names.push(name.into());
     }
 
-    /// The tensor of a node enlarged twofold, made once.
-    fn enlarged(&mut self, node: NodeId) -> u32 {
-        if let Some(&tensor) = self.enlarged.get(&node) {
+    /// The tensor of a node upsampled twofold, made once.
+    fn upsampled(&mut self, node: NodeId) -> u32 {
+        if let Some(&tensor) = self.upsampled.get(&node) {
             return tensor;
         }
         let input = self.program.tensor_of[node];
         let small = self.program.tensors[input as usize];
         self.program.tensors.push(Tensor { rows: 2 * small.rows, cols: 2 * small.cols, ring: 2 * small.rows, ..small });
         let out = self.program.tensors.len() as u32 - 1;
-        let name = format!("{}.enlarged", self.graph.nodes[node].name);
-        self.push(Operator::Enlarge(file::Enlarge { out, input }), &name);
-        self.enlarged.insert(node, out);
+        let name = format!("{}{UPSAMPLED}", self.graph.nodes[node].name);
+        self.push(Operator::Upsample2(file::Upsample2 { out, input }), &name);
+        self.upsampled.insert(node, out);
         out
     }
 
@@ -202,7 +205,7 @@ impl Quantiser<'_> {
         let integers = quantise_weights(kernel, &filters, &read_scales, &self.program.input_means(sources));
         let read: Vec<u32> = sources
             .iter()
-            .map(|s| if s.up && !folds { self.enlarged(s.node) } else { self.program.tensor_of[s.node] })
+            .map(|s| if s.up && !folds { self.upsampled(s.node) } else { self.program.tensor_of[s.node] })
             .collect();
         let tensors: Vec<Tensor> = read.iter().map(|&t| self.program.tensors[t as usize]).collect();
         let packed = pack(&integers, kernel.output, &tensors);
@@ -341,7 +344,7 @@ impl Quantiser<'_> {
     }
 }
 
-/// Whether the enlargement before a convolution is folded into its weights: they grow 6-fold, so only where many pixels share them
+/// Whether the upsampling before a convolution is folded into its weights: they grow 6-fold, so only where many pixels share them
 /// (our choice: small maps of 16 rows or more); and no source may need another margin.
 pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
     let Operation::Conv { sources, kernel, stride, pad, .. } = &node.operation else { return false };
@@ -434,7 +437,7 @@ pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales:
     Integers { filters: filters.iter().map(round).collect(), scales }
 }
 
-/// Margins as wide as the widest padding of a tensor's readers, or two repeated columns where an enlargement is folded.
+/// Margins as wide as the widest padding of a tensor's readers, or two repeated columns where an upsampling is folded.
 fn set_margins(tensors: &mut [Tensor], operators: &[Operator]) {
     for operator in operators {
         let Operator::Conv(conv) = operator else { continue };

@@ -3,10 +3,11 @@
 use super::calibrate::CalibrationTile;
 use super::compile::Export;
 use super::float;
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_core::terrain::{PixelSize, slope_deg};
+use elunar_core::tile::Shape;
+use elunar_raster::{Error, Result};
 use std::fmt;
 
 /// Differences between the int8 runner and the float network.
@@ -100,7 +101,7 @@ impl Mean {
 }
 
 impl Sums {
-    pub(crate) fn take(&mut self, float: &[f32], int8: &[f32], tile: &CalibrationTile, (rows, cols): (usize, usize)) {
+    pub(crate) fn take(&mut self, float: &[f32], int8: &[f32], tile: &CalibrationTile, Shape { rows, cols }: Shape) {
         let largest = float.iter().zip(int8).fold(0.0f64, |m, (a, b)| m.max((*a as f64 - *b as f64).abs()));
         self.units.take(float, int8, 1.0);
         self.max_units = self.max_units.max(largest);

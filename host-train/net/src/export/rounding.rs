@@ -80,7 +80,7 @@ impl Rounder<'_> {
         Some(float::compute(self.graph, &Node { operation, ..node.clone() }, maps))
     }
 
-    /// A convolution that contains the enlargement, without what follows it: every output phase has filters of its own, and borders
+    /// A convolution that contains the upsampling, without what follows it: every output phase has filters of its own, and borders
     /// their corrections.
     fn folded(&self, node: &Node, sources: &[Source], filters: &[Kernel], maps: Maps<'_, '_>) -> Vec<f32> {
         let (rows, cols) = (node.rows / 2, node.cols / 2);

@@ -1,7 +1,7 @@
 //! What each layer's precision costs in metres and slope: the float network with one map rounded to its codes, or with the weights
 //! of one layer rounded, against the float network as it is.
 //!
-//! Each rounding is judged alone; together they are taken as independent: their squares add up. That is too much where tiles go
+//! Each rounding is measured alone; together they are taken as independent: their squares add up. That is too much where tiles go
 //! beyond what calibration saw: an outlier is cut once, by the first map that cannot hold it, and later maps hold what is left.
 //! The runner itself, in which everything is rounded at once, is what [`report`](super::report) measures.
 
@@ -12,7 +12,8 @@ use super::graph::NodeId;
 use super::report::Sums;
 use super::rounding::Rounder;
 use crate::export::{calibrate::Range, graph::Graph};
-use crate::{Error, Result};
+use elunar_core::tile::Shape;
+use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -122,7 +123,7 @@ impl<'a> Plan<'a> {
             return Err(Error::usage("sensitivity: expected tiles with truth to compare on, found none"));
         }
         let graph = self.rounder.graph;
-        let size = (graph.nodes[graph.output()].rows, graph.nodes[graph.output()].cols);
+        let size = Shape::new(graph.nodes[graph.output()].rows, graph.nodes[graph.output()].cols);
         let mut sums: Vec<(Sums, usize)> = self.changes.iter().map(|_| Default::default()).collect();
         let done = AtomicUsize::new(0);
         for tile in tiles {

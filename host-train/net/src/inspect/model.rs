@@ -2,9 +2,10 @@
 
 use super::timing::Times;
 use crate::digest::sha256_hex;
-use crate::{Error, Result};
 use elunar_core::nn::file::{Dtype, NONE, Operator, Tensor};
 use elunar_core::nn::{Model, required};
+use elunar_core::tile::Shape;
+use elunar_raster::{Error, Result};
 use serde::Serialize;
 
 /// A model in figures.
@@ -104,6 +105,7 @@ pub struct TensorLife {
 impl Plan {
     /// Reads it off a validated model; nothing is run.
     pub fn of(model: &Model<'_>) -> Self {
+        let Shape { rows, cols } = model.tile();
         let text: serde_json::Value = serde_json::from_str(model.text()).unwrap_or_default();
         let word = |key: &str| text[key].as_str().unwrap_or_default().to_owned();
         let names: Vec<String> = (0..model.operator_count())
@@ -117,7 +119,7 @@ impl Plan {
             precision: word("precision"),
             config: text["config"].clone(),
             sha256: sha256_hex(model.raw().bytes()),
-            tile: model.tile(),
+            tile: (rows, cols),
             nr: model.nr(),
             range_margin: model.range_margin(),
             truth_range: format!("{:?}", model.truth_range()).to_lowercase(),

@@ -3,7 +3,7 @@
 use super::model::{OperatorLine, Plan};
 use crate::digest::sha256_hex;
 use crate::weights::Weights;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Tensors of a safetensors file in words: weights, a golden case, or neither.

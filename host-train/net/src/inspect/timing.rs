@@ -1,9 +1,9 @@
 //! Where a tile's time goes: the self-test tile, one entry of the schedule at a time.
 
 use super::model::entry_macs;
-use crate::{Error, Result};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use elunar_raster::quantile::quantile;
+use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::time::Instant;
 

@@ -3,8 +3,7 @@
 use super::windowed::lattice;
 use super::{Interpolation, Onto};
 use crate::source::{Info, Source};
-use crate::{Crs, GeoRef, Projection};
-use crate::{Error, Result};
+use crate::{Crs, Error, GeoRef, Projection, Result};
 use elunar_core::tile::Window;
 use std::sync::Arc;
 

@@ -3,8 +3,7 @@
 use super::pyramid::halve;
 use super::tests::{heights, same_bits, scratch};
 use super::*;
-use crate::Error;
-use crate::Raster;
+use crate::{Error, Raster};
 use elunar_testing::oracle::{rasterio, rasterio_with};
 use std::path::Path;
 use std::process::Command;

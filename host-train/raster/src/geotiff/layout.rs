@@ -70,7 +70,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Reads and judges the layout, then lets the decoder use as much memory as one chunk needs.
+    /// Reads and checks the layout, then lets the decoder use as much memory as one chunk needs.
     pub(super) fn of(mut file: Handle) -> Result<(Self, Handle)> {
         let dimensions = file.tiff.dimensions();
         let (cols, rows) = file.check(dimensions)?;

@@ -1,8 +1,7 @@
 //! What is written is read, and what is broken is refused.
 
 use super::*;
-use crate::Error;
-use crate::{Crs, GeoRef, Raster};
+use crate::{Crs, Error, GeoRef, Raster};
 use std::path::{Path, PathBuf};
 
 pub(super) fn scratch() -> tempfile::TempDir {

@@ -2,11 +2,11 @@
 
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
-use crate::model::config::NetConfig;
-use crate::{Error, Result};
-use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS};
+use elunar_net::config::NetConfig;
 use elunar_net::export::CalibrationTile;
 use elunar_net::export::calibrate::Ground;
+use elunar_raster::{Error, Result};
 
 /// Tiles `first..first + count` of a source, normalised as the network wants them.
 ///
@@ -34,7 +34,7 @@ fn calibration_tile(config: &NetConfig, raw: &RawTile) -> Result<CalibrationTile
     let sample = Sample::new(config, raw)?;
     let mut truth = vec![0.0; raw.truth_m.len()];
     let bad = |e| Error::usage(format!("tile cannot be normalised: {e}"));
-    sample.scale.normalise((raw.rows, raw.cols), &raw.truth_m, &mut truth).map_err(bad)?;
+    sample.scale.normalise(Shape::new(raw.rows, raw.cols), &raw.truth_m, &mut truth).map_err(bad)?;
     let ground = Ground { metres_per_unit: sample.scale.elevation.metres_per_unit(), pixel_m: raw.pixel_m, truth };
     Ok(CalibrationTile { image: sample.image, coarse: sample.coarse, ground: Some(ground) })
 }

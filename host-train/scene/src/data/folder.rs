@@ -2,11 +2,10 @@
 
 use super::sample::RawTile;
 use super::source::TileSource;
-use crate::illumination::KnownSun;
-use crate::raster::align::{Interpolation, Named, onto, spacing_ratio};
-use crate::raster::{Raster, geotiff};
-use crate::{Error, Result};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_net::illumination::KnownSun;
+use elunar_raster::align::{Interpolation, Named, onto, spacing_ratio};
+use elunar_raster::{Error, Raster, Result, geotiff};
 use std::path::{Path, PathBuf};
 
 /// The files of one scene.

@@ -1,11 +1,12 @@
 //! One tile as the network sees it: normalised image, coarse DTM and truth.
 
-use crate::illumination::{KnownSun, Turn, turned};
 use crate::maps::Maps;
-use crate::model::config::NetConfig;
-use crate::{Error, Result};
 use elunar_core::nn::{TileInput, TileLight, TileScale};
 use elunar_core::norm::Anchor;
+use elunar_core::tile::Shape;
+use elunar_net::config::NetConfig;
+use elunar_net::illumination::{KnownSun, Mirror, mirrored};
+use elunar_raster::{Error, Result};
 
 /// A tile in metres and relative brightness; the source of a [`Sample`].
 #[derive(Debug, Clone)]
@@ -69,7 +70,7 @@ impl Sample {
     pub fn new(config: &NetConfig, tile: &RawTile) -> Result<Self> {
         let bad = |e: &dyn std::fmt::Display| Error::usage(format!("tile cannot be normalised: {e}"));
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
-        let (rules, shape, light) = (config.input_rules(), (rows, cols), TileLight::Own(sun));
+        let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
         let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
         let Maps { image, coarse, scale } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
         let mut truth = vec![0.0; coarse.len()];
@@ -78,8 +79,8 @@ impl Sample {
         Ok(Self { rows, cols, image, coarse, truth, scale })
     }
 
-    /// A window of the normalised tile, mirrored as asked; image and heights turn together, so light and shape stay consistent.
-    pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], turn: Turn) -> Self {
+    /// A window of the normalised tile, mirrored as asked; image and heights are mirrored alike, so that light and shape agree.
+    pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], mirror: Mirror) -> Self {
         let cut = |map: &[f32]| -> Vec<f32> {
             let maps = map.len() / (self.rows * self.cols);
             let mut out = Vec::with_capacity(maps * rows * cols);
@@ -87,7 +88,7 @@ impl Sample {
                 out.extend_from_slice(&map[maps * ((top + i) * self.cols + left)..][..maps * cols]);
             }
             // Slopes have a direction; networks that are given them are never mirrored.
-            if turn.is_none() { out } else { turned(turn, &out, cols) }
+            if mirror.is_none() { out } else { mirrored(mirror, &out, cols) }
         };
         Self {
             rows,

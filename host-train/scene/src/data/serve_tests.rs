@@ -3,25 +3,24 @@
 use super::prepared::PreparedSource;
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
-use crate::Result;
-use crate::illumination::{KnownSun, LightSource, Turn, turned};
-use crate::model::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use crate::predict::network::{Model, TileNetwork};
 use crate::predict::{Input, Options, Scene, int8, predict};
 use crate::prepare::list::SceneFiles;
 use crate::prepare::{self, Parameters, Split};
-use crate::raster::geotiff::{self, SampleType, WriteOptions};
-use crate::raster::{GeoRef, Raster};
-use crate::synth::{Moon, SynthOptions};
 use elunar_core::nn::{InputRules, Progress, Runner, TileInput, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
-use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
+use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
+use elunar_net::illumination::{KnownSun, LightSource, Mirror, mirrored};
+use elunar_raster::geotiff::{self, SampleType, WriteOptions};
+use elunar_raster::{GeoRef, Raster, Result};
+use elunar_synth::{Moon, SynthOptions};
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
 
-const SHAPE: (usize, usize) = (TILE_ROWS, TILE_COLS);
+const SHAPE: Shape = tile::TILE;
 
 /// A network that keeps what it sees.
 struct Recorder {
@@ -35,7 +34,7 @@ fn answer(pixel: usize) -> f32 {
 }
 
 impl Model for Recorder {
-    fn tile(&self) -> (usize, usize) {
+    fn tile(&self) -> Shape {
         SHAPE
     }
     fn input_rules(&self) -> InputRules {
@@ -92,7 +91,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
 fn lightless() -> (Scene, RawTile) {
     let georef = |origin: (f64, f64), pixel_m: f64| GeoRef {
         transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m],
-        crs: crate::raster::Crs::moon_equirectangular(0.0, 0.0),
+        crs: elunar_raster::Crs::moon_equirectangular(0.0, 0.0),
     };
     let raster = |(rows, cols): (usize, usize), georef, sample: &dyn Fn(usize, usize) -> f32| Raster {
         rows,
@@ -100,7 +99,7 @@ fn lightless() -> (Scene, RawTile) {
         samples: (0..rows * cols).map(|i| sample(i / cols, i % cols)).collect(),
         georef: Some(georef),
     };
-    let image = raster(SHAPE, georef((0.0, 0.0), 2.0), &|row, col| 100.0 + ((row + col) % 2) as f32);
+    let image = raster((TILE_ROWS, TILE_COLS), georef((0.0, 0.0), 2.0), &|row, col| 100.0 + ((row + col) % 2) as f32);
     let hills = |row: usize, col: usize| -1900.0 + 30.0 * (row as f32 / 2.0).sin() * (col as f32 / 3.0).cos();
     let coarse = raster((14, 16), georef((-120.0, 120.0), 60.0), &hills);
     let (image, coarse) = (Input::in_memory("image", image), Input::in_memory("coarse DTM", coarse));
@@ -159,7 +158,7 @@ fn training_tiles_are_served_tiles() {
                 let mut heights_m: Vec<f32> = (0..TILE_ROWS * TILE_COLS).map(answer).collect();
                 sample.scale.recover(SHAPE, &mut heights_m);
                 assert_same(&made.dtm.samples, &heights_m, &format!("{what}: heights"));
-                mirrored += usize::from(!sample.scale.turn.is_none());
+                mirrored += usize::from(!sample.scale.mirror.is_none());
                 compared += 1;
             }
         }
@@ -205,14 +204,14 @@ fn samples_are_mirrored_and_normalised_maps() {
             for range in [TruthRange::Own, TruthRange::Reference] {
                 let config = config(illumination, range);
                 let sample = Sample::new(&config, &tile).unwrap();
-                let turn = match (illumination, tile.sun.azimuth_deg) {
-                    (Illumination::Any, _) => Turn::default(),
-                    (_, Some(azimuth_deg)) => Turn::from_azimuth_deg(azimuth_deg),
+                let mirror = match (illumination, tile.sun.azimuth_deg) {
+                    (Illumination::Any, _) => Mirror::default(),
+                    (_, Some(azimuth_deg)) => Mirror::from_azimuth_deg(azimuth_deg),
                     // Fitted or assumed.
-                    _ => sample.scale.turn,
+                    _ => sample.scale.mirror,
                 };
                 let [image, coarse_m, truth_m] =
-                    [&tile.image, &tile.coarse_m, &tile.truth_m].map(|map| turned(turn, map, TILE_COLS));
+                    [&tile.image, &tile.coarse_m, &tile.truth_m].map(|map| mirrored(mirror, map, TILE_COLS));
                 let (mut shades, mut coarse, mut truth) =
                     (vec![0.0; image.len()], vec![0.0; image.len()], vec![0.0; image.len()]);
                 intensity::normalise(&image, None, &mut shades).unwrap();
@@ -228,7 +227,7 @@ fn samples_are_mirrored_and_normalised_maps() {
                 assert_same(&sample.image, &shades, &format!("{what}: image"));
                 assert_same(&sample.coarse, &coarse, &format!("{what}: coarse DTM"));
                 assert_same(&sample.truth, &truth, &format!("{what}: truth"));
-                assert_eq!((sample.scale.turn, sample.scale.elevation), (turn, scale), "{what}");
+                assert_eq!((sample.scale.mirror, sample.scale.elevation), (mirror, scale), "{what}");
             }
         }
     }

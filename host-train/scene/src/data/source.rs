@@ -1,10 +1,10 @@
 //! Where training tiles come from, as a run records it.
 
 use super::sample::RawTile;
-use crate::Result;
-use crate::illumination::KnownSun;
 use crate::prepare::{Manifest, Split};
-use crate::synth::{COARSE_PIXEL_M, Moon, SynthOptions};
+use elunar_net::illumination::KnownSun;
+use elunar_raster::Result;
+use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;

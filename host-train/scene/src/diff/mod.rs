@@ -5,9 +5,8 @@ mod statistics;
 
 pub use statistics::{PERCENTILES, Statistics};
 
-use crate::raster::Raster;
-use crate::raster::align::{Interpolation, Named, onto};
-use crate::{Error, Result};
+use elunar_raster::align::{Interpolation, Named, onto};
+use elunar_raster::{Error, Raster, Result};
 
 /// What is subtracted from what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -39,7 +38,7 @@ pub fn difference(first: Named, second: Named, options: Options) -> Result<Raste
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::{Crs, GeoRef};
 
     fn plane(rows: usize, cols: usize, transform: [f64; 6], offset_m: f32) -> Raster {
         let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };

@@ -1,8 +1,8 @@
 //! What a difference looks like as a whole.
 
-use crate::raster::quantile::quantile;
 use elunar_core::metrics::HeightErrors;
 use elunar_core::metrics::height::LIMITS_M;
+use elunar_raster::quantile::quantile;
 use serde::Serialize;
 
 /// Percentages of [`Statistics::percentiles_m`].

@@ -5,8 +5,7 @@
 //! low frequencies.
 
 use super::lowpass::LowPass;
-use crate::raster::Raster;
-use crate::{Error, Result};
+use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// How a DTM is brought to the coarse one.

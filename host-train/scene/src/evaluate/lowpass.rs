@@ -1,6 +1,6 @@
 //! Long and short waves of a map apart, voids included: what a coarse DTM knows, and what only an image can add.
 
-use crate::raster::Raster;
+use elunar_raster::Raster;
 
 /// Standard deviation of a Gaussian over the wavelength that it halves: exp(-2 π² σ² / λ²) = 1/2.
 const SIGMA_PER_WAVELENGTH: f64 = 0.187_390_625_129_277_6; // √(ln 2 / 2) / π

@@ -1,4 +1,4 @@
-//! How good a DTM is, beside what it started from: all candidates are judged on the same pixels.
+//! How good a DTM is, beside what it started from: all candidates are scored on the same pixels.
 
 mod coalign;
 pub mod lowpass;
@@ -11,12 +11,11 @@ pub use relief::{Light, ReliefScores, Side, relief};
 pub use report::{json, table};
 pub use scores::Scores;
 
-use crate::raster::Raster;
-use crate::raster::align::{Interpolation, Named, onto};
-use crate::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::align::{Interpolation, Named, onto};
+use elunar_raster::{Error, Raster, Result};
 
-/// A raster to be judged.
+/// A raster to be scored.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate<'a> {
     /// Name and heights, metres.
@@ -41,7 +40,7 @@ impl<'a> Candidate<'a> {
 
 /// The verdict on one candidate.
 #[derive(Debug, Clone)]
-pub struct Judged {
+pub struct Scored {
     /// The candidate's name.
     pub name: String,
     /// Its scores over the common pixels.
@@ -59,15 +58,15 @@ pub struct Comparison {
     pub truth: String,
     /// Valid pixels of the truth.
     pub truth_pixels: usize,
-    /// Pixels valid in the truth and in every candidate: the ones judged.
+    /// Pixels valid in the truth and in every candidate: the ones scored.
     pub common_pixels: usize,
     /// Ground size of the truth's pixels.
     pub pixel: PixelSize,
     /// One per candidate, in their order.
-    pub judged: Vec<Judged>,
+    pub scored: Vec<Scored>,
 }
 
-/// Judges `candidates` against `truth`, all on the truth's grid and on the pixels they have in common.
+/// Scores `candidates` against `truth`, all on the truth's grid and on the pixels they have in common.
 ///
 /// # Errors
 /// [`Error::Usage`] if a raster has no place, reference systems differ, or no pixel is common to all.
@@ -91,15 +90,15 @@ pub fn compare(truth: Named, candidates: &[Candidate]) -> Result<Comparison> {
         truth.raster.pixel_m().ok_or_else(|| Error::usage(format!("{}: pixel size in metres unknown", truth.name)))?;
     let pixel = PixelSize { row_m, col_m };
     let masked_truth = masked(truth.raster, &common);
-    let judged = candidates.iter().zip(placed).map(|(candidate, placed)| {
+    let scored = candidates.iter().zip(placed).map(|(candidate, placed)| {
         let placed = masked(&placed, &common);
         let samples = placed.samples.iter().zip(&masked_truth.samples).map(|(z, t)| z - t).collect();
         let scores = Scores::of(&masked_truth, &placed, pixel)?;
         let error_m = Raster { samples, ..placed.clone() };
-        Ok(Judged { name: candidate.dtm.name.into(), scores, placed, error_m })
+        Ok(Scored { name: candidate.dtm.name.into(), scores, placed, error_m })
     });
-    let judged = judged.collect::<Result<_>>()?;
-    Ok(Comparison { truth: truth.name.into(), truth_pixels: truth.raster.valid_count(), common_pixels, pixel, judged })
+    let scored = scored.collect::<Result<_>>()?;
+    Ok(Comparison { truth: truth.name.into(), truth_pixels: truth.raster.valid_count(), common_pixels, pixel, scored })
 }
 
 fn masked(raster: &Raster, keep: &[bool]) -> Raster {
@@ -110,7 +109,7 @@ fn masked(raster: &Raster, keep: &[bool]) -> Raster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -128,7 +127,7 @@ mod tests {
         let error = |r: usize, c: usize| if (r + c).is_multiple_of(4) { 5.0 } else { 1.0 };
         let dtm = raster(20, 30, |r, c| truth.samples[r * 30 + c] + error(r, c));
         let found = compare(Named::new("truth", &truth), &[Candidate::fine("dtm", &dtm)]).unwrap();
-        let scores = found.judged[0].scores;
+        let scores = found.scored[0].scores;
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} {b}");
         assert_eq!((found.common_pixels, found.truth_pixels, scores.pixels), (600, 600, 600));
         assert_eq!(scores.share_within, [0.75, 0.75, 1.0]);
@@ -139,18 +138,18 @@ mod tests {
         close(scores.rmse_median_removed_m, 2.0);
         close(scores.largest_m, 5.0);
         assert!(scores.slope_rmse_deg > 0.1 && scores.slope_pixels == 18 * 28);
-        assert!((found.judged[0].error_m.samples[1] - 1.0).abs() < 1e-5);
+        assert!((found.scored[0].error_m.samples[1] - 1.0).abs() < 1e-5);
     }
 
     #[test]
     fn a_plane_has_a_slope_error_of_its_angle() {
         let (truth, dtm) = (raster(9, 9, |_, _| 3.0), raster(9, 9, |r, _| 2.0 * r as f32));
-        let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().judged[0].scores;
+        let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().scored[0].scores;
         assert!((scores.slope_mae_deg - 45.0).abs() < 1e-9 && (scores.slope_bias_deg - 45.0).abs() < 1e-9);
     }
 
     #[test]
-    fn all_candidates_are_judged_on_the_same_pixels() {
+    fn all_candidates_are_scored_on_the_same_pixels() {
         let truth = raster(10, 10, |r, c| (r * c) as f32);
         let mut with_gap = truth.clone();
         with_gap.samples[44] = f32::NAN;
@@ -158,8 +157,8 @@ mod tests {
         let candidates = [Candidate::fine("gap", &with_gap), Candidate::fine("wrong", &wrong_there)];
         let found = compare(Named::new("t", &truth), &candidates).unwrap();
         assert_eq!((found.common_pixels, found.truth_pixels), (99, 100));
-        assert_eq!(found.judged[1].scores.rmse_m, 0.0);
-        assert!(found.judged[1].error_m.samples[44].is_nan());
+        assert_eq!(found.scored[1].scores.rmse_m, 0.0);
+        assert!(found.scored[1].error_m.samples[44].is_nan());
         let nothing = raster(10, 10, |r, c| if r * 10 + c == 44 { 1.0 } else { f32::NAN });
         let refused =
             compare(Named::new("t", &truth), &[candidates[0], Candidate::fine("nothing", &nothing)]).unwrap_err();
@@ -181,10 +180,10 @@ mod tests {
         assert_eq!(value["common_pixels"], 100);
     }
 
-    /// Two rasters with gaps on shifted grids, judged by numpy from the files.
+    /// Two rasters with gaps on shifted grids, scored by numpy from the files.
     #[test]
     fn scores_match_numpy() {
-        use crate::raster::geotiff::{WriteOptions, write};
+        use elunar_raster::geotiff::{WriteOptions, write};
         let folder = tempfile::tempdir().unwrap();
         let bumps =
             |r: usize, c: usize, k: f32| (r as f32 * 0.31 * k).sin() * 20.0 + (c as f32 * 0.17).cos() * 15.0 - 1900.0;
@@ -218,7 +217,7 @@ print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e),
 ";
         let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
-        let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().judged[0].scores;
+        let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().scored[0].scores;
         let [two, four, ten] = s.share_within;
         let (pixels, slopes) = (s.pixels as f64, s.slope_pixels as f64);
         let heights =

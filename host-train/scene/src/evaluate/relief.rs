@@ -1,12 +1,11 @@
 //! How well a DTM has the relief that the coarse one lacks: slopes as vectors, short waves, bright and shaded sides, shading.
 
 use super::lowpass::{LowPass, high_pass};
-use super::{Comparison, Judged};
-use crate::raster::Raster;
-use crate::{Error, Result};
+use super::{Comparison, Scored};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{Correlation, Facing, GradientErrors, HeightErrors};
 use elunar_core::terrain::{PixelSize, Sun, gradient, hillshade};
+use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is known of a scene beside its heights.
@@ -23,7 +22,7 @@ pub struct Light<'a> {
 /// The ground of one side (Sec. VI-C).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Side {
-    /// Pixels judged.
+    /// Pixels scored.
     pub pixels: u64,
     /// Root mean square height error, metres.
     pub rmse_m: f64,
@@ -50,21 +49,21 @@ pub struct ReliefScores {
     pub shading_correlation: Option<f64>,
 }
 
-/// Judges one candidate of a [`super::compare`]. `truth` is the raster it was compared with; waves below `wavelength_m` are the short
+/// Scores one candidate of a [`super::compare`]. `truth` is the raster it was compared with; waves below `wavelength_m` are the short
 /// ones.
 ///
 /// # Errors
 /// [`Error::Usage`] if rasters differ in size.
 pub fn relief(
     comparison: &Comparison,
-    judged: &Judged,
+    scored: &Scored,
     truth: &Raster,
     wavelength_m: f64,
     light: Option<Light>,
 ) -> Result<ReliefScores> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", judged.name));
+    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", scored.name));
     let pixel = comparison.pixel;
-    let placed = &judged.placed;
+    let placed = &scored.placed;
     // Both on the same pixels: a void in one must not lie in the other's low-pass.
     let common = Raster {
         samples: truth
@@ -86,7 +85,7 @@ pub fn relief(
     let side = |facing| light.map_or(Ok(None), |light| side(truth_view, dtm_view, pixel, light.azimuth_deg, facing));
     Ok(ReliefScores {
         slope_vector_error: slopes.mean(),
-        low_pass_rmse_m: long_waves(&judged.error_m, wavelength_m, pixel_m),
+        low_pass_rmse_m: long_waves(&scored.error_m, wavelength_m, pixel_m),
         high_pass_rmse_m: heights.rmse_m(),
         high_pass_correlation: waves.coefficient(),
         bright: side(Facing::Bright)?,
@@ -145,8 +144,8 @@ fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> 
 mod tests {
     use super::*;
     use crate::evaluate::{Candidate, compare};
-    use crate::raster::align::Named;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::align::Named;
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(f64, f64) -> f64) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
@@ -154,9 +153,9 @@ mod tests {
         Raster { rows, cols, samples, georef: Some(georef) }
     }
 
-    fn judge(truth: &Raster, dtm: &Raster, light: Option<Light>) -> ReliefScores {
+    fn score(truth: &Raster, dtm: &Raster, light: Option<Light>) -> ReliefScores {
         let found = compare(Named::new("truth", truth), &[Candidate::fine("dtm", dtm)]).unwrap();
-        relief(&found, &found.judged[0], truth, 60.0, light).unwrap()
+        relief(&found, &found.scored[0], truth, 60.0, light).unwrap()
     }
 
     /// Ripples of 24 m on a slope that changes over 800 m.
@@ -168,7 +167,7 @@ mod tests {
     fn an_error_of_long_waves_is_no_error_of_relief() {
         let truth = raster(100, 140, hills);
         let dtm = raster(100, 140, |r, c| hills(r, c) + 5.0 + 0.002 * r);
-        let found = judge(&truth, &dtm, None);
+        let found = score(&truth, &dtm, None);
         assert!(found.high_pass_rmse_m.unwrap() < 0.01 && found.high_pass_correlation.unwrap() > 0.999, "{found:?}");
         assert!((found.slope_vector_error.unwrap() - 0.001).abs() < 1e-4);
         assert!((found.low_pass_rmse_m.unwrap() - 5.1).abs() < 0.02, "{found:?}");
@@ -179,7 +178,7 @@ mod tests {
     fn a_dtm_without_ripples_lacks_all_of_the_short_waves() {
         let truth = raster(100, 140, hills);
         let smooth = raster(100, 140, |r, c| 6.0 * (r * 0.0157 + c * 0.01).sin());
-        let found = judge(&truth, &smooth, None);
+        let found = score(&truth, &smooth, None);
         // RMS of the ripples, which the filter lets pass almost whole.
         let ripples = (0.5_f64 * (0.8 * 0.8 + 0.5 * 0.5)).sqrt();
         assert!((found.high_pass_rmse_m.unwrap() / ripples - 1.0).abs() < 0.05, "{found:?}");
@@ -187,13 +186,13 @@ mod tests {
         // But for the edges, where means are one-sided and ripples do not quite cancel.
         assert!(found.low_pass_rmse_m.unwrap() < 0.1 * ripples, "{found:?}");
         let inverted = raster(100, 140, |r, c| 2.0 * 6.0 * (r * 0.0157 + c * 0.01).sin() - hills(r, c));
-        assert!(judge(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
+        assert!(score(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
     }
 
     /// All figures of a DTM with a void, by numpy from the definitions.
     #[test]
     fn figures_match_numpy() {
-        use crate::raster::geotiff::{WriteOptions, write};
+        use elunar_raster::geotiff::{WriteOptions, write};
         let folder = tempfile::tempdir().unwrap();
         let truth = raster(60, 70, hills);
         let mut dtm = raster(60, 70, |r, c| 1.03 * hills(r, c) + 0.3 * (r * 0.8 + c * 0.3).sin() + 0.4);
@@ -241,7 +240,7 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
         let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
         let light = Light { image: &image, azimuth_deg: 250.0, elevation_deg: 35.0 };
-        let found = judge(&truth, &dtm, Some(light));
+        let found = score(&truth, &dtm, Some(light));
         let side = |side: Option<Side>| side.map(|s| [s.pixels as f64, s.rmse_m, s.slope_vector_error]).unwrap();
         let figures =
             [found.slope_vector_error, found.low_pass_rmse_m, found.high_pass_rmse_m, found.high_pass_correlation];
@@ -259,18 +258,18 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
     }
 
     #[test]
-    fn sides_are_judged_apart_and_shading_tells_the_right_relief() {
+    fn sides_are_scored_apart_and_shading_tells_the_right_relief() {
         let truth = raster(100, 140, hills);
         let image = raster(100, 140, |r, c| hills(r, c + 1.0) - hills(r, c - 1.0)); // bright where it faces west
         let light = Light { image: &image, azimuth_deg: 270.0, elevation_deg: 45.0 };
         // Wrong on the side that faces east, by 2 m.
         let dtm = raster(100, 140, |r, c| hills(r, c) + if hills(r, c + 1.0) < hills(r, c - 1.0) { 2.0 } else { 0.0 });
-        let found = judge(&truth, &dtm, Some(light));
+        let found = score(&truth, &dtm, Some(light));
         let (bright, shaded) = (found.bright.unwrap(), found.shaded.unwrap());
         assert!(bright.pixels > 2000 && shaded.pixels > 2000);
         assert!(bright.rmse_m < 0.2 && shaded.rmse_m > 1.9, "{bright:?} {shaded:?}");
-        assert!(judge(&truth, &truth, Some(light)).shading_correlation.unwrap() > 0.9);
+        assert!(score(&truth, &truth, Some(light)).shading_correlation.unwrap() > 0.9);
         let inverted = raster(100, 140, |r, c| -hills(r, c));
-        assert!(judge(&truth, &inverted, Some(light)).shading_correlation.unwrap() < -0.9);
+        assert!(score(&truth, &inverted, Some(light)).shading_correlation.unwrap() < -0.9);
     }
 }

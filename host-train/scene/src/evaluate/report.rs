@@ -1,13 +1,13 @@
 //! A comparison as text and as JSON.
 
-use super::{Comparison, Judged};
+use super::{Comparison, Scored};
 use elunar_core::metrics::height::LIMITS_M;
 use serde_json::{Value, json as value};
 use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A row of the table: heading, unit, and how to get the figure.
-type Line = (&'static str, &'static str, fn(&Judged) -> f64);
+type Line = (&'static str, &'static str, fn(&Scored) -> f64);
 
 const LINES: [Line; 12] = [
     ("|error| < 2 m", "%", |j| 100.0 * j.scores.share_within[0]),
@@ -45,8 +45,8 @@ pub fn table(comparison: &Comparison) -> String {
     text.push('\n');
     for (name, unit, figure) in LINES {
         text += &format!("{:heading$}", format!("{name} [{unit}]"));
-        for (judged, width) in comparison.judged.iter().zip(&widths) {
-            text += &format!("  {:>width$.3}", figure(judged));
+        for (scored, width) in comparison.scored.iter().zip(&widths) {
+            text += &format!("  {:>width$.3}", figure(scored));
         }
         text.push('\n');
     }
@@ -55,7 +55,7 @@ pub fn table(comparison: &Comparison) -> String {
 
 /// File names without their folders, unless two candidates would then be called the same.
 fn short_names(comparison: &Comparison) -> Vec<String> {
-    let full: Vec<String> = comparison.judged.iter().map(|j| j.name.clone()).collect();
+    let full: Vec<String> = comparison.scored.iter().map(|j| j.name.clone()).collect();
     let short: Vec<String> = full
         .iter()
         .map(|name| {
@@ -69,7 +69,7 @@ fn short_names(comparison: &Comparison) -> Vec<String> {
 /// The same for programs: one object, units in the names, shares in [0, 1].
 #[must_use]
 pub fn json(comparison: &Comparison) -> String {
-    let candidates: Vec<Value> = comparison.judged.iter().map(candidate).collect();
+    let candidates: Vec<Value> = comparison.scored.iter().map(candidate).collect();
     let whole = value!({
         "truth": comparison.truth,
         "truth_pixels": comparison.truth_pixels,
@@ -81,12 +81,12 @@ pub fn json(comparison: &Comparison) -> String {
     format!("{whole:#}")
 }
 
-fn candidate(judged: &Judged) -> Value {
-    let mut object = serde_json::to_value(judged.scores).unwrap_or_default();
+fn candidate(scored: &Scored) -> Value {
+    let mut object = serde_json::to_value(scored.scores).unwrap_or_default();
     // Each share gets a name of its own below.
     object.as_object_mut().map(|object| object.remove("share_within"));
-    object["name"] = judged.name.clone().into();
-    for (limit_m, share) in LIMITS_M.iter().zip(judged.scores.share_within) {
+    object["name"] = scored.name.clone().into();
+    for (limit_m, share) in LIMITS_M.iter().zip(scored.scores.share_within) {
         object[format!("share_within_{limit_m}_m")] = share.into();
     }
     object

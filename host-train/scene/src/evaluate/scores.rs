@@ -1,17 +1,16 @@
 //! The figures of one candidate.
 
-use crate::raster::Raster;
-use crate::raster::quantile::quantile;
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::quantile::quantile;
+use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// Errors are candidate minus truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// Pixels judged.
+    /// Pixels scored.
     pub pixels: u64,
     /// Shares, in [0, 1], of |error| below 2, 4 and 10 m (the paper's RE, Sec. V).
     pub share_within: [f64; 3],
@@ -38,7 +37,7 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Judges `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
+    /// Scores `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.

@@ -3,12 +3,11 @@
 mod raster;
 mod text;
 
-use crate::raster::format::{Format, head};
-use crate::raster::{pds3, source};
-use crate::{Error, Result};
 use elunar_core::nn::Kernel;
 use elunar_net::inspect::model::Plan;
 use elunar_net::inspect::{self as network, is_model, is_safetensors};
+use elunar_raster::format::{Format, head};
+use elunar_raster::{Error, Result, pds3, source};
 use std::path::Path;
 
 /// Describes a file, in several lines without the last line's end. Where a label is sound but its image is not, `aside` gets the label.

@@ -1,9 +1,8 @@
 //! A raster in words.
 
-use crate::Result;
-use crate::raster::source::{Info, Source};
-use crate::raster::{GeoRef, Projection};
 use elunar_core::tile::Window;
+use elunar_raster::source::{Info, Source};
+use elunar_raster::{GeoRef, Projection, Result};
 
 /// Larger rasters are sampled: whole rows at even distances.
 const MOST_SAMPLES: usize = 1 << 22;

@@ -1,7 +1,7 @@
 //! Every kind of file is told for what it is.
 
 use super::describe;
-use crate::raster::{Crs, GeoRef, Raster, geotiff};
+use elunar_raster::{Crs, GeoRef, Raster, geotiff};
 use std::path::Path;
 
 fn described(path: &Path) -> String {

@@ -1,9 +1,8 @@
 //! Labels and tables in words.
 
-use crate::Result;
 use crate::lola::{csv, track};
-use crate::raster::MOON_RADIUS_M;
-use crate::raster::pds3::Block;
+use elunar_raster::pds3::Block;
+use elunar_raster::{MOON_RADIUS_M, Result};
 use std::path::Path;
 
 /// Keywords that say what a product is.

@@ -2,7 +2,7 @@
 
 use super::track::Point;
 use crate::table::{Row, Rows};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -269,7 +269,7 @@ fn seconds(text: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::MOON_RADIUS_M;
+    use elunar_raster::MOON_RADIUS_M;
     use elunar_testing::mutate;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;

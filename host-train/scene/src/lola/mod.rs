@@ -1,4 +1,4 @@
-//! Laser altimeter tracks as a judge of DTMs: the paper's Eq. 18.
+//! Laser altimeter tracks beside DTMs: the paper's Eq. 18.
 //!
 //! [`csv`] reads points, [`track`] cuts them into tracks, [`shift`] moves each track over a DTM to where it fits best. LOLA spots are
 //! placed on the ground to some ten metres, a DTM of an orbiter image lies where its own camera model put it: only what is left

@@ -5,7 +5,7 @@ use serde_json::{Value, json as value};
 
 /// One track of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Judged {
+pub struct ComparedTrack {
     /// File name, with the number of the track where the file holds several.
     pub name: String,
     /// Points of the track, on the DTM or not.
@@ -20,12 +20,12 @@ pub struct Report {
     /// Name of the DTM.
     pub dtm: String,
     /// Tracks in the order of the files.
-    pub tracks: Vec<Judged>,
+    pub tracks: Vec<ComparedTrack>,
     /// Rows whose flag says that they are no measurement of the ground.
     pub flagged: usize,
 }
 
-/// Means over the tracks that could be judged, each track counting once: (STD, STD unshifted, STD with the median removed), metres.
+/// Means over the tracks that could be compared, each track counting once: (STD, STD unshifted, STD with the median removed), metres.
 fn means(report: &Report) -> Option<(f64, f64, f64)> {
     let fits: Vec<&Fit> = report.tracks.iter().filter_map(|track| track.fit.as_ref()).collect();
     let mean = |of: fn(&Fit) -> f64| fits.iter().map(|fit| of(fit)).sum::<f64>() / fits.len() as f64;
@@ -36,9 +36,9 @@ fn means(report: &Report) -> Option<(f64, f64, f64)> {
 #[must_use]
 pub fn table(report: &Report) -> String {
     let width = report.tracks.iter().map(|track| track.name.chars().count()).max().unwrap_or(0).max(5);
-    let judged = report.tracks.iter().filter(|track| track.fit.is_some()).count();
+    let compared = report.tracks.iter().filter(|track| track.fit.is_some()).count();
     let mut text = format!(
-        "{}: {judged} of {} tracks judged, {} flagged rows left out; metres\n{:width$}  {:>7} {:>9} {:>9} {:>8} {:>8} {:>9} {:>11}\n",
+        "{}: {compared} of {} tracks compared, {} flagged rows left out; metres\n{:width$}  {:>7} {:>9} {:>9} {:>8} {:>8} {:>9} {:>11}\n",
         report.dtm,
         report.tracks.len(),
         report.flagged,
@@ -80,7 +80,7 @@ pub fn table(report: &Report) -> String {
 /// The same as JSON.
 #[must_use]
 pub fn json(report: &Report) -> Value {
-    let track = |track: &Judged| match &track.fit {
+    let track = |track: &ComparedTrack| match &track.fit {
         None => value!({ "track": track.name, "points": track.points, "judged": false }),
         Some(fit) => value!({
             "track": track.name, "points": track.points, "judged": true, "compared": fit.points,

@@ -1,10 +1,9 @@
 //! Where a track fits a DTM best, and how well it fits there.
 
 use super::track::Point;
-use crate::raster::source::Source;
-use crate::raster::{GeoRef, Projection};
-use crate::{Error, Result};
 use elunar_core::tile::Window;
+use elunar_raster::source::Source;
+use elunar_raster::{Error, GeoRef, Projection, Result};
 
 /// Steps per pixel of the search (the paper moves by half a pixel).
 const STEPS_PER_PX: usize = 2;
@@ -26,7 +25,7 @@ pub struct Ground<'a> {
 /// How a track fits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
-    /// Points compared: those with a valid height under every shift, so that all shifts are judged by the same points.
+    /// Points compared: those with a valid height under every shift, so that all shifts are compared on the same points.
     pub points: usize,
     /// Standard deviation of DTM minus track as Eq. 18 has it (no mean removed, divided by points − 1), metres, at the best shift.
     pub std_m: f64,

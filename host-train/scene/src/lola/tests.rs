@@ -1,11 +1,11 @@
 //! Planted shifts are found.
 
 use super::csv;
-use super::report::{Judged, Report, json, table};
+use super::report::{ComparedTrack, Report, json, table};
 use super::shift::{Fit, Ground};
 use super::track::Point;
-use crate::raster::source::{self, InMemory};
-use crate::raster::{Crs, GeoRef, Projection, Raster, geotiff};
+use elunar_raster::source::{self, InMemory};
+use elunar_raster::{Crs, GeoRef, Projection, Raster, geotiff};
 use elunar_testing::rasterio;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -135,12 +135,12 @@ fn reports_hold_every_track() {
         std_median_removed_m: 1.25,
         at_edge: true,
     };
-    let judged = Judged { name: "a.csv#1".into(), points: 20, fit: Some(fit) };
-    let skipped = Judged { name: "a.csv#2".into(), points: 3, fit: None };
-    let report = Report { dtm: "d.tif".into(), tracks: vec![judged, skipped], flagged: 7 };
+    let compared = ComparedTrack { name: "a.csv#1".into(), points: 20, fit: Some(fit) };
+    let skipped = ComparedTrack { name: "a.csv#2".into(), points: 3, fit: None };
+    let report = Report { dtm: "d.tif".into(), tracks: vec![compared, skipped], flagged: 7 };
     let text = table(&report);
     assert!(
-        text.contains("d.tif: 1 of 2 tracks judged, 7 flagged rows") && text.contains("at the search's edge"),
+        text.contains("d.tif: 1 of 2 tracks compared, 7 flagged rows") && text.contains("at the search's edge"),
         "{text}"
     );
     assert!(text.lines().last().unwrap().starts_with("mean") && text.contains("3 too few"), "{text}");

@@ -1,6 +1,6 @@
 //! The weighted mean of overlapping tiles, row band by row band.
 
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use std::collections::VecDeque;
 
 /// Sums of one row: weight times height, and weight.
@@ -103,7 +103,7 @@ impl Mosaic {
 mod tests {
     use super::*;
     use crate::mosaic::{Blend, tile_weights};
-    use elunar_core::tile::Tiling;
+    use elunar_core::tile::{Shape, Tiling};
 
     struct Tile {
         row: usize,
@@ -130,8 +130,8 @@ mod tests {
 
     #[test]
     fn the_band_is_the_whole() {
-        let (rows, cols, tile) = (61, 47, (16, 20));
-        let tiles: Vec<_> = Tiling::new((rows, cols), tile, 6)
+        let (rows, cols, tile) = (61, 47, Shape::new(16, 20));
+        let tiles: Vec<_> = Tiling::new(Shape::new(rows, cols), tile, 6)
             .unwrap()
             .iter()
             .enumerate()
@@ -170,7 +170,7 @@ mod tests {
         let height = |r: usize, c: usize| -1900.0 + r as f32 * 0.37 - c as f32 * 0.21;
         let mut mosaic = Mosaic::new(40, 70);
         let weights = tile_weights(&[true; 600], 20, 30, Blend::DemMosaic);
-        for window in Tiling::new((40, 70), (20, 30), 7).unwrap().iter() {
+        for window in Tiling::new(Shape::new(40, 70), Shape::new(20, 30), 7).unwrap().iter() {
             let tile: Vec<f32> = (0..600).map(|i| height(window.row + i / 30, window.col + i % 30)).collect();
             mosaic.add(window.row, window.col, 30, &tile, &weights).unwrap();
         }

@@ -1,8 +1,7 @@
 //! The grid that holds all DTMs of a mosaic.
 
-use crate::raster::source::{Info, Source};
-use crate::raster::{GeoRef, GeoTransform};
-use crate::{Error, Result};
+use elunar_raster::source::{Info, Source};
+use elunar_raster::{Error, GeoRef, GeoTransform, Result};
 
 /// Corners closer than this to a whole pixel are taken as whole: a transform's last digits differ between writers.
 const WHOLE_PX: f64 = 1e-3;

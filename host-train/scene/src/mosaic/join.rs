@@ -2,9 +2,9 @@
 
 use super::grid::{Grid, Input};
 use super::weights::{WeightRules, grassfire};
-use crate::raster::resample::PixelMap;
-use crate::{Error, Result};
 use elunar_core::tile::Window;
+use elunar_raster::resample::PixelMap;
+use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 
 /// Positions closer than this, in pixels, to a row or column of centres lie on it: no neighbour beyond it is asked.

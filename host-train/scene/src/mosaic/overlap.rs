@@ -6,20 +6,20 @@
 
 use super::weights::Blend;
 use elunar_core::overlap::{self, Open};
-use elunar_core::tile::Window;
+use elunar_core::tile::{Shape, Window};
 use std::collections::HashMap;
 
 /// The weights of a scene's tiles: nine kinds at the most, each made once.
 pub struct OverlapWeights {
-    scene: (usize, usize),
+    scene: Shape,
     blend: Blend,
     made: HashMap<Open, Vec<f64>>,
 }
 
 impl OverlapWeights {
-    /// For tiles of a scene of (rows, columns).
+    /// For tiles of a scene of this shape.
     #[must_use]
-    pub fn new(scene: (usize, usize), blend: Blend) -> Self {
+    pub fn new(scene: Shape, blend: Blend) -> Self {
         Self { scene, blend, made: HashMap::new() }
     }
 
@@ -28,7 +28,7 @@ impl OverlapWeights {
         let open = Open::of(window, self.scene);
         self.made.entry(open).or_insert_with(|| {
             let (rows, cols) = (window.rows, window.cols);
-            let weights = overlap::OverlapWeights::new((rows, cols));
+            let weights = overlap::OverlapWeights::new(window.shape());
             match self.blend {
                 Blend::DemMosaic => {
                     let (mut made, mut scratch) =
@@ -52,7 +52,7 @@ mod tests {
     use crate::mosaic::tile_weights;
 
     /// As if the tile went on far beyond the scene.
-    fn cut_from_beyond((rows, cols): (usize, usize), open: Open, blend: Blend) -> Vec<f64> {
+    fn cut_from_beyond(Shape { rows, cols }: Shape, open: Open, blend: Blend) -> Vec<f64> {
         let [top, bottom, left, right] =
             [open.top, open.bottom, open.left, open.right].map(|open| if open { 320 } else { 0 });
         let (wide, high) = (left + cols + right, top + rows + bottom);
@@ -63,25 +63,25 @@ mod tests {
 
     #[test]
     fn weights_are_those_of_the_general_rule() {
-        let (scene, (rows, cols)) = ((300, 400), (70, 90));
+        let (scene, tile) = (Shape::new(300, 400), Shape::new(70, 90));
         for blend in [Blend::DemMosaic, Blend::Linear] {
             let mut weights = OverlapWeights::new(scene, blend);
             for (row, col) in [(0, 0), (0, 50), (0, 310), (50, 0), (50, 50), (50, 310), (230, 0), (230, 50), (230, 310)]
             {
-                let window = Window { row, col, rows, cols };
-                let expected = cut_from_beyond((rows, cols), Open::of(window, scene), blend);
+                let window = Window { row, col, rows: tile.rows, cols: tile.cols };
+                let expected = cut_from_beyond(tile, Open::of(window, scene), blend);
                 // Every sum has its terms in the same order.
                 assert!(weights.of(window) == expected, "{blend:?} {row} {col}");
             }
-            let mut whole = OverlapWeights::new((60, 80), blend);
-            let window = Window { row: 0, col: 0, rows, cols };
-            assert!(whole.of(window) == cut_from_beyond((rows, cols), Open::of(window, (60, 80)), blend));
+            let mut whole = OverlapWeights::new(Shape::new(60, 80), blend);
+            let window = Window { row: 0, col: 0, rows: tile.rows, cols: tile.cols };
+            assert!(whole.of(window) == cut_from_beyond(tile, Open::of(window, Shape::new(60, 80)), blend));
         }
     }
 
     #[test]
     fn only_inner_edges_count() {
-        let mut weights = OverlapWeights::new((300, 400), Blend::DemMosaic);
+        let mut weights = OverlapWeights::new(Shape::new(300, 400), Blend::DemMosaic);
         let (rows, cols) = (100, 120);
         let mut at = |row, col| weights.of(Window { row, col, rows, cols }).to_vec();
         let inner = at(50, 60);
@@ -98,7 +98,8 @@ mod tests {
             let (edge, top) = (corner[row * cols + cols - 1], corner[cols - 1]);
             assert!((edge / top - 1.0).abs() < 1e-9 && edge < 1e-2 * corner[row * cols], "{row}: {edge} {top}");
         }
-        let whole = OverlapWeights::new((100, 120), Blend::Linear).of(Window { row: 0, col: 0, rows, cols }).to_vec();
+        let whole =
+            OverlapWeights::new(Shape::new(100, 120), Blend::Linear).of(Window { row: 0, col: 0, rows, cols }).to_vec();
         assert!(whole.iter().all(|w| *w == whole[0]));
     }
 }

@@ -1,7 +1,7 @@
 //! Horizontal bars, several values to a line.
 
 use super::text::{Anchor, write};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use image::{Rgb, RgbImage};
 
 /// Width of the picture and of its column of names, pixels.

@@ -2,7 +2,7 @@
 
 use super::text::{FONT, install_font};
 use super::write_png;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use image::RgbImage;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;

@@ -2,8 +2,8 @@
 
 use super::check_size;
 use super::text::{Anchor, write};
-use crate::Result;
 use elunar_core::metrics::height::LIMITS_M;
+use elunar_raster::Result;
 use image::{Rgb, RgbImage};
 
 /// Colours of errors that are too high, by class: white, orange, red, dark red.
@@ -17,7 +17,7 @@ const LEGEND_PX: u32 = 22;
 /// `LEGEND_PX` rows below. Black where there is no error.
 ///
 /// # Errors
-/// [`crate::Error::Usage`] if there are not `rows · cols` samples.
+/// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
 pub fn error_map(error_m: &[f32], rows: usize, cols: usize) -> Result<RgbImage> {
     let (width, height) = check_size(error_m.len(), rows, cols)?;
     let mut picture = RgbImage::from_pixel(width, height + LEGEND_PX, Rgb([255; 3]));

@@ -1,9 +1,9 @@
 //! Grey pictures.
 
 use super::{check_size, percentiles};
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::terrain::{PixelSize, Sun};
+use elunar_raster::{Error, Result};
 use image::{GrayImage, Luma};
 
 /// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Black where there is no

@@ -1,7 +1,7 @@
 //! How often which value occurs.
 
 use super::text::{FONT, install_font};
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

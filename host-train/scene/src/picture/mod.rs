@@ -20,9 +20,8 @@ pub use relief::relief;
 pub use sheet::{Panel, sheet};
 pub use text::{FONT, install_font};
 
-use crate::raster::atomic_write;
-use crate::raster::quantile::nearest_rank;
-use crate::{Error, Result};
+use elunar_raster::quantile::nearest_rank;
+use elunar_raster::{Error, Result, atomic_write};
 use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
 use std::path::Path;

@@ -2,8 +2,8 @@
 
 use super::grey::hillshade;
 use super::{check_size, percentiles};
-use crate::Result;
 use elunar_core::terrain::PixelSize;
+use elunar_raster::Result;
 use image::{Rgb, RgbImage};
 
 /// Colours from low to high, evenly spaced: violet, blue, green, yellow, white (after the LOLA colour maps).
@@ -20,7 +20,7 @@ const RAMP: [[f32; 3]; 6] = [
 /// share one scale. Black where there is no height.
 ///
 /// # Errors
-/// [`crate::Error::Usage`] if there are not `rows · cols` samples.
+/// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
 pub fn relief(
     heights_m: &[f32],
     rows: usize,

@@ -3,8 +3,7 @@
 use super::network::Model;
 use super::run::{Options, predict};
 use super::scene::{Input, Scene};
-use crate::raster::{Crs, GeoRef, Raster};
-use crate::{Error, Result};
+use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use ndarray::{Array2, ArrayView2};
 use std::ops::ControlFlow;
 
@@ -21,6 +20,7 @@ use std::ops::ControlFlow;
 /// A model that answers with the coarse DTM gives the coarse DTM back:
 /// ```
 /// use elunar_core::nn::{Illumination, InputRules, TruthRange};
+/// use elunar_core::tile::Shape;
 /// use elunar_scene::predict::network::{Model, TileNetwork};
 /// use elunar_scene::predict::{Options, predict_array};
 /// use ndarray::Array2;
@@ -35,8 +35,8 @@ use std::ops::ControlFlow;
 /// }
 ///
 /// impl Model for Coarse {
-///     fn tile(&self) -> (usize, usize) {
-///         (32, 32)
+///     fn tile(&self) -> Shape {
+///         Shape::new(32, 32)
 ///     }
 ///     fn input_rules(&self) -> InputRules {
 ///         let (truth_range, illumination) = (TruthRange::Reference, Illumination::Any);
@@ -99,6 +99,7 @@ mod tests {
     use super::super::tests::{place, silent};
     use super::*;
     use elunar_core::nn::{Illumination, InputRules, TruthRange};
+    use elunar_core::tile::Shape;
     use ndarray::s;
 
     /// Raises the coarse DTM by the image. It is lit from one quadrant and counts heights in pixels: all that a scene knows is asked for.
@@ -112,8 +113,8 @@ mod tests {
     }
 
     impl Model for Raised {
-        fn tile(&self) -> (usize, usize) {
-            (32, 48)
+        fn tile(&self) -> Shape {
+            Shape::new(32, 48)
         }
         fn input_rules(&self) -> InputRules {
             let (truth_range, illumination) = (TruthRange::Pixel, Illumination::Northwest);

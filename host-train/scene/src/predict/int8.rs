@@ -1,9 +1,10 @@
 //! An exported model file as a model the tile loop can run.
 
 use super::network::{Model, TileNetwork};
-use crate::digest::sha256_hex;
-use crate::{Error, Result};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
+use elunar_core::tile::Shape;
+use elunar_net::digest::sha256_hex;
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
@@ -17,7 +18,7 @@ pub struct Int8Model {
     description: String,
 }
 
-/// Opens a model file and judges all of it.
+/// Opens a model file and validates all of it.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not right.
@@ -42,7 +43,7 @@ impl Int8Model {
         self.kernel
     }
 
-    /// The validated model; its bytes are judged when the file is opened, not again.
+    /// The validated model; its bytes are validated when the file is opened, not again.
     ///
     /// # Panics
     /// Never: [`open`] has validated these bytes.
@@ -52,7 +53,7 @@ impl Int8Model {
 }
 
 impl Model for Int8Model {
-    fn tile(&self) -> (usize, usize) {
+    fn tile(&self) -> Shape {
         self.model().tile()
     }
 

@@ -1,9 +1,9 @@
 //! A DTM being made in a file: rows that an interrupted run left are kept, the rest is made, and the whole becomes a GeoTIFF.
 
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
-use crate::illumination::LightSource;
-use crate::progress;
-use crate::{Error, Result, interrupt};
+use crate::{interrupt, progress};
+use elunar_net::illumination::LightSource;
+use elunar_raster::{Error, Result};
 use std::ops::ControlFlow;
 use std::path::Path;
 

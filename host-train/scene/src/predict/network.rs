@@ -1,12 +1,13 @@
 //! What the tile loop needs of a network, float or int8.
 
-use crate::Result;
 use elunar_core::nn::InputRules;
+use elunar_core::tile::Shape;
+use elunar_raster::Result;
 
 /// A loaded model: immutable, shared by all threads.
 pub trait Model: Sync {
     /// Tile rows and columns the model takes.
-    fn tile(&self) -> (usize, usize);
+    fn tile(&self) -> Shape;
     /// How tiles are normalised.
     fn input_rules(&self) -> InputRules;
     /// One line for file metadata: kind, name, SHA-256 of the model file.

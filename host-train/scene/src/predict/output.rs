@@ -1,10 +1,10 @@
 //! A prediction as files: the DTM with its provenance, and a hillshade beside it.
 
 use super::preview::Preview;
-use crate::raster::geotiff::{WriteOptions, Writer};
-use crate::raster::{GeoRef, MOON_RADIUS_M, Raster};
-use crate::{Error, Result, picture};
+use crate::picture;
 use elunar_core::terrain::PixelSize;
+use elunar_raster::geotiff::{WriteOptions, Writer};
+use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result};
 use std::path::{Path, PathBuf};
 
 /// Where a DTM comes from; goes into the file's metadata.
@@ -30,7 +30,7 @@ impl DtmWriter {
     /// Begins a DTM of `rows` x `cols` pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if the file cannot be begun.
+    /// [`elunar_raster::Error::Io`] if the file cannot be begun.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
         let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
         let Provenance { model, image, coarse } = from;
@@ -50,7 +50,7 @@ impl DtmWriter {
     /// Adds whole rows.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if they cannot be written.
+    /// [`elunar_raster::Error::Io`] if they cannot be written.
     pub fn add(&mut self, samples: &[f32]) -> Result<()> {
         self.preview.add(samples);
         self.file.write_rows(samples)
@@ -59,7 +59,7 @@ impl DtmWriter {
     /// Writes what is left. The DTM comes last, so one that is there is a finished one.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if a file cannot be written; neither is left behind then.
+    /// [`elunar_raster::Error::Io`] if a file cannot be written; neither is left behind then.
     pub fn finish(self) -> Result<()> {
         let shade = hillshade_path(&self.output);
         write_hillshade(&shade, &self.preview.finish())?;

@@ -1,6 +1,6 @@
 //! Finished rows of an unfinished prediction, on disk: what a killed run leaves, and the next one goes on from.
 
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};

@@ -1,6 +1,6 @@
 //! A DTM small enough to look at, made from rows as they pass.
 
-use crate::raster::{GeoRef, Raster};
+use elunar_raster::{GeoRef, Raster};
 
 /// Longest side of a picture, pixels: browsers and viewers open it, and a strip of any length costs bounded memory.
 const LONGEST_PX: usize = 8192;
@@ -53,7 +53,7 @@ impl Preview {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::Crs;
+    use elunar_raster::Crs;
 
     fn preview(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [10.0, 2.0, 0.0, 50.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };

@@ -3,11 +3,10 @@
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::tile::{Outcome, Rules, TileWorker};
-use crate::illumination::{KnownSun, LightSource};
 use crate::mosaic::{Blend, Mosaic};
-use crate::raster::Raster;
-use crate::{Error, Result};
-use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_ROWS, Tiling, Window};
+use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
+use elunar_net::illumination::{KnownSun, LightSource};
+use elunar_raster::{Error, Raster, Result};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -43,11 +42,11 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The overlap for tiles of (rows, columns): 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
+    /// The overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
     /// the paper's a third of their shorter side (our choice).
     #[must_use]
-    pub fn overlap_for(tile: (usize, usize)) -> usize {
-        let side = tile.0.min(tile.1);
+    pub fn overlap_for(tile: Shape) -> usize {
+        let side = tile.rows.min(tile.cols);
         if side >= TILE_ROWS { INFERENCE_OVERLAP_PX } else { side / 3 }
     }
 }
@@ -98,7 +97,7 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// coarse DTM are invalid. Memory does not depend on the number of rows.
 ///
 /// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
-/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`crate::illumination`]), normalised by its own
+/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`elunar_net::illumination`]), normalised by its own
 /// ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, mirrored back and blended.
 /// The result is the same for every number of threads and every `from`: tiles are blended in reading order, whoever finished first.
 ///
@@ -125,7 +124,7 @@ pub fn predict_rows(
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cut {
     /// Rows and columns of a tile.
-    pub(crate) tile: (usize, usize),
+    pub(crate) tile: Shape,
     /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
     pub(crate) overlap_px: usize,
     /// Threads; 0 takes as many as the machine offers.
@@ -162,7 +161,7 @@ pub(crate) fn make_rows<'a>(
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
-    let covered = (scene.rows.max(cut.tile.0), scene.cols.max(cut.tile.1));
+    let covered = Shape::new(scene.rows.max(cut.tile.rows), scene.cols.max(cut.tile.cols));
     let tiling = Tiling::new(covered, cut.tile, cut.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
     let first = tiling.iter().take_while(|window| window.row + window.rows <= from).count();
     let threads = match cut.threads {

@@ -1,16 +1,15 @@
 //! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
 
-use crate::illumination::{KnownSun, Lighting};
-use crate::raster::align::{Interpolation, Onto};
-use crate::raster::source::{InMemory, Source};
-use crate::raster::stated::Statements;
-use crate::raster::{GeoRef, Raster};
-use crate::{Error, Result};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
+use elunar_net::illumination::{KnownSun, Lighting};
+use elunar_raster::align::{Interpolation, Onto};
+use elunar_raster::source::{InMemory, Source};
+use elunar_raster::stated::Statements;
+use elunar_raster::{Error, GeoRef, Raster, Result};
 use std::sync::Arc;
 
 /// A raster open for reading, with the name messages call it by.
@@ -26,9 +25,9 @@ impl Input {
     /// Opens a file.
     ///
     /// # Errors
-    /// As [`crate::raster::source::open`].
+    /// As [`elunar_raster::source::open`].
     pub fn open(path: &std::path::Path) -> Result<Self> {
-        Ok(Self { name: path.display().to_string(), source: crate::raster::source::open(path)?.into() })
+        Ok(Self { name: path.display().to_string(), source: elunar_raster::source::open(path)?.into() })
     }
 
     /// Opens a file, with what the user says of it in place of what the file says.
@@ -37,7 +36,7 @@ impl Input {
     /// As [`Self::open`], and those of [`Statements::of`].
     pub fn stated(path: &std::path::Path, stated: Statements) -> Result<Self> {
         let name = path.display().to_string();
-        let source = stated.of(&name, crate::raster::source::open(path)?)?;
+        let source = stated.of(&name, elunar_raster::source::open(path)?)?;
         Ok(Self { name, source: source.into() })
     }
 

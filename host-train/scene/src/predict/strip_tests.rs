@@ -4,13 +4,13 @@ use super::int8::{self, Int8Model};
 use super::network::Model;
 use super::tests::{place, silent};
 use super::{Input, Options, Scene, predict};
-use crate::illumination::{KnownSun, Light, Lighting};
-use crate::raster::Raster;
-use crate::raster::resample::PixelMap;
 use elunar_core::nn::Runner;
 use elunar_core::strip::{
     Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
 };
+use elunar_net::illumination::{KnownSun, Light, Lighting};
+use elunar_raster::Raster;
+use elunar_raster::resample::PixelMap;
 
 fn nano() -> Int8Model {
     int8::open(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap()

@@ -3,26 +3,29 @@
 use super::network::{Model, TileNetwork};
 use super::*;
 use crate::mosaic::Blend;
-use crate::raster::{Crs, GeoRef, Raster};
-use crate::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
+use elunar_core::tile::Shape;
+use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use std::ops::ControlFlow;
+
+/// Of the networks below.
+const TILE: Shape = Shape::new(64, 80);
 
 /// Gives back its coarse input, bit for bit, or raised by as much everywhere.
 struct Identity {
-    tile: (usize, usize),
+    tile: Shape,
     range_margin: f32,
     raised: f32,
 }
 
 impl Identity {
-    fn new(tile: (usize, usize), range_margin: f32) -> Self {
+    fn new(tile: Shape, range_margin: f32) -> Self {
         Self { tile, range_margin, raised: 0.0 }
     }
 }
 
 impl Model for Identity {
-    fn tile(&self) -> (usize, usize) {
+    fn tile(&self) -> Shape {
         self.tile
     }
     fn input_rules(&self) -> InputRules {
@@ -55,7 +58,7 @@ impl TileNetwork for Copy {
 
 /// Knows the truth: recognises a tile by its normalised image and gives its true heights, normalised.
 struct Truth {
-    tile: (usize, usize),
+    tile: Shape,
     answers: Vec<Answer>,
 }
 
@@ -65,7 +68,7 @@ struct Answer {
 }
 
 impl Model for Truth {
-    fn tile(&self) -> (usize, usize) {
+    fn tile(&self) -> Shape {
         self.tile
     }
     fn input_rules(&self) -> InputRules {
@@ -138,7 +141,7 @@ fn options(overlap_px: usize, threads: usize) -> Options {
 #[test]
 fn an_identity_network_returns_the_interpolated_coarse_dtm() {
     for (rows, cols, tile, overlap) in
-        [(200, 300, (64, 80), 20), (64, 80, (64, 80), 20), (300, 50, (64, 80), 0), (33, 21, (64, 80), 30)]
+        [(200, 300, TILE, 20), (64, 80, TILE, 20), (300, 50, TILE, 0), (33, 21, TILE, 30)]
     {
         for (range_margin, blend) in [(0.0, Blend::DemMosaic), (0.1, Blend::Linear)] {
             let scene = scene(&image(rows, cols), &coarse());
@@ -164,10 +167,10 @@ fn a_network_that_knows_the_truth_returns_it() {
     use elunar_core::norm::{ElevationScale, intensity};
     use elunar_core::tile::Tiling;
     let truth = terrain(200, 260, (1000.0, 2000.0), 2.0);
-    let tile = (64, 80);
+    let tile = TILE;
     let scene = scene(&image(200, 260), &coarse());
     let mut answers = Vec::new();
-    for window in Tiling::new((200, 260), tile, 24).unwrap().iter() {
+    for window in Tiling::new(Shape::new(200, 260), tile, 24).unwrap().iter() {
         let cut = |layer: &[f32]| -> Vec<f32> {
             (0..64 * 80).map(|i| layer[(window.row + i / 80) * 260 + window.col + i % 80]).collect()
         };
@@ -190,7 +193,7 @@ fn a_network_that_knows_the_truth_returns_it() {
 #[test]
 fn what_the_coarse_dtm_knows_a_network_cannot_change() {
     let scene = scene(&image(100, 120), &coarse());
-    let raised = Identity { raised: 3.0, ..Identity::new((64, 80), 0.1) };
+    let raised = Identity { raised: 3.0, ..Identity::new(TILE, 0.1) };
     let offset_m = |anchor| {
         let made = predict(&scene, &raised, &Options { anchor, ..options(20, 1) }, &mut silent).unwrap();
         made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
@@ -208,7 +211,7 @@ fn gaps_of_either_input_stay_gaps_and_nothing_else_does() {
     let mut coarse = coarse();
     coarse.samples[40 * 3 + 4] = f32::NAN;
     let scene = scene(&image, &coarse);
-    let made = predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent).unwrap();
+    let made = predict(&scene, &Identity::new(TILE, 0.0), &options(20, 2), &mut silent).unwrap();
     let band = whole(&scene);
     let (valid, coarse_m) = (band.valid().collect::<Vec<bool>>(), band.coarse_m);
     let gaps = valid.iter().filter(|v| !**v).count();
@@ -226,7 +229,7 @@ fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
     image.samples[..100 * 80].fill(7.0);
     image.samples[150 * 80..].fill(f32::NAN);
     let scene = scene(&image, &coarse());
-    let made = predict(&scene, &Identity::new((40, 80), 0.0), &options(0, 1), &mut silent).unwrap();
+    let made = predict(&scene, &Identity::new(Shape::new(40, 80), 0.0), &options(0, 1), &mut silent).unwrap();
     assert_eq!((made.tally.tiles, made.tally.tiles_coarse, made.tally.tiles_empty), (5, 2, 1));
     assert_eq!(made.dtm.valid_count(), 150 * 80);
     let coarse_m = whole(&scene).coarse_m;
@@ -238,7 +241,7 @@ fn tiles_with_nothing_to_see_keep_the_coarse_heights() {
 #[test]
 fn threads_do_not_change_a_bit() {
     let scene = scene(&image(300, 330), &coarse());
-    let model = Identity::new((64, 80), 0.1);
+    let model = Identity::new(TILE, 0.1);
     let one = predict(&scene, &model, &options(30, 1), &mut silent).unwrap();
     for threads in [2, 3, 16] {
         let many = predict(&scene, &model, &options(30, threads), &mut silent).unwrap();
@@ -249,7 +252,7 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn a_run_can_be_stopped_and_counts_its_tiles() {
     let scene = scene(&image(300, 330), &coarse());
-    let model = Identity::new((64, 80), 0.1);
+    let model = Identity::new(TILE, 0.1);
     let mut seen = Vec::new();
     predict(&scene, &model, &options(30, 2), &mut |done, all| {
         seen.push((done, all));
@@ -268,8 +271,8 @@ struct Faulty {
 }
 
 impl Model for Faulty {
-    fn tile(&self) -> (usize, usize) {
-        (64, 80)
+    fn tile(&self) -> Shape {
+        TILE
     }
     fn input_rules(&self) -> InputRules {
         InputRules { nr: 50.0, range_margin: 0.0, truth_range: TruthRange::Own, illumination: Illumination::Any }
@@ -298,14 +301,14 @@ fn faults_of_the_model_end_the_run_with_one_error() {
         let error = predict(&scene, &Faulty { at_start }, &options(30, 3), &mut silent).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
-    let error = predict(&scene, &Identity::new((64, 80), 0.0), &options(64, 1), &mut silent).unwrap_err();
+    let error = predict(&scene, &Identity::new(TILE, 0.0), &options(64, 1), &mut silent).unwrap_err();
     assert!(error.to_string().contains("overlap"), "{error}");
 }
 
 #[test]
 fn a_run_begun_anew_at_any_row_makes_the_same_rows() {
     let scene = scene(&image(300, 330), &coarse());
-    let model = Identity::new((64, 80), 0.1);
+    let model = Identity::new(TILE, 0.1);
     let whole = predict(&scene, &model, &options(30, 2), &mut silent).unwrap();
     for from in [1, 63, 64, 150, 299] {
         let mut rows = vec![];
@@ -324,7 +327,7 @@ fn a_run_begun_anew_at_any_row_makes_the_same_rows() {
 fn inputs_that_do_not_meet_are_refused() {
     let refused = |image: &Raster, coarse: &Raster| {
         let pair = Scene::new(Input::in_memory("i.tif", image.clone()), Input::in_memory("c.tif", coarse.clone()));
-        let made = pair.and_then(|scene| predict(&scene, &Identity::new((64, 80), 0.0), &options(20, 2), &mut silent));
+        let made = pair.and_then(|scene| predict(&scene, &Identity::new(TILE, 0.0), &options(20, 2), &mut silent));
         made.unwrap_err().to_string()
     };
     let (mut image, coarse) = (image(20, 20), coarse());

@@ -3,13 +3,13 @@
 use super::Options;
 use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
-use crate::illumination::Lighting;
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
-use crate::{Error, Result};
 use elunar_core::nn::{InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
-use elunar_core::tile::Window;
+use elunar_core::tile::{Shape, Window};
+use elunar_net::illumination::Lighting;
+use elunar_raster::{Error, Result};
 
 /// What became of a tile.
 pub(crate) enum Outcome {
@@ -27,7 +27,7 @@ pub(crate) enum Outcome {
 pub(super) struct Rules {
     pub(super) input: InputRules,
     /// Rows and columns of the scene.
-    pub(super) scene: (usize, usize),
+    pub(super) scene: Shape,
     /// The light of the scene.
     pub(super) lighting: Lighting,
     /// Ground size of a pixel, metres.
@@ -43,7 +43,7 @@ impl Rules {
     pub(super) fn new(input: InputRules, lighting: Lighting, scene: &Scene, options: &Options) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
-        Self { input, scene: (scene.rows, scene.cols), lighting, pixel_m, coarse_px, blend, anchor }
+        Self { input, scene: Shape::new(scene.rows, scene.cols), lighting, pixel_m, coarse_px, blend, anchor }
     }
 }
 
@@ -69,14 +69,14 @@ impl<'a> TileWorker<'a> {
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
         let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weights = self.weights(&valid, window);
-        match self.maps(&image, &coarse_m, (window.rows, window.cols))? {
+        match self.maps(&image, &coarse_m, window.shape())? {
             Some(tile) => Ok(Outcome::Predicted { heights_m: self.predicted(tile, &coarse_m, window)?, weights }),
             None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
         }
     }
 
     /// A tile without gaps, made ready; `None` for one without contrast or relief.
-    fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: (usize, usize)) -> Result<Option<Maps>> {
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: Shape) -> Result<Option<Maps>> {
         let Rules { input, pixel_m, coarse_px, lighting, .. } = self.rules;
         let light = TileLight::Scene(lighting);
         // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
@@ -93,7 +93,7 @@ impl<'a> TileWorker<'a> {
         let Maps { image, coarse, scale } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
-        scale.recover((window.rows, window.cols), &mut heights_m);
+        scale.recover(window.shape(), &mut heights_m);
         if let Some(height) = heights_m.iter().find(|z| !z.is_finite()) {
             let (row, col) = (window.row, window.col);
             let what = format!("the model gave {height} in the tile at row {row}, column {col}");

@@ -1,6 +1,6 @@
 //! The 3-sigma rule (Eq. 9–10) and NR (Eq. 1) over all tiles.
 
-use super::judge::Tile;
+use super::inspect::Tile;
 use super::manifest::{Reason, ThreeSigma};
 use elunar_core::norm::nr_from_reliefs;
 

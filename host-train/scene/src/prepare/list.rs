@@ -1,7 +1,7 @@
 //! Which files belong together.
 
 use crate::table::Rows;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

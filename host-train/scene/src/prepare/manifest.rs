@@ -1,7 +1,7 @@
 //! What is in a prepared folder, and how it came there.
 
 use super::list::SceneFiles;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

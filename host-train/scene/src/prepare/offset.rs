@@ -2,10 +2,9 @@
 //! agree best.
 
 use crate::hillshade::{Shading, shade_rows};
-use crate::raster::Raster;
-use crate::raster::source::InMemory;
-use crate::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
+use elunar_raster::source::InMemory;
+use elunar_raster::{Error, Raster, Result};
 
 /// Radius of the box whose mean is taken away from both pictures, pixels: albedo and slow changes of light are not to be matched.
 const BOX_PX: usize = 12;
@@ -172,8 +171,8 @@ impl Template {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::resample::{PixelMap, resample_bicubic};
-    use crate::synth::{Moon, SynthOptions};
+    use elunar_raster::resample::{PixelMap, resample_bicubic};
+    use elunar_synth::{Moon, SynthOptions};
 
     fn sun_of(azimuth_deg: f64, elevation_deg: f64) -> Sun {
         Sun { azimuth_deg, elevation_deg, exaggeration: 1.0 }

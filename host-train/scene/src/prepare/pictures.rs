@@ -1,13 +1,13 @@
 //! A prepared set to look at: samples, and the two histograms that its filters and NR rest on.
 
 use super::filter::difference_m;
-use super::judge::Tile;
+use super::inspect::Tile;
 use super::manifest::ThreeSigma;
 use super::shard::ShardFile;
-use crate::Result;
 use crate::data::sample::RawTile;
 use crate::picture::{Panel, histogram, relief, sheet, stretch, write_png};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::Result;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};

@@ -1,18 +1,18 @@
-//! The whole of it: judge every tile, drop, divide, write; able to go on after an interruption.
+//! The whole of it: inspect every tile, drop, divide, write; able to go on after an interruption.
 
-use super::judge::{self, Tile};
+use super::inspect::{self, Tile};
 use super::list::SceneFiles;
 use super::manifest::{FORMAT, MANIFEST, Manifest, Parameters, Reason, SceneRecord, ShardRecord, Split, SplitRecord};
 use super::scene::{Reading, Scene};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, pictures};
-use crate::digest::{hex, sha256_hex};
-use crate::raster::align::Interpolation;
-use crate::raster::atomic_write;
-use crate::raster::stated::HeightUnit;
-use crate::{Error, Result, interrupt};
+use crate::interrupt;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use elunar_net::digest::{hex, sha256_hex};
+use elunar_raster::align::Interpolation;
+use elunar_raster::stated::HeightUnit;
+use elunar_raster::{Error, Result, atomic_write};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -32,10 +32,10 @@ type Place = (usize, usize);
 /// What each kept tile is for, in order of tiles.
 type Splits = BTreeMap<Place, Split>;
 
-/// One scene, judged.
+/// One scene, inspected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Judged {
-    /// What the judgement depends on.
+struct Inspected {
+    /// What the inspection depends on.
     key: String,
     record: SceneRecord,
     tiles: Vec<Tile>,
@@ -59,22 +59,23 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
     }
     let unfinished = out.join(UNFINISHED);
     std::fs::create_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
-    let mut judged = vec![];
+    let mut inspected = vec![];
     for (number, files) in scenes.iter().enumerate() {
         stop_if_asked()?;
         bar.set_message(format!("scene {} of {}", number + 1, scenes.len()));
         let notes = unfinished.join(format!("scene_{number:04}.json"));
-        judged.push(judge_scene(files, &notes, parameters, reading, bar)?);
+        inspected.push(inspect_scene(files, &notes, parameters, reading, bar)?);
     }
-    let seen = kept(&judged);
+    let seen = kept(&inspected);
     let rule =
-        filter::three_sigma(judged.iter_mut().flat_map(|j| &mut j.tiles)).ok_or_else(|| nothing_left(&judged))?;
-    let (splits, divided_by) = divide_ground(&mut judged, parameters)?;
-    let training = splits.iter().filter(|(_, split)| **split == Split::Train).map(|(place, _)| tile(&judged, *place));
-    let all = || splits.keys().map(|place| tile(&judged, *place));
-    let nr = filter::nr(training).or_else(|| filter::nr(all())).ok_or_else(|| nothing_left(&judged))?;
-    let shards = write_shards(&judged, &splits, out, parameters, reading, bar)?;
-    let seen: Vec<&Tile> = seen.into_iter().map(|place| tile(&judged, place)).collect();
+        filter::three_sigma(inspected.iter_mut().flat_map(|j| &mut j.tiles)).ok_or_else(|| nothing_left(&inspected))?;
+    let (splits, divided_by) = divide_ground(&mut inspected, parameters)?;
+    let training =
+        splits.iter().filter(|(_, split)| **split == Split::Train).map(|(place, _)| tile(&inspected, *place));
+    let all = || splits.keys().map(|place| tile(&inspected, *place));
+    let nr = filter::nr(training).or_else(|| filter::nr(all())).ok_or_else(|| nothing_left(&inspected))?;
+    let shards = write_shards(&inspected, &splits, out, parameters, reading, bar)?;
+    let seen: Vec<&Tile> = seen.into_iter().map(|place| tile(&inspected, place)).collect();
     pictures::write_histograms(out, &seen, &all().collect::<Vec<_>>(), rule, nr)?;
     let named = |(split, record): (&Split, &SplitRecord)| {
         let name = split.name();
@@ -88,12 +89,12 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
         parameters: parameters.clone(),
         nr,
         three_sigma: rule,
-        tiles: judged.iter().map(|j| j.tiles.len()).sum(),
+        tiles: inspected.iter().map(|j| j.tiles.len()).sum(),
         kept: splits.len(),
-        dropped: sum_dropped(judged.iter().map(|j| dropped(&j.tiles))),
+        dropped: sum_dropped(inspected.iter().map(|j| dropped(&j.tiles))),
         divided_by,
         splits: shards,
-        scenes: judged.into_iter().map(finished_record).collect(),
+        scenes: inspected.into_iter().map(finished_record).collect(),
     };
     let text = serde_json::to_vec_pretty(&manifest).map_err(|e| Error::broken(out.join(MANIFEST), e.to_string()))?;
     atomic_write(&out.join(MANIFEST), &text)?;
@@ -101,8 +102,8 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
     Ok(manifest)
 }
 
-fn tile(judged: &[Judged], (scene, index): Place) -> &Tile {
-    &judged[scene].tiles[index]
+fn tile(inspected: &[Inspected], (scene, index): Place) -> &Tile {
+    &inspected[scene].tiles[index]
 }
 
 fn check(parameters: &Parameters) -> Result<Reading> {
@@ -135,19 +136,19 @@ fn stop_if_asked() -> Result<()> {
     if interrupt::requested() { Err(Error::usage("interrupted; the same command goes on from here")) } else { Ok(()) }
 }
 
-/// Judges a scene, or takes the judgement from `notes` if nothing it depends on has changed.
-fn judge_scene(
+/// Inspects a scene, or takes the inspection from `notes` if nothing it depends on has changed.
+fn inspect_scene(
     files: &SceneFiles,
     notes: &Path,
     parameters: &Parameters,
     reading: Reading,
     bar: &ProgressBar,
-) -> Result<Judged> {
+) -> Result<Inspected> {
     let sha256 = [file_sha256(&files.image)?, file_sha256(&files.dtm)?, file_sha256(&files.coarse)?];
     let wrong = |e: serde_json::Error| Error::broken(notes, e.to_string());
     let version = env!("CARGO_PKG_VERSION");
     let key = sha256_hex(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
-    let known = std::fs::read(notes).ok().and_then(|bytes| serde_json::from_slice::<Judged>(&bytes).ok());
+    let known = std::fs::read(notes).ok().and_then(|bytes| serde_json::from_slice::<Inspected>(&bytes).ok());
     if let Some(known) = known.filter(|known| known.key == key) {
         return Ok(known);
     }
@@ -155,7 +156,7 @@ fn judge_scene(
     let windows = scene.windows();
     bar.set_length(windows.len() as u64);
     bar.set_position(0);
-    let tiles = judge::tiles(&scene, files.sun_elevation_deg, parameters, || bar.inc(1))?;
+    let tiles = inspect::tiles(&scene, files.sun_elevation_deg, parameters, || bar.inc(1))?;
     if parameters.coarse_unit.is_none() {
         check_unit(files, &tiles)?;
     }
@@ -173,8 +174,8 @@ fn judge_scene(
         dropped: BTreeMap::new(),
     };
     let transforms = windows.iter().map(|&window| scene.transform(window)).collect();
-    let judged = Judged { key, record, tiles, transforms };
-    atomic_write(notes, &serde_json::to_vec(&judged).map_err(wrong)?)?;
+    let inspected = Inspected { key, record, tiles, transforms };
+    atomic_write(notes, &serde_json::to_vec(&inspected).map_err(wrong)?)?;
     // Numbers are taken as they read back, so that a run that was interrupted ends like one that was not.
     serde_json::from_slice(&std::fs::read(notes).map_err(Error::io(notes))?).map_err(wrong)
 }
@@ -183,7 +184,7 @@ fn judge_scene(
 fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
-    match crate::raster::quantile::quantile(&mut ratios, 0.5) {
+    match elunar_raster::quantile::quantile(&mut ratios, 0.5) {
         Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::usage(format!(
             "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
             files.coarse.display(),
@@ -196,27 +197,27 @@ fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
 fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
     let median = |of: fn(&super::Offset) -> f64| {
         let mut values: Vec<f64> = tiles.iter().filter_map(|t| t.offset.as_ref()).map(of).collect();
-        crate::raster::quantile::quantile(&mut values, 0.5)
+        elunar_raster::quantile::quantile(&mut values, 0.5)
     };
     Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
 }
 
 /// Scene and number of every tile that has not been dropped, in order.
-fn kept(judged: &[Judged]) -> Vec<Place> {
-    let of = |(scene, judged): (usize, &Judged)| {
-        let tiles = judged.tiles.iter().enumerate().filter(|(_, t)| t.dropped.is_none());
+fn kept(inspected: &[Inspected]) -> Vec<Place> {
+    let of = |(scene, inspected): (usize, &Inspected)| {
+        let tiles = inspected.tiles.iter().enumerate().filter(|(_, t)| t.dropped.is_none());
         tiles.map(|(index, _)| (scene, index)).collect::<Vec<_>>()
     };
-    judged.iter().enumerate().flat_map(of).collect()
+    inspected.iter().enumerate().flat_map(of).collect()
 }
 
 /// The splits of the kept tiles, in order of tiles; drops those across a border.
-fn divide_ground(judged: &mut [Judged], parameters: &Parameters) -> Result<(Splits, String)> {
-    let places = kept(judged);
+fn divide_ground(inspected: &mut [Inspected], parameters: &Parameters) -> Result<(Splits, String)> {
+    let places = kept(inspected);
     let ground: Vec<Ground> = places
         .iter()
         .map(|&(scene, index)| {
-            let Judged { record, transforms, .. } = &judged[scene];
+            let Inspected { record, transforms, .. } = &inspected[scene];
             Ground::new(&record.files.site, &record.system, &transforms[index], TILE_ROWS, TILE_COLS)
         })
         .collect();
@@ -225,7 +226,7 @@ fn divide_ground(judged: &mut [Judged], parameters: &Parameters) -> Result<(Spli
     for (place, split) in places.into_iter().zip(splits) {
         match split {
             Some(split) => drop(found.insert(place, split)),
-            None => judged[place.0].tiles[place.1].dropped = Some(Reason::BetweenSplits),
+            None => inspected[place.0].tiles[place.1].dropped = Some(Reason::BetweenSplits),
         }
     }
     Ok((found, how))
@@ -233,14 +234,14 @@ fn divide_ground(judged: &mut [Judged], parameters: &Parameters) -> Result<(Spli
 
 /// Writes the shards of all splits, leaving those that are there from an interrupted run with the same plan.
 fn write_shards(
-    judged: &[Judged],
+    inspected: &[Inspected],
     splits: &Splits,
     out: &Path,
     parameters: &Parameters,
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<BTreeMap<Split, SplitRecord>> {
-    keep_or_clear(judged, splits, out, parameters)?;
+    keep_or_clear(inspected, splits, out, parameters)?;
     bar.set_message("writing");
     bar.set_length(splits.len() as u64);
     bar.set_position(0);
@@ -249,7 +250,7 @@ fn write_shards(
     for split in Split::ALL {
         let places: Vec<Place> = splits.iter().filter(|(_, s)| **s == split).map(|(place, _)| *place).collect();
         let mut record = SplitRecord { tiles: places.len(), ..SplitRecord::default() };
-        record.sites = places.iter().map(|&(scene, _)| judged[scene].record.files.site.clone()).collect();
+        record.sites = places.iter().map(|&(scene, _)| inspected[scene].record.files.site.clone()).collect();
         record.sites.sort();
         record.sites.dedup();
         for (number, part) in places.chunks(parameters.shard_tiles).enumerate() {
@@ -261,9 +262,9 @@ fn write_shards(
                 for &(number, index) in part {
                     let scene = match open.take() {
                         Some((open_number, scene)) if open_number == number => scene,
-                        _ => Scene::open(&judged[number].record.files, reading)?,
+                        _ => Scene::open(&inspected[number].record.files, reading)?,
                     };
-                    add_tile(&mut shard, &scene, number, &judged[number], index)?;
+                    add_tile(&mut shard, &scene, number, &inspected[number], index)?;
                     open = Some((number, scene));
                     bar.inc(1);
                 }
@@ -281,9 +282,9 @@ fn write_shards(
 }
 
 /// Removes shards of another plan.
-fn keep_or_clear(judged: &[Judged], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<()> {
+fn keep_or_clear(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<()> {
     let path = out.join(UNFINISHED).join("plan");
-    let keys: Vec<&str> = judged.iter().map(|j| j.key.as_str()).collect();
+    let keys: Vec<&str> = inspected.iter().map(|j| j.key.as_str()).collect();
     let places: Vec<_> = splits.iter().collect();
     let plan = serde_json::to_vec(&(keys, places, parameters)).map_err(|e| Error::broken(&path, e.to_string()))?;
     let plan = sha256_hex(&plan);
@@ -300,19 +301,19 @@ fn keep_or_clear(judged: &[Judged], splits: &Splits, out: &Path, parameters: &Pa
     atomic_write(&path, plan.as_bytes())
 }
 
-fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, judged: &Judged, index: usize) -> Result<()> {
-    let tile = &judged.tiles[index];
+fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, inspected: &Inspected, index: usize) -> Result<()> {
+    let tile = &inspected.tiles[index];
     let maps = scene.maps(Window { row: tile.row, col: tile.col, rows: TILE_ROWS, cols: TILE_COLS })?;
     shard.image.extend(maps.image);
     shard.coarse_m.extend(maps.coarse_m);
     shard.truth_m.extend(maps.truth_m);
-    shard.pixel_m.extend(judged.record.pixel_m.map(|v| v as f32));
-    shard.coarse_px.push(judged.record.coarse_px);
-    shard.sun_azimuth_deg.push(judged.record.azimuth_used_deg.map_or(f32::NAN, |v| v as f32));
-    shard.sun_elevation_deg.push(judged.record.files.sun_elevation_deg.map_or(f32::NAN, |v| v as f32));
+    shard.pixel_m.extend(inspected.record.pixel_m.map(|v| v as f32));
+    shard.coarse_px.push(inspected.record.coarse_px);
+    shard.sun_azimuth_deg.push(inspected.record.azimuth_used_deg.map_or(f32::NAN, |v| v as f32));
+    shard.sun_elevation_deg.push(inspected.record.files.sun_elevation_deg.map_or(f32::NAN, |v| v as f32));
     shard.offset_px.extend(tile.offset.map_or([f32::NAN; 2], |o| [o.rows_px as f32, o.cols_px as f32]));
     shard.scene.push(number as i32);
-    shard.transform.extend(judged.transforms[index]);
+    shard.transform.extend(inspected.transforms[index]);
     Ok(())
 }
 
@@ -326,15 +327,15 @@ fn sum_dropped(parts: impl Iterator<Item = BTreeMap<Reason, usize>>) -> BTreeMap
     sum
 }
 
-fn finished_record(judged: Judged) -> SceneRecord {
-    let dropped = dropped(&judged.tiles);
-    let kept = judged.tiles.len() - dropped.values().sum::<usize>();
-    SceneRecord { kept, dropped, ..judged.record }
+fn finished_record(inspected: Inspected) -> SceneRecord {
+    let dropped = dropped(&inspected.tiles);
+    let kept = inspected.tiles.len() - dropped.values().sum::<usize>();
+    SceneRecord { kept, dropped, ..inspected.record }
 }
 
-fn nothing_left(judged: &[Judged]) -> Error {
-    let tiles: usize = judged.iter().map(|j| j.tiles.len()).sum();
-    let reasons = sum_dropped(judged.iter().map(|j| dropped(&j.tiles)));
+fn nothing_left(inspected: &[Inspected]) -> Error {
+    let tiles: usize = inspected.iter().map(|j| j.tiles.len()).sum();
+    let reasons = sum_dropped(inspected.iter().map(|j| dropped(&j.tiles)));
     let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{reason:?} {count}")).collect();
     let whole = format!("{TILE_ROWS} x {TILE_COLS}");
     Error::usage(format!(

@@ -14,10 +14,9 @@
 //! | `transform` | f64 `[N, 6]` | pixel-to-map transform in GDAL's order |
 
 use crate::data::sample::RawTile;
-use crate::illumination::KnownSun;
-use crate::raster::atomic_write;
-use crate::{Error, Result};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_net::illumination::KnownSun;
+use elunar_raster::{Error, Result, atomic_write};
 use safetensors::tensor::{Dtype, Metadata, TensorView};
 use std::collections::HashMap;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! Training, validation and test never share ground: whole sites go to one of them, or whole blocks of a map.
 
 use super::manifest::Split;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;

@@ -4,11 +4,10 @@ use super::list::SceneFiles;
 use super::manifest::{MANIFEST, Reason};
 use super::*;
 use crate::data::prepared::PreparedSource;
-use crate::data::source::DataSpec;
-use crate::data::source::TileSource;
-use crate::raster::geotiff::{self, SampleType, WriteOptions};
-use crate::raster::{Raster, atomic_write};
-use crate::synth::{Moon, SynthOptions, SynthScene};
+use crate::data::source::{DataSpec, TileSource};
+use elunar_raster::geotiff::{self, SampleType, WriteOptions};
+use elunar_raster::{Raster, atomic_write};
+use elunar_synth::{Moon, SynthOptions, SynthScene};
 use indicatif::ProgressBar;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -35,7 +34,7 @@ fn files(folder: &Path, scene: &SynthScene, spoil: impl Fn(&mut Raster, &mut Ras
     }
 }
 
-fn prepared(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> crate::Result<Manifest> {
+fn prepared(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> elunar_raster::Result<Manifest> {
     run(scenes, out, parameters, &ProgressBar::hidden())
 }
 
@@ -199,8 +198,8 @@ fn displaced_dtms_are_measured_and_dropped() {
 /// The coarse DTM in degrees, the image in metres: the tiles are nearly those of a coarse DTM in metres.
 #[test]
 fn systems_may_differ() {
-    use crate::raster::align::{Interpolation, Named, onto};
-    use crate::raster::{Crs, GeoRef, MOON_RADIUS_M};
+    use elunar_raster::align::{Interpolation, Named, onto};
+    use elunar_raster::{Crs, GeoRef, MOON_RADIUS_M};
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(6, 256, 640);
     let plain = files(folder.path(), &scene, |_, _| {});
@@ -225,7 +224,7 @@ fn systems_may_differ() {
     for index in 0..2 {
         let [a, b] = [0, 1].map(|k| made[k].tile(index).unwrap());
         let largest = a.coarse_m.iter().zip(&b.coarse_m).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let relief = crate::raster::Raster { rows: 256, cols: 320, samples: a.coarse_m, georef: None }.range().unwrap();
+        let relief = elunar_raster::Raster { rows: 256, cols: 320, samples: a.coarse_m, georef: None }.range().unwrap();
         assert!(largest < 0.02 * (relief.1 - relief.0), "{largest} m of {relief:?}");
         assert!((b.coarse_px - a.coarse_px / 4.0).abs() < 0.05 && a.image == b.image && a.truth_m == b.truth_m);
     }

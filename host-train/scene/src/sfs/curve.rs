@@ -3,11 +3,10 @@
 use super::journal::{LevelLog, StepLog, TileLog};
 use super::settings::Settings;
 use crate::picture::{Chart, Series, plot, png_bytes};
-use crate::raster::atomic_write;
-use crate::raster::quantile::quantile;
 use crate::table::to_csv;
-use crate::{Error, Result};
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
+use elunar_raster::quantile::quantile;
+use elunar_raster::{Error, Result, atomic_write};
 use serde::Serialize;
 use std::path::Path;
 

@@ -3,12 +3,12 @@
 use super::level::Level;
 use super::solver::Step;
 use crate::predict::{Input, Scene};
-use crate::raster::align::{Interpolation, Onto};
-use crate::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
+use elunar_raster::align::{Interpolation, Onto};
+use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -95,7 +95,7 @@ impl StepLog {
 }
 
 impl Journal {
-    /// An empty journal for a scene; with a truth, every step is judged by it (bilinearly on the image's grid), which takes time that is
+    /// An empty journal for a scene; with a truth, every step is scored by it (bilinearly on the image's grid), which takes time that is
     /// not counted as the tile's.
     ///
     /// # Errors

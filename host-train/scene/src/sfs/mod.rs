@@ -24,8 +24,8 @@ pub use reflectance::{Light, Shade};
 pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
 
 use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
-use crate::raster::Raster;
-use crate::{Error, Result};
+use elunar_core::tile::Shape;
+use elunar_raster::{Error, Raster, Result};
 
 /// As [`solve_rows`], into memory.
 ///
@@ -60,8 +60,9 @@ pub fn solve_rows(
     let unknown = || Error::usage("image: a pixel size in metres expected, none found");
     let pixel_m = scene.georef.pixel_m(scene.rows, scene.cols).ok_or_else(unknown)?;
     let makers = || -> Result<Box<dyn TileMaker + '_>> {
-        Ok(Box::new(tile::Solver::new(*settings, (scene.rows, scene.cols), pixel_m, journal)?))
+        Ok(Box::new(tile::Solver::new(*settings, Shape::new(scene.rows, scene.cols), pixel_m, journal)?))
     };
-    let cut = Cut { tile: settings.tile, overlap_px: settings.overlap_px, threads: settings.threads };
+    let tile = Shape::new(settings.tile.0, settings.tile.1);
+    let cut = Cut { tile, overlap_px: settings.overlap_px, threads: settings.threads };
     make_rows(scene, cut, &makers, from, keep, progress)
 }

@@ -1,7 +1,7 @@
 //! How bright a slope is: Lunar–Lambert, seen from straight above, with its derivatives.
 
-use crate::{Error, Result};
 use elunar_core::terrain::lunar_lambert_weight;
+use elunar_raster::{Error, Result};
 
 /// Where the Sun stands, and what that does to reflectance.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,8 @@
 
 use super::reflectance::Light;
 use crate::mosaic::Blend;
-use crate::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
+use elunar_raster::{Error, Result};
 use serde::Serialize;
 
 /// Default weight of second derivatives, in pixels: enlarged ground under enlarged pixels looks the same, so weights go with the pixel.

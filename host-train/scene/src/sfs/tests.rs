@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::predict::Input;
-use crate::raster::{Crs, GeoRef, Raster};
+use elunar_raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
 const ROWS: usize = 100;

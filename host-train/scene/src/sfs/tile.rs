@@ -5,11 +5,11 @@ use super::level::{Level, Objective};
 use super::pyramid::{doubled, pyramid};
 use super::settings::Settings;
 use super::solver::{End, solve};
-use crate::Result;
 use crate::mosaic::OverlapWeights;
 use crate::predict::{Band, Cutout, Outcome, TileMaker};
 use elunar_core::terrain::PixelSize;
-use elunar_core::tile::Window;
+use elunar_core::tile::{Shape, Window};
+use elunar_raster::Result;
 use std::time::{Duration, Instant};
 
 /// Makes tiles on one thread.
@@ -23,12 +23,7 @@ pub(super) struct Solver<'a> {
 }
 
 impl<'a> Solver<'a> {
-    pub(super) fn new(
-        settings: Settings,
-        scene: (usize, usize),
-        pixel_m: (f64, f64),
-        journal: &'a Journal,
-    ) -> Result<Self> {
+    pub(super) fn new(settings: Settings, scene: Shape, pixel_m: (f64, f64), journal: &'a Journal) -> Result<Self> {
         let objective = Objective {
             light: settings.light()?,
             smoothness_m: settings.smoothness_weight_m,

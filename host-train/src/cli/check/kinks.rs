@@ -3,8 +3,9 @@
 //! Arithmetic in `f32` and in `f64` may then fall on different sides. The bounds hold for any order of summation: a sum of n products loses at
 //! most n u of the sum of their magnitudes, where u = 2⁻²⁴ is the unit roundoff of `f32`.
 
-use crate::train::loss::LossWeights;
 use elunar_core::loss::PAD_EPS;
+use elunar_core::tile::Shape;
+use elunar_learn::train::loss::LossWeights;
 
 /// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
@@ -28,17 +29,17 @@ pub struct Kinks {
 
 impl Kinks {
     /// Finds the kinks of `weights` at `prediction`, with the mean-normalised elevation term; both maps row-major `[rows, cols]`.
-    pub fn find(truth: &[f32], prediction: &[f32], (rows, cols): (usize, usize), weights: &LossWeights) -> Self {
+    pub fn find(truth: &[f32], prediction: &[f32], shape: Shape, weights: &LossWeights) -> Self {
         let mut kinks = Self { count: 0, of: 3 * prediction.len(), slack: vec![0.0; prediction.len()], offset: 0.0 };
-        kinks.add_elevation(truth, prediction, (rows, cols), f64::from(weights.elevation));
+        kinks.add_elevation(truth, prediction, shape, f64::from(weights.elevation));
         for across in [true, false] {
-            kinks.add_sobel(truth, prediction, (rows, cols), across, f64::from(weights.gradient));
+            kinks.add_sobel(truth, prediction, shape, across, f64::from(weights.gradient));
         }
         kinks
     }
 
     /// |z / z̄ − z* / z̄*|: its derivative reaches its own pixel, and through the mean every pixel.
-    fn add_elevation(&mut self, truth: &[f32], prediction: &[f32], (rows, cols): (usize, usize), weight: f64) {
+    fn add_elevation(&mut self, truth: &[f32], prediction: &[f32], Shape { rows, cols }: Shape, weight: f64) {
         let len = prediction.len() as f64;
         let mean = |z: &[f32]| z.iter().map(|v| f64::from(*v)).sum::<f64>() / len + PAD_EPS;
         let magnitude = |z: &[f32]| z.iter().map(|v| f64::from(v.abs())).sum::<f64>() / len;
@@ -71,7 +72,7 @@ impl Kinks {
     }
 
     /// |∂(z − z*)| along columns (`across`) or rows: its derivative reaches the neighbours.
-    fn add_sobel(&mut self, truth: &[f32], prediction: &[f32], shape: (usize, usize), across: bool, weight: f64) {
+    fn add_sobel(&mut self, truth: &[f32], prediction: &[f32], shape: Shape, across: bool, weight: f64) {
         let len = prediction.len();
         for at in 0..len {
             let (mut argument, mut magnitude) = (0.0, 0.0);
@@ -91,7 +92,7 @@ impl Kinks {
 }
 
 /// What a Sobel derivative (over 8, the border replicated) at pixel `at` reads: pixels and their factors.
-fn neighbours(at: usize, (rows, cols): (usize, usize), across: bool) -> impl Iterator<Item = (usize, f64)> {
+fn neighbours(at: usize, Shape { rows, cols }: Shape, across: bool) -> impl Iterator<Item = (usize, f64)> {
     let inside = |i: usize, step: usize, len: usize| (i + step).saturating_sub(1).min(len - 1);
     (0..3).flat_map(move |along| [(0, -1.0), (2, 1.0)].map(|(side, sign)| (along, side, sign))).map(
         move |(along, side, sign)| {

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 /// All of them in one object; units in the names.
 pub(super) fn figures(story: &Story) -> Value {
     let Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times } = story;
-    let against_truth: Value = serde_json::from_str(&crate::evaluate::json(&verdict.against_truth)).unwrap_or_default();
+    let against_truth: Value =
+        serde_json::from_str(&elunar_scene::evaluate::json(&verdict.against_truth)).unwrap_or_default();
     let networks: Vec<Value> = predicted
         .iter()
         .map(|p| json!({ "name": p.name, "model": p.model, "tiles": p.made.tally.tiles, "predict_s": p.seconds }))

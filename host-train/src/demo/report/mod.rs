@@ -3,18 +3,17 @@
 mod figures;
 mod page;
 
+use super::compare::{NAMES, PROFILE, Verdict, error_file};
 use super::console::{StepTime, say};
 use super::folder::{FIGURES, Folder, REPORT, RUN};
 use super::infer::Predicted;
-use super::judge::{NAMES, PROFILE, Verdict, error_file};
 use super::scene::{COARSE_SHADE, DemoScene, IMAGE, TRUTH_SHADE};
 use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
-use crate::picture::{Panel, sheet, write_png};
-use crate::raster::atomic_write;
 use crate::report::html::Picture;
-use crate::{Error, Result};
+use elunar_raster::{Error, Result, atomic_write};
+use elunar_scene::picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
 
 /// Image and hillshades side by side.
@@ -55,7 +54,7 @@ impl Story<'_> {
         let [float, int8] = &self.predicted;
         let about_image =
             format!("Image, Sun {:.0}° high from azimuth {:.0}°", sun.sun_elevation_deg, sun.sun_azimuth_deg);
-        let rmse = |k: usize| self.verdict.against_truth.judged.get(k).map_or(f64::NAN, |j| j.scores.rmse_m);
+        let rmse = |k: usize| self.verdict.against_truth.scored.get(k).map_or(f64::NAN, |j| j.scores.rmse_m);
         let error = |(k, name): (usize, &&str)| {
             picture(&error_file(name), format!("{name} minus truth, RMSE {:.2} m", rmse(k)))
         };

@@ -1,13 +1,13 @@
 //! The page itself, section by section.
 
 use super::{Pictures, Story};
-use crate::Result;
+use crate::demo::compare::NAMES;
 use crate::demo::console::minutes;
 use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL};
-use crate::demo::judge::NAMES;
 use crate::demo::{SHIPPED_MODEL, Start};
-use crate::evaluate::Scores;
 use crate::report::html::{Cell, document, escaped, figure, table};
+use elunar_raster::Result;
+use elunar_scene::evaluate::Scores;
 
 /// The report as one HTML document.
 ///
@@ -28,7 +28,7 @@ pub(super) fn page(story: &Story, pictures: &Pictures) -> Result<String> {
 
 /// Scores of coarse DTM, float and int8.
 fn scores(story: &Story) -> Vec<Scores> {
-    story.verdict.against_truth.judged.iter().map(|judged| judged.scores).collect()
+    story.verdict.against_truth.scored.iter().map(|scored| scored.scores).collect()
 }
 
 /// `from 3.21° to 1.70° (−47 %)`.
@@ -143,7 +143,7 @@ fn training(story: &Story, pictures: &Pictures) -> Result<String> {
     Ok(format!(
         "<h2>Training</h2>\n<p>{} parameters, from {}, {} steps of {} crops of {} × {} pixels at a learning rate of {:.0e} falling to \
          0 ({:.2} steps/s), on tiles of Moons of other seeds with the scene's kind of ground and the Sun {:.0}° to {:.0}° high. {kept} \
-         Below: {} tiles held out, judged by the truth with the coarse DTM's long wavelengths, as trained for; \
+         Below: {} tiles held out, scored by the truth with the coarse DTM's long wavelengths, as trained for; \
          the weights with the lowest RMSE in normalised units are the best.</p>\n{}\
          <div class=\"chart\">{}</div>\n",
         tuned.parameters,

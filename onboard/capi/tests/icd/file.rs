@@ -228,8 +228,8 @@ fn other_operator_records_are_as_described() {
         ("shift", 413),
     ];
     compare_record("Attention", &Operator::Attention(attention).encode(), "kind", &fields);
-    let enlarge = Operator::Enlarge(Enlarge { out: 501, input: 502 }).encode();
-    compare_record("1.9 Enlargement: kind 4", &enlarge, "kind", &[("kind", 4), ("out", 501), ("input", 502)]);
+    let upsample = Operator::Upsample2(Upsample2 { out: 501, input: 502 }).encode();
+    compare_record("1.9 Upsampling: kind 4", &upsample, "kind", &[("kind", 4), ("out", 501), ("input", 502)]);
 
     let entry = Entry { operator: 601, first: 602, count: 603 }.encode();
     let halves: Vec<u16> = entry.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();

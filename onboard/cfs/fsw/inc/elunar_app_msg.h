@@ -54,7 +54,7 @@ typedef struct {
     uint32 ValidPx;      /* of the tile at work */
     uint32 TilesWritten;
     uint32 TilesDropped; /* by this application */
-    uint32 JudgedPx;     /* of the latest tile: pixels whose height and four neighbours are valid */
+    uint32 ClassifiedPx;     /* of the latest tile: pixels whose height and four neighbours are valid */
     uint32 HazardPx;     /* of those: too steep or too rough */
     uint64 Calls;
     uint64 Faults;

@@ -52,6 +52,6 @@ bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes
 
 /* elunar_app_hazard.c: pixels whose height and four neighbours are valid, and how many of them are too steep or too rough. */
 void ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
-                             float PixelM, uint32 *JudgedPx, uint32 *HazardPx);
+                             float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx);
 
 #endif

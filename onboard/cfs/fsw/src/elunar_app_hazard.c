@@ -3,7 +3,7 @@
  *     slope      = |((right - left), (below - above))| / (2 pixel)        compared as squares
  *     roughness  = |height - (left + right + above + below) / 4|
  *
- * A pixel at the edge, or next to an invalid height, is not judged. This is an example of what a lander does with heights, no method of ours. */
+ * A pixel at the edge, or next to an invalid height, is not classified. This is an example of what a lander does with heights, no method of ours. */
 #include "elunar_app.h"
 
 static bool Hazard(const ELUNAR_APP_Table_t *Limits, const float *At, uint32 Cols, float PixelM) {
@@ -14,15 +14,15 @@ static bool Hazard(const ELUNAR_APP_Table_t *Limits, const float *At, uint32 Col
 }
 
 void ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
-                             float PixelM, uint32 *JudgedPx, uint32 *HazardPx) {
+                             float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx) {
     uint32 Row, Col;
-    *JudgedPx = 0;
+    *ClassifiedPx = 0;
     *HazardPx = 0;
     for (Row = 1; Row + 1 < Rows; Row++) {
         for (Col = 1; Col + 1 < Cols; Col++) {
             const size_t i = (size_t)Row * Cols + Col;
             if (Valid[i] && Valid[i - 1] && Valid[i + 1] && Valid[i - Cols] && Valid[i + Cols]) {
-                (*JudgedPx)++;
+                (*ClassifiedPx)++;
                 *HazardPx += Hazard(Limits, HeightsM + i, Cols, PixelM) ? 1u : 0u;
             }
         }

@@ -29,7 +29,7 @@ pub(crate) fn elunar_call_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result
     runner.step(macs)
 }
 
-/// Judges the finished self test; returns the output's CRC.
+/// Checks the finished self test; returns the output's CRC.
 #[inline(never)]
 #[unsafe(no_mangle)]
 pub(crate) fn elunar_call_check(runner: &mut Runner<'_, '_>) -> Result<u32, RunError> {

@@ -5,6 +5,7 @@ use crate::mark::{elunar_count_start, elunar_count_stop};
 use crate::stack::depth;
 use core::fmt::Write;
 use elunar_core::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, required};
+use elunar_core::tile::Shape;
 
 /// Multiply-accumulates per step: large beside the cost of a call; or one, so that a step never reaches into the next operator.
 const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };
@@ -38,7 +39,7 @@ fn refuse(console: &mut impl Write, error: &impl core::fmt::Display) -> bool {
 }
 
 fn both(model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> bool {
-    let (rows, cols) = model.tile();
+    let Shape { rows, cols } = model.tile();
     let (_, crc) = model.self_test();
     let (bytes, macs, operators) = (model.raw().bytes().len(), model.macs(), model.operator_count());
     let _ =
@@ -67,7 +68,7 @@ fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Wr
     }
 }
 
-/// Runs and judges the self test; returns the output's CRC.
+/// Runs and checks the self test; returns the output's CRC.
 fn tile(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> Result<u32, RunError> {
     let (arena, _rest) = arena.split_at_mut(required(&model).min(arena.len()));
     let mut runner = Runner::with_kernel(kernel, model, arena)?;

@@ -5,10 +5,11 @@ use crate::calls::elunar_call_step;
 use crate::mark::{elunar_count_start, elunar_count_stop};
 use core::fmt::Write;
 use elunar_core::nn::{Progress, RunError, Runner};
+use elunar_core::tile::Shape;
 
 /// Begins a tile of numbers across the legal range and beyond it, without the order that a landscape has; `values` is memory for them.
 pub(crate) fn begin_other(runner: &mut Runner<'_, '_>, values: &mut [f32]) -> Result<(), RunError> {
-    let ((rows, cols), maps, nr) = (runner.model().tile(), runner.model().image_maps(), runner.model().nr());
+    let (Shape { rows, cols }, maps, nr) = (runner.model().tile(), runner.model().image_maps(), runner.model().nr());
     let (image, rest) = values.split_at_mut(values.len().min(maps * rows * cols));
     let coarse_samples = rest.len().min(rows * cols);
     let coarse = &mut rest[..coarse_samples];

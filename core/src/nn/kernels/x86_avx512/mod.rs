@@ -13,12 +13,12 @@
 // Whatever is called instead of inlined keeps the sums in memory: plain loops.
 #![allow(clippy::needless_range_loop)]
 
-mod finish;
 mod layer_norm;
+mod requantise;
 mod softmax;
 
-use super::finish::{Finish, Target};
 use super::layer_norm::Job;
+use super::requantise::{Requantise, Target};
 use super::softmax::Softmax;
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
@@ -42,10 +42,14 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
     }
 
     #[inline(always)]
-    fn finish(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // SAFETY: the processor has the instructions (see `nn/dispatch`).
         unsafe {
-            if VBMI { finish::run_vbmi(finish, bytes, acc, target) } else { finish::run(finish, bytes, acc, target) }
+            if VBMI {
+                requantise::run_vbmi(requantise, bytes, acc, target)
+            } else {
+                requantise::run(requantise, bytes, acc, target)
+            }
         }
     }
 

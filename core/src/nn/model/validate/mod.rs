@@ -3,9 +3,9 @@
 mod attention;
 mod conv;
 mod conv_weights;
-mod enlarge;
 mod layer_norm;
 mod schedule;
+mod upsample;
 
 use super::Model;
 use crate::nn::file::{MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, Operator, OperatorFault, word};
@@ -13,9 +13,10 @@ use crate::nn::input::{Illumination, TruthRange};
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::part;
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
+use crate::tile::Shape;
 
-/// Judges a model whose sections are found, and works out what running it takes.
-pub(super) fn judge(model: &mut Model<'_>) -> Result<(), ModelError> {
+/// Validates a model whose sections are found, and works out what running it takes.
+pub(super) fn validate(model: &mut Model<'_>) -> Result<(), ModelError> {
     model.check_tensors()?;
     model.check_inputs()?;
     for index in 0..model.operators.len() {
@@ -57,7 +58,7 @@ impl<'a> Model<'a> {
     }
 
     fn check_inputs(&self) -> Result<(), ModelError> {
-        let (rows, cols) = self.tile();
+        let Shape { rows, cols } = self.tile();
         let floats = [self.nr(), self.range_margin()];
         if !floats.iter().all(|v| v.is_finite() && *v >= 0.0)
             || self.nr() <= 0.0
@@ -79,7 +80,7 @@ impl<'a> Model<'a> {
     }
 
     fn check_output(&self) -> Result<(), ModelError> {
-        let (rows, cols) = self.tile();
+        let Shape { rows, cols } = self.tile();
         let written = self.operators.last().and_then(|record| Operator::decode(record).ok()).map(|op| op.output());
         let output = self.output_tensor();
         if written != Some(output) {
@@ -91,7 +92,7 @@ impl<'a> Model<'a> {
         if fits { Ok(()) } else { Err(ModelError::Header) }
     }
 
-    /// Judges one operator by itself.
+    /// Validates one operator by itself.
     fn check_operator(&self, operator: &Operator) -> Result<(), OperatorFault> {
         let exists = |t: u32| (t as usize) < self.tensors.len();
         if !exists(operator.output()) || !operator.inputs().into_iter().flatten().all(exists) {
@@ -101,7 +102,7 @@ impl<'a> Model<'a> {
             Operator::Conv(conv) => self.check_conv(conv),
             Operator::LayerNorm(norm) => self.check_layer_norm(norm),
             Operator::Attention(attention) => self.check_attention(attention),
-            Operator::Enlarge(enlarge) => self.check_enlarge(enlarge),
+            Operator::Upsample2(upsample) => self.check_upsample(upsample),
         }
     }
 

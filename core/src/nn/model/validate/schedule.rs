@@ -1,4 +1,4 @@
-//! Judges the schedule by playing it through: every row is made before it is read, and read before it is overwritten.
+//! Validates the schedule by playing it through: every row is made before it is read, and read before it is overwritten.
 
 use crate::nn::file::{MAX_RECORDS, ModelError, NONE, Operator};
 use crate::nn::model::Model;

@@ -57,7 +57,7 @@ fn uploads_that_are_no_models_are_refused() {
 }
 
 #[test]
-fn a_header_is_judged_as_soon_as_it_is_there() {
+fn a_header_is_validated_as_soon_as_it_is_there() {
     let new = model(2, 0);
     let mut slots = Slots::new(commissioned(&model(1, 0), Slot::A, &[]));
     slots.boot().unwrap();

@@ -5,12 +5,12 @@ pub mod block;
 pub mod windows;
 
 use self::block::Block;
-use super::config::NetConfig;
 use super::precision::in_f32;
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::{Device, Tensor};
+use elunar_net::config::NetConfig;
 
 /// 4x4 patches to tokens.
 #[derive(Module, Debug)]

@@ -48,7 +48,7 @@ fn record(made: &Export, tile: &CalibrationTile) -> Vec<Vec<f64>> {
     runner.begin(&tile.image, &tile.coarse).unwrap();
     let mut maps = vec![Vec::new(); model.tensor_count()];
     for input in [model.image_tensor(), model.coarse_tensor()].into_iter().filter(|t| *t != NONE) {
-        rows_now(&runner, input, 0..model.tile().0, &mut maps[input as usize]);
+        rows_now(&runner, input, 0..model.tile().rows, &mut maps[input as usize]);
     }
     let mut progress = Progress::Running;
     for number in 0..model.entry_count() {
@@ -94,7 +94,7 @@ fn agreement(made: &Export, tile: &CalibrationTile, found: &mut BTreeMap<&'stati
         let codes = &recorded[operator.output() as usize];
         let Some(id) = program.tensor_of.iter().position(|&t| t == operator.output()) else {
             let small = program.tensor_of.iter().position(|&t| Some(t) == operator.inputs()[0]).unwrap();
-            compare(found.entry(operator.name()).or_default(), codes, &emulator.enlarged(small), |_| 1.0);
+            compare(found.entry(operator.name()).or_default(), codes, &emulator.upsampled(small), |_| 1.0);
             continue;
         };
         let hi = program.codes[id].hi as f64;
@@ -144,7 +144,7 @@ fn runner_agrees_with_the_emulation_of_every_operator() {
             ("conv", 1.0, 0.9999),
             ("up-conv", 1.0, 0.9999),
             // Four bits of fraction, rounded once: the same codes, always.
-            ("enlarge", 0.0, 1.0),
+            ("upsampling", 0.0, 1.0),
             ("layer-norm", 1.0, if wide { 0.9 } else { 0.99 }),
             ("merge-norm", 1.0, if wide { 0.9 } else { 0.98 }),
             ("gelu", 1.0, 0.999),

@@ -30,7 +30,7 @@ struct Place {
 }
 
 impl Place {
-    /// Output `index` sees five samples of the enlarged map, as if the small one went on behind its border; how many of them are
+    /// Output `index` sees five samples of the upsampled map, as if the small one went on behind its border; how many of them are
     /// padding, and on which side, makes the number of the correction.
     fn all_of(index: usize, len: usize) -> Vec<Self> {
         let seen = (index as isize - 2)..=(index as isize + 2);
@@ -60,8 +60,8 @@ impl Emulator<'_> {
         }
     }
 
-    /// Codes of node `id` enlarged twofold, rounded once.
-    pub(crate) fn enlarged(&self, id: NodeId) -> Map {
+    /// Codes of node `id` upsampled twofold, rounded once.
+    pub(crate) fn upsampled(&self, id: NodeId) -> Map {
         let node = &self.graph.nodes[id];
         let mut out = Vec::with_capacity(4 * node.len());
         for (row, col) in (0..2 * node.rows).flat_map(|r| (0..2 * node.cols).map(move |c| (r, c))) {
@@ -70,7 +70,7 @@ impl Emulator<'_> {
         out
     }
 
-    /// The code at (row, col) of the enlarged map, before rounding: bilinear, half-pixel centres, border repeated.
+    /// The code at (row, col) of the upsampled map, before rounding: bilinear, half-pixel centres, border repeated.
     fn between(&self, id: NodeId, row: usize, col: usize, channel: usize) -> f64 {
         let node = &self.graph.nodes[id];
         let at = |r: usize, c: usize| self.maps[id][(r * node.cols + c) * node.channels + channel];
@@ -119,7 +119,7 @@ impl Emulator<'_> {
         multiply(filter, &patch, sums);
     }
 
-    /// The same with the enlargement in the filter.
+    /// The same with the upsampling in the filter.
     fn folded_sums(sources: &[Read], filters: &[IntegerFilter], (row, col): (usize, usize), sums: &mut [f64]) {
         let (downs, acrosses) = (Place::all_of(row, sources[0].rows), Place::all_of(col, sources[0].cols));
         for (down, across) in downs.iter().flat_map(|down| acrosses.iter().map(move |across| (down, across))) {
@@ -176,12 +176,12 @@ impl Emulator<'_> {
         out
     }
 
-    /// A source as the convolution reads it: the small map where the filters contain the enlargement.
+    /// A source as the convolution reads it: the small map where the filters contain the upsampling.
     fn read(&self, source: &Source, folded: bool) -> Read {
         let (node, zero) = (&self.graph.nodes[source.node], self.codes(source.node).zero as f64);
-        let enlarged = source.up && !folded;
-        let factor = if enlarged { 2 } else { 1 };
-        let map = if enlarged { self.enlarged(source.node) } else { self.maps[source.node].clone() };
+        let upsampled = source.up && !folded;
+        let factor = if upsampled { 2 } else { 1 };
+        let map = if upsampled { self.upsampled(source.node) } else { self.maps[source.node].clone() };
         Read { rows: factor * node.rows, cols: factor * node.cols, channels: node.channels, zero, map }
     }
 

@@ -3,10 +3,11 @@
 use super::super::compile::{Options, Precision, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
 use crate::config::{Head, Illumination, NetConfig, TruthRange};
-use crate::illumination::{Light, LightSource, Lighting, Turn, turned};
+use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
 use elunar_core::norm::ElevationScale;
 use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use elunar_core::tile::Shape;
 use std::path::Path;
 
 /// One tile with steps of `budget_macs`, in an arena full of rubbish.
@@ -141,14 +142,14 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let coarse_m: Vec<f32> = random.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
     // A Sun in the south-east.
     let light = Light::from_sun(140.0, 35.0).unwrap();
-    let turn = Turn { rows: true, cols: true };
-    let (image, heights) = (turned(turn, &brightness, shape.1), turned(turn, &coarse_m, shape.1));
+    let mirror = Mirror { rows: true, cols: true };
+    let (image, heights) = (mirrored(mirror, &brightness, shape.1), mirrored(mirror, &coarse_m, shape.1));
     let scale = ElevationScale::from_pixel(&heights, None, 2.0, config.nr).unwrap();
-    let plan = Photoclinometry::new(shape);
+    let plan = Photoclinometry::new(Shape::new(shape.0, shape.1));
     let mut scratch = vec![0.0; plan.scratch_len()];
-    let mirrored =
-        GuideInput { image: &image, coarse_m: &heights, valid: None, turn: Turn::default(), coarse_px: 30.0 };
-    let guide = Guide::new(&plan, mirrored, &scale, light.mirrored(turn), &mut scratch).unwrap();
+    let tile =
+        GuideInput { image: &image, coarse_m: &heights, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
+    let guide = Guide::new(&plan, tile, &scale, light.mirrored(mirror), &mut scratch).unwrap();
     let (mut maps, mut pixels) = (vec![0.0; MAPS * image.len()], vec![0.0; heights.len()]);
     guide.fill(&mut maps, &mut pixels).unwrap();
     let tile = CalibrationTile { image: maps, coarse: pixels, ground: None };
@@ -165,15 +166,15 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
     assert_eq!(runner.scratch_len(), scratch.len());
     let begun = runner.begin_metres(&input, &mut scratch).unwrap();
-    assert_eq!((begun.scale.turn, begun.light), (turn, LightSource::Given));
+    assert_eq!((begun.scale.mirror, begun.light), (mirror, LightSource::Given));
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let mut heights_m = vec![0.0; expected_m.len()];
     runner.heights(&begun.scale, &mut heights_m).unwrap();
-    assert_eq!(heights_m, turned(turn, &expected_m, shape.1));
+    assert_eq!(heights_m, mirrored(mirror, &expected_m, shape.1));
     let level = vec![5.0; heights_m.len()];
     let dark = TileInput { coarse_m: &level, light: TileLight::default(), ..input };
     let begun = runner.begin_metres(&dark, &mut scratch).unwrap();
-    assert_eq!((begun.scale.turn, begun.light), (Turn::default(), LightSource::Assumed));
+    assert_eq!((begun.scale.mirror, begun.light), (Mirror::default(), LightSource::Assumed));
     assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 8192, found: 2048 }));
 }
 

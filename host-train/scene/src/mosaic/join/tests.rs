@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::mosaic::GridOptions;
-use crate::raster::source::InMemory;
-use crate::raster::{Crs, GeoRef, Raster};
+use elunar_raster::source::InMemory;
+use elunar_raster::{Crs, GeoRef, Raster};
 use elunar_testing::oracle::rasterio_with;
 
 fn raster(rows: usize, cols: usize, corner: (f64, f64), height: impl Fn(usize, usize) -> f32) -> Raster {
@@ -93,7 +93,7 @@ print(np.nanmax(abs(found - expected)), np.isfinite(found).sum(), np.isnan(found
 
 #[test]
 fn matches_numpy_and_scipy() {
-    use crate::raster::geotiff::{WriteOptions, write};
+    use elunar_raster::geotiff::{WriteOptions, write};
     let rules = |erode_px, blur_sigma_px, exponent, priority_px| JoinRules {
         weights: WeightRules { erode_px, blur_sigma_px, exponent },
         priority_px,

@@ -73,7 +73,7 @@ impl Convolutions for Flex {
                 (time(Part::Convolution(Pass::Forward), || conv::forward(&shape, map, kernel)), shape.output)
             }
             Sized::Up2(shape) => {
-                let out = time(Part::Enlargement(Pass::Forward), || up2::forward(&shape, map, kernel));
+                let out = time(Part::Upsampling(Pass::Forward), || up2::forward(&shape, map, kernel));
                 (out, shape.small.map(|n| 2 * n))
             }
         };
@@ -96,7 +96,7 @@ fn backward(
             time(Part::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
         }
         Sized::Up2(shape) => {
-            time(Part::Enlargement(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
+            time(Part::Upsampling(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
         }
     };
     [of_x.map(|data| tensor(data, dims::<4>(&x))), of_weight.map(|data| tensor(data, dims::<4>(&weight)))]

@@ -1,11 +1,11 @@
-//! Enlargements.
+//! Upsamplings.
 
-use crate::nn::file::{Enlarge, OperatorFault};
+use crate::nn::file::{OperatorFault, Upsample2};
 use crate::nn::model::Model;
 use crate::nn::tensor::Dtype;
 
 impl Model<'_> {
-    pub(super) fn check_enlarge(&self, op: &Enlarge) -> Result<(), OperatorFault> {
+    pub(super) fn check_upsample(&self, op: &Upsample2) -> Result<(), OperatorFault> {
         let (input, out) = (self.tensor(op.input), self.tensor(op.out));
         if input.dtype == Dtype::F32 || input.dtype != out.dtype {
             return Err(OperatorFault::Type);

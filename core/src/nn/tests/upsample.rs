@@ -1,15 +1,15 @@
-//! Enlargements against bilinear interpolation.
+//! Upsamplings against bilinear interpolation.
 
 use super::Random;
 use super::draft::{Draft, map};
 use super::unit::{Expected, check, random_map};
-use crate::nn::file::{Dtype, Edge, Enlarge, Operator, Tensor};
+use crate::nn::file::{Dtype, Edge, Operator, Tensor, Upsample2};
 use proptest::prelude::*;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn enlargements_equal_interpolation(seed in any::<u64>()) {
+    fn upsamplings_equal_interpolation(seed in any::<u64>()) {
         let mut random = Random::new(seed);
         let r = &mut random;
         let size = (r.size(1, 6), r.size(1, 20));
@@ -24,7 +24,7 @@ proptest! {
         let large = map(dtype, (2 * size.0, 2 * size.1), channels);
         let large = Tensor { zero, lo, hi, margin: r.size(0, 3), edge: edge(r), ring: r.size(2, 2 * size.0), ..large };
         let out = draft.place(large);
-        let index = draft.operator(Operator::Enlarge(Enlarge { out, input }));
+        let index = draft.operator(Operator::Upsample2(Upsample2 { out, input }));
         draft.finish();
         draft.in_order();
 

@@ -2,20 +2,20 @@
 
 use super::Constants;
 use crate::nn::file::Conv;
-use crate::nn::kernels::finish::Finish;
+use crate::nn::kernels::requantise::Requantise;
 use crate::nn::panels::PANEL;
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// Of channels `first` to `first + width` of an output; `variants`: the sets of filters whose biases add up.
 #[inline(always)]
-pub(super) fn finish<'a>(
+pub(super) fn requantise<'a>(
     constants: &Constants<'a>,
     conv: &Conv,
     (out, add): (&'a Tensor, Option<Tensor>),
     (first, width): (usize, usize),
     variants: [Option<usize>; 2],
-) -> Finish<'a> {
+) -> Requantise<'a> {
     let channels = out.channels.saturating_sub(first).min(width);
     let list = |offset: usize, skip: usize| {
         let mut values = [0; PANEL];
@@ -38,7 +38,7 @@ pub(super) fn finish<'a>(
         Some(_) => (conv.table_zero as i64, 0, 255),
         None => (out.zero as i64, out.lo as i64, out.hi as i64),
     };
-    Finish {
+    Requantise {
         out,
         first,
         channels,

@@ -1,4 +1,4 @@
-//! Bilinear enlargement: two output rows from three input rows.
+//! Bilinear upsampling: two output rows from three input rows.
 
 use super::Prepared;
 use crate::nn::arena::{Arena, high, join};
@@ -46,7 +46,7 @@ fn pixel(
     }
 }
 
-/// Twofold bilinear enlargement with half-pixel centres: output `index` takes 3/4 of the first and 1/4 of the second input
+/// Twofold bilinear upsampling with half-pixel centres: output `index` takes 3/4 of the first and 1/4 of the second input
 /// sample returned; beyond the border the border sample repeats.
 #[inline(always)]
 fn taps(index: usize, len: usize) -> (usize, usize) {

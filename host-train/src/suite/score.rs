@@ -3,15 +3,14 @@
 use super::method::Method;
 use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
 use super::scene::TestScene;
-use crate::evaluate::lowpass::high_pass;
-use crate::evaluate::{Candidate, Comparison, Light, compare, relief};
-use crate::raster::Raster;
-use crate::raster::align::Named;
-use crate::{Error, Result};
 use elunar_core::metrics::HeightErrors;
+use elunar_raster::align::Named;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::lowpass::high_pass;
+use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief};
 
 /// What was found on a scene, with the DTMs for pictures.
-pub struct JudgedScene {
+pub struct ScoredScene {
     /// The figures; no pictures yet.
     pub result: SceneResult,
     /// The rasters, coarse DTM first.
@@ -22,7 +21,7 @@ pub struct JudgedScene {
 ///
 /// # Errors
 /// From the methods; if no pixel is common to all.
-pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
+pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
     let mut made = Vec::with_capacity(methods.len());
     for method in methods {
         made.push(method.dtm(scene).map_err(|e| Error::usage(format!("scene {}: {e}", scene.entry.name)))?);
@@ -34,15 +33,15 @@ pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
     let seconds = std::iter::once(None).chain(made.iter().map(|(_, seconds)| *seconds));
     let light = scene.sun_deg.0.zip(scene.sun_deg.1);
     let light = light.map(|(azimuth_deg, elevation_deg)| Light { image: &scene.image, azimuth_deg, elevation_deg });
-    let judged = comparison.judged.iter().zip(seconds).map(|(judged, seconds)| {
+    let scored = comparison.scored.iter().zip(seconds).map(|(scored, seconds)| {
         Ok(MethodScores {
-            method: judged.name.clone(),
-            heights: judged.scores,
-            relief: relief(&comparison, judged, &scene.truth, scene.high_pass_m, light)?,
+            method: scored.name.clone(),
+            heights: scored.scores,
+            relief: relief(&comparison, scored, &scene.truth, scene.high_pass_m, light)?,
             seconds,
         })
     });
-    let judged = judged.collect::<Result<Vec<_>>>()?;
+    let scored = scored.collect::<Result<Vec<_>>>()?;
     let entry = &scene.entry;
     let result = SceneResult {
         name: entry.name.clone(),
@@ -55,10 +54,10 @@ pub fn judge(scene: &TestScene, methods: &[Method]) -> Result<JudgedScene> {
         high_pass_m: scene.high_pass_m,
         sun_deg: scene.sun_deg,
         pixels: (comparison.common_pixels, comparison.truth_pixels),
-        judged,
+        scored,
         pictures: vec![],
     };
-    Ok(JudgedScene { result, comparison })
+    Ok(ScoredScene { result, comparison })
 }
 
 /// One scene of a ground: its name, truth, high-pass wavelength and pixel, and the DTMs of all methods.
@@ -116,7 +115,7 @@ pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::{Crs, GeoRef};
+    use elunar_raster::{Crs, GeoRef};
 
     fn raster(height: impl Fn(usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };

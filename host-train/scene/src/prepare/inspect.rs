@@ -3,10 +3,10 @@
 use super::manifest::{Parameters, Reason};
 use super::offset::{Offset, measure};
 use super::scene::{Maps, Scene};
-use crate::Result;
 use elunar_core::norm::elevation::RELIEF_EPS_M;
 use elunar_core::terrain::Sun;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use elunar_raster::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +33,7 @@ pub(super) struct Tile {
     pub(super) dropped: Option<Reason>,
 }
 
-/// Judges every tile of a scene on its own; `done` is called after each.
+/// Inspects every tile of a scene on its own; `done` is called after each.
 pub(super) fn tiles(
     scene: &Scene,
     sun_elevation_deg: Option<f64>,
@@ -46,7 +46,7 @@ pub(super) fn tiles(
         exaggeration: 1.0,
     });
     let windows = scene.windows();
-    let judged: Result<Vec<Tile>> = windows
+    let inspected: Result<Vec<Tile>> = windows
         .into_par_iter()
         .map(|window| {
             let tile = tile(&scene.maps(window)?, window, scene, sun, parameters);
@@ -54,9 +54,9 @@ pub(super) fn tiles(
             tile
         })
         .collect();
-    let mut judged = judged?;
-    drop_displaced(&mut judged, parameters);
-    Ok(judged)
+    let mut inspected = inspected?;
+    drop_displaced(&mut inspected, parameters);
+    Ok(inspected)
 }
 
 fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters: &Parameters) -> Result<Tile> {
@@ -86,7 +86,7 @@ fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters
 /// A tile without a measured offset has the median one of its scene; without that, it stays.
 fn drop_displaced(tiles: &mut [Tile], parameters: &Parameters) {
     let mut distances: Vec<f64> = tiles.iter().filter_map(|t| t.offset).map(|o| o.distance_px()).collect();
-    let median_px = crate::raster::quantile::quantile(&mut distances, 0.5);
+    let median_px = elunar_raster::quantile::quantile(&mut distances, 0.5);
     for tile in tiles.iter_mut().filter(|t| t.dropped.is_none()) {
         let distance_px = tile.offset.map(|o| o.distance_px()).or(median_px);
         if distance_px.is_some_and(|d| d > parameters.max_offset_px) {

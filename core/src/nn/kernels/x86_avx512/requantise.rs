@@ -9,7 +9,7 @@
 //!         cut v to the codes; [count what that has changed]; [look up]; store 16 bytes [and 16 high bytes]
 //! ```
 
-use crate::nn::kernels::finish::{Finish, Target};
+use crate::nn::kernels::requantise::{Requantise, Target};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators};
 use crate::nn::panels::PANEL;
 use crate::nn::tensor::{Dtype, Tensor};
@@ -24,9 +24,14 @@ const BOTH: u8 = 2;
 /// # Safety
 /// AVX-512 with VBMI.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi")]
-pub(super) unsafe fn run_vbmi(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+pub(super) unsafe fn run_vbmi(
+    requantise: &Requantise<'_>,
+    bytes: &mut [u8],
+    acc: &Accumulators,
+    target: &Target,
+) -> u64 {
     let (mut tables, mut by_register) = ([_mm512_setzero_si512(); 4], false);
-    if let Some(table) = finish.table.filter(|table| table.len() == 256) {
+    if let Some(table) = requantise.table.filter(|table| table.len() == 256) {
         for (i, part) in tables.iter_mut().enumerate() {
             // SAFETY: four times 64 of 256 bytes.
             *part = unsafe { _mm512_loadu_si512(table.as_ptr().add(64 * i).cast()) };
@@ -43,22 +48,22 @@ pub(super) unsafe fn run_vbmi(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accum
         _mm512_castsi512_si128(_mm512_mask_blend_epi8(_mm512_movepi8_mask(at), low, high))
     };
     // SAFETY: as the caller says.
-    let cut = unsafe { any(finish, bytes, acc, target, look_up) };
-    cut.unwrap_or_else(|| finish.portable(bytes, acc, target))
+    let cut = unsafe { any(requantise, bytes, acc, target, look_up) };
+    cut.unwrap_or_else(|| requantise.portable(bytes, acc, target))
 }
 
 /// # Safety
 /// AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-pub(super) unsafe fn run(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+pub(super) unsafe fn run(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
     // SAFETY: as the caller says.
-    let Some(cut) = (unsafe { any(finish, bytes, acc, target, |codes| codes) }) else {
-        return finish.portable(bytes, acc, target);
+    let Some(cut) = (unsafe { any(requantise, bytes, acc, target, |codes| codes) }) else {
+        return requantise.portable(bytes, acc, target);
     };
-    if let Some(table) = finish.table {
-        let (start, pitch) = target.place(finish.out, finish.first);
+    if let Some(table) = requantise.table {
+        let (start, pitch) = target.place(requantise.out, requantise.first);
         for p in 0..target.pixels {
-            for code in &mut bytes[start + p * pitch..][..finish.channels] {
+            for code in &mut bytes[start + p * pitch..][..requantise.channels] {
                 *code = table[*code as usize & 255];
             }
         }
@@ -72,33 +77,33 @@ pub(super) unsafe fn run(finish: &Finish<'_>, bytes: &mut [u8], acc: &Accumulato
 /// AVX-512.
 #[inline(always)]
 unsafe fn any(
-    finish: &Finish<'_>,
+    requantise: &Requantise<'_>,
     bytes: &mut [u8],
     acc: &Accumulators,
     target: &Target,
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
     // Up to 53, the zero code fits beside sums of 2^61, their multiplied additions of 2^60 and half before the shift.
-    if finish.shift > 53 {
+    if requantise.shift > 53 {
         return None;
     }
-    let count = match (finish.ceiling > finish.hi, finish.floor < finish.lo) {
+    let count = match (requantise.ceiling > requantise.hi, requantise.floor < requantise.lo) {
         (true, true) => NOTHING,
         (false, true) => ABOVE,
         _ => BOTH,
     };
     // SAFETY: as the caller says.
     unsafe {
-        match (finish.add.is_some(), finish.shift < 32, count) {
-            (false, false, NOTHING) => round::<false, false, NOTHING>(finish, bytes, acc, target, look_up),
-            (false, false, ABOVE) => round::<false, false, ABOVE>(finish, bytes, acc, target, look_up),
-            (false, false, _) => round::<false, false, BOTH>(finish, bytes, acc, target, look_up),
-            (false, true, ABOVE) => round::<false, true, ABOVE>(finish, bytes, acc, target, look_up),
-            (false, true, BOTH) => round::<false, true, BOTH>(finish, bytes, acc, target, look_up),
-            (true, false, ABOVE) => round::<true, false, ABOVE>(finish, bytes, acc, target, look_up),
-            (true, false, BOTH) => round::<true, false, BOTH>(finish, bytes, acc, target, look_up),
-            (true, true, ABOVE) => round::<true, true, ABOVE>(finish, bytes, acc, target, look_up),
-            (true, true, BOTH) => round::<true, true, BOTH>(finish, bytes, acc, target, look_up),
+        match (requantise.add.is_some(), requantise.shift < 32, count) {
+            (false, false, NOTHING) => round::<false, false, NOTHING>(requantise, bytes, acc, target, look_up),
+            (false, false, ABOVE) => round::<false, false, ABOVE>(requantise, bytes, acc, target, look_up),
+            (false, false, _) => round::<false, false, BOTH>(requantise, bytes, acc, target, look_up),
+            (false, true, ABOVE) => round::<false, true, ABOVE>(requantise, bytes, acc, target, look_up),
+            (false, true, BOTH) => round::<false, true, BOTH>(requantise, bytes, acc, target, look_up),
+            (true, false, ABOVE) => round::<true, false, ABOVE>(requantise, bytes, acc, target, look_up),
+            (true, false, BOTH) => round::<true, false, BOTH>(requantise, bytes, acc, target, look_up),
+            (true, true, ABOVE) => round::<true, true, ABOVE>(requantise, bytes, acc, target, look_up),
+            (true, true, BOTH) => round::<true, true, BOTH>(requantise, bytes, acc, target, look_up),
             // No network has a sum through a table, or a table behind so short a shift.
             (_, _, _) => None,
         }
@@ -111,55 +116,55 @@ unsafe fn any(
 /// AVX-512.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
-    finish: &Finish<'_>,
+    requantise: &Requantise<'_>,
     bytes: &mut [u8],
     acc: &Accumulators,
     target: &Target,
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
-    let out = finish.out;
-    let (start, pitch) = target.place(out, finish.first);
-    let (added_at, added_pitch) = finish.add.as_ref().map_or((0, 0), |add| target.place(add, finish.first));
+    let out = requantise.out;
+    let (start, pitch) = target.place(out, requantise.first);
+    let (added_at, added_pitch) = requantise.add.as_ref().map_or((0, 0), |add| target.place(add, requantise.first));
     let reach = target.pixels.saturating_sub(1);
     let end = |t: &Tensor, at: usize, pitch: usize| {
-        at + reach * pitch + finish.channels + (t.dtype.bytes() - 1) * t.plane_bytes()
+        at + reach * pitch + requantise.channels + (t.dtype.bytes() - 1) * t.plane_bytes()
     };
-    let fits = target.pixels * finish.width <= ACCUMULATORS
+    let fits = target.pixels * requantise.width <= ACCUMULATORS
         && end(out, start, pitch) <= bytes.len()
-        && finish.add.as_ref().is_none_or(|add| end(add, added_at, added_pitch) <= bytes.len());
+        && requantise.add.as_ref().is_none_or(|add| end(add, added_at, added_pitch) <= bytes.len());
     if !fits {
         return None;
     }
     let at = bytes.as_mut_ptr();
     // SAFETY: the caller has the instructions, here and below.
     unsafe {
-        let half = _mm512_set1_epi64(finish.half + (finish.zero << finish.shift));
-        let (lo, hi) = (_mm512_set1_epi32(finish.lo as i32), _mm512_set1_epi32(finish.hi as i32));
-        let shift = _mm_cvtsi64_si128(finish.shift as i64);
+        let half = _mm512_set1_epi64(requantise.half + (requantise.zero << requantise.shift));
+        let (lo, hi) = (_mm512_set1_epi32(requantise.lo as i32), _mm512_set1_epi32(requantise.hi as i32));
+        let shift = _mm_cvtsi64_si128(requantise.shift as i64);
         // Leaves odd lanes where they are wanted, in the upper half.
-        let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(finish.shift as i64 - 32) };
+        let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(requantise.shift as i64 - 32) };
         let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
-        let add_shift = _mm_cvtsi64_si128(finish.add_shift as i64);
+        let add_shift = _mm_cvtsi64_si128(requantise.add_shift as i64);
         // With eight channels a vector holds two pixels.
-        let together = if finish.width == 8 { 2 } else { 1 };
+        let together = if requantise.width == 8 { 2 } else { 1 };
         let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi32(1));
         let mut first = 0;
-        while first < finish.channels {
-            let channels = (finish.channels - first).min(LANES / together);
+        while first < requantise.channels {
+            let channels = (requantise.channels - first).min(LANES / together);
             let mask = ((1u32 << channels) - 1) as u16;
             // Lists have 32 entries and `first` is 0 or 16; the rest is bounded above and by masks.
             {
-                let bias = list(&finish.bias, first, together);
-                let multiplier = list(&finish.multiplier, first, together);
+                let bias = list(&requantise.bias, first, together);
+                let multiplier = list(&requantise.multiplier, first, together);
                 let multiplier_odd = _mm512_srli_epi64::<32>(multiplier);
-                let add_multiplier = list(&finish.add_multiplier, first, together);
+                let add_multiplier = list(&requantise.add_multiplier, first, together);
                 let add_multiplier_odd = _mm512_srli_epi64::<32>(add_multiplier);
                 let mut p = 0;
                 while p < target.pixels {
                     let now = (target.pixels - p).min(together);
                     let there = if now == 2 { mask | mask << 8 } else { mask };
                     // Loaded in the sizes in which the matrix product has stored them: others would wait for the cache.
-                    let from = acc.as_ptr().add(p * finish.width + first);
+                    let from = acc.as_ptr().add(p * requantise.width + first);
                     let mut v = if together == 1 {
                         _mm512_loadu_si512(from.cast())
                     } else {
@@ -170,7 +175,7 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
                     let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, multiplier), half);
                     let odd = _mm512_srli_epi64::<32>(v);
                     let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, multiplier_odd), half);
-                    if let (true, Some(add)) = (ADD, &finish.add) {
+                    if let (true, Some(add)) = (ADD, &requantise.add) {
                         let from = at.add(added_at + p * added_pitch + first);
                         let value = values(add, from, added_pitch, mask, now);
                         let product = _mm512_mul_epi32(value, add_multiplier);

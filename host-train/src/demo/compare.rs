@@ -4,11 +4,10 @@ use super::console::say;
 use super::folder::Folder;
 use super::infer::Predicted;
 use super::scene::DemoScene;
-use crate::evaluate::{Candidate, Comparison, Scores, compare, table};
-use crate::picture::{Chart, Series, curves, error_map, write_png};
-use crate::raster::Raster;
-use crate::raster::align::Named;
-use crate::{Error, Result};
+use elunar_raster::align::Named;
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::{Candidate, Comparison, Scores, compare, table};
+use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
 /// Heights along the middle row.
 pub(super) const PROFILE: &str = "profile.png";
@@ -41,12 +40,12 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted
     ];
     let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
     let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)])?;
-    let int8_against_float = pair.judged.first().map(|judged| judged.scores);
+    let int8_against_float = pair.scored.first().map(|scored| scored.scores);
     let int8_against_float = int8_against_float.ok_or_else(|| Error::usage("evaluate: expected scores, found none"))?;
-    for judged in &against_truth.judged {
-        let error = &judged.error_m;
+    for scored in &against_truth.scored {
+        let error = &scored.error_m;
         let map = error_map(&error.samples, error.rows, error.cols)?;
-        write_png(&folder.file(&error_file(&judged.name)), map)?;
+        write_png(&folder.file(&error_file(&scored.name)), map)?;
     }
     profile(folder, scene, &float.made.dtm, &int8.made.dtm)?;
     for line in table(&against_truth).lines() {

@@ -9,7 +9,7 @@ use crate::quant::limit::{limit, limit_wide};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// What the accumulators of one panel need.
-pub(crate) struct Finish<'a> {
+pub(crate) struct Requantise<'a> {
     pub(crate) out: &'a Tensor,
     /// First channel, channels that exist, width of the panel.
     pub(crate) first: usize,
@@ -50,7 +50,7 @@ impl Target {
     }
 }
 
-impl Finish<'_> {
+impl Requantise<'_> {
     /// Stores the samples of `acc[pixel][channel of the panel]`; returns how many were cut.
     #[inline(always)]
     pub(crate) fn run<I: Isa>(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) -> u64 {
@@ -58,7 +58,7 @@ impl Finish<'_> {
             self.floats(arena, acc, target);
             return 0;
         }
-        I::finish(self, arena.bytes, acc, target)
+        I::requantise(self, arena.bytes, acc, target)
     }
 
     /// The output tensor: a map of one channel, of which a pixel here may be several columns.
@@ -87,7 +87,7 @@ impl Finish<'_> {
         }
     }
 
-    /// [`Isa::finish`] in portable Rust.
+    /// [`Isa::requantise`] in portable Rust.
     #[inline(always)]
     pub(crate) fn portable(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         match self.width {
