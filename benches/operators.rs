@@ -150,7 +150,8 @@ struct Tables {
 impl Tables {
     fn new() -> Self {
         let kinds = ["network", "kernel", "kind", "operators", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
-        let single = ["network", "kernel", "operator", "kind", "shapes", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
+        let single =
+            ["network", "kernel", "operator", "kind", "shapes", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
         Self { kinds: Table::new("operator_kinds", &kinds), single: Table::new("operators", &single) }
     }
 

@@ -36,7 +36,9 @@ fn section(folder: &Path) -> Result<String> {
     } else if let Some(page) = record::section(folder)? {
         Ok(page)
     } else {
-        let what = format!("expected a folder with {RESULTS} (suite), {COMPARISON} (experiment), {RECORD} (train) or CSV tables");
+        let what = format!(
+            "expected a folder with {RESULTS} (suite), {COMPARISON} (experiment), {RECORD} (train) or CSV tables"
+        );
         Err(Error::usage(format!("{}: {what}, found none of them", folder.display())))
     }
 }

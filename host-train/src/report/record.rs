@@ -19,7 +19,8 @@ pub(super) fn section(folder: &Path) -> Result<Option<String>> {
         return Ok(None);
     }
     let about = folder.join(ABOUT);
-    let about = if about.exists() { std::fs::read_to_string(&about).map_err(Error::io(&about))? } else { String::new() };
+    let about =
+        if about.exists() { std::fs::read_to_string(&about).map_err(Error::io(&about))? } else { String::new() };
     let mut lines = about.lines();
     let title = lines.next().map_or_else(|| folder.display().to_string(), Into::into);
     let mut body = format!("<h2>{}</h2>\n", escaped(&title));
