@@ -16,7 +16,6 @@ use elunar_benches::samples::{Samples, measure, seconds};
 use elunar_benches::shapes::{self, Products, Shape, Use};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model};
-use std::fmt::Write as _;
 use std::time::Duration;
 
 /// Shapes below this share of every network's products are left out.
@@ -93,7 +92,9 @@ fn gemm(criterion: &mut Criterion) {
     group.finish();
     if rows.iter().any(|row| row.fractions.iter().any(Option::is_some)) {
         let names: Vec<&str> = networks.iter().map(|(name, _)| *name).collect();
-        publish(env!("CARGO_TARGET_TMPDIR"), "gemm", &text(&rows, &names, &kernels, &peak));
+        println!("Fractions below are of {}.", peak.name);
+        let tables = [peaks(), products(&rows, &names, &kernels), means(&rows, &names, &kernels)];
+        publish(env!("CARGO_TARGET_TMPDIR"), &tables);
     }
 }
 
@@ -114,29 +115,26 @@ fn inner_loop(products: &Products, shape: &Shape, kernel: &Kernel, peak: &Peak) 
     fractions.median()
 }
 
-fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> String {
-    let mut text = String::from("## Matrix products\n\nMeasured peaks of one core: ");
+/// Rates that the peaks of one core were measured at.
+fn peaks() -> Table {
+    let mut table = Table::new("peaks", &["instruction", "GMAC/s"]);
     for peak in peak::available() {
         let mut samples = Samples::default();
         (0..101).for_each(|_| samples.push(peak.seconds()));
-        let _ =
-            write!(text, "{} {} GMAC/s; ", peak.name, number(samples.median().map(|s| peak.macs as f64 / s / 1e9), 1));
+        table.row(vec![peak.name.to_string(), number(samples.median().map(|s| peak.macs as f64 / s / 1e9), 1)]);
     }
-    let _ = writeln!(
-        text,
-        "fractions are of {}.\n\nOne step of a convolution each: weights of all panels (times 4 sets where an upsampling is folded in) \
-         by a row of pixels, or several. Filling of panels and groups counts as work in the fractions; \"useful\" is the share \
-         without it, and without weights that are 0 because columns are computed as channels. \"inner loop\" is the fraction at which \
-         the fastest kernel makes the second half of the products: free of what a call costs, of which the runner has less.\n",
-        peak.name
-    );
+    table
+}
+
+/// Fractions of peak of every shape.
+fn products(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> Table {
     let shares: Vec<String> = networks.iter().map(|network| format!("% of {network}")).collect();
     let mut head: Vec<&str> =
         vec!["panels", "sets", "rows x pixels", "stride", "kernel rows x samples", "weights, KiB", "useful"];
     head.extend(shares.iter().map(String::as_str));
     head.extend(kernels.iter().map(|kernel| -> &str { kernel.name() }));
     head.push("inner loop");
-    let mut table = Table::new(&head);
+    let mut table = Table::new("products", &head);
     for row in rows {
         let Shape { sets, lines, pixels, stride, rows: kernel_rows, samples, .. } = row.use_.shape;
         let shape = &row.use_.shape;
@@ -147,16 +145,16 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
         cells.extend(row.shares.iter().map(|&share| number(Some(100.0 * share).filter(|s| *s > 0.0), 1)));
         cells.extend(row.fractions.iter().map(|&fraction| short(fraction)));
         cells.push(short(row.inner));
-        table.row(&cells);
+        table.row(cells);
     }
-    text + &table.text() + &means(rows, networks, kernels)
+    table
 }
 
 /// The fraction of peak over all products of every network.
-fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> String {
+fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> Table {
     let mut head = vec!["network", "% of its products above"];
     head.extend(kernels.iter().map(Kernel::name));
-    let mut table = Table::new(&head);
+    let mut table = Table::new("products_together", &head);
     for (index, network) in networks.iter().enumerate() {
         let covered: f64 = rows.iter().map(|row| row.shares[index]).sum();
         let mean = |fraction: &dyn Fn(&Row) -> Option<f64>| {
@@ -165,9 +163,9 @@ fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> String {
         };
         let mut cells = vec![(*network).to_string(), number(Some(100.0 * covered), 1)];
         cells.extend((0..kernels.len()).map(|kernel| mean(&|row| row.fractions.get(kernel).copied().flatten())));
-        table.row(&cells);
+        table.row(cells);
     }
-    format!("Together, by time:\n\n{}", table.text())
+    table
 }
 
 criterion_group!(benches, gemm);

@@ -103,7 +103,7 @@ fn names(model: &Model<'_>) -> Vec<String> {
     names.iter().map(|name| name.as_str().unwrap_or("?").to_string()).collect()
 }
 
-fn network(criterion: &mut Criterion, preset: Preset) -> String {
+fn network(criterion: &mut Criterion, preset: Preset, tables: &mut Tables) {
     let bytes = exported(preset).expect("a preset can be exported");
     let model = Model::new(&bytes).expect("an exported model is valid");
     let mut arena = vec![0; required(&model)];
@@ -128,89 +128,91 @@ fn network(criterion: &mut Criterion, preset: Preset) -> String {
         }
         group.finish();
     }
-    tables(preset, &mut stepper, &operators, &kinds)
+    tables.add(preset, &mut stepper, &operators, &kinds);
 }
 
-/// One line of a table: what it is, how many operators, multiply-accumulates, seconds.
+/// One line of a table: cells that say what it is, how many operators, multiply-accumulates, seconds.
 struct Line {
-    what: String,
+    what: Vec<String>,
     count: usize,
     macs: u64,
     seconds: f64,
 }
 
-fn tables(preset: Preset, stepper: &mut Stepper<'_, '_>, operators: &[Operator], kinds: &[String]) -> String {
-    let model = stepper.model;
-    stepper.tile(); // the first one is cold
-    let mut samples = vec![Samples::default(); operators.len()];
-    let (mut begin, mut output, mut peaks) = (Samples::default(), Samples::default(), Samples::default());
-    let peak = peak::dot_product();
-    for _ in 0..TILES {
-        let times = stepper.tile();
-        samples.iter_mut().zip(&times.operators).for_each(|(samples, &seconds)| samples.push(seconds));
-        begin.push(times.begin);
-        output.push(times.output);
-        peak.iter().for_each(|peak| peaks.push(peak.seconds()));
-    }
-    let median = |samples: &Samples| samples.median().unwrap_or_default();
-    let mut by_kind: BTreeMap<&str, Line> = BTreeMap::new();
-    let mut single = Vec::new();
-    let names = names(&model);
-    for (index, operator) in operators.iter().enumerate() {
-        let (macs, seconds) = (model.operator_macs(operator), median(&samples[index]));
-        let empty = || Line { what: kinds[index].clone(), count: 0, macs: 0, seconds: 0.0 };
-        let line = by_kind.entry(&kinds[index]).or_insert_with(empty);
-        (line.count, line.macs, line.seconds) = (line.count + 1, line.macs + macs, line.seconds + seconds);
-        let name = names.get(index).map_or("?", String::as_str);
-        let what = format!("{name} | {} | {}", kinds[index], place(&model, operator));
-        single.push(Line { what, count: 1, macs, seconds });
-    }
-    let mut grouped: Vec<Line> = by_kind.into_values().collect();
-    grouped.push(Line { what: "quantise the inputs".into(), count: 0, macs: 0, seconds: median(&begin) });
-    grouped.push(Line { what: "copy the output".into(), count: 0, macs: 0, seconds: median(&output) });
-    let total_s: f64 = grouped.iter().map(|line| line.seconds).sum();
-    single.retain(|line| line.seconds >= SMALLEST_SHARE * total_s);
-    let peak_rate = peak.map(|peak| peak.macs as f64 / median(&peaks) / 1e9);
-    let heading = format!(
-        "## Operators of {}\n\nKernel {}, {TILES} tiles, median of every operator, together {:.2} ms. \"of peak\": useful products \
-         over {} at {} GMAC/s; those of 16-bit maps count once, though kernels make them twice.\n\n",
-        name(preset),
-        stepper.runner.kernel(),
-        total_s * 1e3,
-        peak.map_or("nothing", |peak| peak.name),
-        number(peak_rate, 1),
-    );
-    let kinds = table(
-        &["kind", "operators", "MMAC", "ms", "% of time", "GMAC/s", "of peak"],
-        grouped,
-        total_s,
-        peak_rate,
-        true,
-    );
-    let head = ["operator", "kind", "shapes", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
-    heading + &kinds + &table(&head, single, total_s, peak_rate, false)
+/// The tables of all networks.
+struct Tables {
+    /// By kind, everything counted.
+    kinds: Table,
+    /// One by one, from [`SMALLEST_SHARE`] on.
+    single: Table,
 }
 
-fn table(head: &[&str], mut lines: Vec<Line>, total_s: f64, peak_rate: Option<f64>, counted: bool) -> String {
-    lines.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
-    let mut table = Table::new(head);
-    for line in lines {
-        let rate = Some(line.macs as f64 / line.seconds / 1e9).filter(|_| line.macs > 0);
-        let mut cells = vec![line.what];
-        cells.extend(counted.then(|| line.count.to_string()));
-        cells.push(number(Some(line.macs as f64 / 1e6), 1));
-        cells.push(number(Some(line.seconds * 1e3), 3));
-        cells.push(number(Some(100.0 * line.seconds / total_s), 1));
-        cells.push(number(rate, 1));
-        cells.push(number(rate.zip(peak_rate).map(|(rate, peak)| rate / peak), 2));
-        table.row(&cells);
+impl Tables {
+    fn new() -> Self {
+        let kinds = ["network", "kernel", "kind", "operators", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
+        let single =
+            ["network", "kernel", "operator", "kind", "shapes", "MMAC", "ms", "% of time", "GMAC/s", "of peak"];
+        Self { kinds: Table::new("operator_kinds", &kinds), single: Table::new("operators", &single) }
     }
-    table.text()
+
+    /// Runs a network's tiles and adds its rows.
+    fn add(&mut self, preset: Preset, stepper: &mut Stepper<'_, '_>, operators: &[Operator], kinds: &[String]) {
+        let model = stepper.model;
+        stepper.tile(); // the first one is cold
+        let mut samples = vec![Samples::default(); operators.len()];
+        let (mut begin, mut output, mut peaks) = (Samples::default(), Samples::default(), Samples::default());
+        let peak = peak::dot_product();
+        for _ in 0..TILES {
+            let times = stepper.tile();
+            samples.iter_mut().zip(&times.operators).for_each(|(samples, &seconds)| samples.push(seconds));
+            begin.push(times.begin);
+            output.push(times.output);
+            peak.iter().for_each(|peak| peaks.push(peak.seconds()));
+        }
+        let median = |samples: &Samples| samples.median().unwrap_or_default();
+        let mut by_kind: BTreeMap<&str, Line> = BTreeMap::new();
+        let mut single = Vec::new();
+        let names = names(&model);
+        for (index, operator) in operators.iter().enumerate() {
+            let (macs, seconds) = (model.operator_macs(operator), median(&samples[index]));
+            let kind = kinds[index].clone();
+            let empty = || Line { what: vec![kind.clone()], count: 0, macs: 0, seconds: 0.0 };
+            let line = by_kind.entry(&kinds[index]).or_insert_with(empty);
+            (line.count, line.macs, line.seconds) = (line.count + 1, line.macs + macs, line.seconds + seconds);
+            let name = names.get(index).map_or("?", String::as_str).to_string();
+            single.push(Line { what: vec![name, kind, place(&model, operator)], count: 1, macs, seconds });
+        }
+        let mut grouped: Vec<Line> = by_kind.into_values().collect();
+        for (what, samples) in [("quantise the inputs", &begin), ("copy the output", &output)] {
+            grouped.push(Line { what: vec![what.into()], count: 0, macs: 0, seconds: median(samples) });
+        }
+        let total_s: f64 = grouped.iter().map(|line| line.seconds).sum();
+        single.retain(|line| line.seconds >= SMALLEST_SHARE * total_s);
+        let peak_rate = peak.map(|peak| peak.macs as f64 / median(&peaks) / 1e9);
+        let (network, kernel) = (name(preset).to_string(), stepper.runner.kernel().to_string());
+        println!("{network}: kernel {kernel}, medians of {TILES} tiles, together {:.2} ms", total_s * 1e3);
+        for (table, mut lines, counted) in [(&mut self.kinds, grouped, true), (&mut self.single, single, false)] {
+            lines.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+            for line in lines {
+                let rate = Some(line.macs as f64 / line.seconds / 1e9).filter(|_| line.macs > 0);
+                let mut cells = vec![network.clone(), kernel.clone()];
+                cells.extend(line.what);
+                cells.extend(counted.then(|| line.count.to_string()));
+                cells.push(number(Some(line.macs as f64 / 1e6), 1));
+                cells.push(number(Some(line.seconds * 1e3), 3));
+                cells.push(number(Some(100.0 * line.seconds / total_s), 1));
+                cells.push(number(rate, 1));
+                cells.push(number(rate.zip(peak_rate).map(|(rate, peak)| rate / peak), 2));
+                table.row(cells);
+            }
+        }
+    }
 }
 
 fn operators(criterion: &mut Criterion) {
-    let texts: Vec<String> = presets().into_iter().map(|preset| network(criterion, preset)).collect();
-    publish(env!("CARGO_TARGET_TMPDIR"), "operators", &texts.concat());
+    let mut tables = Tables::new();
+    presets().into_iter().for_each(|preset| network(criterion, preset, &mut tables));
+    publish(env!("CARGO_TARGET_TMPDIR"), &[tables.kinds, tables.single]);
 }
 
 criterion_group!(benches, operators);

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Measures the runner and writes benches/record/<CPU>/<date>-runner.md: for an otherwise idle machine, of which it takes all cores.
+# Measures the runner and writes benches/record/<CPU>/<date>-runner/: tables as CSV, and about.txt, which says how they were made.
+# For an otherwise idle machine, of which it takes all cores.
 #
 #   benches/record.sh                          nano, tiny, small
 #   ELUNAR_BENCH_PAPER=1 benches/record.sh     paper, too: minutes more, and several GB of memory
@@ -33,20 +34,21 @@ built="$(load)"
 started=$SECONDS
 ELUNAR_BENCH_TABLES="$tables" cargo bench --locked -p elunar-benches "${arguments[@]}"
 minutes=$(((SECONDS - started + 59) / 60))
-for bench in "${benches[@]}"; do [ -s "$tables/$bench.md" ] || fail "$bench: expected a table at $tables/$bench.md"; done
+for table in peaks products products_together operator_kinds operators tiles; do
+    [ -s "$tables/$table.csv" ] || fail "$table: expected a table at $tables/$table.csv"
+done
 
-folder="benches/record/$cpu"
-record="$folder/$date-runner.md"
-mkdir -p "$folder"
+record="benches/record/$cpu/$date-runner"
 {
-    printf '# %s: the runner\n\n' "$date"
-    printf '%s (%s cores; caches: L1d %s, L2 %s, L3 %s), %s. ' "${model:-$(uname -m)}" "$(getconf _NPROCESSORS_ONLN)" \
+    printf 'The runner, %s\n' "$date"
+    printf '%s (%s cores; caches: L1d %s, L2 %s, L3 %s), %s\n' "${model:-$(uname -m)}" "$(getconf _NPROCESSORS_ONLN)" \
         "$(about 'L1d cache')" "$(about 'L2 cache')" "$(about 'L3 cache')" "$(rustc --version | cut -d' ' -f1,2)"
-    printf 'Load %s before, %s after building, %s at the end (these benchmarks are one or two threads of it); %s min. ' \
+    printf 'Load %s before, %s after building, %s at the end (these benchmarks are one or two threads of it); %s min\n' \
         "$before" "$built" "$(load)" "$minutes"
-    printf 'Commit %s, release profile, weights random.\n\n`%sbenches/record.sh`\n\n' "$commit" \
-        "${ELUNAR_BENCH_PAPER:+ELUNAR_BENCH_PAPER=$ELUNAR_BENCH_PAPER }"
-    cat "$tables/tile_latency.md" "$tables/operators.md" "$tables/gemm.md"
-} | cat -s | sed '${/^$/d}' >"$tables/record"
-mv "$tables/record" "$record"
+    printf 'Commit %s, release profile, random weights\n' "$commit"
+    printf 'Command: %sbenches/record.sh\n' "${ELUNAR_BENCH_PAPER:+ELUNAR_BENCH_PAPER=$ELUNAR_BENCH_PAPER }"
+} >"$tables/about.txt"
+rm -rf "$record"
+mkdir -p "$record"
+mv "$tables"/*.csv "$tables/about.txt" "$record"
 echo "record: $record"

@@ -111,7 +111,7 @@ fn row(
     cells.push(number(rate, 2));
     cells.push(number(rate.zip(macs).map(|(rate, macs)| rate * macs as f64 / 1e9), 1));
     cells.extend(sizes);
-    table.row(&cells);
+    table.row(cells);
 }
 
 /// The float network of the shipped `nano`, with as many threads as its backend likes.
@@ -125,12 +125,12 @@ fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
     group.throughput(Throughput::Elements(1));
     let mut once = || worker.predict(&image, &coarse, &mut output).expect("no fault");
     let (samples, _) = measure(group, "nano/float-flex", |tiles| seconds(|| (0..tiles).for_each(|_| once())), || 0.0);
-    row(table, ("nano, float", "flex, its own threads"), (1, &samples), None, ["–", "–"].map(String::from));
+    row(table, ("nano, float", "flex, its own threads"), (1, &samples), None, ["", ""].map(String::from));
 }
 
 fn tile_latency(criterion: &mut Criterion) {
     let head = ["network", "kernel", "threads", "ms", "fastest", "tiles/s", "GMAC/s", "model, bytes", "arenas, bytes"];
-    let mut table = Table::new(&head);
+    let mut table = Table::new("tiles", &head);
     let mut group = criterion.benchmark_group("tile_256x320");
     group.sampling_mode(SamplingMode::Flat).sample_size(15).nresamples(2000);
     group.warm_up_time(Duration::from_millis(10)).measurement_time(Duration::from_secs(1));
@@ -139,12 +139,7 @@ fn tile_latency(criterion: &mut Criterion) {
         network(&mut group, preset, &mut table);
     }
     group.finish();
-    let text = format!(
-        "## Tiles of 256 x 320\n\nMedian and fastest of 15 samples, floats in and out. With two threads, time until both have done \
-         a tile, and the arenas of both.\n\n{}",
-        table.text()
-    );
-    publish(env!("CARGO_TARGET_TMPDIR"), "tile_latency", &text);
+    publish(env!("CARGO_TARGET_TMPDIR"), &[table]);
 }
 
 criterion_group!(benches, tile_latency);

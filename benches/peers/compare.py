@@ -118,9 +118,10 @@ def main():
     load = os.getloadavg()[0]
     networks = [compare(name, a, host_train, server) for name in a.networks]
     report = record.circumstances(a, load) | {"networks": networks}
-    print(json.dumps(report, indent=1) if a.json else record.text(report))
+    lines, rows = record.tile_lines(report), record.tile_rows(report)
+    print(json.dumps(report, indent=1) if a.json else record.text(lines, rows))
     if a.record:
-        files.say(f"wrote {record.write(report, a.record)}")
+        files.say(f"wrote {record.write(a.record / (report['date'] + '-peers'), 'tiles', lines, rows)}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""A comparison as Markdown, with the circumstances under which it was made."""
+"""A comparison as a table, with the circumstances under which it was made."""
+import csv
 import os
 import platform
 import shlex
@@ -45,47 +46,60 @@ def circumstances(a, load):
     }
 
 
-def table(network):
-    """The table of one network."""
-    head = f"{network['weights']}, {network['gmac']:.2f} GMAC as PyTorch runs it, output {network['output_mean']:.1f} ± "
-    head += f"{network['output_deviation']:.1f}, {network['rounds']} rounds"
-    if network["rounds"] < network["rounds_wanted"]:
-        head += f" (of {network['rounds_wanted']}: out of time)"
-    ours = network["ours"]
-    head += f"; ours: {network['precision']}, {ours['macs'] / 1e9:.2f} GMAC, arena {ours['arena_bytes']:,} bytes"
-    lines = [f"## {network['network']}", "", f"{head}.", ""]
-    lines += ["| | ms | quartiles | fastest | GMAC/s | / ours | fastest / ours | rms error | largest error |"]
-    lines += ["|---|---|---|---|---|---|---|---|---|"]
-    for key, one in network["runtimes"].items():
-        low, high = one["quartiles_ms"]
-        rate = network["gmac"] / one["median_ms"] * 1e3
-        errors = f"{one['rms_error']:.2g} | {one['max_error']:.2g}" if "rms_error" in one else "– | –"
-        times = f"{one['median_ms']:.1f} | {low:.1f}–{high:.1f} | {one['min_ms']:.1f}"
-        ratios = f"{network['ratios'][key]:.2f} | {network['ratios_of_fastest'][key]:.2f}"
-        lines.append(f"| {one['label']} | {times} | {rate:.0f} | {ratios} | {errors} |")
-    return "\n".join(lines)
-
-
-def text(report):
-    """The whole record."""
+def origin(report):
+    """Machine, load, commit, versions and command, one line each."""
     versions = ", ".join(f"{name} {number}" for name, number in report["versions"].items())
     before, after = report["load"]
-    origin = f", binaries of {report['binaries']}" if report["binaries"] else ""
-    parts = [
-        f"# {report['date']}: one tile of 256 x 320, side by side",
-        f"{report['processor']} ({report['cores']} cores, load {before:.1f} before and {after:.1f} after), commit "
-        f"{report['commit']}{origin}; {versions}.",
-        f"`{report['command']}`",
-        "One thread each, in turns; medians. GMAC/s counts the same for all. Errors are differences from PyTorch's "
-        "output, whose range is NR = 50.",
-        *(table(network) for network in report["networks"]),
+    binaries = f", binaries of {report['binaries']}" if report["binaries"] else ""
+    return [
+        f"{report['processor']} ({report['cores']} cores), load {before:.1f} before and {after:.1f} after",
+        f"Commit {report['commit']}{binaries}; {versions}",
+        f"Command: {report['command']}",
     ]
-    return "\n\n".join(parts) + "\n"
 
 
-def write(report, folder):
-    """Writes the record into `folder` and returns its path."""
+def tile_lines(report):
+    """What the table of tiles is about."""
+    lines = [f"One tile of 256 x 320 in several runtimes, {report['date']}", *origin(report)]
+    lines += ["One thread each, in turns. ms, quartiles and fastest in milliseconds. GMAC/s counts the same products for all."]
+    lines += ["Errors: differences from PyTorch's output, whose range is NR = 50."]
+    for network in report["networks"]:
+        ours, rounds = network["ours"], str(network["rounds"])
+        if network["rounds"] < network["rounds_wanted"]:
+            rounds += f" of {network['rounds_wanted']} (out of time)"
+        output = f"{network['output_mean']:.1f} ± {network['output_deviation']:.1f}"
+        lines.append(
+            f"{network['network']}: {network['weights']}, {network['gmac']:.2f} GMAC as PyTorch runs it, output {output}, {rounds} "
+            f"rounds; ours: {network['precision']}, {ours['macs'] / 1e9:.2f} GMAC, arena {ours['arena_bytes']:,} bytes"
+        )
+    return lines
+
+
+def tile_rows(report):
+    """Head and rows: a runtime of a network each."""
+    rows = [["network", "runtime", "ms", "first quartile", "third quartile", "fastest", "GMAC/s", "/ ours", "fastest / ours"]]
+    rows[0] += ["rms error", "largest error"]
+    for network in report["networks"]:
+        for key, one in network["runtimes"].items():
+            rate = network["gmac"] / one["median_ms"] * 1e3
+            times = [f"{ms:.1f}" for ms in (one["median_ms"], *one["quartiles_ms"], one["min_ms"])]
+            ratios = [f"{network[of][key]:.2f}" for of in ("ratios", "ratios_of_fastest")]
+            errors = [f"{one[of]:.2g}" if of in one else "" for of in ("rms_error", "max_error")]
+            rows.append([network["network"], one["label"], *times, f"{rate:.0f}", *ratios, *errors])
+    return rows
+
+
+def text(lines, rows):
+    """Both, for a screen."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows)]
+    table = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
+    return "\n".join([*lines, "", *table])
+
+
+def write(folder, name, lines, rows):
+    """Writes `about.txt` and `NAME.csv` into `folder` and returns its path."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{report['date']}-peers.md"
-    path.write_text(text(report))
-    return path
+    (folder / "about.txt").write_text("\n".join(lines) + "\n")
+    with open(folder / f"{name}.csv", "w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+    return folder

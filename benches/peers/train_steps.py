@@ -192,31 +192,25 @@ def measure(a, weights, server, config):
     }
 
 
-def text(report):
-    """The record as Markdown."""
-    versions = ", ".join(f"{name} {number}" for name, number in report["versions"].items())
-    before, after = report["load"]
+def lines(report):
+    """What the table is about."""
     rows, cols = report["size"]
-    lines = [
-        f"# {report['date']}: training steps, side by side",
-        "",
-        f"{report['processor']} ({report['cores']} cores, load {before:.1f} before and {after:.1f} after), commit "
-        f"{report['commit']}; {versions}.",
-        "",
-        f"`{report['command']}`",
-        "",
-        f"`{report['network']}`, {report['threads']} threads each, batch {report['batch']} of {rows} x {cols}, float: forward, "
-        f"loss, backward, clipping, AdamW. {report['rounds']} turns of {report['steps']} steps each, in turns; medians. The "
-        "first losses of all agree.",
-        "",
-        "| | steps/s | fastest | ours / it | fastest ours / it | processor s/step |",
-        "|---|---|---|---|---|---|",
+    return [
+        f"Training steps in several frameworks, {report['date']}",
+        *record.origin(report),
+        f"{report['network']}, {report['threads']} threads each, batch {report['batch']} of {rows} x {cols}, float: forward, loss, "
+        f"backward, clipping, AdamW. {report['rounds']} turns of {report['steps']} steps each, in turns; medians. The first losses "
+        "of all agree.",
     ]
+
+
+def rows(report):
+    """Head and rows: a framework each."""
+    made = [["trainer", "steps/s", "fastest", "ours / it", "fastest ours / it", "processor s/step"]]
+    keys = ("steps_per_s", "fastest_steps_per_s", "ours_over_it", "ours_over_it_of_fastest", "processor_s_per_step")
     for one in report["trainers"].values():
-        rates = f"{one['steps_per_s']:.2f} | {one['fastest_steps_per_s']:.2f}"
-        ratios = f"{one['ours_over_it']:.2f} | {one['ours_over_it_of_fastest']:.2f}"
-        lines.append(f"| {one['label']} | {rates} | {ratios} | {one['processor_s_per_step']:.2f} |")
-    return "\n".join(lines) + "\n"
+        made.append([one["label"], *(f"{one[key]:.2f}" for key in keys)])
+    return made
 
 
 def main():
@@ -228,12 +222,9 @@ def main():
     trainers = measure(a, weights, server, config)
     report = record.circumstances(a, load) | {"network": Path(a.network).stem, "trainers": trainers}
     report |= {"batch": a.batch, "size": a.size, "threads": a.threads, "rounds": a.rounds, "steps": a.steps}
-    print(json.dumps(report, indent=1) if a.json else text(report))
+    print(json.dumps(report, indent=1) if a.json else record.text(lines(report), rows(report)))
     if a.record:
-        a.record.mkdir(parents=True, exist_ok=True)
-        path = a.record / f"{report['date']}-training.md"
-        path.write_text(text(report))
-        files.say(f"wrote {path}")
+        files.say(f"wrote {record.write(a.record / (report['date'] + '-training'), 'steps', lines(report), rows(report))}")
 
 
 if __name__ == "__main__":

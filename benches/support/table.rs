@@ -1,55 +1,58 @@
-//! Tables in Markdown, printed and kept in a file.
+//! Tables: printed as Markdown, kept as CSV.
 
-use std::fmt::Write as _;
+use elunar_scene::table::to_csv;
 use std::path::{Path, PathBuf};
 
 /// Names the folder that tables are written to; else they lie in the target directory.
 pub const FOLDER_VARIABLE: &str = "ELUNAR_BENCH_TABLES";
 
 /// A table: a head and rows of as many cells.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Table {
-    text: String,
+    name: String,
+    rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// With the names of its columns.
+    /// With its name, which becomes that of a file, and the names of its columns.
     #[must_use]
-    pub fn new(head: &[&str]) -> Self {
-        let mut table = Self::default();
-        table.row(&head.iter().map(ToString::to_string).collect::<Vec<_>>());
-        table.row(&vec!["---".to_string(); head.len()]);
-        table
+    pub fn new(name: &str, head: &[&str]) -> Self {
+        Self { name: name.into(), rows: vec![head.iter().map(ToString::to_string).collect()] }
     }
 
     /// Adds a row.
-    pub fn row(&mut self, cells: &[String]) {
-        let _ = writeln!(self.text, "| {} |", cells.join(" | ")); // a String takes everything
+    pub fn row(&mut self, cells: Vec<String>) {
+        self.rows.push(cells);
     }
 
-    /// As Markdown, with an empty line behind it.
-    #[must_use]
-    pub fn text(&self) -> String {
-        format!("{}\n", self.text)
+    /// As Markdown, under its name.
+    fn markdown(&self) -> String {
+        let mut lines: Vec<String> = self.rows.iter().map(|cells| format!("| {} |", cells.join(" | "))).collect();
+        let rule = vec!["---"; self.rows.first().map_or(0, Vec::len)];
+        lines.insert(1, format!("| {} |", rule.join(" | ")));
+        format!("{}\n\n{}\n", self.name, lines.join("\n"))
     }
 }
 
-/// A number with `digits` decimals, or a dash.
+/// A number with `digits` decimals; nothing where there is none.
 #[must_use]
 pub fn number(value: Option<f64>, digits: usize) -> String {
-    value.map_or_else(|| "–".into(), |v| format!("{v:.digits$}"))
+    value.map_or_else(String::new, |v| format!("{v:.digits$}"))
 }
 
-/// Prints `text` and writes it to `<folder>/<name>.md`, the folder being that of [`FOLDER_VARIABLE`] or `target`, the caller's
+/// Prints `tables` and writes each to `<folder>/<name>.csv`. The folder is that of [`FOLDER_VARIABLE`], or `target`, the caller's
 /// `CARGO_TARGET_TMPDIR`.
 ///
 /// # Panics
-/// If the file cannot be written.
-pub fn publish(target: &str, name: &str, text: &str) {
-    println!("{text}");
+/// If a file cannot be written, or rows differ in length.
+pub fn publish(target: &str, tables: &[Table]) {
     let folder = std::env::var_os(FOLDER_VARIABLE).map_or_else(|| Path::new(target).join("tables"), PathBuf::from);
     std::fs::create_dir_all(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
-    let path = folder.join(format!("{name}.md"));
-    std::fs::write(&path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    println!("tables: {}", path.display());
+    for table in tables {
+        println!("{}", table.markdown());
+        let path = folder.join(format!("{}.csv", table.name));
+        let text = to_csv(&table.rows).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        std::fs::write(&path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        println!("table: {}", path.display());
+    }
 }

@@ -157,6 +157,8 @@ fn only_learn_and_what_stands_on_it_is_built_with_burn() {
     for package in ["elunar-raster", "elunar-synth", "elunar-net", "elunar-scene", "elunar"] {
         assert!(!has_burn(package), "{package} is built with Burn");
     }
+    let direct = tree(&["--package", "host-train", "--edges", "normal,build", "--depth", "1"]);
+    assert!(!direct.iter().any(|(_, package)| package.starts_with("burn")), "host-train names Burn itself: {direct:?}");
 }
 
 #[test]

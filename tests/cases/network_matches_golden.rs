@@ -1,6 +1,7 @@
 //! The Burn network against PyTorch: every traced map of the golden files, the output, the losses; published checkpoints; names and shapes.
 
 use burn::tensor::{Tensor, TensorData};
+use elunar_learn::check::{MAP_TOLERANCE, compare};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -8,7 +9,6 @@ use elunar_net::config::{DecoderKind, ImageEncoderKind, NetConfig, Preset};
 use elunar_net::published::load_swin;
 use elunar_net::weights::Weights;
 use elunar_tests::{golden_networks, repository};
-use host_train::cli::check::{MAP_TOLERANCE, compare};
 use std::collections::BTreeMap;
 
 #[test]

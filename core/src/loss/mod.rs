@@ -7,9 +7,10 @@
 //!
 //! ```
 //! use elunar_core::loss::{Pair, hybrid::{Weights, add_gradient, terms}};
+//! use elunar_core::tile::Shape;
 //! let truth = [0.0, 10.0, 20.0, 50.0];
 //! let predicted = [1.0, 10.0, 30.0, 40.0];
-//! let pair = Pair::new(&truth, &predicted, None, (2, 2))?;
+//! let pair = Pair::new(&truth, &predicted, None, Shape::new(2, 2))?;
 //! let mut gradient = [0.0; 4];
 //! let found = add_gradient(&pair, Default::default(), Weights::default(), &mut gradient)?;
 //! assert_eq!(found, terms(&pair, Default::default())?);

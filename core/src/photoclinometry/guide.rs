@@ -32,6 +32,7 @@ pub struct GuideInput<'t> {
 /// ```
 /// use elunar_core::norm::{ElevationScale, Light, Mirror};
 /// use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry};
+/// use elunar_core::tile::Shape;
 ///
 /// // A single row of bright pixels faces a Sun in the west, 40 degrees high.
 /// let image: Vec<f32> = (0..32 * 32).map(|i| if i % 32 == 16 { 120.0 } else { 100.0 }).collect();

@@ -1,4 +1,4 @@
-//! `host-train report`: one page of what suites, experiments and training runs found.
+//! `host-train report`: one page of what suites, experiments, training runs and benchmarks found.
 
 use crate::report;
 use elunar::cli::output;
@@ -11,9 +11,10 @@ use std::path::PathBuf;
 The page contains its tables and pictures: one file to send and to open anywhere.
 
 Example:
-  host-train report out/suite out/experiments runs/nano -o report.html")]
+  host-train report out/suite out/experiments runs/nano -o report.html
+  host-train report host-train/experiments/record -o record.html")]
 pub struct Args {
-    /// Folders that `suite`, `experiment` or `train` wrote into.
+    /// Folders that `suite`, `experiment` or `train` wrote into, or folders with CSV tables.
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
     /// Page to write.

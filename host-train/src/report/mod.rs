@@ -1,7 +1,8 @@
-//! One page of what suites, experiments and training runs left in their folders: tables, hillshades, error maps, curves, with every
+//! One page of what suites, experiments, training runs and benchmarks left in their folders: tables, hillshades, error maps, curves, with every
 //! picture inside.
 
 pub(crate) mod html;
+mod record;
 mod sections;
 
 use crate::experiment::{COMPARISON, Comparison};
@@ -11,7 +12,8 @@ use elunar_raster::{Error, Result, atomic_write};
 use html::escaped;
 use std::path::{Path, PathBuf};
 
-/// Writes the page of `folders`, each of which a suite, a comparison of experiments or a training run was written into, in their order.
+/// Writes the page of `folders`, in their order. Each holds a suite, a comparison of experiments, a training run, or a record: CSV tables
+/// with an optional text (`about.txt`) and pictures (PNG).
 ///
 /// # Errors
 /// [`Error::Usage`] naming a folder that holds none of them; if a file of one is missing or malformed, or the page cannot be written.
@@ -31,8 +33,12 @@ fn section(folder: &Path) -> Result<String> {
         sections::suite(folder, &Results::read(folder)?)
     } else if folder.join(RECORD).exists() {
         sections::training(folder)
+    } else if let Some(page) = record::section(folder)? {
+        Ok(page)
     } else {
-        let what = format!("expected a folder with {RESULTS} (suite), {COMPARISON} (experiment) or {RECORD} (train)");
+        let what = format!(
+            "expected a folder with {RESULTS} (suite), {COMPARISON} (experiment), {RECORD} (train) or CSV tables"
+        );
         Err(Error::usage(format!("{}: {what}, found none of them", folder.display())))
     }
 }

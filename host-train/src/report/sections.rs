@@ -123,7 +123,7 @@ pub(super) fn training(folder: &Path) -> Result<String> {
 }
 
 /// A table, the best of every group of rows (equal first cells) marked where it is clear what is better.
-fn html(of: &Table) -> String {
+pub(super) fn html(of: &Table) -> String {
     let merits: Vec<Option<f64>> = of.heading.iter().map(|heading| merit(heading)).collect();
     let cell = |row: &Vec<String>, col: usize| {
         let text = row[col].clone();

@@ -3,9 +3,9 @@
 //! Arithmetic in `f32` and in `f64` may then fall on different sides. The bounds hold for any order of summation: a sum of n products loses at
 //! most n u of the sum of their magnitudes, where u = 2⁻²⁴ is the unit roundoff of `f32`.
 
+use crate::train::loss::LossWeights;
 use elunar_core::loss::PAD_EPS;
 use elunar_core::tile::Shape;
-use elunar_learn::train::loss::LossWeights;
 
 /// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
