@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "\
 Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are \
 scored. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
-GeoTIFFs; `report` makes a page of the folder. host-train/docs/suites.md says how to write a list of scenes, and what the \
+GeoTIFFs; `report` makes a page of the folder. host-train/docs/experiments.md says how to write a list of scenes, and what the \
 figures mean.
 
 To compare with another program: write the scenes with --scenes-only, run the program on out/sfs/scenes, then name its folder of \
