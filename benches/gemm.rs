@@ -1,13 +1,13 @@
-//! Matrix products of this network's shapes with every kernel of this processor, as fractions of its measured peak.
+//! Measures matrix products with the shapes of the networks and every kernel of this processor, as fractions of its measured peak.
 //!
 //! `cargo bench -p elunar-benches --bench gemm`
 //!
-//! A benchmark is one step of a convolution: a row of output pixels or a block of them, all output channels, weights in the order
-//! in which the runner reads them. The peak is measured beside every sample, so that a change of clock reaches both. `Kernel::matrix_product`
-//! copies accumulators in and out of every block of pixels, which the runner does not: the fractions contain it. The last column
-//! is free of it: what twice as many samples cost more.
+//! A benchmark is one step of a convolution: a row of output pixels or a block of rows, all output channels, weights in the order in which
+//! the runner reads them. The peak is measured beside every sample, so that a change of clock affects both. `Kernel::matrix_product` copies
+//! accumulators in and out of every block of pixels, which the runner does not; the fractions include these copies. The last column does
+//! not: it is the additional time for twice as many samples.
 
-#![allow(missing_docs)] // criterion's macros make undocumented functions
+#![allow(missing_docs)] // criterion's macros make functions without documentation
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets};
@@ -32,12 +32,12 @@ struct Row {
     inner: Option<f64>,
 }
 
-/// A fraction with two digits that say something.
+/// Formats a fraction with two significant digits.
 fn short(fraction: Option<f64>) -> String {
     number(fraction, if fraction.is_some_and(|f| f < 0.1) { 4 } else { 2 })
 }
 
-/// The shapes of all networks, largest share of any network first.
+/// Returns the shapes of all networks; the shape with the largest share of any network is first.
 fn rows(networks: &[(&str, Vec<Use>)]) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     for (index, (_, uses)) in networks.iter().enumerate() {
@@ -82,7 +82,7 @@ fn gemm(criterion: &mut Criterion) {
             let id = format!("{}/{}", kernel.name(), row.use_.shape.id());
             let work = |times| seconds(|| (0..times).for_each(|_| products.run(kernel, row.use_.shape.groups())));
             let (samples, peaks) = measure(&mut group, &id, work, || peak.seconds());
-            // Time at peak over time taken.
+            // Time at peak divided by the measured time.
             let scale = macs as f64 / peak.macs as f64;
             row.fractions.push(peaks.over(&samples).median().map(|ratio| ratio * scale));
             if index == 0 {
@@ -97,8 +97,8 @@ fn gemm(criterion: &mut Criterion) {
     }
 }
 
-/// Fraction of peak at which a kernel makes the second half of a step's products: what the first half costs contains calls,
-/// loads and stores of sums. `None` where there are too few to halve.
+/// Returns the fraction of peak at which a kernel computes the second half of a step's products. The time of the first half contains calls,
+/// loads and stores of sums. `None` if there are too few products to halve.
 fn inner_loop(products: &Products, shape: &Shape, kernel: &Kernel, peak: &Peak) -> Option<f64> {
     let (all, half) = (shape.groups(), shape.groups() / 2);
     if all < 8 {
@@ -152,7 +152,7 @@ fn text(rows: &[Row], networks: &[&str], kernels: &[Kernel], peak: &Peak) -> Str
     text + &table.text() + &means(rows, networks, kernels)
 }
 
-/// The fraction of peak over all products of every network.
+/// Returns the fraction of peak over all products of every network.
 fn means(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> String {
     let mut head = vec!["network", "% of its products above"];
     head.extend(kernels.iter().map(Kernel::name));

@@ -1,11 +1,12 @@
-//! Time of every operator inside whole tiles, fastest kernel, by kind (criterion: `nano`, `tiny`) and one by one (table).
+//! Measures the time of every operator inside whole tiles, with the fastest kernel, by kind (criterion: `nano`, `tiny`) and one by one
+//! (table).
 //!
 //! `cargo bench -p elunar-benches --bench operators`
 //!
-//! The runner's schedule makes a few rows of one operator at a time. A budget of exactly the multiply-accumulates of an entry runs
-//! that entry and no more, so the clock is read twice per entry: some ten nanoseconds beside tens of microseconds.
+//! The runner's schedule computes a few rows of one operator at a time. A budget of exactly the multiply-accumulates of an entry runs only
+//! that entry, so the clock is read twice per entry. This takes about ten nanoseconds, relative to tens of microseconds.
 
-#![allow(missing_docs)] // criterion's macros make undocumented functions
+#![allow(missing_docs)] // criterion's macros make functions without documentation
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets, tile};
@@ -19,12 +20,12 @@ use elunar_net::config::Preset;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Tiles behind the tables.
+/// Number of tiles for the tables.
 const TILES: usize = 15;
-/// Operators below this share of a tile's time are not listed one by one.
+/// Operators below this share of a tile's time are not in the table of single operators.
 const SMALLEST_SHARE: f64 = 0.02;
 
-/// A network to be run entry by entry.
+/// A network that is run entry by entry.
 struct Stepper<'a, 'm> {
     runner: Runner<'a, 'm>,
     model: Model<'a>,
@@ -35,7 +36,7 @@ struct Stepper<'a, 'm> {
     output: Vec<f32>,
 }
 
-/// Seconds of one tile's parts.
+/// Seconds of the parts of one tile.
 struct Times {
     operators: Vec<f64>,
     begin: f64,
@@ -73,7 +74,7 @@ impl<'a, 'm> Stepper<'a, 'm> {
     }
 }
 
-/// What kind of work an operator is: convolutions by their kernel, and apart where few channels make another shape of it.
+/// Returns the kind of an operator: for convolutions the kernel, and a kind of its own for few channels.
 fn kind(model: &Model<'_>, operator: &Operator) -> String {
     let Operator::Conv(conv) = operator else { return operator.name().into() };
     let channels: usize = conv.sources().map(|source| model.tensor(source).channels).sum();
@@ -86,7 +87,7 @@ fn kind(model: &Model<'_>, operator: &Operator) -> String {
     format!("{} {}x{}{stride}{special}", operator.name(), conv.kernel_rows, conv.kernel_cols)
 }
 
-/// An operator's place in the network: input and output shapes.
+/// Returns the input and output shapes of an operator.
 fn place(model: &Model<'_>, operator: &Operator) -> String {
     let shape = |index: u32| {
         let t = model.tensor(index);
@@ -96,7 +97,7 @@ fn place(model: &Model<'_>, operator: &Operator) -> String {
     format!("{} → {}", inputs.join(", "), shape(operator.output()))
 }
 
-/// The names that the exporter has left in the file.
+/// Returns the operators' names that the exporter stored in the file.
 fn names(model: &Model<'_>) -> Vec<String> {
     let text: serde_json::Value = serde_json::from_str(model.text()).unwrap_or_default();
     let names = text["operators"].as_array().cloned().unwrap_or_default();
@@ -110,7 +111,7 @@ fn network(criterion: &mut Criterion, preset: Preset) -> String {
     let mut stepper = Stepper::new(model, &mut arena);
     let operators: Vec<Operator> = (0..).map_while(|index| model.operator(index)).collect();
     let kinds: Vec<String> = operators.iter().map(|operator| kind(&model, operator)).collect();
-    // Larger networks take their time; the table has them.
+    // Larger networks take too long; they are only in the table.
     if matches!(preset, Preset::Nano | Preset::Tiny) {
         let mut distinct: Vec<&String> = kinds.iter().collect();
         distinct.sort();
@@ -131,7 +132,7 @@ fn network(criterion: &mut Criterion, preset: Preset) -> String {
     tables(preset, &mut stepper, &operators, &kinds)
 }
 
-/// One line of a table: what it is, how many operators, multiply-accumulates, seconds.
+/// One line of a table: name, number of operators, multiply-accumulates, seconds.
 struct Line {
     what: String,
     count: usize,
@@ -141,7 +142,7 @@ struct Line {
 
 fn tables(preset: Preset, stepper: &mut Stepper<'_, '_>, operators: &[Operator], kinds: &[String]) -> String {
     let model = stepper.model;
-    stepper.tile(); // the first one is cold
+    stepper.tile(); // the first tile runs with cold caches
     let mut samples = vec![Samples::default(); operators.len()];
     let (mut begin, mut output, mut peaks) = (Samples::default(), Samples::default(), Samples::default());
     let peak = peak::dot_product();

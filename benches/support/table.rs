@@ -1,19 +1,19 @@
-//! Tables in Markdown, printed and kept in a file.
+//! Tables in Markdown, printed and stored in a file.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Names the folder that tables are written to; else they lie in the target directory.
+/// Name of the variable with the folder for tables; the default is in the target directory.
 pub const FOLDER_VARIABLE: &str = "ELUNAR_BENCH_TABLES";
 
-/// A table: a head and rows of as many cells.
+/// A table: a head and rows, all with the same number of cells.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
     text: String,
 }
 
 impl Table {
-    /// With the names of its columns.
+    /// Makes a table with these column names.
     #[must_use]
     pub fn new(head: &[&str]) -> Self {
         let mut table = Self::default();
@@ -24,23 +24,23 @@ impl Table {
 
     /// Adds a row.
     pub fn row(&mut self, cells: &[String]) {
-        let _ = writeln!(self.text, "| {} |", cells.join(" | ")); // a String takes everything
+        let _ = writeln!(self.text, "| {} |", cells.join(" | ")); // writing to a String cannot fail
     }
 
-    /// As Markdown, with an empty line behind it.
+    /// Returns the table as Markdown, followed by an empty line.
     #[must_use]
     pub fn text(&self) -> String {
         format!("{}\n", self.text)
     }
 }
 
-/// A number with `digits` decimals, or a dash.
+/// Formats a number with `digits` decimals, or a dash for `None`.
 #[must_use]
 pub fn number(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "–".into(), |v| format!("{v:.digits$}"))
 }
 
-/// Prints `text` and writes it to `<folder>/<name>.md`, the folder being that of [`FOLDER_VARIABLE`] or `target`, the caller's
+/// Prints `text` and writes it to `<folder>/<name>.md`. The folder is that of [`FOLDER_VARIABLE`], or a subfolder of `target`, the caller's
 /// `CARGO_TARGET_TMPDIR`.
 ///
 /// # Panics
