@@ -1,9 +1,9 @@
 //! Runs training steps with input and output by pipes, so that they can be measured in turn with those of PyTorch; see `README.md`.
 //!
-//! `train_server WEIGHTS.safetensors BATCH ROWS COLS` takes one batch on standard input (images, coarse DTMs, truths, each `[BATCH, maps,
-//! ROWS, COLS]`, little-endian `f32`). Then it answers every line with a number N by training N steps on that batch and printing one line
-//! of JSON: the total seconds, and the loss before each step. The backend is flex; the recipe is that of `tiny` and `nano` with a constant
-//! learning rate.
+//! `train_server WEIGHTS.safetensors BATCH ROWS COLS` takes one batch on standard input (images, coarse DTMs, truths, each
+//! `[BATCH, maps, ROWS, COLS]`, little-endian `f32`). Then it answers every line with a number N by training N steps on that batch and
+//! printing one line of JSON: the total seconds, and the loss before each step. The backend is flex; the recipe is that of `tiny` and
+//! `nano` with a constant learning rate.
 
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::recipe::Recipe;

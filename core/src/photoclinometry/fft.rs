@@ -66,8 +66,8 @@ impl Order {
     }
 }
 
-/// The places of the complex numbers of one or several transforms side by side in a field: number i of transform l has its real part at `re
-/// + i * stride + l` and its imaginary part at `im + i * stride + l`.
+/// The places of the complex numbers of one or several transforms side by side in a field: number i of transform l has its real part at
+/// `re + i * stride + l` and its imaginary part at `im + i * stride + l`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lanes {
     pub(super) re: usize,

@@ -6,7 +6,7 @@
 
 /* Creates the task. Call it before the scheduler starts. */
 void terrain_task_create(void);
-/* Returns a value that changes as long as the task runs, at least once per period and step. */
+/* Returns a value that changes as long as the task runs. The time between two changes is at most a period plus a step. */
 uint32_t terrain_heartbeat(void);
 
 #endif

@@ -160,7 +160,7 @@ fn apart_from_ours(record: &Record, buffer: &Range<usize>) -> Result<(), eld_sta
     apart(buffer, &(model..model.saturating_add(record.verdict.file_bytes as usize)))
 }
 
-// ---- what C sees ------------------------------------------------------------------------------------------------------
+// ---- functions for C --------------------------------------------------------------------------------------------------
 
 /// Version of this library's interface, major << 16 | minor << 8 | patch. Another major number than the header's `ELD_VERSION`: do not
 /// call on.

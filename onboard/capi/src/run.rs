@@ -72,7 +72,7 @@ pub(crate) fn check_self_test(context: &mut Context<'_>, model: Model<'_>, lent:
     checked.map(|()| ELD_OK).map_err(run_status)
 }
 
-/// Compares `max_bytes` of the model with its checksums, also if the position of the tile is not legal.
+/// Compares `max_bytes` of the model with its checksums, whether or not the position of the tile is legal.
 pub(crate) fn scrub(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, max_bytes: usize) -> Outcome {
     let record = &mut context.record;
     let Suspended { phase, entry, step, unit, .. } = record.suspended;

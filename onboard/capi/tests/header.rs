@@ -1,5 +1,5 @@
-//! Checks that `include/elunar.h` is cbindgen's output for the sources. To write it: `ELUNAR_WRITE_HEADER=1 cargo test -p elunar-capi
-//! --test header`.
+//! Checks that `include/elunar.h` is cbindgen's output for the sources. To write it:
+//! `ELUNAR_WRITE_HEADER=1 cargo test -p elunar-capi --test header`.
 
 use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use elunar_capi::status::{FAULT, GOOD, NOTICE, REFUSED, STATUSES, severity};

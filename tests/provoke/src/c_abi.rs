@@ -64,7 +64,7 @@ struct Slot {
     handle: *mut eld_context_t,
     info: eld_model_info_t,
     phase: Phase,
-    /// Whether at most one copy of the context was ever damaged.
+    /// Whether nothing was ever damaged except one copy of the context.
     whole: bool,
     macs: u64,
 }

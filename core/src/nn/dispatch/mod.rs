@@ -51,8 +51,8 @@ impl Kernel {
     }
 
     /// Computes the bare matrix product, for benchmarks and tests: `acc[p][c] += Σ x[starts[r] + p*stride + 4g + b] * w[r][g][c][b]` for
-    /// `pixels` pixels and the channels of a panel ([`super::file::panels`]). The length of `weights` is `starts.len() * groups * width *
-    /// 4`.
+    /// `pixels` pixels and the channels of a panel ([`super::file::panels`]). The length of `weights` is
+    /// `starts.len() * groups * width * 4`.
     ///
     /// # Errors
     /// The name of the argument that does not fit; `acc` is unchanged then.

@@ -51,11 +51,11 @@ typedef struct {
     uint32 LastStatus;
     uint32 LastFault;
     uint32 ModelCrc;     /* CRC32C of the model's header: its identity */
-    uint32 ValidPx;      /* of the tile at work */
+    uint32 ValidPx;      /* of the current tile */
     uint32 TilesWritten;
     uint32 TilesDropped; /* by this application */
     uint32 ClassifiedPx;     /* of the latest tile: pixels whose height and four neighbours are valid */
-    uint32 HazardPx;     /* of those: too steep or too rough */
+    uint32 HazardPx;     /* classified pixels that are too steep or too rough */
     uint64 Calls;
     uint64 Faults;
     uint64 ContextRepairs;
