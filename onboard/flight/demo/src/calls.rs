@@ -1,5 +1,5 @@
-//! The demo's calls of the library: never inlined and under their own names, so that the tools in `../../proofs` can analyse each of them in
-//! the linked program.
+//! The demo's calls of the library: never inlined and under their own names, so that the tools in `../../proofs` can analyse each of them
+//! in the linked program.
 
 use elunar_core::nn::{Model, ModelError, Progress, RunError, Runner};
 
