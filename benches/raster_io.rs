@@ -1,9 +1,9 @@
-//! GeoTIFFs out and in: a band of a strip, 2,048 x 5,000 heights (41 MB), written row by row and read by windows of 256 rows.
-//! Throughput counts the samples' bytes, not the file's. Sizes and times depend on the terrain: it is a fractal of our own.
+//! Writes and reads GeoTIFFs: a band of a strip, 2,048 x 5,000 heights (41 MB), is written row by row and read in windows of 256 rows.
+//! Throughput counts the samples' bytes, not those of the file. Sizes and times depend on the terrain, which is a computed fractal.
 //!
 //! `cargo bench -p elunar-benches --bench raster_io`
 
-#![allow(missing_docs)] // criterion's macros make undocumented functions
+#![allow(missing_docs)] // criterion's macros make functions without documentation
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use elunar_core::tile::Window;
@@ -15,7 +15,7 @@ const ROWS: usize = 2_048;
 const COLS: usize = 5_000;
 const BAND_ROWS: usize = 256;
 
-/// Octaves of waves with random phases: smooth nearby, rough from afar, digits down to the last.
+/// Returns a sum of octaves of waves with random phases: smooth at short distances, rough at long ones, with all digits in use.
 fn terrain() -> Vec<f32> {
     let mut heights_m = vec![0.0_f32; ROWS * COLS];
     let mut state = 1_u64;

@@ -1,11 +1,11 @@
-//! One 256x320 tile: every preset (random weights) with every kernel this processor has, on one thread and on two at once, and the
-//! shipped `nano` in float beside it.
+//! Measures one 256x320 tile: every preset (random weights) with every kernel of this processor, on one thread and on two at once; and for
+//! comparison the shipped `nano` in float.
 //!
 //! `cargo bench -p elunar-benches --bench tile_latency`; with `ELUNAR_BENCH_PAPER=1`, `paper` too.
 //!
-//! Timed as a caller sees it: floats in, floats out. With two threads each has a runner of its own, and both read one model.
+//! The time is that of a caller: floats in, floats out. With two threads each has its own runner, and both read the same model.
 
-#![allow(missing_docs)] // criterion's macros make undocumented functions
+#![allow(missing_docs)] // criterion's macros make functions without documentation
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
-/// The scalar kernel is left out beyond this: it would take minutes.
+/// Largest number of multiply-accumulates for the scalar kernel; more would take minutes.
 const SCALAR_MACS: u64 = 10_000_000_000;
 
 /// A runner with its tile.
@@ -34,7 +34,7 @@ struct Worker<'a, 'm> {
 }
 
 impl<'a, 'm> Worker<'a, 'm> {
-    /// Warm: it has run one tile.
+    /// Makes a worker and runs one tile, to warm the caches.
     fn new(kernel: Kernel, model: Model<'a>, arena: &'m mut [u8]) -> Self {
         let runner = Runner::with_kernel(kernel, model, arena).expect("the arena is as large as the model says");
         let Shape { rows, cols } = model.tile();
@@ -53,7 +53,7 @@ impl<'a, 'm> Worker<'a, 'm> {
     }
 }
 
-/// Seconds that all workers take for `tiles` tiles each, at once, from the first start to the last end.
+/// Returns the seconds of all workers together for `tiles` tiles each, from the first start to the last end.
 fn together(workers: &mut [Worker<'_, '_>], tiles: u64) -> f64 {
     let barrier = Barrier::new(workers.len());
     let work = |worker: &mut Worker<'_, '_>| {
@@ -114,7 +114,7 @@ fn row(
     table.row(cells);
 }
 
-/// The float network of the shipped `nano`, with as many threads as its backend likes.
+/// Measures the float network of the shipped `nano`, with its backend's own number of threads.
 fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../host-train/models/nano.safetensors");
     let model = float::open(&path, Backend::Flex).expect("shipped float weights");

@@ -1,7 +1,8 @@
-//! Says which ARM extensions for microcontrollers the target has. The compiler knows, but does not tell a stable crate.
+//! Finds out which ARM extensions for microcontrollers the target has. The compiler has this information, but stable Rust does not show it
+//! to crates.
 //!
-//! `arm_dsp`: the DSP instructions, which all `thumbv7em` processors have. `arm_mve`: Helium, integer part, which a processor of
-//! the name in the compiler's flags has (`-C target-cpu=cortex-m55`), or an explicit `-C target-feature=+mve`.
+//! `arm_dsp`: the DSP instructions, which all `thumbv7em` processors have. `arm_mve`: Helium, integer part. A target has it if the
+//! compiler's flags name a processor with Helium (`-C target-cpu=cortex-m55`), or contain `-C target-feature=+mve`.
 
 use std::env;
 

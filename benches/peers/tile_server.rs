@@ -1,8 +1,8 @@
-//! The int8 runner behind pipes, for measuring it in turns with other runtimes; see `README.md`.
+//! Runs the int8 runner with input and output by pipes, so that it can be measured in turn with other runtimes; see `README.md`.
 //!
-//! `tile_server MODEL.eld [KERNEL]` prints one line of JSON about the model, then answers every tile on standard input (image,
-//! then coarse DTM, little-endian `f32`, rows x cols each) with the seconds it took (`f64`) and the output (`f32`), until the
-//! input ends. One thread; what is timed takes and returns floats, quantising included.
+//! `tile_server MODEL.eld [KERNEL]` prints one line of JSON about the model. Then it answers every tile on standard input (image, then
+//! coarse DTM, little-endian `f32`, rows x cols each) with the seconds (`f64`) and the output (`f32`), until the input ends. It has one
+//! thread; the measured time includes the quantisation of the floats.
 
 use elunar_core::nn::{Kernel, required};
 use elunar_core::tile::Shape;
@@ -65,7 +65,7 @@ fn serve(path: &str, kernel: Option<&str>) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The next tile's numbers, or `None` where the input ends.
+/// Returns the numbers of the next tile; `None` at the end of the input.
 fn read_tile(input: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<Option<Vec<f32>>> {
     match input.read_exact(bytes) {
         Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(None),

@@ -1,9 +1,9 @@
-//! Training steps behind pipes, for measuring them in turns with PyTorch's; see `README.md`.
+//! Runs training steps with input and output by pipes, so that they can be measured in turn with those of PyTorch; see `README.md`.
 //!
 //! `train_server WEIGHTS.safetensors BATCH ROWS COLS` takes one batch on standard input (images, coarse DTMs, truths, each
-//! `[BATCH, maps, ROWS, COLS]`, little-endian `f32`), then answers every line with a number N by training N steps on that batch and
-//! printing one line of JSON: the seconds they took together and the loss before each. Backend flex; the recipe is that of
-//! `tiny` and `nano` with a constant learning rate.
+//! `[BATCH, maps, ROWS, COLS]`, little-endian `f32`). Then it answers every line with a number N by training N steps on that batch and
+//! printing one line of JSON: the total seconds, and the loss before each step. The backend is flex; the recipe is that of `tiny` and
+//! `nano` with a constant learning rate.
 
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::recipe::Recipe;
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
 fn serve(path: &Path, size: [&String; 3]) -> Result<(), Box<dyn Error>> {
     let [batch, rows, cols] = size.map(|n| n.parse::<usize>());
     let size = [batch?, rows?, cols?];
-    // The cosine never gets anywhere.
+    // With so many steps the cosine schedule stays constant.
     let recipe = Recipe { warm_up: 0, steps: 1_000_000_000, ..Recipe::preset(Preset::Nano) };
     let weights = Weights::read(path)?;
     let config = config_of(&weights, path)?;

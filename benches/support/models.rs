@@ -1,4 +1,4 @@
-//! Networks to measure: every preset with random weights, exported on the spot, and a tile for them.
+//! Networks for the benchmarks: every preset with random weights, exported when needed, and a tile for them.
 
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::init::initial_weights;
@@ -7,13 +7,13 @@ use elunar_net::export::{CalibrationTile, Options, Precision, export};
 use elunar_raster::Result;
 use std::path::Path;
 
-/// Seed of the weights. Time does not depend on them.
+/// Seed of the weights, on which time does not depend.
 const SEED: u64 = 1;
 
-/// Set to 1, the benchmarks take `paper` in: minutes more, and several GB of memory.
+/// Name of the variable that includes `paper` in the benchmarks if it is 1: minutes more, and several GB of memory.
 pub const PAPER_VARIABLE: &str = "ELUNAR_BENCH_PAPER";
 
-/// The presets to measure, smallest first. Says so where `paper` is left out.
+/// Returns the presets to measure, smallest first. Reports it if `paper` is left out.
 pub fn presets() -> Vec<Preset> {
     let mut presets = vec![Preset::Nano, Preset::Tiny, Preset::Small];
     if std::env::var(PAPER_VARIABLE).is_ok_and(|value| value == "1") {
@@ -24,7 +24,7 @@ pub fn presets() -> Vec<Preset> {
     presets
 }
 
-/// The preset's name on the command line.
+/// Returns the preset's name on the command line.
 pub fn name(preset: Preset) -> &'static str {
     match preset {
         Preset::Nano => "nano",
@@ -34,15 +34,14 @@ pub fn name(preset: Preset) -> &'static str {
     }
 }
 
-/// A tile of `rows` x `cols` with texture and relief, image in [0, 1] and coarse DTM in [0, 50]; time does not depend on it.
+/// Returns a tile of `rows` x `cols` with texture and relief, image in [0, 1] and coarse DTM in [0, 50]. Time does not depend on it.
 pub fn tile(rows: usize, cols: usize, maps: usize) -> (Vec<f32>, Vec<f32>) {
     let image = (0..maps * rows * cols).map(|i| (i % 97) as f32 / 96.0).collect();
     let coarse = (0..rows * cols).map(|i| (i / cols) as f32 * 50.0 / rows as f32).collect();
     (image, coarse)
 }
 
-/// The model file of a preset with random weights, for tiles of 256 x 320, in the precision that `host-train export` takes by
-/// itself.
+/// Returns the model file of a preset with random weights, for tiles of 256 x 320, in the default precision of `host-train export`.
 ///
 /// # Errors
 /// Those of the export.

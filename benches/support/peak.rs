@@ -1,4 +1,4 @@
-//! What the processor can do at best: loops of one instruction on registers alone, measured like anything else.
+//! Measures the processor's peak, with loops of one instruction on registers.
 //!
 //! ```text
 //! for a while:  for every accumulator:  sum = instruction(sum, x, w)      independent of each other: throughput, not latency
@@ -18,21 +18,21 @@ pub struct Peak {
 }
 
 impl Peak {
-    /// Seconds of one run, some tens of microseconds.
+    /// Returns the seconds of one run, some tens of microseconds.
     pub fn seconds(&self) -> f64 {
         seconds(self.run)
     }
 }
 
-/// Rounds of a run.
+/// Number of rounds of a run.
 const ROUNDS: u64 = 8192;
 
-/// The peak that kernels are measured against: the best integer dot product of this processor.
+/// Returns the peak for comparison with kernels: that of the best integer dot product of this processor.
 pub fn dot_product() -> Option<Peak> {
     available().into_iter().find(|peak| peak.name.starts_with("vpdpbusd") || peak.name.starts_with("vpmaddwd"))
 }
 
-/// The instructions this processor has: `vpdpbusd`, `vpmaddwd` and `vfmadd`, in vectors as wide as they come.
+/// Returns loops for the instructions of this processor: `vpdpbusd`, `vpmaddwd` and `vfmadd`, in the widest vectors.
 #[cfg(target_arch = "x86_64")]
 pub fn available() -> Vec<Peak> {
     let avx512 = is_x86_feature_detected!("avx512f");
@@ -43,24 +43,24 @@ pub fn available() -> Vec<Peak> {
             found.push(Peak { name, macs: ROUNDS * macs_per_round, run });
         }
     };
-    // SAFETY: listed with AVX-512 VNNI only.
+    // SAFETY: listed only with AVX-512 VNNI.
     list(avx512 && is_x86_feature_detected!("avx512vnni"), "vpdpbusd zmm", 16 * 64, || unsafe { x86::vpdpbusd() });
-    // SAFETY: listed with AVX2 only.
+    // SAFETY: listed only with AVX2.
     list(is_x86_feature_detected!("avx2"), "vpmaddwd ymm", 12 * 16, || unsafe { x86::vpmaddwd() });
-    // SAFETY: listed with AVX-512 only.
+    // SAFETY: listed only with AVX-512.
     list(avx512, "vfmadd zmm", 16 * 16, || unsafe { x86::vfmadd_512() });
-    // SAFETY: listed with FMA only, which implies AVX.
+    // SAFETY: listed only with FMA, which implies AVX.
     list(!avx512 && is_x86_feature_detected!("fma"), "vfmadd ymm", 12 * 8, || unsafe { x86::vfmadd_256() });
     found
 }
 
-/// None: there are loops for x86-64 only.
+/// Returns no loops, because they exist for x86-64 only.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn available() -> Vec<Peak> {
     Vec::new()
 }
 
-/// Fraction reached by so many multiply-accumulates in `seconds` where [`Peak::seconds`] was `peak_s`.
+/// Returns the fraction of peak of `macs` multiply-accumulates in `seconds`, where [`Peak::seconds`] returned `peak_s`.
 #[must_use]
 pub fn fraction(peak: &Peak, peak_s: f64, macs: u64, seconds: f64) -> f64 {
     (macs as f64 / seconds) / (peak.macs as f64 / peak_s)
@@ -76,7 +76,7 @@ mod x86 {
     #[target_feature(enable = "avx512f,avx512vnni")]
     pub(super) fn vpdpbusd() {
         let (x, w) = (black_box(_mm512_set1_epi32(0x0102_0304)), black_box(_mm512_set1_epi32(0x0101_0101)));
-        // Values of their own, or the compiler might do the work once.
+        // Different values, so that the compiler cannot do the work only once.
         let mut sums: [__m512i; 16] = from_fn(|i| black_box(_mm512_set1_epi32(i as i32)));
         for _ in 0..ROUNDS {
             sums.iter_mut().for_each(|sum| *sum = _mm512_dpbusd_epi32(*sum, x, w));
@@ -84,7 +84,7 @@ mod x86 {
         black_box(sums);
     }
 
-    /// The product itself is the chain, since one of constants would be made once only.
+    /// The product itself depends on the last one, because a product of constants would be computed only once.
     #[target_feature(enable = "avx2")]
     pub(super) fn vpmaddwd() {
         let w = black_box(_mm256_set1_epi16(3));

@@ -1,51 +1,50 @@
-//! Durations kept beside criterion's own statistics, for tables.
+//! Durations for tables, beside criterion's own statistics.
 
 use criterion::BenchmarkGroup;
 use criterion::measurement::WallTime;
 use std::time::Instant;
 
-/// Seconds of repeated measurements of one thing.
+/// Seconds of repeated measurements of the same work.
 #[derive(Debug, Clone, Default)]
 pub struct Samples {
     seconds: Vec<f64>,
 }
 
 impl Samples {
-    /// Takes in a measurement, seconds.
+    /// Adds a measurement, seconds.
     pub fn push(&mut self, seconds: f64) {
         self.seconds.push(seconds);
     }
 
-    /// The middle one; `None` if nothing was measured.
+    /// Returns the median; `None` without measurements.
     pub fn median(&self) -> Option<f64> {
         let mut sorted = self.seconds.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied()
     }
 
-    /// The smallest one.
+    /// Returns the smallest measurement; `None` without measurements.
     pub fn fastest(&self) -> Option<f64> {
         self.seconds.iter().copied().min_by(f64::total_cmp)
     }
 
-    /// Each measurement of `self` over the one of `other` taken with it.
+    /// Returns each measurement of `self` divided by the measurement of `other` that was taken with it.
     #[must_use]
     pub fn over(&self, other: &Self) -> Self {
         Self { seconds: self.seconds.iter().zip(&other.seconds).map(|(a, b)| a / b).collect() }
     }
 }
 
-/// Seconds that `work` takes.
+/// Returns the seconds that `work` takes.
 pub fn seconds(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
     start.elapsed().as_secs_f64()
 }
 
-/// Lets criterion measure `work(times)`, which returns the seconds that `times` repetitions took, and `beside`, which returns
-/// the seconds of something measured with every sample. Returns the samples of both, per repetition and per call; empty if
-/// criterion's filter leaves `id` out. The group must sample [flat](criterion::SamplingMode::Flat): samples of another number of
-/// repetitions are its warm-up.
+/// Measures with criterion. `work(times)` returns the seconds of `times` repetitions; `beside` returns the seconds of a second measurement,
+/// taken with every sample. Returns the samples of both, per repetition and per call; both are empty if criterion's filter excludes `id`.
+/// The group must sample [flat](criterion::SamplingMode::Flat): samples of another number of repetitions are its warm-up.
 pub fn measure(
     group: &mut BenchmarkGroup<'_, WallTime>,
     id: &str,
@@ -62,7 +61,7 @@ pub fn measure(
         });
     });
     let real = all.last().map_or(0, |last| last.0);
-    // The very first run is cold.
+    // The first run has cold caches.
     let first = usize::from(all.len() > 1);
     let kept = all.iter().skip(first).filter(|sample| sample.0 == real);
     let (mut samples, mut others) = (Samples::default(), Samples::default());

@@ -1,21 +1,20 @@
-//! The matrix products of a network: what its convolutions ask of a kernel.
+//! The matrix products of a network's convolutions.
 
 use elunar_core::nn::file::{
     Conv, Dtype, MAX_KERNEL, Operator, PHASE_TAPS, Tensor, groups, panel_count, panelled, panels,
 };
 use elunar_core::nn::{Kernel, Model};
 
-/// The products of one step of a convolution with one of its sources: a row of output pixels, or as many as the step makes, times
-/// all output channels.
+/// The products of one step of a convolution with one of its sources: all output channels of the step's output pixels (one row or several).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Shape {
     /// Output channels.
     pub channels: usize,
-    /// Sets of filters applied in a step, each with weights of its own: 1, or 4 with a folded upsampling.
+    /// Sets of filters applied in a step, each with its own weights: 1, or 4 with a folded upsampling.
     pub sets: usize,
-    /// Output rows that a panel's weights are used for one after the other.
+    /// Output rows for which a panel's weights are used, one after the other.
     pub lines: usize,
-    /// Input rows from one of them to the next.
+    /// Input rows from one of these output rows to the next.
     pub line_step: usize,
     /// Output pixels in a row, per set.
     pub pixels: usize,
@@ -25,44 +24,44 @@ pub struct Shape {
     pub rows: usize,
     /// Samples of a kernel row: kernel columns times channels of the source.
     pub samples: usize,
-    /// Samples that an output channel reads: fewer where neighbouring columns are computed as channels of one pixel.
+    /// Samples that an output channel reads: fewer if neighbouring columns are computed as channels of one pixel.
     pub read: usize,
 }
 
-/// A shape, and how much of a network it is.
+/// A shape, and its number of uses in a network.
 #[derive(Debug, Clone, Copy)]
 pub struct Use {
     /// The shape.
     pub shape: Shape,
-    /// Times per tile.
+    /// Number of uses per tile.
     pub times: u64,
     /// Bytes from one input row to the next, in the first operator of this shape.
     pub pitch: usize,
 }
 
 impl Shape {
-    /// Four-byte groups of a kernel row.
+    /// Number of four-byte groups of a kernel row.
     pub fn groups(&self) -> usize {
         groups(self.samples)
     }
 
-    /// Multiply-accumulates of a step as kernels do them: filled up to whole panels and groups.
+    /// Number of multiply-accumulates of a step as kernels compute them: filled up to whole panels and groups.
     pub fn macs(&self) -> u64 {
         (self.sets * self.lines * self.pixels * panelled(self.channels) * self.rows * 4 * groups(self.samples)) as u64
     }
 
-    /// Share of [`Self::macs`] that is no filling and no product with a weight that is always 0.
+    /// Share of [`Self::macs`] that is neither filling nor a product with a weight that is always 0.
     pub fn useful(&self) -> f64 {
         let filled = panelled(self.channels) * 4 * groups(self.samples);
         (self.channels * self.read) as f64 / filled as f64
     }
 
-    /// Bytes of weights that a step reads.
+    /// Number of bytes of weights that a step reads.
     pub fn weight_bytes(&self) -> usize {
         self.sets * panelled(self.channels) * self.rows * 4 * groups(self.samples)
     }
 
-    /// Widths of the panels.
+    /// Returns the widths of the panels as text.
     pub fn widths(&self) -> String {
         let widths: Vec<usize> = panels(self.channels).map(|(_, width)| width).collect();
         let (whole, rest) = widths.split_at(widths.iter().filter(|&&w| w == widths[0]).count());
@@ -71,15 +70,15 @@ impl Shape {
         text
     }
 
-    /// A name for criterion.
+    /// Returns a name for criterion.
     pub fn id(&self) -> String {
         let Self { channels, sets, lines, pixels, stride, rows, samples, .. } = self;
         format!("c{channels}x{sets}-p{lines}x{pixels}-s{stride}-k{rows}x{samples}")
     }
 }
 
-/// The products of a model's convolutions, most multiply-accumulates first, equal ones together. The border filters of a folded
-/// upsampling are counted as the inner ones; the products inside attention are left out.
+/// Returns the products of a model's convolutions, those with most multiply-accumulates first, equal ones together. The border filters of a
+/// folded upsampling count as inner filters; products inside attention are left out.
 pub fn of(model: &Model<'_>) -> Vec<Use> {
     let mut found: Vec<Use> = Vec::new();
     for operator in (0..).map_while(|i| model.operator(i)) {
@@ -109,13 +108,13 @@ fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
         return Shape { channels, sets: 4, lines, line_step: 1, pixels, stride, rows: taps, samples, read: samples };
     }
     let samples = conv.kernel_cols * source.channels;
-    // Columns computed as channels of one pixel read the kernel of all of them, each its own part.
+    // Columns that are computed as channels of one pixel read the kernel of all of them; each column uses its own part.
     let read = (conv.kernel_cols - (conv.stride_cols - conv.stride)) * source.channels;
     let (lines, line_step) = (conv.block.min(out.rows), conv.stride);
     Shape { channels, sets: 1, lines, line_step, pixels: out.cols, stride, rows: conv.kernel_rows, samples, read }
 }
 
-/// A shape with memory of its own, laid out as in the runner: input rows in their pitch, weights one panel behind the other.
+/// A shape with its own memory in the runner's layout: input rows with their pitch, weights one panel after the other.
 #[derive(Debug)]
 pub struct Products {
     shape: Shape,
@@ -125,7 +124,7 @@ pub struct Products {
 }
 
 impl Products {
-    /// Of a use.
+    /// Makes the memory for a use.
     pub fn new(use_: &Use) -> Self {
         let (shape, pitch) = (use_.shape, use_.pitch);
         assert!(shape.rows <= MAX_KERNEL && panel_count(shape.channels) > 0, "{shape:?}");
@@ -135,10 +134,10 @@ impl Products {
         Self { shape, pitch, codes: fill((rows - 1) * pitch + row, 7), weights: fill(shape.weight_bytes(), 5) }
     }
 
-    /// All products of one step, in blocks of pixels as the runner makes them; only the first `groups` of every kernel row.
+    /// Computes all products of one step, in blocks of pixels as the runner does, with only the first `groups` of every kernel row.
     ///
     /// # Panics
-    /// If the kernel refuses, which would be a bug here.
+    /// If the kernel refuses the product, which would be an error of this function.
     pub fn run(&self, kernel: &Kernel, groups: usize) {
         let shape = &self.shape;
         let starts: [usize; MAX_KERNEL] = std::array::from_fn(|row| row * self.pitch);
@@ -153,7 +152,7 @@ impl Products {
                     let codes = &self.codes[line * shape.line_step * self.pitch..];
                     let mut done = 0;
                     while done < shape.pixels {
-                        // Blocks of nearly one size.
+                        // Blocks of nearly equal size.
                         let left = shape.pixels - done;
                         let now = left.div_ceil(left.div_ceil(Kernel::pixels_at_once(width)));
                         let (input, steps) = ((&codes[done * shape.stride..], starts), (shape.stride, groups));

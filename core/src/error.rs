@@ -1,12 +1,12 @@
-//! The error that all modules share: a buffer of the wrong length. Every other error stands beside the operation that returns it: a small `Copy`
-//! enum that prints as one line.
+//! The error that all modules share: a buffer of the wrong length. Every other error is defined beside the operation that returns it, as a
+//! small `Copy` enum that prints as one line.
 
 use core::fmt;
 
-/// A buffer does not have the length its partner or its shape demands.
+/// A buffer whose length differs from the required one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LengthError {
-    /// Samples demanded.
+    /// Samples required.
     pub expected: usize,
     /// Samples found.
     pub found: usize,
@@ -20,7 +20,7 @@ impl fmt::Display for LengthError {
 
 impl core::error::Error for LengthError {}
 
-/// Checks that `found` samples are `expected` samples.
+/// Returns an error unless `found` equals `expected`, in samples.
 pub(crate) fn same_length(expected: usize, found: usize) -> Result<(), LengthError> {
     if expected == found { Ok(()) } else { Err(LengthError { expected, found }) }
 }

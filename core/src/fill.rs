@@ -1,12 +1,12 @@
-//! Closing gaps, so that the network never meets a hole: it sees plausible ground, and the result is masked again afterwards (our choice;
-//! the paper is silent about gaps).
+//! Filling of voids, so that the network sees plausible ground everywhere. The result is masked again afterwards (our choice; the paper
+//! does not mention voids).
 
 use crate::error::{LengthError, same_length};
 use crate::part::{head, head_mut, item, put};
 
-/// Gives every invalid (not finite) sample of a row-major map, `cols` wide, the value of the valid sample nearest to it in steps over 4
-/// neighbours; the earlier in reading order where several are as near. Without a valid sample nothing changes. `queue` is scratch of one
-/// value per sample.
+/// Fills every invalid (not finite) sample of a row-major map, `cols` wide, with the value of the nearest valid sample. Distance is counted
+/// in steps over 4 neighbours; of samples at the same distance, the first in reading order counts. Without a valid sample nothing changes.
+/// `queue` is scratch memory of one value per sample.
 ///
 /// ```
 /// let gap = f32::NAN;
@@ -17,7 +17,7 @@ use crate::part::{head, head_mut, item, put};
 /// ```
 ///
 /// # Errors
-/// [`LengthError`] if the map is not made of whole rows, or the queue is shorter; nothing is changed then.
+/// [`LengthError`] if the map does not consist of whole rows, or the queue is shorter than the map; nothing is changed then.
 pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [u32]) -> Result<(), LengthError> {
     let (len, found) = (samples.len(), queue.len());
     same_length(len - len.checked_rem(cols).unwrap_or(len), len)?;
@@ -28,7 +28,7 @@ pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [u32]) -> Result<
         return Ok(());
     }
     let queue = head_mut(queue, len);
-    // Only valid samples beside a gap can spread. Each sample queues once: when it is found valid here, or when it is filled.
+    // Only valid samples beside a void can spread. Each sample enters the queue once: here if it is valid, later if it is filled.
     let mut end = 0;
     for i in 0..len {
         let gap = |n: usize| samples.get(n).is_some_and(|v| !v.is_finite());
@@ -53,7 +53,7 @@ pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [u32]) -> Result<
     Ok(())
 }
 
-/// The neighbours of sample `i`, from top to bottom; those below the last row are beyond the map's end.
+/// Returns the neighbours of sample `i`, from top to bottom. Neighbours below the last row have an index beyond the map's end.
 fn neighbours(i: usize, cols: usize) -> impl Iterator<Item = usize> {
     let cols = cols.max(1);
     let col = i % cols;
@@ -67,7 +67,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// By definition, over all pairs; distances around gaps are those around nothing: steps cross gaps and valid samples alike.
+    /// Returns the distance of every sample to the nearest valid one, by definition over all pairs. Steps cross voids and valid samples
+    /// alike, so voids do not change distances.
     fn naive(samples: &[f32], cols: usize) -> Vec<f32> {
         let apart = |a: usize, b: usize| (a / cols).abs_diff(b / cols) + (a % cols).abs_diff(b % cols);
         let nearest = |i: usize| (0..samples.len()).filter(|&n| samples[n].is_finite()).map(|n| apart(i, n)).min();
@@ -88,7 +89,7 @@ mod tests {
                     prop_assert!(after[i].is_nan());
                     continue;
                 }
-                // The value names the sample it came from.
+                // The value is the index of the sample it was taken from.
                 let from = after[i] as usize;
                 let apart = (i / cols).abs_diff(from / cols) + (i % cols).abs_diff(from % cols);
                 prop_assert!(before[from].is_finite() && apart as f32 == distance[i], "{} from {}", i, from);

@@ -1,4 +1,4 @@
-//! A rectangle of somebody else's pixels: rows, columns and the distance between rows.
+//! A borrowed rectangle of pixels: rows, columns and the distance between rows.
 
 use crate::error::{LengthError, same_length};
 use crate::tile::Window;
@@ -13,32 +13,32 @@ pub struct GridView<'a, T> {
 }
 
 impl<'a, T: Copy> GridView<'a, T> {
-    /// A dense image of `rows * cols` samples.
+    /// Views `samples` as a dense image of `rows * cols` samples.
     ///
     /// # Errors
     /// [`LengthError`] if `samples` has another length.
     pub fn new(samples: &'a [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
         same_length(rows.saturating_mul(cols), samples.len())?;
-        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over rows of nothing
+        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over empty rows
         Ok(Self { samples, rows, cols, stride: cols })
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn cols(&self) -> usize {
         self.cols
     }
 
-    /// The sample at `row`, `col`; `None` outside.
+    /// Returns the sample at `row`, `col`; `None` outside.
     pub fn get(&self, row: usize, col: usize) -> Option<T> {
         self.row(row).get(col).copied()
     }
 
-    /// The samples of one row; empty outside.
+    /// Returns the samples of one row; an empty slice outside.
     pub fn row(&self, row: usize) -> &'a [T] {
         if row >= self.rows {
             return &[];
@@ -46,7 +46,7 @@ impl<'a, T: Copy> GridView<'a, T> {
         self.samples.get(row * self.stride..row * self.stride + self.cols).unwrap_or(&[])
     }
 
-    /// The part of the image inside `window`, without copying; `None` if the window leaves the image.
+    /// Returns the part of the image inside `window`, without copying; `None` if the window leaves the image.
     ///
     /// ```
     /// use elunar_core::{grid::GridView, tile::Window};
@@ -66,7 +66,7 @@ impl<'a, T: Copy> GridView<'a, T> {
         Some(Self { samples, rows, cols, stride: self.stride })
     }
 
-    /// Copies the image, densely, into `out`.
+    /// Copies the image into `out`, without the stride.
     ///
     /// # Errors
     /// [`LengthError`] unless `out` has `rows * cols` samples.
@@ -79,7 +79,7 @@ impl<'a, T: Copy> GridView<'a, T> {
     }
 }
 
-/// A borrowed, writable image; laid out as [`GridView`].
+/// A borrowed, writable image with the layout of [`GridView`].
 #[derive(Debug, PartialEq)]
 pub struct GridViewMut<'a, T> {
     samples: &'a mut [T],
@@ -89,22 +89,22 @@ pub struct GridViewMut<'a, T> {
 }
 
 impl<'a, T: Copy> GridViewMut<'a, T> {
-    /// A dense image of `rows * cols` samples.
+    /// Views `samples` as a dense image of `rows * cols` samples.
     ///
     /// # Errors
     /// [`LengthError`] if `samples` has another length.
     pub fn new(samples: &'a mut [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
         same_length(rows.saturating_mul(cols), samples.len())?;
-        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over rows of nothing
+        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over empty rows
         Ok(Self { samples, rows, cols, stride: cols })
     }
 
-    /// The same image, read-only.
+    /// Returns the same image, read-only.
     pub fn view(&self) -> GridView<'_, T> {
         GridView { samples: self.samples, rows: self.rows, cols: self.cols, stride: self.stride }
     }
 
-    /// The samples of one row; empty outside.
+    /// Returns the samples of one row; an empty slice outside.
     pub fn row_mut(&mut self, row: usize) -> &mut [T] {
         if row >= self.rows {
             return &mut [];
@@ -112,7 +112,7 @@ impl<'a, T: Copy> GridViewMut<'a, T> {
         self.samples.get_mut(row * self.stride..row * self.stride + self.cols).unwrap_or(&mut [])
     }
 
-    /// The part of the image inside `window`, writable; `None` if the window leaves the image.
+    /// Returns the part of the image inside `window`, writable; `None` if the window leaves the image.
     pub fn window_mut(&mut self, window: Window) -> Option<GridViewMut<'_, T>> {
         let Window { row, col, rows, cols } = window;
         if row.checked_add(rows)? > self.rows || col.checked_add(cols)? > self.cols {
@@ -125,7 +125,7 @@ impl<'a, T: Copy> GridViewMut<'a, T> {
     /// Copies `source` over the image.
     ///
     /// # Errors
-    /// [`LengthError`] naming the sample counts if the shapes differ.
+    /// [`LengthError`] with the two sample counts if the shapes differ.
     pub fn copy_from(&mut self, source: GridView<'_, T>) -> Result<(), LengthError> {
         if (source.rows, source.cols) != (self.rows, self.cols) {
             return Err(LengthError { expected: self.rows * self.cols, found: source.rows * source.cols });

@@ -21,29 +21,26 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! One tile, from image to metres, in the order it meets the modules:
+//! The path of one tile from image to metres, with the module of each step:
 //!
-//! 1. [`grid`] lends a rectangle of somebody's pixels with its row stride; nothing here owns an image.
-//! 2. [`mask`] says which of those pixels are real: PDS3 specials, nodata and NaN are not.
-//! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, overlapping at inference.
-//! 4. [`norm`] brings the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] it makes
-//!    is the only thing that can bring heights back. A network that is given the light sees slopes and pixels instead, with the
-//!    relief that [`photoclinometry`] finds.
-//! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight ([`nn`], with the
-//!    rounding rule of [`quant`]).
+//! 1. [`grid`] views a rectangle of the caller's pixels, with a row stride. No type here owns an image.
+//! 2. [`mask`] says which pixels are valid. PDS3 special values, nodata and NaN are not.
+//! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, which overlap at inference.
+//! 4. [`norm`] normalises the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] that results is needed
+//!    to bring heights back to metres. A network with a given light takes slopes and pixels instead, and the relief from
+//!    [`photoclinometry`].
+//! 5. The network predicts normalised heights: in floating point on the ground, in integers in flight ([`nn`], with the rounding rule of
+//!    [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
-//! A camera that delivers lines instead of tiles has [`strip`], which does all of this line by line: [`resample`] brings the coarse DTM onto
-//! the image's grid, [`fill`] closes gaps, [`overlap`] weighs tiles where they are blended.
+//! For a camera that delivers lines, [`strip`] does all of this line by line: [`resample`] brings the coarse DTM onto the image's grid,
+//! [`fill`] fills voids, [`overlap`] gives the weights for blending tiles.
 //!
-//! Beside that path stand the measures: [`loss`] (Eq. 5–7, with analytic gradients, the reference that training is checked
-//! against), [`metrics`] (Eq. 11–18) and [`terrain`] (slope, hillshade, normals;
-//! and, line by line, the hazards of a lander's footprint).
-//!
-//!
+//! The figures of comparison are in [`loss`] (Eq. 5–7, with analytic gradients; the reference for training), [`metrics`] (Eq. 11–18) and
+//! [`terrain`] (slope, hillshade, normals and, line by line, the hazards of a lander's footprint).
 //! # Promises
-//! Memory is what the caller lends. Sums run in `f64`. No function panics on any value of its arguments; what cannot be
-//! computed is an error, a small `Copy` enum beside the operation that returns it.
+//! All memory is lent by the caller. Sums run in `f64`. No function panics on any value of its arguments. What cannot be computed is an
+//! error: a small `Copy` enum beside the operation that returns it.
 #![cfg_attr(not(test), no_std)]
 
 pub mod error;
@@ -63,7 +60,7 @@ pub mod strip;
 pub mod terrain;
 pub mod tile;
 
-/// The examples of the README are run, too.
+/// Runs the examples of the README as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -1,18 +1,19 @@
-//! Which pixels are real.
+//! Which pixels are valid.
 //!
-//! One rule everywhere: a pixel counts if the mask, where there is one, says so **and** its value is neither NaN, infinite
-//! nor one of the float specials of PDS3 and ISIS. A forgotten mask therefore cannot smuggle a nodata value into a mean.
+//! One rule everywhere: a pixel is valid if the mask, where there is one, says so **and** its value is neither NaN, infinite nor one of the
+//! special float values of PDS3 and ISIS. So a forgotten mask cannot bring a nodata value into a mean.
 
-/// Floats at or below this are special (ISIS NULL is -3.4028226550889045e38, its kin lie below; GDAL writes -3.4028234663852886e38).
+/// Floats at or below this value are special (ISIS NULL is -3.4028226550889045e38, other ISIS specials lie below; GDAL writes
+/// -3.4028234663852886e38).
 pub const FLOAT_SPECIAL_MAX: f32 = -3.4e38;
 
-/// 16-bit samples at or below this are special: -32768 NULL, -32767 LRS, -32766 LIS, -32765 HIS, -32764 HRS.
+/// 16-bit samples at or below this value are special: -32768 NULL, -32767 LRS, -32766 LIS, -32765 HIS, -32764 HRS.
 pub const INT16_SPECIAL_MAX: i16 = -32764;
 
-/// Fewer valid pixels than this cannot be normalised: one height has no relief (our choice).
+/// Smallest number of valid pixels that can be normalised: a single height has no relief (our choice).
 pub const MIN_VALID_PX: usize = 2;
 
-/// Whether a float sample is a measurement.
+/// Returns whether a float sample is a measurement.
 ///
 /// ```
 /// use elunar_core::mask::is_real;
@@ -24,17 +25,17 @@ pub fn is_real(sample: f32) -> bool {
     sample.is_finite() && sample > FLOAT_SPECIAL_MAX
 }
 
-/// Whether a 16-bit sample of a PDS3 image is a measurement.
+/// Returns whether a 16-bit sample of a PDS3 image is a measurement.
 pub fn is_real_i16(sample: i16) -> bool {
     sample > INT16_SPECIAL_MAX
 }
 
-/// Whether the pixel at `index` counts. A mask shorter than the image masks the rest.
+/// Returns whether the pixel at `index` is valid. Pixels beyond the end of a mask are not.
 pub fn counts(samples: &[f32], valid: Option<&[bool]>, index: usize) -> bool {
     samples.get(index).is_some_and(|&v| is_real(v)) && valid.is_none_or(|m| m.get(index) == Some(&true))
 }
 
-/// Minimum and maximum of the pixels that count; their number as the error if there are fewer than [`MIN_VALID_PX`].
+/// Returns minimum and maximum of the valid pixels. The error is their number if there are fewer than [`MIN_VALID_PX`].
 pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Result<(f32, f32), usize> {
     let (mut low, mut high, mut found) = (f32::INFINITY, f32::NEG_INFINITY, 0);
     for (i, &sample) in samples.iter().enumerate() {

@@ -1,11 +1,12 @@
-//! Weights by which overlapping tiles of one scene are blended.
+//! Weights for blending the overlapping tiles of one scene.
 //!
-//! As the Ames Stereo Pipeline's `dem_mosaic` weighs by default: the distance to the nearest edge in steps over 4 neighbours, blurred by a
-//! Gaussian of 5 pixels and squared. But only edges towards other tiles count (our choice): tiles of one scene share its border and its
-//! gaps, and there neither of two neighbours is the better placed. So weights do not depend on the data, and tiles come in nine kinds.
+//! The weights follow the default of the Ames Stereo Pipeline's `dem_mosaic`: the distance to the nearest edge in steps over 4 neighbours,
+//! blurred by a Gaussian of 5 pixels and squared. But only edges towards other tiles count (our choice): tiles of one scene have the
+//! scene's border and voids in common, so there neither of two neighbours is better. Therefore weights do not depend on the data, and tiles
+//! come in nine kinds.
 //!
-//! Nothing is kept: a line of weights is made when it is asked for, for two times [`TAPS`] multiplications per pixel. Same tile, same
-//! line, same bits, however often.
+//! Nothing is stored: a line of weights is computed on request, with two times [`TAPS`] multiplications per pixel. The same line of the
+//! same tile always has the same bits.
 
 use crate::error::{LengthError, same_length};
 use crate::part::item;
@@ -15,24 +16,26 @@ use crate::tile::{Shape, Window};
 pub const SIGMA_PX: f64 = 5.0;
 /// Taps of the blur.
 pub const TAPS: usize = taps(SIGMA_PX);
-/// Distances beyond this count no more.
+/// Largest distance; larger ones are set to it, pixels.
 pub const FARTHEST_PX: u32 = farthest_px(TAPS);
 /// Taps on either side of the middle.
 const REACH: usize = TAPS / 2;
 
-/// Taps of a blur by a Gaussian of `sigma_px` pixels: the odd floor of 7 sigma (`dem_mosaic`).
+/// Returns the taps of a Gaussian blur of `sigma_px` pixels: the odd floor of 7 sigma (`dem_mosaic`).
 #[must_use]
 pub const fn taps(sigma_px: f64) -> usize {
     (7.0 * sigma_px) as usize | 1
 }
 
-/// Distance, pixels, beyond which none counts: extra crop 200 + twice the taps + 1 (`dem_mosaic`'s margin, without erosion and hole filling).
+/// Returns the distance in pixels beyond which distances are cut: extra crop 200 + twice the taps + 1 (`dem_mosaic`'s margin, without
+/// erosion and hole filling).
 #[must_use]
 pub const fn farthest_px(taps: usize) -> u32 {
     (taps as u32).saturating_mul(2).saturating_add(201)
 }
 
-/// One side of the symmetric kernel of such a blur, centre first: the Gaussian integrated over each pixel, summing to one over both sides.
+/// Writes one side of the symmetric kernel of a Gaussian blur of `sigma_px` pixels, centre first: the Gaussian integrated over each pixel.
+/// The sum over both sides is one.
 pub fn half_kernel(sigma_px: f64, kernel: &mut [f64]) {
     let edge = |x: f64| libm::erf(x / (sigma_px * core::f64::consts::SQRT_2));
     for (i, k) in kernel.iter_mut().enumerate() {
@@ -42,7 +45,7 @@ pub fn half_kernel(sigma_px: f64, kernel: &mut [f64]) {
     kernel.iter_mut().for_each(|k| *k /= sum);
 }
 
-/// Which sides of a tile are the scene's border, where no other tile is.
+/// The sides of a tile that are the scene's border. There is no other tile beyond an open side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Open {
     /// First row.
@@ -56,7 +59,7 @@ pub struct Open {
 }
 
 impl Open {
-    /// The sides of `window` that lie on the border of a scene of this shape, or beyond it.
+    /// Returns the sides of `window` that lie on or beyond the border of a scene of this shape.
     #[must_use]
     pub fn of(window: Window, scene: Shape) -> Self {
         let Window { row, col, rows, cols } = window;
@@ -65,7 +68,7 @@ impl Open {
     }
 }
 
-/// The weights of tiles of one shape.
+/// The weights for tiles of one shape.
 ///
 /// ```
 /// use elunar_core::overlap::{Open, OverlapWeights};
@@ -82,12 +85,12 @@ impl Open {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OverlapWeights {
     tile: Shape,
-    /// One side of the symmetric kernel, centre first: the Gaussian integrated over each pixel, summing to one.
+    /// One side of the symmetric kernel, centre first: the Gaussian integrated over each pixel. The sum over both sides is one.
     kernel: [f64; REACH + 1],
 }
 
 impl OverlapWeights {
-    /// For tiles of this shape.
+    /// Makes the weights for tiles of this shape.
     #[must_use]
     pub fn new(tile: Shape) -> Self {
         let mut kernel = [0.0; REACH + 1];
@@ -95,14 +98,14 @@ impl OverlapWeights {
         Self { tile, kernel }
     }
 
-    /// Values of scratch memory that [`line`](Self::line) wants for tiles of `cols` columns.
+    /// Number of values of scratch memory that [`line`](Self::line) needs for tiles of `cols` columns.
     #[must_use]
     pub const fn scratch_len(cols: usize) -> usize {
         cols.saturating_add(2 * REACH).saturating_mul(2)
     }
 
-    /// Distance of pixel (`row`, `col`) to the nearest side that is not open, itself included, in pixels, at most [`FARTHEST_PX`]; 0 beyond
-    /// such a side. Beyond an open side the tile goes on.
+    /// Returns the distance of pixel (`row`, `col`) to the nearest side that is not open, in pixels, at most [`FARTHEST_PX`]. The pixel
+    /// itself counts. The distance is 0 beyond such a side. Beyond an open side the tile continues.
     #[must_use]
     pub fn distance_px(&self, open: Open, row: usize, col: usize) -> u32 {
         self.px_to_rows(open, row as isize).min(self.px_to_cols(open, col as isize))
@@ -116,16 +119,16 @@ impl OverlapWeights {
         along(col, self.tile.cols, open.left, open.right)
     }
 
-    /// The weights of a tile's line `row` from left to right, all positive.
+    /// Writes the weights of line `row` of a tile from left to right; all are positive.
     ///
     /// # Errors
-    /// [`LengthError`] if `out` has not the tile's columns, or `scratch` not [`scratch_len`](Self::scratch_len).
+    /// [`LengthError`] if the length of `out` is not the tile's columns, or that of `scratch` not [`scratch_len`](Self::scratch_len).
     pub fn line(&self, open: Open, row: usize, out: &mut [f64], scratch: &mut [f64]) -> Result<(), LengthError> {
         let cols = self.tile.cols;
         same_length(cols, out.len())?;
         same_length(Self::scratch_len(cols), scratch.len())?;
-        // Down the columns first, those beyond an open side included; always in the order of pixels, so that sums are the same bits. Loops
-        // run along the line: there processors add several numbers at once.
+        // First down the columns, with those beyond an open side. The order of additions is always that of the pixels, so that sums have
+        // the same bits. The loops run along the line, where processors add several numbers at once.
         let (reach, row) = (REACH as isize, row.min(isize::MAX as usize) as isize);
         let (columns_px, blurred) = scratch.split_at_mut_checked(cols.saturating_add(2 * REACH)).unwrap_or_default();
         for (i, column_px) in columns_px.iter_mut().enumerate() {
@@ -151,7 +154,7 @@ impl OverlapWeights {
     }
 }
 
-/// Distance to the nearer of two ends that are not open, at most [`FARTHEST_PX`].
+/// Returns the distance to the nearer of the two ends that are not open, at most [`FARTHEST_PX`].
 fn along(at: isize, len: usize, before: bool, after: bool) -> u32 {
     let far = FARTHEST_PX as isize;
     let first = if before { far } else { at.saturating_add(1) };
@@ -180,7 +183,7 @@ mod tests {
         all
     }
 
-    /// The whole tile and its surroundings at once, by the definition in two dimensions.
+    /// Returns the weight of one pixel from the whole tile and its surroundings, by the definition in two dimensions.
     fn naive(Shape { rows, cols }: Shape, open: Open, row: usize, col: usize) -> f64 {
         let taps: Vec<f64> = (-17..=17).map(|i| (-f64::from(i * i) / 50.0).exp()).collect();
         let total: f64 = taps.iter().sum();

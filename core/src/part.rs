@@ -1,9 +1,9 @@
-//! Parts of slices without a way to panic. What validation has proven cannot fail; should memory change afterwards, a part that is not there
-//! is empty, and the linker sees that nothing panics.
+//! Parts of slices without a panic. After validation every part exists. If memory changes later, a missing part is empty, and the linker
+//! finds no path to a panic.
 //!
-//! In this crate's tests such a default fails the test, with its place ([`defaults`]): a healthy model needs none.
+//! In this crate's tests a missing part fails the test and names its place ([`defaults`]), because an intact model has none.
 
-/// `len` items from `at` on; none if they are not all there.
+/// Returns `len` items from `at` on; an empty slice unless all of them exist.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn part<T>(all: &[T], at: usize, len: usize) -> &[T] {
@@ -13,7 +13,7 @@ pub(crate) fn part<T>(all: &[T], at: usize, len: usize) -> &[T] {
     }
 }
 
-/// As [`part`], to write.
+/// Writable version of [`part`].
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn part_mut<T>(all: &mut [T], at: usize, len: usize) -> &mut [T] {
@@ -23,7 +23,7 @@ pub(crate) fn part_mut<T>(all: &mut [T], at: usize, len: usize) -> &mut [T] {
     }
 }
 
-/// The first `len` items; none if there are fewer.
+/// Returns the first `len` items; an empty slice if there are fewer.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn head<T>(all: &[T], len: usize) -> &[T] {
@@ -33,7 +33,7 @@ pub(crate) fn head<T>(all: &[T], len: usize) -> &[T] {
     }
 }
 
-/// As [`head`], to write.
+/// Writable version of [`head`].
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn head_mut<T>(all: &mut [T], len: usize) -> &mut [T] {
@@ -43,7 +43,7 @@ pub(crate) fn head_mut<T>(all: &mut [T], len: usize) -> &mut [T] {
     }
 }
 
-/// Item `index`, or the default beyond the end.
+/// Returns item `index`, or the default beyond the end.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn item<T: Copy + Default>(all: &[T], index: usize) -> T {
@@ -53,7 +53,7 @@ pub(crate) fn item<T: Copy + Default>(all: &[T], index: usize) -> T {
     }
 }
 
-/// Writes item `index`, if there is one.
+/// Writes item `index`, if it exists.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn put<T>(all: &mut [T], index: usize, value: T) {
@@ -63,7 +63,7 @@ pub(crate) fn put<T>(all: &mut [T], index: usize, value: T) {
     }
 }
 
-/// Copies as many items as both have: all of `to`, unless memory has changed.
+/// Copies as many items as both slices have: all of `to`, unless memory has changed.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 pub(crate) fn copy<T: Copy>(to: &mut [T], from: &[T]) {
@@ -76,7 +76,8 @@ pub(crate) fn copy<T: Copy>(to: &mut [T], from: &[T]) {
     }
 }
 
-/// `default`, in place of what is not there. In tests it is counted, and fails the test unless [`defaults::Expected`] lives.
+/// Returns `default` in place of a missing part. In tests each default is counted, and fails the test unless a [`defaults::Expected`]
+/// exists.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
 fn absent<T>(default: T) -> T {
@@ -85,21 +86,21 @@ fn absent<T>(default: T) -> T {
     default
 }
 
-/// What the functions of this module return in place of what is not there, counted on every thread of a test.
+/// Counts the defaults that this module returns in place of missing parts, per thread of a test.
 #[cfg(test)]
 pub(crate) mod defaults {
     use std::cell::Cell;
     use std::panic::Location;
 
     std::thread_local! {
-        /// How many defaults were returned while they were expected; `None`: they are not.
+        /// Number of defaults returned while they were expected; `None` if they are not expected.
         static COUNT: Cell<Option<u32>> = const { Cell::new(None) };
     }
 
-    /// Counts one default, where defaults are expected.
+    /// Counts one default.
     ///
     /// # Panics
-    /// Where they are not, with the place in the crate that asked for what is not there.
+    /// If defaults are not expected. The message names the place in the crate that asked for the missing part.
     #[track_caller]
     pub(super) fn count() {
         match COUNT.get() {
@@ -108,7 +109,7 @@ pub(crate) mod defaults {
         }
     }
 
-    /// While it lives, defaults are legal on this thread: for tests of damaged memory and of arguments beyond the end.
+    /// While this value exists, defaults are legal on its thread: for tests of damaged memory and of arguments beyond the end.
     pub(crate) struct Expected(());
 
     impl Expected {
@@ -117,7 +118,7 @@ pub(crate) mod defaults {
             Self(())
         }
 
-        /// How many defaults were returned so far.
+        /// Number of defaults returned so far.
         pub(crate) fn count(&self) -> u32 {
             COUNT.get().unwrap_or_default()
         }
@@ -134,7 +135,7 @@ pub(crate) mod defaults {
 mod tests {
     use super::*;
 
-    /// Every function on three items; with `more` of 1 it asks for one item that is not there.
+    /// Every function on three items; with `more` of 1 each asks for one missing item.
     const USES: [fn(usize); 7] = [
         |more| assert_eq!(part(&[1, 2, 3], 1, 2 + more).len(), 2 - 2 * more),
         |more| assert_eq!(part_mut(&mut [1, 2, 3], 1 + more, 2).len(), 2 - 2 * more),

@@ -1,31 +1,32 @@
-//! Interpolating bicubic between the samples of a grid: Catmull–Rom (our choice: it passes through the samples, and it is local, so a hole
-//! in a coarse DTM spoils only its own neighbourhood).
+//! Bicubic interpolation between the samples of a grid by Catmull–Rom (our choice: it passes through the samples, and it is local, so a
+//! void in a coarse DTM affects only its own neighbourhood).
 //!
-//! The grid is continued in a straight line beyond its outermost samples ([`continued`]), as far as the outer edge of the outermost pixels
-//! ([`EDGE_PX`]); further out there is nothing.
+//! Beyond its outermost samples the grid is continued in a straight line ([`continued`]), up to the outer edge of the outermost pixels
+//! ([`EDGE_PX`]). Further out there is no value.
 
 use crate::part::item;
 
-/// How far a position may lie beyond the centre of an outermost sample, in samples: half a pixel, and slack that keeps a position on the
-/// outer edge from being lost to rounding.
+/// Largest distance of a position beyond the centre of an outermost sample, in samples: half a pixel, plus slack against rounding for
+/// positions on the outer edge.
 pub const EDGE_PX: f64 = 0.5 + 1e-9;
 
-/// Catmull–Rom weights of the four samples around a point at fraction `t` after the second; they sum to one.
+/// Returns the Catmull–Rom weights of the four samples around a point at fraction `t` after the second sample. They sum to one.
 #[must_use]
 pub fn catmull_rom(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [0.5 * (-t + 2.0 * t2 - t3), 0.5 * (2.0 - 5.0 * t2 + 3.0 * t3), 0.5 * (t + 4.0 * t2 - 3.0 * t3), 0.5 * (t3 - t2)]
 }
 
-/// Sample `k` (1 or 2) beyond the outermost one of a line, `edge`, whose neighbour is `inner` (itself, if it is the only one).
+/// Returns sample `k` (1 or 2) beyond the outermost sample of a line, `edge`. `inner` is the neighbour of `edge`, or `edge` itself if the
+/// line has one sample.
 #[must_use]
 pub fn continued(edge: f32, inner: f32, k: usize) -> f32 {
     edge - k as f32 * (inner - edge)
 }
 
-/// The value at fractions (`down`, `across`), each in 0 to 1, after the second row and the second column of `around`. Where one of the sixteen
-/// samples is invalid (not finite) the inner four decide by bilinear interpolation; where one of those is invalid, too, and has any
-/// weight, the result is not finite.
+/// Returns the value at the fractions `down` and `across`, each in 0 to 1, after the second row and the second column of `around`. If one
+/// of the sixteen samples is invalid (not finite), the result is the bilinear interpolation of the inner four. If an invalid one of these
+/// four has a weight, the result is not finite.
 ///
 /// ```
 /// use elunar_core::resample::bicubic;
@@ -53,7 +54,7 @@ fn bilinear(around: &[[f32; 4]; 4], down: f32, across: f32) -> f32 {
     corners.iter().filter(|(weight, _)| *weight > 0.0).map(|(weight, value)| weight * value).sum()
 }
 
-/// Continues `len` samples that start at `at` of `line` by `ghosts` (at most 2) on either side; room that is not there stays as it is.
+/// Continues the `len` samples of `line` from `at` on by `ghosts` (at most 2) samples on either side. Ghosts outside `line` are left out.
 pub(crate) fn continue_line(line: &mut [f32], at: usize, len: usize, ghosts: usize) {
     let last = at + len.saturating_sub(1);
     let inner = if len > 1 { 1 } else { 0 };
@@ -68,7 +69,7 @@ pub(crate) fn continue_line(line: &mut [f32], at: usize, len: usize, ghosts: usi
 mod tests {
     use super::*;
 
-    /// Keys' kernel with a = -1/2, by distance.
+    /// Keys' kernel with a = -1/2, as a function of the distance.
     fn keys(x: f64) -> f64 {
         let x = x.abs();
         if x < 1.0 {

@@ -1,4 +1,4 @@
-//! Cutting a scene into the windows the network sees.
+//! Cuts a scene into the tiles that the network sees.
 
 use core::fmt;
 
@@ -17,20 +17,20 @@ pub const INFERENCE_OVERLAP_PX: usize = 100;
 /// Rows and columns of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Shape {
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns.
     pub cols: usize,
 }
 
 impl Shape {
-    /// Of so many rows and columns.
+    /// Returns the shape with this number of rows and columns.
     #[must_use]
     pub const fn new(rows: usize, cols: usize) -> Self {
         Self { rows, cols }
     }
 
-    /// Pixels of such a map; `usize::MAX` where the product is larger.
+    /// Number of pixels; `usize::MAX` where the product is larger.
     #[must_use]
     pub const fn pixels(self) -> usize {
         self.rows.saturating_mul(self.cols)
@@ -50,25 +50,25 @@ pub struct Window {
     pub row: usize,
     /// First column.
     pub col: usize,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns.
     pub cols: usize,
 }
 
 impl Window {
-    /// Rows and columns.
+    /// Number of rows and columns.
     #[must_use]
     pub const fn shape(&self) -> Shape {
         Shape::new(self.rows, self.cols)
     }
 }
 
-/// How a scene is covered: equal windows, row by row, `tile - overlap` apart; the last row and column of windows are moved
-/// back to end at the scene's edge, so every pixel is covered and no window leaves the scene (our choice; the paper is
-/// silent about edges).
+/// The windows that cover a scene: equal windows, row by row, `tile - overlap` apart. The last row and the last column of windows are moved
+/// back to end at the scene's edge. So every pixel is covered and no window leaves the scene (our choice; the paper does not mention
+/// edges).
 ///
-/// Holding one proves that the scene holds at least one tile.
+/// A `Tiling` exists only for a scene that holds at least one tile.
 ///
 /// ```
 /// use elunar_core::tile::{Shape, Tiling};
@@ -85,7 +85,7 @@ pub struct Tiling {
 }
 
 impl Tiling {
-    /// Covers a scene with tiles.
+    /// Covers a scene with tiles that overlap by `overlap_px` pixels.
     ///
     /// # Errors
     /// [`TilingError::Overlap`] if a tile is empty or not larger than the overlap, [`TilingError::SceneTooSmall`] if the scene
@@ -100,14 +100,14 @@ impl Tiling {
         Ok(Self { scene, tile, stride: Shape::new(tile.rows - overlap_px, tile.cols - overlap_px) })
     }
 
-    /// Rows and columns of windows.
+    /// Number of rows and columns of windows.
     pub fn shape(&self) -> Shape {
         let along = |scene: usize, tile: usize, stride: usize| (scene - tile).div_ceil(stride.max(1)).saturating_add(1);
         let Self { scene, tile, stride } = *self;
         Shape::new(along(scene.rows, tile.rows, stride.rows), along(scene.cols, tile.cols, stride.cols))
     }
 
-    /// Rows and columns from one window to the next, but for the last.
+    /// Distance in rows and columns from one window to the next, except to the last.
     pub fn stride(&self) -> Shape {
         self.stride
     }
@@ -118,7 +118,7 @@ impl Tiling {
         self.shape().pixels()
     }
 
-    /// Window `index`, counted along rows; `None` from [`Self::len`] on.
+    /// Returns window `index`, counted along rows; `None` from [`Self::len`] on.
     pub fn get(&self, index: usize) -> Option<Window> {
         let across = self.shape().cols.max(1);
         if index >= self.len() {
@@ -133,13 +133,13 @@ impl Tiling {
         })
     }
 
-    /// All windows, row by row.
+    /// Returns all windows, row by row.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Window> + use<> {
         Windows { tiling: *self, next: 0 }
     }
 }
 
-/// Why a scene could not be cut into tiles.
+/// The reason why a scene cannot be cut into tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TilingError {
     /// The scene is smaller than one tile.
@@ -149,9 +149,9 @@ pub enum TilingError {
         /// Tile rows and columns.
         tile: Shape,
     },
-    /// Tiles must have at least one row and one column, and overlap by less than either.
+    /// A tile has no pixel, or is not larger than the overlap in both directions.
     Overlap {
-        /// The overlap asked for, pixels.
+        /// The overlap requested, pixels.
         overlap_px: usize,
         /// Tile rows and columns.
         tile: Shape,

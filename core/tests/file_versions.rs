@@ -1,4 +1,4 @@
-//! A file of every version that is read opens, runs, and gives the bytes that it gave when it was written.
+//! A file of every supported version opens, runs, and gives the same bytes as when it was written.
 
 use elunar_core::nn::file::{Operator, VERSION, word};
 use elunar_core::nn::{Kernel, Model, ModelError, Progress, Runner, required};
@@ -10,12 +10,12 @@ const FILE: &[u8] = include_bytes!("../fixtures/tile-v4.eld");
 /// Output of [`FILE`] for [`image`] and [`coarse`], as bytes.
 const OUTPUT: &str = "fixtures/tile-v4.f32";
 
-/// Brightness in [0, 1], exact in binary.
+/// Returns brightness in [0, 1], exact in binary.
 fn image(i: usize) -> f32 {
     (i * 37 % 256) as f32 / 256.0
 }
 
-/// Normalised heights in [0, 50), exact in binary: a slope with steps.
+/// Returns normalised heights in [0, 50), exact in binary: a slope with steps.
 fn coarse(i: usize) -> f32 {
     (i / 32 + i % 32 / 8 * 4) as f32
 }

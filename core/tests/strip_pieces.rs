@@ -1,4 +1,4 @@
-//! How long each piece of a strip's work takes, with the shipped model.
+//! Measures the time of each piece of a strip's work, with the shipped model.
 
 use elunar_core::nn::{Lighting, Model, Runner};
 use elunar_core::norm::Light;
@@ -28,7 +28,7 @@ fn pieces_of_a_strip() {
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
     let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
-    // Noise on a slope, with a gap in every hundredth pixel.
+    // Noise on a slope, with voids in 1 % of the pixels.
     let noise = |row: usize, col: usize| ((row * 701 + col) * 7919) % 1013;
     let bright = |row, col| if noise(row, col) < 10 { f32::NAN } else { 500.0 + noise(row, col) as f32 };
     let height = |row: usize, col: usize| row as f32 * 0.1 + (col as f32 / 90.0).sin() * 20.0;
@@ -48,7 +48,7 @@ fn pieces_of_a_strip() {
                 0
             }
             Next::Step => {
-                // All of the network in one step, so that every tile takes four.
+                // The whole network in one step, so that every tile has four steps.
                 strip.step(u64::MAX);
                 1 + piece
             }

@@ -1,11 +1,11 @@
-//! The rules of the house, kept by asking: who depends on whom, how long files are, where `unsafe` lives.
+//! Checks rules for the whole repository: dependencies between packages, length of files, places of `unsafe`.
 
 use elunar_tests::repository;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Our packages and the packages of ours each may depend on, in any way (normal, build or test).
+/// The packages of this repository, each with the others that it may depend on, in any way (normal, build or test).
 const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-core", &[]),
     ("elunar-testing", &[]),
@@ -46,15 +46,15 @@ const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-benches", &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene", "elunar-learn", "elunar-capi"]),
 ];
 
-/// All that flies: foreign packages that a flight archive may contain. Not `heapless`: core has no list that grows, every length is
-/// the caller's or the model file's.
+/// The foreign packages that a flight archive may contain. `heapless` is not needed: core has no list that grows, and every length comes
+/// from the caller or the model file.
 const FLIGHT_PACKAGES: [&str; 1] = ["libm"];
 
-/// Longest source file.
+/// Largest number of lines of a source file.
 const MAX_LINES: usize = 600;
 
-/// Where `unsafe` may stand: kernels and their choice, the C boundary, the start-up code of boards, functions that tools find by name, and tests and
-/// benchmarks that count allocations or call C.
+/// Places where `unsafe` is allowed: kernels and their choice, the C boundary, the start-up code of boards, functions that tools find by
+/// name, and tests and benchmarks that count allocations or call C.
 const UNSAFE_ALLOWED: [&str; 10] = [
     "core/src/nn/dispatch/",
     "core/src/nn/kernels/",
@@ -88,7 +88,7 @@ fn parse(text: &str) -> Vec<(usize, String)> {
     text.lines().filter_map(line).collect()
 }
 
-/// Edges between our packages that [`EDGES`] does not list, and packages of ours it does not know.
+/// Returns the edges between our packages that [`EDGES`] does not list, and our packages that it does not contain.
 fn forbidden_edges(tree: &[(usize, String)], ours: &BTreeSet<String>) -> Vec<String> {
     let allowed: BTreeMap<&str, &[&str]> = EDGES.into_iter().collect();
     let mut found = Vec::new();
@@ -106,7 +106,7 @@ fn forbidden_edges(tree: &[(usize, String)], ours: &BTreeSet<String>) -> Vec<Str
     found
 }
 
-/// Foreign packages below `root` that do not fly.
+/// Returns the foreign packages below `root` that are not in [`FLIGHT_PACKAGES`].
 fn foreign(tree: &[(usize, String)], ours: &BTreeSet<String>) -> Vec<String> {
     let names: BTreeSet<&String> = tree.iter().map(|(_, package)| package).collect();
     let flies = |p: &String| ours.contains(p) || FLIGHT_PACKAGES.contains(&p.as_str());
@@ -171,7 +171,7 @@ fn the_flight_workspace_flies_nothing_else() {
     assert!(packages.contains("elunar-capi") && !packages.contains("host-train"));
 }
 
-/// Packages with their features, one line each.
+/// Returns packages with their features, one line each.
 fn features(arguments: &[&str]) -> BTreeSet<String> {
     let out = Command::new(env!("CARGO"))
         .args(["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p}|{f}|"])
@@ -180,7 +180,7 @@ fn features(arguments: &[&str]) -> BTreeSet<String> {
         .output()
         .unwrap();
     assert!(out.status.success(), "cargo tree {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
-    // Cargo marks what it has shown before with "(*)", behind the last bar.
+    // Cargo marks repeated packages with "(*)", after the last bar.
     let line = |line: &str| line.rsplit_once('|').map(|(package, _)| package.to_string());
     String::from_utf8(out.stdout).unwrap().lines().filter_map(line).collect()
 }
@@ -204,7 +204,7 @@ fn a_forbidden_edge_is_noticed() {
     assert_eq!(foreign(&parse("0 elunar-core v1\n1 libm v0.2\n1 rand v0.9\n"), &ours), ["rand"]);
 }
 
-/// Every Rust file of the repository, with its path relative to the root.
+/// Returns every Rust file of the repository, with its path relative to the root.
 fn sources() -> Vec<(String, String)> {
     let root = repository();
     let mut found = Vec::new();
@@ -231,7 +231,7 @@ fn relative(path: &Path, root: &Path) -> String {
     path.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/")
 }
 
-/// Whether a line of code, comments aside, holds the word `unsafe`.
+/// Returns whether a line of code, without comments, contains the word `unsafe`.
 fn says_unsafe(line: &str) -> bool {
     let code = line.split("//").next().unwrap_or_default();
     code.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == "unsafe")

@@ -1,4 +1,4 @@
-//! Loss terms and metrics of `core` against those PyTorch wrote into the golden files.
+//! Compares loss terms and metrics of `core` with those of PyTorch in the golden files.
 
 use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, terms};
@@ -8,7 +8,7 @@ use elunar_net::weights::{Array, Weights};
 use elunar_tests::{golden_networks, tolerance};
 use std::collections::BTreeMap;
 
-/// (truth, predicted) of every golden case, with its file.
+/// Calls `check` with weights, truth and prediction of every golden case.
 fn each_case(check: impl Fn(&Weights, &Array, &Array)) {
     for path in golden_networks() {
         println!("{}", path.display());

@@ -1,4 +1,4 @@
-//! The loss that trains (Burn tensors, automatic differentiation) against the loss that is trusted (`core`, analytic).
+//! Compares the loss for training (Burn tensors, automatic differentiation) with the reference (`core`, analytic).
 
 use burn::tensor::{Tensor, TensorData};
 use elunar_core::loss::Pair;
@@ -17,7 +17,7 @@ struct Batch {
     cols: usize,
 }
 
-/// Mean terms and gradient of the total over the batch, by `core`.
+/// Returns the mean terms and the gradient of the total over the batch, computed by `core`.
 fn by_core(batch: &Batch, term: ElevationTerm, weights: Weights) -> (Terms, Vec<f32>) {
     let share = 1.0 / batch.truth.len() as f64;
     let scaled = Weights {
@@ -39,7 +39,7 @@ fn by_core(batch: &Batch, term: ElevationTerm, weights: Weights) -> (Terms, Vec<
     (sum, gradient)
 }
 
-/// The same by Burn, on the default backend.
+/// Returns the same, computed by Burn on the default backend.
 fn by_burn(batch: &Batch, term: Elevation, weights: LossWeights) -> (Terms, Vec<f32>) {
     let device = Backend::Flex.device().unwrap().autodiff();
     let tensor = |tiles: &[Vec<f32>]| -> Tensor<4> {
@@ -55,7 +55,7 @@ fn by_burn(batch: &Batch, term: Elevation, weights: LossWeights) -> (Terms, Vec<
     (terms, gradient)
 }
 
-/// Each golden case as a batch of two: the case itself, and the case with truth and prediction exchanged.
+/// Returns each golden case as a batch of two: the case itself, and the case with truth and prediction exchanged.
 fn batches() -> Vec<Batch> {
     let batch = |file: File| {
         let (truth, output) = (&file.tensors["truth"], &file.tensors["output"]);
@@ -72,7 +72,7 @@ fn batches() -> Vec<Batch> {
 #[test]
 fn automatic_differentiation_matches_the_analytic_gradient() {
     let pairs = [(ElevationTerm::MeanNormalised, Elevation::MeanNormalised), (ElevationTerm::L1, Elevation::L1)];
-    // Each term alone, then the paper's sum: a wrong term cannot hide behind a large one.
+    // Each term alone, then the paper's sum, so that a large term cannot hide an error of another one.
     let weightings = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [10.0, 1.0, 1.0]];
     for batch in batches() {
         for ((core_term, burn_term), [elevation, gradient, normal]) in

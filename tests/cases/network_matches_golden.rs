@@ -1,4 +1,5 @@
-//! The Burn network against PyTorch: every traced map of the golden files, the output, the losses; published checkpoints; names and shapes.
+//! Compares the Burn network with PyTorch: every traced map of the golden files, the output, the losses; published checkpoints; names and
+//! shapes.
 
 use burn::tensor::{Tensor, TensorData};
 use elunar_learn::check::{MAP_TOLERANCE, compare};
@@ -36,7 +37,7 @@ fn a_changed_weight_is_noticed() {
     assert!(wrong.contains(&"trace.d3") && !wrong.contains(&"trace.d2"), "noticed in {wrong:?}");
 }
 
-/// A fresh encoder with a published checkpoint in it, on the image of `tests/golden/published`.
+/// Returns the maps of a new encoder with the weights of a published checkpoint, on the image of `tests/golden/published`.
 fn published_maps(checkpoint: &str, change: impl FnOnce(&mut Weights)) -> Vec<(String, f64)> {
     let folder = repository().join("tests/golden/published");
     let read = |name: &str| (folder.join(name), Weights::read(&folder.join(name)).unwrap());
@@ -71,7 +72,7 @@ fn published_swin_checkpoints_compute_what_timm_computes() {
         assert_eq!(maps.len(), 4, "{maps:?}");
         assert!(maps.iter().all(|(_, error)| *error <= MAP_TOLERANCE), "{checkpoint}: {maps:?}");
     }
-    // A colour left out of the first output channel is noticed everywhere.
+    // A colour that is missing in the first output channel changes every map.
     let wrong = published_maps("timm.safetensors", |published| {
         let kernel = &mut published.tensors.get_mut("patch_embed.proj.weight").unwrap();
         kernel.data.iter_mut().skip(16).step_by(48).for_each(|w| *w = 0.0);

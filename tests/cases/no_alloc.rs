@@ -1,4 +1,4 @@
-//! The runner takes no memory but what it is lent, and neither does a strip.
+//! The runner and a strip use no memory except the lent memory.
 #![allow(unsafe_code)] // an allocator that counts
 
 use elunar_core::nn::{Lighting, Model, Progress, Runner, required};
@@ -15,11 +15,11 @@ thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: every call is handed on to the system allocator unchanged.
+// SAFETY: every call is passed to the system allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promises are the system allocator's.
+        // SAFETY: the caller's promises are those of the system allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -36,7 +36,7 @@ fn allocations() -> usize {
     ALLOCATIONS.with(Cell::get)
 }
 
-/// A small network, and a tile it was calibrated with.
+/// Returns a small network, and a tile that it was calibrated with.
 fn mini() -> (Vec<u8>, CalibrationTile) {
     let path = elunar_tests::repository().join("tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();

@@ -1,4 +1,4 @@
-//! The models that `elunar-provoke` plays with are what the exporter makes of its smallest networks.
+//! Checks that the models for `elunar-provoke` are the exporter's output for its smallest networks.
 
 use elunar_core::nn::Model;
 use elunar_core::nn::file::word;
@@ -10,7 +10,7 @@ use elunar_provoke::Random;
 use elunar_tests::repository;
 use std::path::{Path, PathBuf};
 
-/// The taller tiles are large enough for upsamplings to be folded into filters.
+/// The taller tiles are large enough for upsamplings that are folded into filters.
 const MODELS: [(&str, (usize, usize), Precision, Illumination); 4] = [
     ("mixed", (32, 32), Precision::Mixed, Illumination::Any),
     ("int8", (64, 32), Precision::Int8, Illumination::Any),
@@ -22,7 +22,7 @@ fn file(name: &str) -> PathBuf {
     repository().join("tests/golden/provoked").join(name).with_extension("eld")
 }
 
-/// Numbers and places of all records: what does not depend on a machine's arithmetic.
+/// Returns the numbers and places of all records, which do not depend on a machine's arithmetic.
 fn structure(bytes: &[u8]) -> Vec<u32> {
     let model = Model::new(bytes).expect("a sound model");
     let words = [word::TENSORS, word::OPERATORS, word::SCHEDULE, word::CONSTANTS];

@@ -1,4 +1,5 @@
-//! Slope and hillshade of `core` against those of GDAL, footprints against numpy's, on a DEM with voids and non-square pixels.
+//! Compares slope and hillshade of `core` with those of GDAL, and footprints with those of numpy, on a DEM with voids and non-square
+//! pixels.
 
 use elunar_core::grid::GridView;
 use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines, hazard};
@@ -26,7 +27,7 @@ fn case() -> Case {
     Case { json, heights_m, shape, pixel }
 }
 
-/// A JSON array; `null` becomes NaN.
+/// Reads a JSON array; `null` becomes NaN.
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
 }
@@ -75,11 +76,11 @@ fn hillshade_is_gdals_byte_for_byte() {
     }
 }
 
-/// Limits that divide this DEM.
+/// Limits that some pixels of this DEM exceed and others do not.
 const HAZARD_DEG: f32 = 25.0;
 const HAZARD_M: f32 = 3.0;
 
-/// The maps of the whole grid.
+/// All maps of the grid.
 struct Maps {
     slope_deg: Vec<f32>,
     hillshade: Vec<u8>,
@@ -88,7 +89,7 @@ struct Maps {
     hazard: Vec<u8>,
 }
 
-/// What lines give of the whole grid.
+/// Returns the maps of the whole grid, computed line by line.
 fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> Maps {
     let (cols, len) = (case.shape.1, case.heights_m.len());
     let limits = HazardLimits::new(HAZARD_DEG, HAZARD_M).unwrap();

@@ -1,16 +1,17 @@
-//! What the tests in `cases/` share: where things lie, and how close is close enough.
+//! Shared by the tests in `cases/`: paths and tolerances.
 
 pub mod tolerance;
 
 use elunar_testing::{shared_folder, skipped};
 use std::path::{Path, PathBuf};
 
-/// The repository's root folder.
+/// Returns the repository's root folder.
 pub fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the repository").to_path_buf()
 }
 
-/// Golden cases of the network: the repository's own (the paper's network first, then its ablations), then the shared ones, if any.
+/// Returns the golden cases of the network: the repository's own (the paper's network first, then its ablations), then the shared ones, if
+/// any.
 ///
 /// # Panics
 /// If one of the repository's own cases is missing.

@@ -1,16 +1,16 @@
-//! Why a loss cannot be computed.
+//! Errors of losses.
 
 use crate::error::LengthError;
 use core::fmt;
 
-/// Why a loss could not be computed.
+/// The reason why a loss cannot be computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LossError {
     /// Buffers of different lengths.
     Length(LengthError),
-    /// The mask leaves no pixel (or, for the terms with a 3 x 3 stencil, no complete stencil).
+    /// No valid pixel (or, for the terms with a 3 x 3 stencil, no complete stencil).
     NothingValid,
-    /// A mean plus [`crate::loss::PAD_EPS`] is exactly zero, so Eq. 6–7 divide by zero.
+    /// A mean plus [`crate::loss::PAD_EPS`] that is exactly zero, so that Eq. 6–7 divide by zero.
     ZeroMean,
 }
 

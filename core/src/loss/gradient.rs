@@ -4,7 +4,7 @@ use super::{Pair, sign, sobel};
 use crate::error::same_length;
 use crate::loss::LossError;
 
-/// The loss over the pixels whose 3 x 3 neighbourhood counts.
+/// Returns the loss over the pixels whose 3 x 3 neighbourhood is valid.
 ///
 /// # Errors
 /// [`LossError::NothingValid`] if no neighbourhood is complete.

@@ -3,24 +3,24 @@
 use super::{Pair, gradient, l1, mean_elevation, normal};
 use crate::loss::LossError;
 
-/// Which elevation term the sum uses.
+/// The elevation term of the sum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ElevationTerm {
-    /// Mean-normalised L1 (Eq. 6–7), the paper's.
+    /// Mean-normalised L1 (Eq. 6–7), as in the paper.
     #[default]
     MeanNormalised,
-    /// Plain L1, the paper's ablation.
+    /// Plain L1, an ablation of the paper.
     L1,
 }
 
-/// Weights of the sum. The default is the paper's 10, 1, 1; its first iterations use 10, 0, 0.
+/// Weights of the sum. The default is the paper's 10, 1, 1; the paper's first iterations use 10, 0, 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// Of the elevation term.
+    /// Weight of the elevation term.
     pub elevation: f64,
-    /// Of the gradient term.
+    /// Weight of the gradient term.
     pub gradient: f64,
-    /// Of the normal term.
+    /// Weight of the normal term.
     pub normal: f64,
 }
 
@@ -30,7 +30,7 @@ impl Default for Weights {
     }
 }
 
-/// The three terms of a tile, unweighted.
+/// The three terms of a tile, without weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Terms {
     /// Elevation term, dimensionless (mean-normalised) or in normalised units (L1).
@@ -42,13 +42,13 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// The loss (Eq. 5).
+    /// Returns the loss (Eq. 5).
     pub fn total(&self, weights: Weights) -> f64 {
         weights.elevation * self.elevation + weights.gradient * self.gradient + weights.normal * self.normal
     }
 }
 
-/// The three terms.
+/// Returns the three terms.
 ///
 /// # Errors
 /// Those of [`mean_elevation::value`] and [`gradient::value`].
@@ -63,7 +63,7 @@ pub fn terms(pair: &Pair<'_>, elevation: ElevationTerm) -> Result<Terms, LossErr
 /// Adds the derivative of the weighted sum with respect to the prediction to `out`, and returns the terms.
 ///
 /// # Errors
-/// As [`terms`], and [`LossError::Length`] if `out` does not have one sample per pixel. On error `out` may hold a part.
+/// As [`terms`], and [`LossError::Length`] if `out` does not have one sample per pixel. After an error `out` may contain a part of the sum.
 pub fn add_gradient(
     pair: &Pair<'_>,
     elevation: ElevationTerm,

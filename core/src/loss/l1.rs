@@ -4,7 +4,7 @@ use super::{Pair, sign};
 use crate::error::same_length;
 use crate::loss::LossError;
 
-/// Mean absolute difference over the pixels that count.
+/// Returns the mean absolute difference over the valid pixels.
 pub fn value(pair: &Pair<'_>) -> f64 {
     pair.pixels().map(|(_, t, p)| (t - p).abs()).sum::<f64>() / pair.count as f64
 }

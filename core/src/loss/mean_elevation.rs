@@ -1,13 +1,13 @@
 //! Mean-normalised L1 (Eq. 6–7): l_mn = mean |z / z̄ − z* / z̄*|, each tile divided by its own mean.
 //!
-//! With the mean elevation z̄ + ε of the truth and z̄* + ε of the prediction (ε = [`super::PAD_EPS`]) this term does not see
-//! the absolute scale of the prediction; [`super::gradient`] fixes it.
+//! The divisors are z̄ + ε for the truth and z̄* + ε for the prediction (ε = [`super::PAD_EPS`]). This term does not depend on the absolute
+//! scale of the prediction; [`super::gradient`] determines it.
 
 use super::{Pair, sign};
 use crate::error::same_length;
 use crate::loss::LossError;
 
-/// The loss over the pixels that count; the means are taken over the same pixels.
+/// Returns the loss over the valid pixels; the means are taken over the same pixels.
 ///
 /// # Errors
 /// [`LossError::ZeroMean`] if a mean plus ε is exactly zero.
@@ -18,8 +18,8 @@ pub fn value(pair: &Pair<'_>) -> Result<f64, LossError> {
 
 /// Adds weight · ∂l_mn/∂z* to `gradient` and returns the loss.
 ///
-/// With s_i = sign(z_i/z̄ − z*_i/z̄*) the derivative is (1/n) (−s_j / z̄* + Σ s_i z*_i / (n z̄*²)): the second part is how
-/// pixel j moves the mean that divides all the others.
+/// With s_i = sign(z_i/z̄ − z*_i/z̄*) the derivative is (1/n) (−s_j / z̄* + Σ s_i z*_i / (n z̄*²)). The second part is the effect of pixel
+/// j on the mean that divides all pixels.
 ///
 /// # Errors
 /// [`LossError::ZeroMean`] as [`value`]; [`LossError::Length`] if `gradient` does not have one sample per pixel.

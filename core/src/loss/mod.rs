@@ -1,9 +1,8 @@
 //! The hybrid loss (Eq. 5–7) and its variants on plain slices, each with its analytic gradient.
 //!
-//! This is the loss written to be read and trusted; training uses tensors, and a test holds the two together. Every term is
-//! a mean over one tile, computed in `f64`; the loss of a batch is the mean over its tiles. `add_gradient` functions add
-//! weight · ∂term/∂predicted to the caller's buffer, so terms pile up without scratch memory. Where a term has a kink (|x|
-//! at 0) the gradient taken is 0.
+//! This is the reference implementation; training uses tensors, and a test compares the two. Every term is a mean over one tile, computed
+//! in `f64`; the loss of a batch is the mean over its tiles. `add_gradient` functions add weight · ∂term/∂predicted to the caller's buffer,
+//! so terms add up without scratch memory. Where a term has a kink (|x| at 0), its gradient is 0.
 //!
 //! ```
 //! use elunar_core::loss::{Pair, hybrid::{Weights, add_gradient, terms}};
@@ -32,11 +31,11 @@ use crate::error::same_length;
 use crate::mask;
 use crate::tile::Shape;
 
-/// The "small offset" on the means of Eq. 6–7; also the mask threshold of the relative metrics (value: our choice).
+/// The "small offset" on the means of Eq. 6–7, and the threshold of the relative metrics (value: our choice).
 pub const PAD_EPS: f64 = 1e-3;
 
-/// A true and a predicted tile of normalised elevations, with an optional mask. Holding one proves that all have the tile's
-/// shape and that at least one pixel counts (see [`mask::counts`]) in both.
+/// A true and a predicted tile of normalised elevations, with an optional mask. In a `Pair` all buffers have the tile's shape, and at least
+/// one pixel is valid (see [`mask::counts`]) in both tiles.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'a> {
     truth: &'a [f32],
@@ -51,7 +50,7 @@ impl<'a> Pair<'a> {
     /// Pairs two row-major tiles of `shape`.
     ///
     /// # Errors
-    /// [`LossError::Length`] if a buffer does not fit the shape, [`LossError::NothingValid`] if no pixel counts.
+    /// [`LossError::Length`] if a buffer does not fit the shape, [`LossError::NothingValid`] if no pixel is valid.
     pub fn new(
         truth: &'a [f32],
         predicted: &'a [f32],
@@ -70,12 +69,12 @@ impl<'a> Pair<'a> {
         if pair.count == 0 { Err(LossError::NothingValid) } else { Ok(pair) }
     }
 
-    /// Whether pixel `i` counts in both tiles.
+    /// Returns whether pixel `i` is valid in both tiles.
     fn counts(&self, i: usize) -> bool {
         mask::counts(self.truth, self.valid, i) && mask::is_real(self.predicted[i])
     }
 
-    /// (index, truth, predicted) of every pixel that counts.
+    /// Returns (index, truth, predicted) of every valid pixel.
     fn pixels(&self) -> impl Iterator<Item = (usize, f64, f64)> {
         (0..self.truth.len())
             .filter(|&i| self.counts(i))
@@ -83,7 +82,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// −1, 0 or 1: the derivative of |x|, 0 at the kink.
+/// Returns −1, 0 or 1: the derivative of |x|, 0 at the kink.
 fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }

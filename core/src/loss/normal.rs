@@ -1,13 +1,13 @@
-//! Angle between surface normals: l_norm = mean (1 − cos(n, n*)), n = (−∂x z, −∂y z, 1), with Sobel derivatives per pixel
-//! step of the normalised elevation (so these are not the normals of the ground).
+//! Angle between surface normals: l_norm = mean (1 − cos(n, n*)), n = (−∂x z, −∂y z, 1), with Sobel derivatives per pixel step of the
+//! normalised elevation (therefore these are not the normals of the ground).
 
 use super::Pair;
 use super::sobel::{Derivatives, each, scatter};
 use crate::error::same_length;
 use crate::loss::LossError;
 
-/// The loss over the pixels whose 3 x 3 neighbourhood counts; 0 for parallel normals, below 1 otherwise unless they differ
-/// by more than a right angle.
+/// Returns the loss over the pixels whose 3 x 3 neighbourhood is valid: 0 for parallel normals, above 1 only for normals that differ by
+/// more than a right angle.
 ///
 /// # Errors
 /// [`LossError::NothingValid`] if no neighbourhood is complete.
@@ -39,7 +39,7 @@ pub fn add_gradient(pair: &Pair<'_>, weight: f64, gradient: &mut [f32]) -> Resul
     Ok(loss)
 }
 
-/// cos(n, n*), |n| |n*| and |n*|².
+/// Returns cos(n, n*), |n| |n*| and |n*|².
 fn cosine(d: &Derivatives) -> (f64, f64, f64) {
     let truth_square = d.truth_x * d.truth_x + d.truth_y * d.truth_y + 1.0;
     let predicted_square = d.predicted_x * d.predicted_x + d.predicted_y * d.predicted_y + 1.0;

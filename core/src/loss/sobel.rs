@@ -1,5 +1,5 @@
-//! The derivative both terrain terms share: 3 x 3 Sobel divided by 8, so that a ramp of 1 per pixel has derivative 1, with
-//! the border replicated, so that a constant offset has none (divisor and border: our choice).
+//! The derivative of both terrain terms: 3 x 3 Sobel divided by 8, so that a ramp of 1 per pixel has derivative 1. The border is
+//! replicated, so that a constant offset has derivative 0 (divisor and border: our choice).
 
 use super::Pair;
 
@@ -14,7 +14,7 @@ pub(super) struct Derivatives {
     pub(super) predicted_y: f64,
 }
 
-/// Row, column and derivatives of every pixel whose nine (replicated) neighbours all count.
+/// Returns row, column and derivatives of every pixel whose nine (replicated) neighbours are all valid.
 pub(super) fn each<'p>(pair: &'p Pair<'_>) -> impl Iterator<Item = (usize, usize, Derivatives)> + 'p {
     (0..pair.truth.len()).filter_map(move |i| {
         let (row, col) = (i / pair.cols, i % pair.cols);
@@ -40,7 +40,7 @@ pub(super) fn scatter(pair: &Pair<'_>, (row, col): (usize, usize), x: f64, y: f6
     }
 }
 
-/// (index, weight in x, weight in y) of the nine taps around a pixel.
+/// Returns (index, weight in x, weight in y) of the nine taps around a pixel.
 fn taps(pair: &Pair<'_>, row: usize, col: usize) -> impl Iterator<Item = (usize, f64, f64)> {
     let (rows, cols) = (pair.rows, pair.cols);
     (0..9).map(move |k| {

@@ -1,4 +1,4 @@
-//! Every term against a naive twin, every gradient against finite differences of its own value.
+//! Compares every term with a simple implementation, and every gradient with finite differences of its value.
 
 use super::hybrid::{ElevationTerm, Weights};
 use super::*;
@@ -14,10 +14,10 @@ const TERMS: [(&str, Value, AddGradient); 4] = [
     ("normal", normal::value, normal::add_gradient),
 ];
 
-/// Step of the differences; a power of two, so that values on a grid of 1/64 shift exactly in `f32`.
+/// Step of the finite differences; a power of two, so that values on a grid of 1/64 shift exactly in `f32`.
 const STEP: f32 = 1.0 / 1024.0;
 
-/// Truth, prediction and mask of a tile. Values lie on a grid of 1/64, so that kinks (truth equal to prediction) occur.
+/// Returns truth, prediction and mask of a tile. Values are on a grid of 1/64, so that kinks (truth equal to prediction) occur.
 fn tile(rows: usize, cols: usize) -> impl Strategy<Value = (Vec<f32>, Vec<f32>, Vec<bool>)> {
     let values = || proptest::collection::vec(0i32..3000, rows * cols);
     let mask = proptest::collection::vec(proptest::bool::weighted(0.9), rows * cols);
@@ -32,7 +32,7 @@ fn shifted(pair: &Pair<'_>, value: Value, at: usize, by: f32) -> f64 {
     value(&Pair { predicted: &moved, ..*pair }).unwrap()
 }
 
-/// The derivative from the right and from the left; they agree except at a kink.
+/// Returns the derivatives from the right and from the left, which agree except at a kink.
 fn one_sided(pair: &Pair<'_>, value: Value, at: usize) -> (f64, f64) {
     let here = value(pair).unwrap();
     let step = f64::from(STEP);
@@ -47,7 +47,7 @@ fn check_gradients(pair: &Pair<'_>) -> Result<(), TestCaseError> {
         let largest = found.iter().fold(0.0f64, |a, g| a.max(f64::from(g.abs())));
         for (at, found) in found.iter().enumerate() {
             let (right, left) = one_sided(pair, value, at);
-            // At a kink inside the step any value between the two is right; elsewhere they agree up to the curvature.
+            // If a kink is inside the step, any value between the two is right; otherwise they agree up to the curvature.
             let slack = 2e-3 * largest + 1e-9;
             let inside = left.min(right) - slack..=left.max(right) + slack;
             prop_assert!(inside.contains(&f64::from(*found)), "{name} at {at}: {found} not within {inside:?}");
@@ -81,7 +81,7 @@ proptest! {
         let (tm, pm) = (mean(&truth), mean(&predicted));
         let elevation: f64 =
             truth.iter().zip(&predicted).map(|(t, p)| (f64::from(*t) / tm - f64::from(*p) / pm).abs()).sum::<f64>() / 20.0;
-        // The border is replicated by building the padded tile, not by clamping indices.
+        // The padded tile is built, so that the border is replicated without clamped indices.
         let padded = |v: &[f32]| {
             let row = |r: usize| {
                 let line = &v[r * 5..r * 5 + 5];
@@ -134,7 +134,7 @@ proptest! {
 
     #[test]
     fn mean_elevation_ignores_the_scale_of_the_prediction((truth, predicted, _) in tile(4, 4), k in 1u32..5) {
-        // Up to the offset ε on the mean, whose share of the loss is ε / z̄.
+        // Invariant up to the offset ε on the mean, whose share of the loss is ε / z̄.
         prop_assume!(predicted.iter().sum::<f32>() > 16.0);
         let scaled: Vec<f32> = predicted.iter().map(|p| p * k as f32).collect();
         let one = mean_elevation::value(&Pair::new(&truth, &predicted, None, Shape::new(4, 4)).unwrap()).unwrap();
@@ -180,7 +180,7 @@ fn refuses_what_has_no_mean() {
     for (_, _, add_gradient) in TERMS {
         assert!(matches!(add_gradient(&pair, 1.0, &mut [0.0]), Err(LossError::Length(_))));
     }
-    // Three floats that add up to the double -0.004, so that the mean of the four plus the offset vanishes.
+    // Three floats that add up to the double -0.004, so that the mean of the four values plus the offset is zero.
     let mut rest = -0.004f64;
     let zero: [f32; 4] = [0, 1, 2, 3].map(|_| {
         let part = rest as f32;

@@ -1,9 +1,9 @@
-//! Pearson's correlation of two maps.
+//! Pearson's correlation coefficient of two maps.
 
 use super::each_pair;
 use crate::error::LengthError;
 
-/// Accumulates means, variances and covariance of pairs, in one pass and without cancellation (Welford; merged as Chan et al.).
+/// Accumulates means, variances and covariance of pairs, in one pass and without cancellation (Welford; merging after Chan et al.).
 ///
 /// ```
 /// use elunar_core::metrics::Correlation;
@@ -16,13 +16,13 @@ use crate::error::LengthError;
 pub struct Correlation {
     count: u64,
     mean: [f64; 2],
-    /// Sums of squared deviations of either, and of their product.
+    /// Sums of squared deviations of each map; `product` is the sum of the products of deviations.
     square: [f64; 2],
     product: f64,
 }
 
 impl Correlation {
-    /// Counts one pair.
+    /// Adds one pair.
     pub fn push(&mut self, a: f64, b: f64) {
         self.count += 1;
         let n = self.count as f64;
@@ -35,7 +35,7 @@ impl Correlation {
         self.product += before[0] * after[1];
     }
 
-    /// Counts every pixel that is real in both maps and not masked.
+    /// Adds every pixel that is real in both maps and not masked.
     ///
     /// # Errors
     /// [`LengthError`] if the lengths differ.
@@ -43,7 +43,7 @@ impl Correlation {
         each_pair(a, b, valid, |a, b| self.push(a, b))
     }
 
-    /// Adds what another accumulator counted.
+    /// Adds the pairs of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         if other.count == 0 {
             return;
@@ -59,12 +59,12 @@ impl Correlation {
         self.count += other.count;
     }
 
-    /// Pairs counted.
+    /// Number of pairs.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Pearson's coefficient, [-1, 1]; `None` if either map does not vary.
+    /// Returns Pearson's coefficient, [-1, 1]; `None` if a map is constant.
     pub fn coefficient(&self) -> Option<f64> {
         let length = libm::sqrt(self.square[0]) * libm::sqrt(self.square[1]);
         if length > 0.0 { Some((self.product / length).clamp(-1.0, 1.0)) } else { None }
@@ -90,7 +90,7 @@ mod tests {
         fn matches_the_definition_far_from_zero_and_merging_is_counting(
             pairs in proptest::collection::vec((-30f32..30.0, -30f32..30.0), 3..60), cut in 0usize..60,
         ) {
-            // Heights far from zero: the textbook sum of squares would lose its digits here.
+            // Heights far from zero, where the textbook sum of squares would lose its digits.
             let a: Vec<f32> = pairs.iter().map(|p| p.0 - 2000.0).collect();
             let b: Vec<f32> = pairs.iter().map(|p| p.1 * 0.5 + p.0 + 9000.0).collect();
             let wide = |v: &[f32]| v.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();

@@ -1,26 +1,26 @@
-//! Errors of the slope as a vector, in metres per metre: which way the ground falls counts, not only how steeply (our choice).
+//! Errors of the slope as a vector, in metres per metre: the direction of the slope counts, not only its steepness (our choice).
 
 use super::mean;
 use crate::error::LengthError;
 use crate::grid::GridView;
 use crate::terrain::{PixelSize, gradient};
 
-/// Slopes towards or away from the Sun that count as bright or shaded (Sec. VI-C): 3 degrees and more. Flatter ones are neither.
+/// Smallest slope towards or away from the Sun that counts as bright or shaded (Sec. VI-C): 3 degrees.
 const LEAST_SLOPE_TOWARDS: f64 = 0.052407779283041196; // tan 3°
 
-/// Which way ground faces (Sec. VI-C).
+/// The direction in which ground slopes, relative to the Sun (Sec. VI-C).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Facing {
-    /// Falls towards the Sun: looks bright.
+    /// The ground falls towards the Sun: it appears bright.
     Bright,
-    /// Falls away from the Sun: shaded, or in shadow.
+    /// The ground falls away from the Sun: it is shaded, or in shadow.
     Shaded,
-    /// Neither by 3 degrees or more along the Sun's azimuth.
+    /// The slope along the Sun's azimuth is below 3 degrees.
     Neither,
 }
 
 impl Facing {
-    /// How ground of a gradient (towards east and south, metres per metre) faces a Sun of this azimuth, degrees clockwise from
+    /// Returns how ground with this gradient (towards east and south, metres per metre) faces a Sun at this azimuth, degrees clockwise from
     /// north.
     ///
     /// ```
@@ -33,7 +33,8 @@ impl Facing {
     #[must_use]
     pub fn of((east, south): (f64, f64), azimuth_deg: f64) -> Self {
         let azimuth = azimuth_deg.to_radians();
-        // Rise per metre towards the Sun, which lies at (sin, -cos) in (east, south); falling that way is facing it.
+        // Rise per metre towards the Sun, whose direction is (sin, -cos) in (east, south). Ground that falls in this direction faces the
+        // Sun.
         let falls = -(east * libm::sin(azimuth) - south * libm::cos(azimuth));
         if falls >= LEAST_SLOPE_TOWARDS {
             Self::Bright
@@ -45,7 +46,7 @@ impl Facing {
     }
 }
 
-/// Accumulates |∇z* − ∇z|, the length of the difference between predicted and true gradient.
+/// Accumulates |∇z* − ∇z|, the length of the difference between the predicted and the true gradient.
 ///
 /// ```
 /// use elunar_core::metrics::GradientErrors;
@@ -60,18 +61,18 @@ pub struct GradientErrors {
 }
 
 impl GradientErrors {
-    /// Counts one pixel; gradients towards east and south, metres per metre.
+    /// Adds one pixel; gradients towards east and south, metres per metre.
     pub fn push(&mut self, truth: (f64, f64), predicted: (f64, f64)) {
         let (east, south) = (predicted.0 - truth.0, predicted.1 - truth.1);
         self.count += 1;
         self.sum += libm::sqrt(east * east + south * south);
     }
 
-    /// Counts every pixel whose 3 x 3 neighbourhood is real in both grids and whose true gradient `counts` wants; heights in
-    /// metres, gradients by Horn ([`gradient`]).
+    /// Adds every pixel whose 3 x 3 neighbourhood is real in both grids and for whose true gradient `counts` returns `true`. Heights are in
+    /// metres, gradients after Horn ([`gradient`]).
     ///
     /// # Errors
-    /// [`LengthError`] naming the sample counts if the shapes differ.
+    /// [`LengthError`] with the two sample counts if the shapes differ.
     pub fn extend(
         &mut self,
         truth_m: GridView<'_, f32>,
@@ -94,18 +95,18 @@ impl GradientErrors {
         Ok(())
     }
 
-    /// Adds what another accumulator counted.
+    /// Adds the pixels of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
     }
 
-    /// Pixels counted.
+    /// Number of pixels.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Mean length, metres per metre; `None` before the first pixel.
+    /// Returns the mean length, metres per metre; `None` without pixels.
     pub fn mean(&self) -> Option<f64> {
         mean(self.sum, self.count)
     }
@@ -127,7 +128,7 @@ mod tests {
         let mut errors = GradientErrors::default();
         errors.extend(view(&east), view(&south), pixel, |_| true).unwrap();
         assert_eq!(errors.count(), 9);
-        // Slopes are equal, so SlopeErrors would see nothing.
+        // Both slopes are equally steep, so SlopeErrors would be 0.
         assert!((errors.mean().unwrap() - 0.3 * 2.0f64.sqrt()).abs() < 1e-6);
         south[12] = f32::NAN;
         let mut holed = GradientErrors::default();

@@ -1,4 +1,4 @@
-//! Height errors in metres (among Eq. 11–18, and the shares the paper tests with).
+//! Height errors in metres (some of Eq. 11–18, and the shares of the paper's tests).
 
 use super::{each_pair, mean};
 use crate::error::LengthError;
@@ -28,7 +28,7 @@ pub struct HeightErrors {
 }
 
 impl HeightErrors {
-    /// Counts one pixel; heights in metres.
+    /// Adds one pixel; heights in metres.
     pub fn push(&mut self, truth_m: f64, predicted_m: f64) {
         let error = predicted_m - truth_m;
         self.count += 1;
@@ -41,7 +41,7 @@ impl HeightErrors {
         }
     }
 
-    /// Counts every pixel that is real in both grids and not masked.
+    /// Adds every pixel that is real in both grids and not masked.
     ///
     /// # Errors
     /// [`LengthError`] if the lengths differ.
@@ -49,7 +49,7 @@ impl HeightErrors {
         each_pair(truth_m, predicted_m, valid, |t, p| self.push(t, p))
     }
 
-    /// Adds what another accumulator counted.
+    /// Adds the pixels of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
@@ -61,37 +61,37 @@ impl HeightErrors {
         }
     }
 
-    /// Pixels counted.
+    /// Number of pixels.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Mean error (bias), metres; `None`, here and below, before the first pixel.
+    /// Returns the mean error (bias), metres. Here and below, `None` without pixels.
     pub fn bias_m(&self) -> Option<f64> {
         mean(self.sum, self.count)
     }
 
-    /// Mean absolute error, metres.
+    /// Returns the mean absolute error, metres.
     pub fn mae_m(&self) -> Option<f64> {
         mean(self.absolute, self.count)
     }
 
-    /// Root mean square error, metres.
+    /// Returns the root mean square error, metres.
     pub fn rmse_m(&self) -> Option<f64> {
         mean(self.square, self.count).map(libm::sqrt)
     }
 
-    /// Largest absolute error, metres.
+    /// Returns the largest absolute error, metres.
     pub fn max_m(&self) -> Option<f64> {
         if self.count == 0 { None } else { Some(self.largest) }
     }
 
-    /// Deviation against altimeter points (Eq. 18): √(Σe² / (r − 1)), no mean removed; `None` below two points.
+    /// Returns the deviation from altimeter points (Eq. 18): √(Σe² / (r − 1)), without removal of a mean; `None` below two points.
     pub fn std_m(&self) -> Option<f64> {
         mean(self.square, self.count.saturating_sub(1)).map(libm::sqrt)
     }
 
-    /// Shares, in [0, 1], of |e| below each of [`LIMITS_M`].
+    /// Returns the shares, in [0, 1], of |e| below each of [`LIMITS_M`].
     pub fn share_within(&self) -> Option<[f64; 3]> {
         if self.count == 0 { None } else { Some(self.within.map(|n| n as f64 / self.count as f64)) }
     }

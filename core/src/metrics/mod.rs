@@ -1,8 +1,9 @@
-//! How good a DTM is: streaming accumulators, one pixel or one tile at a time, so that a scene of any size needs no memory.
+//! The figures of a comparison of DTMs: accumulators to which pixels or tiles are added one by one, so that memory does not depend on the
+//! size of a scene.
 //!
-//! [`height`] works in metres (the paper's test metrics: MAE, RMSE, share of |e| below 2, 4 and 10 m), [`relative`] on
-//! normalised elevations (Eq. 11–17), [`slope`] on degrees of slope and [`gradient`] on slopes as vectors, which no metric of the
-//! paper sees, [`correlation`] on any two maps. Every accumulator can `merge` another, so threads keep their own.
+//! [`height`] works in metres (the paper's test metrics: MAE, RMSE, share of |e| below 2, 4 and 10 m) and [`relative`] on normalised
+//! elevations (Eq. 11–17). [`slope`] works on slopes in degrees and [`gradient`] on slopes as vectors, which no metric of the paper
+//! measures. [`correlation`] works on any two maps. Every accumulator can `merge` another one, so every thread can have its own.
 
 pub mod correlation;
 pub mod gradient;
@@ -19,7 +20,7 @@ pub use slope::SlopeErrors;
 use crate::error::{LengthError, same_length};
 use crate::mask;
 
-/// Calls `push` for every pixel that counts in both grids.
+/// Calls `push` for every pixel that is valid in both grids.
 fn each_pair(
     truth: &[f32],
     predicted: &[f32],
@@ -38,7 +39,7 @@ fn each_pair(
     Ok(())
 }
 
-/// `sum / count`, or `None` when nothing was counted.
+/// Returns `sum / count`, or `None` if `count` is 0.
 fn mean(sum: f64, count: u64) -> Option<f64> {
     if count == 0 { None } else { Some(sum / count as f64) }
 }

@@ -1,4 +1,4 @@
-//! Relative errors on normalised elevations in [0, NR] (among Eq. 11–17), as used for validation.
+//! Relative errors on normalised elevations in [0, NR] (some of Eq. 11–17), for validation.
 
 use super::{each_pair, mean};
 use crate::error::LengthError;
@@ -6,8 +6,8 @@ use crate::loss::PAD_EPS;
 
 /// Accumulates REL, RMSE, log10, threshold shares and PSNR.
 ///
-/// The lowest pixel of every tile is 0, where a ratio means nothing: REL, log10 and the thresholds count only pixels whose
-/// truth exceeds [`PAD_EPS`], and the prediction is raised to [`PAD_EPS`] before logarithm and ratio (our choice).
+/// The lowest pixel of every tile is 0, where a ratio has no meaning. Therefore REL, log10 and the thresholds count only pixels whose truth
+/// exceeds [`PAD_EPS`], and the prediction is raised to [`PAD_EPS`] before logarithm and ratio (our choice).
 ///
 /// ```
 /// use elunar_core::metrics::RelativeErrors;
@@ -35,7 +35,7 @@ impl Default for RelativeErrors {
 }
 
 impl RelativeErrors {
-    /// Counts one pixel; normalised elevations.
+    /// Adds one pixel; normalised elevations.
     pub fn push(&mut self, truth: f64, predicted: f64) {
         self.count += 1;
         self.square += (truth - predicted) * (truth - predicted);
@@ -55,7 +55,7 @@ impl RelativeErrors {
         }
     }
 
-    /// Counts every pixel that is real in both grids and not masked.
+    /// Adds every pixel that is real in both grids and not masked.
     ///
     /// # Errors
     /// [`LengthError`] if the lengths differ.
@@ -63,7 +63,7 @@ impl RelativeErrors {
         each_pair(truth, predicted, valid, |t, p| self.push(t, p))
     }
 
-    /// Adds what another accumulator counted.
+    /// Adds the pixels of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.square += other.square;
@@ -76,32 +76,32 @@ impl RelativeErrors {
         }
     }
 
-    /// Pixels counted.
+    /// Number of pixels.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Mean of |z − z*| / z (REL); `None`, here and below, before the first pixel that counts.
+    /// Returns the mean of |z − z*| / z (REL). Here and below, `None` before the first pixel that counts.
     pub fn rel(&self) -> Option<f64> {
         mean(self.relative, self.positive)
     }
 
-    /// Root mean square error, normalised units.
+    /// Returns the root mean square error, normalised units.
     pub fn rmse(&self) -> Option<f64> {
         mean(self.square, self.count).map(libm::sqrt)
     }
 
-    /// Mean of |log10 z − log10 z*|.
+    /// Returns the mean of |log10 z − log10 z*|.
     pub fn log10(&self) -> Option<f64> {
         mean(self.log10, self.positive)
     }
 
-    /// Shares, in [0, 1], of max(z/z*, z*/z) below 1.25, 1.25², 1.25³ (a1 to a3).
+    /// Returns the shares, in [0, 1], of max(z/z*, z*/z) below 1.25, 1.25², 1.25³ (a1 to a3).
     pub fn share_within_ratio(&self) -> Option<[f64; 3]> {
         if self.positive == 0 { None } else { Some(self.within.map(|n| n as f64 / self.positive as f64)) }
     }
 
-    /// Peak signal-to-noise ratio in dB, 10 log10(max(z*)² / MSE) with the prediction's maximum; infinite without error.
+    /// Returns the peak signal-to-noise ratio in dB, 10 log10(max(z*)² / MSE) with the prediction's maximum; infinite without error.
     pub fn psnr_db(&self) -> Option<f64> {
         mean(self.square, self.count).map(|mse| 10.0 * libm::log10(self.peak * self.peak / mse))
     }
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(errors.share_within_ratio(), Some([0.0; 3]));
     }
 
-    /// The definitions, one array expression per line, over pixels kept in memory.
+    /// Computes the definitions, one array expression per line, over pixels kept in memory.
     fn naive(truth: &[f64], pred: &[f64]) -> [f64; 7] {
         let mean = |v: Vec<f64>| v.iter().sum::<f64>() / v.len() as f64;
         let pairs: Vec<(f64, f64)> = truth.iter().copied().zip(pred.iter().copied()).collect();

@@ -1,4 +1,4 @@
-//! Slope errors in degrees: what a smooth DTM gets wrong even where its heights are right (our choice).
+//! Slope errors in degrees. A smooth DTM has such errors even where its heights are right (our choice).
 
 use super::mean;
 use crate::error::LengthError;
@@ -15,7 +15,7 @@ pub struct SlopeErrors {
 }
 
 impl SlopeErrors {
-    /// Counts one pixel; slopes in degrees.
+    /// Adds one pixel; slopes in degrees.
     pub fn push(&mut self, truth_deg: f64, predicted_deg: f64) {
         let error = predicted_deg - truth_deg;
         self.count += 1;
@@ -24,10 +24,10 @@ impl SlopeErrors {
         self.square += error * error;
     }
 
-    /// Counts every pixel whose 3 x 3 neighbourhood is real in both grids; heights in metres.
+    /// Adds every pixel whose 3 x 3 neighbourhood is real in both grids; heights in metres.
     ///
     /// # Errors
-    /// [`LengthError`] naming the sample counts if the shapes differ.
+    /// [`LengthError`] with the two sample counts if the shapes differ.
     pub fn extend(
         &mut self,
         truth_m: GridView<'_, f32>,
@@ -49,7 +49,7 @@ impl SlopeErrors {
         Ok(())
     }
 
-    /// Adds what another accumulator counted.
+    /// Adds the pixels of another accumulator.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
@@ -57,23 +57,22 @@ impl SlopeErrors {
         self.square += other.square;
     }
 
-    /// Pixels counted.
+    /// Number of pixels.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Mean difference in degrees, negative where the prediction is too smooth; `None`, here and below, before the first
-    /// pixel.
+    /// Returns the mean difference in degrees, negative if the prediction is too smooth. Here and below, `None` without pixels.
     pub fn bias_deg(&self) -> Option<f64> {
         mean(self.sum, self.count)
     }
 
-    /// Mean absolute difference, degrees.
+    /// Returns the mean absolute difference, degrees.
     pub fn mae_deg(&self) -> Option<f64> {
         mean(self.absolute, self.count)
     }
 
-    /// Root mean square difference, degrees.
+    /// Returns the root mean square difference, degrees.
     pub fn rmse_deg(&self) -> Option<f64> {
         mean(self.square, self.count).map(libm::sqrt)
     }
@@ -87,7 +86,7 @@ mod tests {
     fn a_flattened_ramp_is_too_smooth_by_its_slope() {
         let ramp: Vec<f32> = (0..25).map(|i| (i % 5) as f32 * 2.0).collect();
         let mut flat = vec![0.0f32; 25];
-        flat[0] = f32::NAN; // costs the one window that touches the corner
+        flat[0] = f32::NAN; // excludes the one window that contains the corner
         let mut errors = SlopeErrors::default();
         let (truth, predicted) = (GridView::new(&ramp, 5, 5).unwrap(), GridView::new(&flat, 5, 5).unwrap());
         errors.extend(truth, predicted, PixelSize::square(2.0)).unwrap();

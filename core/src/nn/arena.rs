@@ -1,15 +1,15 @@
-//! Reading and writing tensors in the caller's bytes.
+//! Reads and writes tensors in the caller's bytes.
 
 use super::tensor::{Dtype, Edge, Tensor};
 use crate::part::{copy, part, part_mut};
 
-/// The lent memory: tensors at their planned offsets, then scratch memory of the operator at work, then a few bytes that
-/// kernels may read (and multiply by 0) behind the last sample.
+/// The lent memory: tensors at their planned offsets, then scratch memory of the running operator, then a few bytes behind the last sample.
+/// Kernels may read these last bytes and multiply them by 0.
 #[derive(Debug)]
 pub(crate) struct Arena<'m> {
-    /// All of it.
+    /// All bytes of the arena.
     pub(crate) bytes: &'m mut [u8],
-    /// Where the scratch memory begins.
+    /// Offset of the scratch memory.
     pub(crate) scratch: usize,
 }
 
@@ -17,7 +17,7 @@ pub(crate) struct Arena<'m> {
 pub(crate) const OVERREAD: usize = 4;
 
 impl Arena<'_> {
-    /// The f32 at sample `index` of a row.
+    /// Returns the f32 at sample `index` of a row.
     #[inline(always)]
     pub(crate) fn float(&self, t: &Tensor, row: usize, index: usize) -> f32 {
         let at = t.row_offset(row) + 4 * index;
@@ -54,19 +54,19 @@ impl Arena<'_> {
     }
 }
 
-/// High plane of a 16-bit code.
+/// Returns the high plane's byte of a 16-bit code.
 #[inline(always)]
 pub(crate) const fn high(code: i32) -> u8 {
     ((code >> 8) + 128) as u8
 }
 
-/// A 16-bit code from its planes.
+/// Returns a 16-bit code from the bytes of its two planes.
 #[inline(always)]
 pub(crate) const fn join(low: u8, high: u8) -> i32 {
     (high as i32 - 128) * 256 + low as i32
 }
 
-/// What stands for 0 in plane `plane` of a tensor.
+/// Returns the byte that stands for 0 in plane `plane` of a tensor.
 #[inline(always)]
 pub(crate) const fn zero_code(t: &Tensor, plane: usize) -> u8 {
     match (t.dtype, plane) {
@@ -76,10 +76,10 @@ pub(crate) const fn zero_code(t: &Tensor, plane: usize) -> u8 {
     }
 }
 
-/// Where the samples of one row of a U8 or I16 tensor lie.
+/// Place of the samples of one row of a U8 or I16 tensor.
 #[derive(Clone, Copy)]
 pub(crate) struct Row {
-    /// First sample behind the margin.
+    /// Offset of the first sample behind the margin.
     pub(crate) at: usize,
     /// Distance to the high plane; 0 if there is none.
     pub(crate) high: usize,
@@ -93,14 +93,14 @@ impl Row {
         Self { at: t.row_offset(row) + t.margin * t.channels, high, zero: t.zero }
     }
 
-    /// Values of the samples from `index` on, as many as `out` holds.
+    /// Reads the values of the samples from `index` on, as many as `out` holds.
     #[inline(always)]
     pub(crate) fn values(&self, bytes: &[u8], index: usize, out: &mut [i32]) {
         let at = self.at + index;
         let (low, high) = (part(bytes, at, out.len()), part(bytes, at.wrapping_add(self.high), out.len()));
         let wide = self.high != 0;
         let one = |low: u8, high: u8| if wide { join(low, high) } else { low as i32 - self.zero };
-        // Whole groups first: rows are short, and a loop of unknown length is worth little to a vectoriser.
+        // Whole groups first: rows are short, and compilers vectorise loops of unknown length badly.
         let (groups, rest) = out.as_chunks_mut::<GROUP>();
         let ((lows, low), (highs, high)) = (low.as_chunks::<GROUP>(), high.as_chunks::<GROUP>());
         for ((out, low), high) in groups.iter_mut().zip(lows).zip(highs) {
@@ -124,10 +124,10 @@ impl Row {
     }
 }
 
-/// Samples in the innermost loops.
+/// Number of samples in the innermost loops.
 const GROUP: usize = 8;
 
-/// Plane `plane` of some codes.
+/// Writes plane `plane` of some codes.
 #[inline(always)]
 fn narrow(bytes: &mut [u8], codes: &[i32], plane: usize) {
     let one = |code: i32| if plane == 0 { code as u8 } else { high(code) };

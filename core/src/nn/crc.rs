@@ -1,4 +1,4 @@
-//! CRC32C (Castagnoli, reflected), one table, byte by byte: small and the same everywhere.
+//! CRC32C (Castagnoli, reflected), byte by byte with one table: small, and the same result on every processor.
 
 const fn table() -> [u32; 256] {
     let mut table = [0u32; 256];
@@ -29,23 +29,23 @@ impl Default for Crc32c {
 }
 
 impl Crc32c {
-    /// Takes in more bytes.
+    /// Adds more bytes.
     pub fn update(&mut self, bytes: &[u8]) {
         self.0 = bytes.iter().fold(self.0, |crc, &b| TABLE[(crc as u8 ^ b) as usize] ^ (crc >> 8));
     }
 
-    /// One that has taken in something whose checksum is `value`.
+    /// Continues a checksum whose value so far is `value`.
     pub(super) fn after(value: u32) -> Self {
         Self(!value)
     }
 
-    /// The checksum of everything taken in.
+    /// Returns the checksum of all bytes added.
     pub fn value(self) -> u32 {
         !self.0
     }
 }
 
-/// Checksum of `bytes`.
+/// Returns the checksum of `bytes`.
 pub fn crc32c(bytes: &[u8]) -> u32 {
     let mut crc = Crc32c::default();
     crc.update(bytes);

@@ -1,8 +1,8 @@
-//! What can go wrong in a run.
+//! Errors of a run.
 
 use core::fmt;
 
-/// Why a run cannot start or go on.
+/// The reason why a run cannot start or continue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunError {
     /// The lent arena is smaller than [`super::required`] says.
@@ -12,7 +12,7 @@ pub enum RunError {
         /// Bytes lent.
         found: usize,
     },
-    /// An input or output slice does not have rows * cols samples.
+    /// An input or output slice whose length is not rows * cols samples.
     TileSize {
         /// Samples needed.
         expected: usize,
@@ -24,7 +24,7 @@ pub enum RunError {
         /// Its row-major position.
         index: usize,
     },
-    /// `step` without a tile begun, or output asked for before the last step.
+    /// A call of `step` without a tile, or of `output` before the last step.
     State,
     /// The self test's output differs from the one stored in the model.
     SelfTest {
@@ -33,21 +33,21 @@ pub enum RunError {
         /// Checksum of what was computed.
         found: u32,
     },
-    /// A chunk of the model changed since it was loaded; `u32::MAX` stands for the header or the list of checksums.
+    /// A chunk of the model changed after the model was loaded; `u32::MAX` stands for the header or the list of checksums.
     ModelChanged {
-        /// Which chunk.
+        /// Number of the chunk.
         chunk: u32,
     },
-    /// The records of an entry of the schedule changed since the model was loaded. The tile is lost; nothing was written where it should not.
+    /// The records of an entry of the schedule changed after the model was loaded. The tile is lost. Nothing was written outside its place.
     ProgramChanged {
-        /// Which entry.
+        /// Number of the entry.
         entry: u32,
     },
-    /// A row of a map is not what was written there. The tile is lost: begin it again.
+    /// A row of a map changed after it was written. The tile is lost and must begin again.
     DataChanged {
-        /// Which tensor.
+        /// Number of the tensor.
         tensor: u32,
-        /// Which row.
+        /// Number of the row.
         row: u32,
     },
 }

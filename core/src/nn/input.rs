@@ -1,29 +1,29 @@
-//! How a model wants its tiles, as the header says it.
+//! The form in which a model takes its tiles, as its header says.
 
-/// Whose minimum and relief normalised the truth in training.
+/// The range that normalised the truth in training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TruthRange {
-    /// The truth's own.
+    /// The range of the truth.
     Own,
-    /// The coarse tile's.
+    /// The range of the coarse tile.
     Reference,
     /// None: heights are counted in pixels about the mean of the coarse tile.
     Pixel,
 }
 
-/// Which light the network knows.
+/// The light that the network knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Illumination {
-    /// The Sun anywhere.
+    /// Sun at any azimuth.
     Any,
-    /// The Sun in the north-west quadrant of the grid: tiles lit from elsewhere are mirrored, and the heights back.
+    /// Sun in the north-west quadrant of the grid: tiles with another Sun are mirrored, and the heights are mirrored back.
     Northwest,
-    /// As before, and the network is guided ([`crate::photoclinometry`]): the image is given as four maps.
+    /// As `Northwest`, and the image is given as the four maps of a guide ([`crate::photoclinometry`]).
     Given,
 }
 
 impl Illumination {
-    /// Maps that the image is given as, side by side in every pixel: its brightness, or those of a guide.
+    /// Number of maps for the image, side by side in every pixel: brightness alone, or the maps of a guide.
     #[must_use]
     pub const fn image_maps(self) -> usize {
         if matches!(self, Self::Given) { crate::photoclinometry::MAPS } else { 1 }

@@ -1,9 +1,9 @@
-//! Which light a network works under: the one rule, for ground, flight, strips and training.
+//! The light for a network: one rule for ground, flight, strips and training.
 
 use super::input::Illumination;
 use crate::norm::{Light, LightFit, Mirror};
 
-/// What is known of the Sun, degrees; `None`: unknown.
+/// The known angles of the Sun, degrees; `None` if unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct KnownSun {
     /// Azimuth, clockwise from the grid's up.
@@ -12,75 +12,76 @@ pub struct KnownSun {
     pub elevation_deg: Option<f64>,
 }
 
-/// Where a light comes from.
+/// The origin of a light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LightSource {
-    /// The network knows any light.
+    /// The network works with any light and takes none.
     #[default]
     NotAsked,
-    /// The Sun is known as far as the network asks.
+    /// The caller has stated every angle of the Sun that the network needs.
     Given,
     /// Fitted to image and coarse DTM, at least in part.
     Fitted,
-    /// Neither known nor found.
+    /// Neither known nor found by the fit.
     Assumed,
 }
 
-/// A light, and where it comes from: the one rule, for ground, flight, strips and training.
+/// A light and its origin: one rule for ground, flight, strips and training.
 ///
-/// [`Self::decide`] goes by what the network knows ([`Illumination`]), by what is known of the Sun ([`KnownSun`]), and by what image and
-/// coarse DTM show ([`LightFit`]):
+/// [`Self::decide`] depends on the light that the network knows ([`Illumination`]), on the known angles of the Sun ([`KnownSun`]), and on
+/// the fit to image and coarse DTM ([`LightFit`]):
 ///
 /// | network | azimuth | elevation | light | [`LightSource`] |
 /// |---|---|---|---|---|
-/// | any | | | none is asked for | `NotAsked` |
+/// | any | | | none | `NotAsked` |
 /// | north-west | known | | the quadrant of the azimuth | `Given` |
 /// | north-west | unknown | | the quadrant of the fit | `Fitted` |
-/// | given | known | known | the Sun's, its strength drawn to the fit | `Given` |
-/// | given | | | what is known is kept, the rest is fitted | `Fitted` |
-/// | either | | | [`Light::assumed`], where the fit finds no light | `Assumed` |
+/// | given | known | known | that of the Sun, its strength drawn to the fit | `Given` |
+/// | given | | | known angles are kept, the rest is fitted | `Fitted` |
+/// | either | | | [`Light::assumed`], if the fit finds no light | `Assumed` |
 ///
-/// Where no light shows, one is assumed and the caller is told (our choice). The coarse DTM of such ground is nearly level, but craters and rocks
-/// that only the image shows may lie on it. A network adds those; to keep the coarse heights would lose them all. If the Sun stands elsewhere
-/// than assumed, they come out with wrong signs. So nobody assumes silently: [`LightSource::Assumed`] goes to whoever asked for the heights.
+/// Where the fit finds no light, one is assumed and the caller learns it (our choice). The coarse DTM of such ground is nearly level, but
+/// it may have craters and rocks that only the image shows. A network adds these; with the coarse heights alone all of them would be lost.
+/// If the true Sun is elsewhere than assumed, their heights have wrong signs. Therefore an assumption is never silent:
+/// [`LightSource::Assumed`] is returned to the caller.
 ///
-/// A scene has one light, and so has a strip. It is decided once, by a fit to as much of the ground as has been seen: a light that changes from
-/// tile to tile makes steps at the seams. A tile that stands alone has a light of its own. [`TileLight`] says which of the two a tile is.
+/// A scene has one light, and so has a strip. It is decided once, by a fit to all ground seen so far, because a light that changes from
+/// tile to tile makes steps at the seams. A single tile has a light of its own. [`TileLight`] distinguishes the two.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lighting {
-    /// The light of the ground as it lies, not mirrored.
+    /// The light on the ground, not mirrored.
     pub light: Light,
-    /// Where it comes from.
+    /// The origin of the light.
     pub source: LightSource,
 }
 
-/// Which light a tile has.
+/// The light of a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TileLight {
-    /// Its own: what is known of the Sun, the rest fitted to the pixels of the tile that count.
+    /// The tile's own: known angles of the Sun are kept, the rest is fitted to the tile's valid pixels.
     Own(KnownSun),
-    /// That of the scene it is part of, decided before.
+    /// The light of the scene that the tile belongs to, decided before.
     Scene(Lighting),
 }
 
 impl Default for TileLight {
-    /// The tile's own, under an unknown Sun.
+    /// Returns the tile's own light under an unknown Sun.
     fn default() -> Self {
         Self::Own(KnownSun::default())
     }
 }
 
 impl Lighting {
-    /// For networks that know any light.
+    /// The value for networks that know any light.
     pub const NOT_ASKED: Self = Self { light: Light { east: 1.0, south: 1.0 }, source: LightSource::NotAsked };
 
-    /// A light that is known.
+    /// Makes a given light.
     #[must_use]
     pub fn given(light: Light) -> Self {
         Self { light, source: LightSource::Given }
     }
 
-    /// Whether [`Self::decide`] looks at the fit.
+    /// Returns whether [`Self::decide`] reads the fit.
     #[must_use]
     pub fn wants_fit(illumination: Illumination, sun: KnownSun) -> bool {
         match illumination {
@@ -90,13 +91,13 @@ impl Lighting {
         }
     }
 
-    /// The light of a scene for a network, by the rule above.
+    /// Decides the light of a scene for a network, by the rule above.
     #[must_use]
     pub fn decide(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> Self {
         let KnownSun { azimuth_deg, elevation_deg } = sun;
         let found = match (illumination, azimuth_deg) {
             (Illumination::Any, _) => return Self::NOT_ASKED,
-            // Only the quadrant matters: at any height of the Sun it is the same.
+            // Only the quadrant matters; it does not depend on the elevation of the Sun.
             (Illumination::Northwest, Some(azimuth_deg)) => Light::from_azimuth_deg(azimuth_deg).map(Self::given),
             (Illumination::Northwest, None) => fit.light().map(Self::fitted),
             (Illumination::Given, _) => fit.with_sun(azimuth_deg, elevation_deg).map(|light| {
@@ -111,7 +112,7 @@ impl Lighting {
         Self { light, source: LightSource::Fitted }
     }
 
-    /// How the ground is mirrored so that the Sun stands in the north-west quadrant; not at all for networks that know any light.
+    /// Returns the mirroring that brings the Sun into the north-west quadrant; none for networks that know any light.
     #[must_use]
     pub fn mirror(&self) -> Mirror {
         match self.source {
@@ -128,7 +129,7 @@ mod tests {
 
     const COLS: usize = 64;
 
-    /// Hills under a Sun at an azimuth, and what they show of it.
+    /// The fit to hills under a Sun at an azimuth.
     fn fit(azimuth_deg: f64) -> LightFit {
         let light = Light::from_sun(azimuth_deg, 30.0).unwrap();
         let height = |r: f32, c: f32| 3.0 * (r / 9.0).sin() + 4.0 * ((c + r) / 11.0).cos();
@@ -146,7 +147,7 @@ mod tests {
         KnownSun { azimuth_deg, elevation_deg }
     }
 
-    /// The table of [`Lighting`].
+    /// Tests the table of [`Lighting`].
     #[test]
     fn the_source_is_that_of_the_rule() {
         use Illumination as I;
@@ -165,15 +166,15 @@ mod tests {
             (I::Given, sun(Some(120.0), None), dark, Assumed),
             (I::Given, sun(None, Some(40.0)), dark, Assumed),
             (I::Given, sun(None, None), dark, Assumed),
-            // From the other side the image shows no light at all.
+            // With the Sun on the other side the image shows no light.
             (I::Given, sun(Some(300.0), None), seen, Assumed),
-            // These are no angles of a Sun that lights the ground.
+            // These are not angles of a Sun that lights the ground.
             (I::Northwest, sun(Some(f64::NAN), None), seen, Assumed),
             (I::Given, sun(Some(120.0), Some(-2.0)), seen, Assumed),
         ] {
             let found = Lighting::decide(illumination, sun, &fit);
             assert_eq!(found.source, source, "{illumination:?} {sun:?}");
-            // The fit matters where it is asked for, and only there.
+            // The fit matters only where it is asked for.
             if !Lighting::wants_fit(illumination, sun) {
                 assert_eq!(found, Lighting::decide(illumination, sun, &seen));
                 assert_eq!(found, Lighting::decide(illumination, sun, &dark));
@@ -198,7 +199,7 @@ mod tests {
         {
             let found = decide(Illumination::Northwest, Some(azimuth_deg), None);
             assert_eq!(found.mirror(), Mirror { rows, cols }, "{azimuth_deg}");
-            // Whatever is assumed of the elevation.
+            // The assumed elevation does not matter.
             assert_eq!(Lighting::given(Light::from_sun(azimuth_deg, 3.0).unwrap()).mirror(), found.mirror());
             assert!(decide(Illumination::Any, Some(azimuth_deg), None).mirror().is_none());
         }

@@ -1,4 +1,4 @@
-//! A tile as a network sees it, and the way back: what ground and flight must do alike.
+//! The maps of a tile for a network, and the way back to metres. Ground and flight share this code.
 
 use super::error::RunError;
 use super::input::{Illumination, TruthRange};
@@ -12,17 +12,17 @@ use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use crate::tile::Shape;
 use core::fmt;
 
-/// Why a tile in physical units cannot begin.
+/// The reason why a tile in physical units cannot begin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TileError {
-    /// The runner refuses it.
+    /// The runner refuses the tile.
     Run(RunError),
-    /// It cannot be normalised: no relief, no contrast, too few valid pixels.
+    /// The tile cannot be normalised: no relief, no contrast, too few valid pixels.
     Norm(NormError),
 }
 
 impl TileError {
-    /// Whether there is nothing in the tile for a network to work with: no contrast, no relief, no pixels. Then the coarse heights may stand.
+    /// Returns whether the tile has no information for a network: no contrast, no relief, no pixels. Then the coarse heights can be kept.
     #[must_use]
     pub fn nothing_to_see(&self) -> bool {
         use NormError::{ConstantImage, Relief, TooFewValid};
@@ -47,21 +47,21 @@ impl From<NormError> for TileError {
     }
 }
 
-/// How a model wants its tiles normalised: what it was trained with.
+/// The normalisation that a model was trained with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InputRules {
     /// Upper end of the normalised elevation range, NR (Eq. 1).
     pub nr: f32,
     /// Share of the coarse relief by which the range is widened below and above; 0 is the paper's Eq. 2.
     pub range_margin: f32,
-    /// Whose range normalised the truth in training.
+    /// The range that normalised the truth in training.
     pub truth_range: TruthRange,
-    /// Which light the network knows.
+    /// The light that the network knows.
     pub illumination: Illumination,
 }
 
 impl InputRules {
-    /// Values of scratch memory that [`TileMaps::new`] wants for tiles of (rows, columns).
+    /// Number of values of scratch memory that [`TileMaps::new`] needs for tiles of this shape.
     #[must_use]
     pub fn scratch_len(&self, tile: Shape) -> usize {
         match self.illumination {
@@ -70,7 +70,8 @@ impl InputRules {
         }
     }
 
-    /// What normalises a tile's true heights in training: `scale`, which normalised its coarse heights, or the truth's own range.
+    /// Returns the scale that normalises a tile's truth in training: `scale`, which normalised its coarse heights, or one from the truth's
+    /// own range.
     ///
     /// # Errors
     /// Those of [`ElevationScale::from_heights`].
@@ -100,22 +101,22 @@ pub struct TileInput<'t> {
     pub image: &'t [f32],
     /// Coarse DTM on the image's grid, metres above the sphere.
     pub coarse_m: &'t [f32],
-    /// Which pixels count beside those that are real (see [`mask`]); `None`: all.
+    /// Mask of pixels; a pixel must also be real (see [`mask`]) to be valid. `None`: no mask.
     pub valid: Option<&'t [bool]>,
     /// Ground size of a pixel, metres.
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// How brightness answers to slope. Models that know any light do not ask for it.
+    /// The light, which relates brightness to slope. Models that know any light do not use it.
     pub light: TileLight,
 }
 
 impl TileInput<'_> {
-    /// The light of the tile, `cols` columns wide, for a network.
+    /// Returns the light of the tile, `cols` columns wide, for a network.
     fn lighting(&self, illumination: Illumination, cols: usize) -> Lighting {
         let sun = match self.light {
             TileLight::Scene(lighting) if lighting.source != LightSource::NotAsked => return lighting,
-            // Decided for a network that does not ask: nothing is known.
+            // Decided for a network that does not ask: no angle is known.
             TileLight::Scene(_) => KnownSun::default(),
             TileLight::Own(sun) => sun,
         };
@@ -129,18 +130,18 @@ impl TileInput<'_> {
     }
 }
 
-/// The way from a network's output back to the ground.
+/// The way from a network's output back to heights on the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileScale {
-    /// From normalised elevation to metres.
+    /// Scale from normalised elevation to metres.
     pub elevation: ElevationScale,
-    /// How the tile was mirrored.
+    /// The mirroring of the tile.
     pub mirror: Mirror,
 }
 
 impl TileScale {
-    /// Heights of a tile of (rows, columns), metres, row-major, as the network would give them: mirrored and normalised. The inverse of
-    /// [`Self::recover`].
+    /// Writes the heights of a tile of this shape, metres, row-major, in the form of the network's output: mirrored and normalised. The
+    /// inverse of [`Self::recover`].
     ///
     /// # Errors
     /// [`NormError::Length`] if a buffer has another length.
@@ -154,7 +155,7 @@ impl TileScale {
         Ok(())
     }
 
-    /// Pixels of one row, from the row-major index `first` of the mirrored tile on.
+    /// Normalises pixels of one row, from the row-major index `first` of the mirrored tile on.
     #[inline]
     fn row(&self, heights_m: &[f32], first: usize, shape: Shape, out: &mut [f32]) {
         for (z, pixel) in out.iter_mut().zip(self.mirror.sources(first, shape)) {
@@ -162,11 +163,11 @@ impl TileScale {
         }
     }
 
-    /// Brings a network's output for a tile of (rows, columns), row-major, back: not mirrored, in metres (Eq. 8).
+    /// Recovers heights from a network's output for a tile of this shape, row-major: not mirrored, in metres (Eq. 8).
     pub fn recover(&self, shape: Shape, heights: &mut [f32]) {
         for i in 0..heights.len() {
             let from = self.mirror.source(i, shape);
-            // Mirroring exchanges pixels in pairs.
+            // Mirroring swaps pixels in pairs.
             if from > i && from < heights.len() {
                 heights.swap(i, from);
             }
@@ -177,17 +178,17 @@ impl TileScale {
     }
 }
 
-/// A tile as a network sees it, pixel by pixel: mirrored if the network wants its Sun in the north-west, image in [0, 1] and coarse DTM in
-/// [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or a guide's maps.
+/// The maps of a tile for a network, computed pixel by pixel: mirrored if the network needs its Sun in the north-west, with the image in
+/// [0, 1] and the coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or the maps of a guide.
 #[derive(Debug)]
 pub enum TileMaps<'t, 's> {
     /// Four maps for the image, and the coarse DTM in pixels.
     Guided(GuidedMaps<'t, 's>),
-    /// Brightness and heights by their ranges.
+    /// Brightness and heights, each normalised by its range.
     Ranged(RangedMaps<'t>),
 }
 
-/// What [`Illumination::Given`] asks for.
+/// The maps for [`Illumination::Given`].
 #[derive(Debug)]
 pub struct GuidedMaps<'t, 's> {
     guide: Guide<'t, 's>,
@@ -195,7 +196,7 @@ pub struct GuidedMaps<'t, 's> {
     source: LightSource,
 }
 
-/// What all other networks ask for.
+/// The maps for all other networks.
 #[derive(Debug)]
 pub struct RangedMaps<'t> {
     tile: TileInput<'t>,
@@ -206,8 +207,8 @@ pub struct RangedMaps<'t> {
 }
 
 impl<'t, 's> TileMaps<'t, 's> {
-    /// Makes the maps of a tile of this shape for a model that has these rules. `scratch` is as long as [`super::Model::scratch_len`] says,
-    /// and lent for as long as the maps are used.
+    /// Makes the maps of a tile of this shape for a model with these rules. `scratch` has the length [`super::Model::scratch_len`], and is
+    /// borrowed as long as the maps are used.
     ///
     /// # Errors
     /// [`TileError`].
@@ -240,7 +241,7 @@ impl<'t, 's> TileMaps<'t, 's> {
         Ok(Self::Ranged(RangedMaps { tile: *tile, shape, range, scale, source }))
     }
 
-    /// The way back.
+    /// Returns the way back.
     #[must_use]
     pub fn scale(&self) -> TileScale {
         match self {
@@ -249,7 +250,7 @@ impl<'t, 's> TileMaps<'t, 's> {
         }
     }
 
-    /// Where the light comes from.
+    /// Returns the origin of the light.
     #[must_use]
     pub fn light(&self) -> LightSource {
         match self {
@@ -258,7 +259,7 @@ impl<'t, 's> TileMaps<'t, 's> {
         }
     }
 
-    /// Writes all of it down: the image's maps side by side in every pixel, and the coarse DTM.
+    /// Writes all maps: those of the image side by side in every pixel, and the coarse DTM.
     ///
     /// # Errors
     /// [`NormError::Length`] if a buffer has another length.
@@ -280,8 +281,8 @@ impl<'t, 's> TileMaps<'t, 's> {
 }
 
 impl GuidedMaps<'_, '_> {
-    /// Samples of the image from `first` on within a row, the maps side by side in every pixel; both counts of samples are multiples of
-    /// [`MAPS`].
+    /// Writes samples of the image from `first` on within a row, the maps side by side in every pixel. `first` and the length of `out` are
+    /// multiples of [`MAPS`].
     #[inline]
     pub(super) fn image(&self, first: usize, out: &mut [f32]) {
         self.guide.image(first / MAPS, out.as_chunks_mut::<MAPS>().0);

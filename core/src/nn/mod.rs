@@ -1,22 +1,22 @@
 //! The quantised inference runner: a validated [`Model`] and a [`Runner`] that executes it.
 //!
-//! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. Whoever makes the
-//! file ([`mod@file`]) decides what network it is; this module knows operators only. Life of a tile:
+//! A model file is a *program*: tensors at planned places in one arena, constants, and a list of operators. The maker of the file
+//! ([`mod@file`]) decides on the network; this module only runs operators. The steps for a tile:
 //!
 //! 1. [`Model::new`] validates the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
-//! 2. [`required`] says how many bytes to lend; [`Runner::new`] takes them.
-//! 3. [`Runner::begin`] quantises image and coarse DTM; [`Runner::step`] works for a bounded number of multiply-accumulates;
-//!    [`Runner::output`] gives normalised elevation as f32, straight from the last layer's accumulators.
-//!    [`Runner::begin_metres`] and [`Runner::heights`] do the same in physical units.
-//! 4. Memory is not trusted ([`Runner::protect`]): records of the program are sealed and looked at before they are used, every row of a map
-//!    carries a checksum that is compared whenever the row is read, and the whole model is compared after the last step.
-//! 5. In spare time [`Runner::scrub`] re-reads the model against its checksums, and a self test runs a built-in tile.
+//! 2. [`required`] returns the number of bytes to lend; [`Runner::new`] takes them.
+//! 3. [`Runner::begin`] quantises image and coarse DTM. [`Runner::step`] works for a bounded number of multiply-accumulates.
+//!    [`Runner::output`] returns normalised elevation as f32, directly from the last layer's accumulators. [`Runner::begin_metres`] and
+//!    [`Runner::heights`] do the same in physical units.
+//! 4. Faults in memory are detected ([`Runner::protect`]): seals of the program's records are compared before use, every row of a map has a
+//!    checksum that is compared at every read, and the whole model is compared after the last step.
+//! 5. In spare time [`Runner::scrub`] compares the model with its checksums, and a self test runs a built-in tile.
 //! 6. In flight a new model is loaded beside the old one and tried before it is confirmed ([`slots`]).
 //!
-//! Between quantise and dequantise all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: same file,
-//! same tile, same bytes on every machine.
+//! Between the quantisation of inputs and the output all arithmetic is on integers, rounded by [`crate::quant::round_shift`] alone: the
+//! same file and the same tile give the same bytes on every machine.
 //!
-//! Inside, arrows point down:
+//! The modules, each above those that it uses:
 //!
 //! ```text
 //! slots   suspend   metres

@@ -1,9 +1,9 @@
-//! In which order weights lie: panels of output channels, and groups of four samples.
+//! The order of weights: panels of output channels, and groups of four samples.
 
-/// Widest panel.
+/// Width of the widest panel, channels.
 pub const PANEL: usize = 32;
 
-/// How `channels` output channels are divided into panels: (first channel, width), the last panel filled up with zeros.
+/// Divides `channels` output channels into panels: (first channel, width). The last panel is filled up with zeros.
 pub fn panels(channels: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..panel_count(channels)).map(move |index| panel(channels, index))
 }
@@ -18,7 +18,7 @@ pub const fn panel_count(channels: usize) -> usize {
         }
 }
 
-/// First channel and width of panel `index`.
+/// Returns first channel and width of panel `index`.
 #[inline]
 pub const fn panel(channels: usize, index: usize) -> (usize, usize) {
     let (whole, rest) = (channels / PANEL, channels % PANEL);
@@ -35,13 +35,13 @@ pub const fn panel(channels: usize, index: usize) -> (usize, usize) {
     }
 }
 
-/// `channels` filled up to whole panels.
+/// Returns `channels` filled up to whole panels.
 pub const fn panelled(channels: usize) -> usize {
     let (first, width) = panel(channels, panel_count(channels).saturating_sub(1));
     first + width
 }
 
-/// Four-byte groups of `samples` consecutive samples.
+/// Number of four-byte groups of `samples` consecutive samples.
 pub const fn groups(samples: usize) -> usize {
     samples.div_ceil(4)
 }
@@ -62,7 +62,7 @@ mod tests {
                 next = first + width;
             }
             assert_eq!(next, panelled(channels));
-            // No more filling than panels of 8 alone would need.
+            // There is no more filling than with panels of 8 alone.
             assert!(next >= channels && next - channels < 8, "{channels}: {panels:?}");
         }
         assert_eq!((panel_count(0), panels(0).count()), (0, 0));

@@ -14,12 +14,12 @@ use crate::part::{copy, head, head_mut, part, part_mut};
 use crate::quant::params::quantise;
 use crate::tile::Shape;
 
-/// Bytes of arena that [`Runner::new`] needs for `model`: exactly, known before any run.
+/// Number of bytes of arena that [`Runner::new`] needs for `model`: exact, and known before any run.
 pub fn required(model: &Model<'_>) -> usize {
     sums_offset(model) + 4 * model.sum_count()
 }
 
-/// Where the checksums of rows lie: behind everything else.
+/// Offset of the checksums of rows: behind all other parts.
 fn sums_offset(model: &Model<'_>) -> usize {
     model.scratch_offset() + model.scratch_bytes() + OVERREAD
 }
@@ -33,7 +33,7 @@ pub enum Progress {
     Done,
 }
 
-/// Counters since the runner was made; they wrap never in a mission's time.
+/// Counters since the runner was made. They do not wrap within the time of a mission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Telemetry {
     /// Tiles finished.
@@ -42,19 +42,19 @@ pub struct Telemetry {
     pub steps: u64,
     /// Multiply-accumulates done.
     pub macs: u64,
-    /// Input samples outside the range the model was calibrated for.
+    /// Input samples outside the range that the model was calibrated for.
     pub inputs_clamped: u64,
     /// Intermediate results cut to their tensor's range.
     pub saturated: u64,
-    /// Model bytes re-checked by [`Runner::scrub`].
+    /// Bytes of the model compared by [`Runner::scrub`].
     pub scrubbed_bytes: u64,
     /// Complete passes over the model.
     pub scrub_passes: u64,
-    /// Chunks found changed.
+    /// Chunks found to have changed.
     pub scrub_faults: u64,
     /// Self tests that failed.
     pub self_test_faults: u64,
-    /// Tiles given up because the model or a map had changed in memory.
+    /// Tiles that were given up because the model or a map had changed in memory.
     pub tile_faults: u64,
 }
 
@@ -66,14 +66,14 @@ pub(super) enum State {
         step: usize,
         unit: usize,
     },
-    /// All is computed; the model is compared from this chunk on.
+    /// All operators are done; the model is compared from this chunk on.
     Verifying {
         chunk: u32,
     },
     Done,
 }
 
-/// A model with its working memory. One tile at a time: `begin`, `step` until done, `output`.
+/// A model with its working memory. It runs one tile at a time: `begin`, `step` until done, `output`.
 #[derive(Debug)]
 pub struct Runner<'a, 'm> {
     kernel: Kernel,
@@ -86,8 +86,8 @@ pub struct Runner<'a, 'm> {
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
-    /// Takes [`required`] bytes of `arena`; more do no harm, and no alignment is asked for. Computes with the fastest kernel
-    /// this processor runs ([`Kernel::best`]).
+    /// Takes [`required`] bytes of `arena`, which may be longer and needs no alignment. Uses the fastest kernel that this processor runs
+    /// ([`Kernel::best`]).
     ///
     /// # Errors
     /// [`RunError::ArenaTooSmall`].
@@ -95,7 +95,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         Self::with_kernel(Kernel::best(), model, arena)
     }
 
-    /// As [`Self::new`], with a kernel of the caller's choice: the results are the same bytes.
+    /// As [`Self::new`], with the caller's kernel. The results are the same bytes with every kernel.
     ///
     /// # Errors
     /// [`RunError::ArenaTooSmall`].
@@ -109,28 +109,29 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(Self { kernel, model, arena, state: State::Idle, protected: true, scrub, telemetry })
     }
 
-    /// Name of the kernel that computes.
+    /// Returns the name of the kernel.
     pub fn kernel(&self) -> &'static str {
         self.kernel.name()
     }
 
-    /// Whether to look for changed memory, as a new runner does: it costs a few percent of a tile's time. From the next tile on.
+    /// Sets whether the runner looks for changed memory, as a new runner does. It costs a few percent of a tile's time. The setting takes
+    /// effect with the next tile; a tile in progress is dropped.
     pub fn protect(&mut self, protect: bool) {
         (self.protected, self.state) = (protect, State::Idle);
     }
 
-    /// The model.
+    /// Returns the model.
     pub fn model(&self) -> &Model<'a> {
         &self.model
     }
 
-    /// The counters.
+    /// Returns the counters.
     pub fn telemetry(&self) -> Telemetry {
         self.telemetry
     }
 
-    /// Quantises a tile's inputs and stands ready for the first step. `image` in [0, 1] (or a guide's maps, [`Model::image_maps`] samples
-    /// in every pixel), `coarse` in [0, NR] (or pixels), both row-major rows * cols; a tile in progress is dropped.
+    /// Begins a tile: quantises its inputs. `image` is in [0, 1] (or the maps of a guide, [`Model::image_maps`] samples in every pixel),
+    /// `coarse` in [0, NR] (or pixels), both row-major rows * cols. A tile in progress is dropped.
     ///
     /// # Errors
     /// [`RunError::TileSize`], or [`RunError::NotFinite`]; then nothing has begun.
@@ -149,7 +150,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.load(|i, out| copy(out, part(image, i, out.len())), |i, out| copy(out, part(coarse, i, out.len())))
     }
 
-    /// As [`Self::begin`] with the built-in tile; when done, [`Self::check_self_test`] compares it.
+    /// Begins the built-in tile, as [`Self::begin`]. When it is done, [`Self::check_self_test`] compares it.
     ///
     /// # Errors
     /// [`RunError::ModelChanged`].
@@ -164,7 +165,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         )
     }
 
-    /// Begins a tile; `image` and `coarse` write the samples from an index on, which lie in one row.
+    /// Begins a tile. `image` and `coarse` write samples from an index on; all samples of a call are in one row.
     pub(super) fn load(
         &mut self,
         image: impl Fn(usize, &mut [f32]),
@@ -180,7 +181,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(())
     }
 
-    /// Whether the model's header is what it was: tile, roles of tensors, units.
+    /// Returns an error if the model's header has changed: tile, roles of tensors, units.
     pub(super) fn validate_header(&self) -> Result<(), RunError> {
         let holds = !self.protected || self.model.raw().header_holds();
         if holds { Ok(()) } else { Err(RunError::ModelChanged { chunk: u32::MAX }) }
@@ -193,7 +194,7 @@ impl<'a, 'm> Runner<'a, 'm> {
             let to = Row::of(&tensor, row);
             let (line, mut at) = (tensor.cols * tensor.channels, 0);
             while at < line {
-                // Samples first: a loop over constants that asks for nothing becomes vectors.
+                // Samples first, because the compiler vectorises a loop with constant bounds and without checks.
                 const TOGETHER: usize = 64;
                 let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
                 let count = TOGETHER.min(line - at);
@@ -212,13 +213,13 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(())
     }
 
-    /// The bytes of a row, and the place of its checksum.
+    /// Returns the bytes of a row and the offset of its checksum.
     fn row(&self, t: &Tensor, row: usize) -> (&[u8], usize) {
         let place = sums_offset(&self.model) + 4 * (t.sums + t.slot(row));
         (part(self.arena.bytes, t.row_offset(row), t.row_bytes()), place)
     }
 
-    /// Writes down the checksum of a row that has just been made.
+    /// Stores the checksum of a row that has just been written.
     fn note(&mut self, t: &Tensor, row: usize) {
         if self.protected {
             let (bytes, place) = self.row(t, row);
@@ -227,19 +228,19 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// Whether a row is still what was written.
+    /// Returns whether a row is unchanged.
     fn holds(&self, t: &Tensor, row: usize) -> bool {
         let (bytes, place) = self.row(t, row);
         !self.protected || part(self.arena.bytes, place, 4) == (self.kernel.sum)(bytes).to_le_bytes()
     }
 
-    /// Works until `budget_macs` multiply-accumulates are spent or the tile is done; at least one unit of work, so the budget
-    /// is overrun by less than one unit ([`Model::unit_macs`]). The work does not depend on the data. A byte of the model that is compared after
-    /// the last operator counts as a multiply-accumulate.
+    /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, so it exceeds the
+    /// budget by less than one unit ([`Model::unit_macs`]). The work does not depend on the data. A byte of the model that is compared
+    /// after the last operator counts as a multiply-accumulate.
     ///
     /// # Errors
-    /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if memory
-    /// has changed: then the tile is given up, to be begun again.
+    /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if
+    /// memory has changed. The tile is given up then and must begin again.
     pub fn step(&mut self, budget_macs: u64) -> Result<Progress, RunError> {
         if let State::Idle = self.state {
             return Err(RunError::State);
@@ -283,7 +284,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry.tiles += 1;
     }
 
-    /// Goes on with the schedule; returns what was spent.
+    /// Continues the schedule; returns the multiply-accumulates spent.
     fn compute(
         &mut self,
         budget: u64,
@@ -358,7 +359,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(())
     }
 
-    /// The output tensor of a finished tile whose rows are as they were written.
+    /// Returns the output tensor of a finished tile, after a check of its rows.
     fn finished(&self) -> Result<Tensor, RunError> {
         if self.state != State::Done {
             return Err(RunError::State);
@@ -373,7 +374,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// CRC32C of the finished tile's little-endian f32 bytes.
+    /// Returns the CRC32C of the finished tile's little-endian f32 bytes.
     ///
     /// # Errors
     /// [`RunError::State`] before the tile is done, [`RunError::DataChanged`].
@@ -399,10 +400,10 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(())
     }
 
-    /// Re-checks up to `max_bytes` of the model against its checksums, going round and round over calls.
+    /// Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end.
     ///
     /// # Errors
-    /// [`RunError::ModelChanged`] for a chunk that no longer matches; the next call goes on behind it.
+    /// [`RunError::ModelChanged`] for a chunk that does not match; the next call continues behind it.
     pub fn scrub(&mut self, max_bytes: usize) -> Result<(), RunError> {
         match self.scrub.advance(self.model.raw(), max_bytes) {
             Ok((bytes, pass)) => {
@@ -417,7 +418,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The entry of the schedule at work; the number of entries when all are done, `None` when idle.
+    /// Returns the number of the current entry of the schedule; the number of entries when all are done, `None` when idle.
     pub fn position(&self) -> Option<usize> {
         match self.state {
             State::Idle => None,
@@ -426,7 +427,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The arena's bytes of tensor `index` as they are now, from its first to its last: for tests and diagnosis.
+    /// Returns the current bytes of tensor `index` in the arena, from its first to its last: for tests and diagnosis.
     pub fn tensor_bytes(&self, index: u32) -> &[u8] {
         let tensor = self.model.tensor(index);
         part(self.arena.bytes, tensor.offset, tensor.size_bytes())

@@ -1,10 +1,10 @@
-//! Looking at a model chunk by chunk, a few bytes at a time, in spare time.
+//! Compares a model with its checksums chunk by chunk, a few bytes at a time, in spare time.
 
 use super::crc::Crc32c;
 use super::file::RawModel;
 use crate::part::part;
 
-/// Where an incremental check of the chunks stands.
+/// The position of an incremental check of the chunks.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Scrub {
     chunk: u32,
@@ -13,21 +13,21 @@ pub(super) struct Scrub {
 }
 
 impl Scrub {
-    /// The chunk it has reached, bytes read of it, and their checksum.
+    /// Returns the current chunk, the number of its bytes read, and their checksum.
     pub(super) fn position(&self) -> (u32, usize, u32) {
         (self.chunk, self.offset, self.crc.value())
     }
 
-    /// A check that stands there, if the file has such a place.
+    /// Makes a check at this position; `None` if the file does not have it.
     pub(super) fn at(raw: &RawModel<'_>, chunk: u32, offset: usize, crc: u32) -> Option<Self> {
         let exists = chunk < raw.chunks().max(1) && offset <= raw.chunk(chunk).len();
         exists.then(|| Self { chunk, offset, crc: Crc32c::after(crc) })
     }
 
-    /// Checks up to `max_bytes` further bytes. Returns how many were read, and whether this completed a pass.
+    /// Checks up to `max_bytes` further bytes. Returns how many were read, and whether a pass is complete.
     ///
     /// # Errors
-    /// The chunk whose checksum does not match; the next call goes on behind it.
+    /// The chunk whose checksum does not match; the next call continues behind it.
     pub(super) fn advance(&mut self, raw: &RawModel<'_>, max_bytes: usize) -> Result<(usize, bool), u32> {
         let mut done = 0;
         while done < max_bytes {

@@ -1,6 +1,6 @@
-//! The tile of the built-in self test: reproducible from a seed, so that the file stores four bytes instead of a tile.
+//! The tile of the built-in self test. It is computed from a seed, so that the file stores four bytes instead of a tile.
 
-/// Sample `index` of the self-test image, in [0, 1): waves and noise, so that every code range is visited.
+/// Returns sample `index` of the self-test image, in [0, 1): waves and noise, so that every range of codes occurs.
 pub(crate) fn image_sample(seed: u32, cols: usize, index: usize) -> f32 {
     let cols = cols.max(1);
     let (row, col) = ((index / cols) as u32, (index % cols) as u32);
@@ -9,14 +9,14 @@ pub(crate) fn image_sample(seed: u32, cols: usize, index: usize) -> f32 {
     (triangle << 17 | hash(seed, index as u32) >> 15) as f32 / (1 << 23) as f32
 }
 
-/// Sample `index` of the self-test coarse DTM, in [0, nr): a staircase of 16x16 blocks.
+/// Returns sample `index` of the self-test coarse DTM, in [0, nr): a staircase of 16x16 blocks.
 pub(crate) fn coarse_sample(seed: u32, cols: usize, index: usize, nr: f32) -> f32 {
     let cols = cols.max(1);
     let block = (index / cols / 16) * cols.div_ceil(16) + index % cols / 16;
     nr * ((hash(!seed, block as u32) >> 8) as f32 / (1 << 24) as f32)
 }
 
-/// A 32-bit mix (the finaliser of MurmurHash3).
+/// Returns a 32-bit hash (the finaliser of MurmurHash3).
 fn hash(seed: u32, index: u32) -> u32 {
     let mut h = seed ^ index.wrapping_mul(0x9e37_79b9);
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);

@@ -1,19 +1,20 @@
-//! A quick checksum for what is checked often: rows of the arena whenever they are read, records of the program, the model after every tile.
+//! A quick checksum for frequent checks: rows of the arena at every read, records of the program, the model after every tile.
 //!
 //! ```text
 //! 16 lanes of u32, word i of the bytes (little-endian, the last one filled up with zeros) belongs to lane i mod 16
 //!     lane = rotate(lane, 1) + word
 //! seal of the lanes and the length:   for every word:  h = (h ^ word) * K;  h = h ^ (h >> 15)
 //! ```
-//! Every step is invertible, so no change within 64 bytes goes unnoticed, and of changes in two places about one in 2,000: they must be in one
-//! lane and as many bits apart as blocks. It is no defence against intent; for transfers the file has CRC32C.
+//! Every step is invertible, so every change within 64 bytes is detected. Of changes in two places about one in 2,000 is missed: both must
+//! be in one lane, and their distance in bits must equal their distance in blocks. The checksum does not protect against intent. For
+//! transfers the file has CRC32C.
 
-/// Words side by side: four vectors of SSE, one of AVX-512.
+/// Number of words side by side: four vectors of SSE, one of AVX-512.
 const LANES: usize = 16;
 /// An odd number with well mixed bits: 2^32 over the golden ratio.
 const K: u32 = 0x9e37_79b1;
 
-/// The checksum of a row or a chunk.
+/// Returns the checksum of a row or a chunk.
 #[inline(always)]
 pub(crate) fn sum(bytes: &[u8]) -> u32 {
     let mut lanes = [0u32; LANES];
@@ -36,7 +37,7 @@ fn add(lanes: &mut [u32; LANES], block: &[u8; 4 * LANES]) {
     }
 }
 
-/// The checksum of a few words.
+/// Returns the checksum of a few words.
 #[inline]
 pub(crate) fn seal(words: impl IntoIterator<Item = u32>) -> u32 {
     words.into_iter().fold(K, |h, word| {

@@ -1,7 +1,7 @@
-//! A run put aside as plain integers and taken up again.
+//! Suspends a run as plain integers and resumes it.
 //!
-//! For callers that keep nothing of ours between two calls but numbers, as a C interface does whose context may be hit by radiation:
-//! every bit pattern of a [`Suspended`] or a [`super::Verdict`] can be read, and what is made of them is validated first.
+//! This is for callers that keep only numbers between two calls, such as a C interface whose context radiation may change. Every bit
+//! pattern of a [`Suspended`] or a [`super::Verdict`] is readable, and its values are validated before use.
 //!
 //! ```text
 //! Model::new -> verdict()              validated once: time proportional to the file
@@ -15,24 +15,25 @@ use super::model::Model;
 use super::runner::{Runner, State, Telemetry};
 use super::scrub::Scrub;
 
-/// Where a runner stands; the default is a new one.
+/// The position of a runner; the default is that of a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Suspended {
     /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::VERIFYING`].
     pub phase: u32,
-    /// 1 for a runner that trusts its memory, 0 for any other.
+    /// 1 for a runner without protection of its memory, 0 otherwise.
     pub trusting: u32,
-    /// Entry of the schedule at work, or the chunk of the model to be compared next; else 0, as the next two unless at work.
+    /// Current entry of the schedule, or the next chunk of the model to be compared; else 0. `step` and `unit` are 0 unless a tile is in
+    /// progress.
     pub entry: u32,
     /// Step of that entry.
     pub step: u32,
     /// Unit of that step.
     pub unit: u32,
-    /// Chunk that scrubbing has reached.
+    /// Current chunk of scrubbing.
     pub scrub_chunk: u32,
-    /// Bytes of that chunk that are read.
+    /// Number of bytes of that chunk that were read.
     pub scrub_offset: u32,
-    /// CRC32C of those.
+    /// CRC32C of these bytes.
     pub scrub_crc: u32,
     /// The counters.
     pub telemetry: Telemetry,
@@ -41,16 +42,16 @@ pub struct Suspended {
 impl Suspended {
     /// No tile was begun.
     pub const IDLE: u32 = 0;
-    /// A tile is at work.
+    /// A tile is in progress.
     pub const AT_WORK: u32 = 1;
-    /// A tile is finished and its output there.
+    /// A tile is finished and its output can be read.
     pub const DONE: u32 = 2;
-    /// All of a tile is computed; the model is being compared.
+    /// All operators of a tile are done; the model is being compared.
     pub const VERIFYING: u32 = 3;
 }
 
 impl<'a, 'm> Runner<'a, 'm> {
-    /// Where the runner stands. The arena keeps the rest; it must be as it is now when the run is resumed.
+    /// Returns the position of the runner. The arena holds the rest; it must be unchanged when the run is resumed.
     pub fn suspend(&self) -> Suspended {
         let (phase, entry, step, unit) = match self.state {
             State::Idle => (Suspended::IDLE, 0, 0, 0),
@@ -72,10 +73,10 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// The runner that was suspended, in the arena it left.
+    /// Resumes a suspended runner with the arena that it used.
     ///
     /// # Errors
-    /// [`RunError::ArenaTooSmall`]; [`RunError::State`] if the model has no such place in its schedule or among its chunks.
+    /// [`RunError::ArenaTooSmall`]; [`RunError::State`] if the position does not exist in the model's schedule or among its chunks.
     pub fn resume(
         kernel: Kernel,
         model: Model<'a>,
@@ -96,7 +97,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 }
 
-/// The state, if the model has such a place.
+/// Returns the state; `None` if the model does not have this position.
 fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
     let (entry, step, unit) = (at.entry as usize, at.step as usize, at.unit as usize);
     match at.phase {

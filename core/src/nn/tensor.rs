@@ -1,12 +1,12 @@
-//! Tensors: what a map is and where its rows lie in the arena.
+//! Tensors: the properties of a map, and the place of its rows in the arena.
 
 /// Sample type of a tensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dtype {
     /// One byte; value = code - zero.
     U8,
-    /// Two planes in every row: first all low bytes, then all high bytes plus 128. So both planes are rows of u8, and a kernel
-    /// for u8 serves 16-bit maps too. value = code = 256 * (high - 128) + low.
+    /// Two planes in every row: first all low bytes, then all high bytes plus 128. Both planes are rows of u8, so a kernel for u8 also
+    /// works on 16-bit maps. value = code = 256 * (high - 128) + low.
     I16,
     /// IEEE 754 single, little-endian: the result.
     F32,
@@ -23,51 +23,51 @@ impl Dtype {
     }
 }
 
-/// What a tensor's margin columns hold.
+/// The contents of a tensor's margin columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Edge {
     /// The code of 0: zero padding.
     Zero,
-    /// The nearest pixel of the row: what bilinear interpolation wants.
+    /// The nearest pixel of the row, for bilinear interpolation.
     Nearest,
 }
 
-/// A tensor `[rows, cols, channels]` in the arena. Row r lies in slot `r mod ring`; every row has `margin` columns more on both
-/// sides, so that kernels read over the border without asking.
+/// A tensor `[rows, cols, channels]` in the arena. Row r is in slot `r mod ring`. Every row has `margin` more columns on both sides, so
+/// that kernels can read over the border without a check.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tensor {
     /// Sample type.
     pub dtype: Dtype,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns.
     pub cols: usize,
-    /// Channels.
+    /// Number of channels.
     pub channels: usize,
-    /// First byte in the arena.
+    /// Offset in the arena, bytes.
     pub offset: usize,
-    /// The code that stands for 0 (0 with I16).
+    /// The code that stands for 0 (0 for I16).
     pub zero: i32,
     /// Smallest code its writer may store.
     pub lo: i32,
     /// Largest code its writer may store.
     pub hi: i32,
-    /// Real value of one code step; the runner uses it for its inputs only (other tensors may have a scale per channel).
+    /// Real value of one code step. The runner uses it for its inputs only (other tensors may have a scale per channel).
     pub scale: f32,
-    /// Rows kept at a time; `rows` keeps all.
+    /// Number of rows kept at a time; equal to `rows` if all are kept.
     pub ring: usize,
-    /// Bytes from one row to the next in the arena; more than a row has if another tensor's rows lie between.
+    /// Bytes from one row to the next in the arena; larger than a row if rows of another tensor are in between.
     pub pitch: usize,
-    /// Columns before the first and behind the last.
+    /// Number of margin columns before the first column and behind the last.
     pub margin: usize,
-    /// What the margin holds.
+    /// The contents of the margin.
     pub edge: Edge,
-    /// Number of its first row's checksum in the arena's list: the rings of the tensors before it together.
+    /// Index of the first row's checksum in the arena's list: the sum of the rings of the tensors before this one.
     pub sums: usize,
 }
 
 impl Tensor {
-    /// One u8.
+    /// A tensor of one u8.
     pub(crate) const SINGLE: Self = Self {
         dtype: Dtype::U8,
         rows: 1,
@@ -85,70 +85,70 @@ impl Tensor {
         sums: 0,
     };
 
-    /// Samples.
+    /// Number of samples.
     pub const fn len(&self) -> usize {
         self.rows * self.cols * self.channels
     }
 
-    /// Whether it has no samples (never in a validated model).
+    /// Returns whether the tensor has no samples (never in a validated model).
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Bytes from its first to its last in the arena.
+    /// Number of bytes from its first to its last in the arena.
     pub const fn size_bytes(&self) -> usize {
         (self.ring - 1) * self.pitch + self.row_bytes()
     }
 
-    /// Bytes of one row, margins and planes included.
+    /// Number of bytes of one row, with margins and planes.
     pub const fn row_bytes(&self) -> usize {
         (self.cols + 2 * self.margin) * self.channels * self.dtype.bytes()
     }
 
-    /// Bytes of one plane of a row: all of it but for I16.
+    /// Number of bytes of one plane of a row: the whole row, except for I16.
     pub const fn plane_bytes(&self) -> usize {
         (self.cols + 2 * self.margin) * self.channels
     }
 
-    /// Which of the kept rows row `row` is.
+    /// Returns the slot of row `row`.
     #[inline(always)]
     pub const fn slot(&self, row: usize) -> usize {
-        // Most tensors keep all rows; a division is slow on small machines.
+        // Most tensors keep all rows, and a division is slow on small processors.
         if row < self.ring || self.ring == 0 { row } else { row % self.ring }
     }
 
-    /// Place in the arena of row `row`, margin included.
+    /// Returns the offset in the arena of row `row`, margin included.
     #[inline(always)]
     pub const fn row_offset(&self, row: usize) -> usize {
         self.offset + self.slot(row) * self.pitch
     }
 
-    /// Largest absolute value, in code steps from zero.
+    /// Returns the largest absolute value, in code steps from zero.
     pub fn magnitude(&self) -> i32 {
         (self.hi - self.zero).abs().max((self.lo - self.zero).abs())
     }
 
-    /// Whether two tensors share arena bytes.
+    /// Returns whether two tensors share arena bytes.
     pub const fn overlaps(&self, other: &Self) -> bool {
         let apart = self.offset >= other.offset + other.size_bytes() || other.offset >= self.offset + self.size_bytes();
         !apart && !self.alternates(other)
     }
 
-    /// Whether the rows of two tensors lie between each other.
+    /// Returns whether the rows of two tensors alternate in memory.
     const fn alternates(&self, other: &Self) -> bool {
         let (first, second) = if self.offset <= other.offset { (self, other) } else { (other, self) };
         let skew = second.offset - first.offset;
         first.pitch == second.pitch && first.row_bytes() <= skew && skew + second.row_bytes() <= first.pitch
     }
 
-    /// Whether two tensors are the very same bytes read in the same way.
+    /// Returns whether two tensors are the same bytes read in the same way.
     pub fn coincides(&self, other: &Self) -> bool {
         let place = |t: &Self| (t.offset, t.pitch, t.dtype, t.rows, t.cols, t.channels, t.ring, t.margin);
         place(self) == place(other)
     }
 
-    /// Rows of this tensor that `later` overwrites, if both are kept whole and have one pitch: once `later` has n rows, those
-    /// below n + the number returned. `None` if rows do not follow each other in that way.
+    /// Returns how rows of this tensor are overwritten by `later`, if both are kept whole and have the same pitch: once `later` has n rows,
+    /// the rows below n + the returned number are overwritten. `None` if rows do not follow each other in that way.
     pub fn overwritten_by(&self, later: &Self) -> Option<isize> {
         let whole = self.ring == self.rows && later.ring == later.rows && self.pitch == later.pitch;
         let end = (later.offset + later.row_bytes()) as isize - self.offset as isize;

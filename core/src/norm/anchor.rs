@@ -1,20 +1,20 @@
-//! Keeping the heights the coarse DTM knows.
+//! Replacement of a DTM's long waves by those of the coarse DTM.
 //!
-//! One image shows slopes, not heights: over distances the coarse DTM resolves, its measured heights are better than anything
-//! a network can guess. [`Anchor`] replaces the low frequencies of a DTM by those of the coarse one and keeps the detail
-//! (our choice; the paper leaves the network free at every wavelength).
+//! One image shows slopes, not heights: at wavelengths that the coarse DTM resolves, its measured heights are better than any prediction of
+//! a network. [`Anchor`] takes the long waves from the coarse DTM and keeps the short waves of the DTM (our choice; the paper leaves the
+//! network free at every wavelength).
 
 use crate::error::{LengthError, same_length};
 use crate::part::{item, put};
 
-/// Half the width of one box, in pixels of the coarse DTM. Three boxes make a low-pass of standard deviation 0.75 coarse
-/// pixels, which halves waves of four coarse pixels: finer ones a coarse DTM hardly carries.
+/// Half the width of one box, in pixels of the coarse DTM. Three boxes make a low-pass of standard deviation 0.75 coarse pixels, which
+/// halves waves of four coarse pixels; a coarse DTM hardly contains shorter waves.
 const RADIUS_COARSE_PX: f32 = 0.75;
 
-/// Box means in a row make a low-pass that is nearly a Gaussian.
+/// Number of box means in a row; together they are nearly a Gaussian low-pass.
 const BOXES: usize = 3;
 
-/// A low-pass as wide as the coarse DTM's pixels.
+/// A low-pass with the width of the coarse DTM's pixels.
 ///
 /// ```
 /// use elunar_core::norm::Anchor;
@@ -35,25 +35,25 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// An anchor for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
+    /// Makes an anchor for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
     #[must_use]
     pub fn new(coarse_px: f32) -> Self {
-        // `as` turns NaN and negative numbers into 0: such a coarse DTM knows everything.
+        // `as` turns NaN and negative numbers into 0: then all heights are those of the coarse DTM.
         Self { radius_px: (RADIUS_COARSE_PX * coarse_px + 0.5) as usize }
     }
 
-    /// Values of `f64` that [`apply`](Self::apply) needs beside a map of the tile's size.
+    /// Number of `f64` values that [`apply`](Self::apply) needs beside a map of the tile's size.
     #[must_use]
     pub const fn sums_len(rows: usize, cols: usize) -> usize {
         (if rows > cols { rows } else { cols }).saturating_add(1)
     }
 
-    /// Gives `heights_m` the low frequencies of `coarse_m`: subtracts the low-pass of their difference. Both are finite,
-    /// row-major, `cols` wide; beyond the edges there is nothing, and means are taken over what is there. `difference` is
-    /// scratch of the same length, `sums` of at least [`sums_len`](Self::sums_len).
+    /// Gives `heights_m` the long waves of `coarse_m`: subtracts the low-pass of their difference. Both are finite, row-major, `cols` wide.
+    /// Means near the edges are taken over pixels inside the map. `difference` is scratch memory of the same length, `sums` of at least
+    /// [`sums_len`](Self::sums_len).
     ///
     /// # Errors
-    /// [`LengthError`] if a buffer has another length, or `heights_m` is not made of whole rows; nothing is changed then.
+    /// [`LengthError`] if a buffer has another length, or `heights_m` does not consist of whole rows; nothing is changed then.
     pub fn apply(
         self,
         heights_m: &mut [f32],
@@ -86,7 +86,7 @@ impl Anchor {
         Ok(())
     }
 
-    /// One box mean along `count` values from `first` on, `stride` apart.
+    /// Computes one box mean along `count` values from `first` on, `stride` apart.
     fn mean_along(self, map: &mut [f32], first: usize, stride: usize, count: usize, sums: &mut [f64]) {
         let line = || (0..count).map(|i| first.saturating_add(i.saturating_mul(stride)));
         let mut sum = 0.0;
@@ -116,7 +116,7 @@ mod tests {
         out
     }
 
-    /// The mean over a rectangle, by definition.
+    /// Returns the means over rectangles, by definition.
     fn naive_box(map: &[f64], cols: usize, radius: usize) -> Vec<f64> {
         let rows = map.len() / cols;
         let near = |a: usize, b: usize| a.abs_diff(b) <= radius;
@@ -158,7 +158,7 @@ mod tests {
         let kept = |length_px: f32| {
             let (heights, flat) = (wave(length_px), vec![0.0; 256 * cols]);
             let out = anchored(coarse_px, &heights, &flat, cols);
-            // Away from the edges.
+            // Columns away from the edges.
             (100..220).map(|c| out[c].abs()).fold(0.0, f32::max)
         };
         assert!(kept(20.0) > 0.98, "{}", kept(20.0));

@@ -4,16 +4,16 @@ use crate::error::same_length;
 use crate::mask;
 use crate::norm::NormError;
 
-/// Upper end of the normalised elevation range in the paper: Eq. 1 over its training tiles gave 50.
+/// Upper end of the normalised elevation range in the paper, whose Eq. 1 gave 50 over its training tiles.
 pub const NR: f32 = 50.0;
 
-/// A relief at or below this, in metres, is no relief: heights of some kilometres carry a millimetre of rounding in `f32`
-/// (our choice; the paper does not say what happens on flat tiles).
+/// Largest relief, in metres, that counts as flat: heights of some kilometres have a rounding error of a millimetre in `f32` (our choice;
+/// the paper does not mention flat tiles).
 pub const RELIEF_EPS_M: f32 = 0.01;
 
-/// NR from the reliefs ΔZ of a set of tiles, in metres: their harmonic mean (Eq. 1), NR = N / Σ 1/ΔZ.
+/// Returns NR from the reliefs ΔZ of a set of tiles, in metres: their harmonic mean (Eq. 1), NR = N / Σ 1/ΔZ.
 ///
-/// The harmonic mean leans towards the flat tiles, so that they are not squeezed into a sliver of the range.
+/// The harmonic mean is dominated by the flat tiles, so that they do not fill only a small part of the range.
 ///
 /// ```
 /// use elunar_core::norm::nr_from_reliefs;
@@ -22,8 +22,8 @@ pub const RELIEF_EPS_M: f32 = 0.01;
 /// ```
 ///
 /// # Errors
-/// [`NormError::Relief`] at the first relief that is not finite and above [`RELIEF_EPS_M`]; [`NormError::TooFewValid`] if
-/// there is none at all.
+/// [`NormError::Relief`] at the first relief that is not finite and above [`RELIEF_EPS_M`]; [`NormError::TooFewValid`] if there is no
+/// relief.
 pub fn nr_from_reliefs(reliefs_m: impl IntoIterator<Item = f32>) -> Result<f32, NormError> {
     let (mut count, mut inverse_sum) = (0usize, 0.0f64);
     for relief_m in reliefs_m {
@@ -33,10 +33,10 @@ pub fn nr_from_reliefs(reliefs_m: impl IntoIterator<Item = f32>) -> Result<f32, 
     if count == 0 { Err(NormError::TooFewValid { found: 0 }) } else { Ok((count as f64 / inverse_sum) as f32) }
 }
 
-/// What ties a tile's normalised elevations to metres: its lowest height, its relief, and NR.
+/// The relation between a tile's normalised elevations and metres: lowest height, relief, and NR.
 ///
-/// Holding one proves that the heights it was made from had a finite relief above [`RELIEF_EPS_M`]. Recovery (Eq. 8) needs
-/// the very value that normalised the tile, so there is no free function that takes a minimum and a maximum.
+/// The relief of an `ElevationScale` is always finite and above [`RELIEF_EPS_M`]. Recovery (Eq. 8) needs exactly the values that normalised
+/// the tile, so there is no free function that takes a minimum and a maximum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElevationScale {
     min_m: f32,
@@ -45,10 +45,10 @@ pub struct ElevationScale {
 }
 
 impl ElevationScale {
-    /// The scale of a tile, from its heights in metres above the 1737.4 km sphere.
+    /// Makes the scale of a tile from its heights in metres above the 1737.4 km sphere.
     ///
-    /// Pixels that do not count (see [`mask`]) are ignored. `nr` is the upper end of the normalised range: [`NR`] in the
-    /// paper, 1 for its max–min ablation.
+    /// Invalid pixels (see [`mask`]) are ignored. `nr` is the upper end of the normalised range: [`NR`] in the paper, 1 for its max–min
+    /// ablation.
     ///
     /// # Errors
     /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::Relief`] for flat
@@ -64,8 +64,8 @@ impl ElevationScale {
         Ok(Self { min_m: low, relief_m: check_relief(high - low)?, nr })
     }
 
-    /// The same scale with the range widened, below and above, by `share` of the relief, so that detail finer than the
-    /// coarse DTM still fits into [0, NR] (our choice; 0 is the paper's Eq. 2).
+    /// Returns the same scale with the range widened, below and above, by `share` of the relief, so that detail finer than the coarse DTM
+    /// still fits into [0, NR] (our choice; 0 is the paper's Eq. 2).
     ///
     /// # Errors
     /// [`NormError::Margin`] if `share` is negative or not finite, [`NormError::Relief`] if the relief overflows.
@@ -78,11 +78,12 @@ impl ElevationScale {
         if min_m.is_finite() { Ok(Self { min_m, relief_m, ..self }) } else { Err(NormError::Margin { share }) }
     }
 
-    /// A scale whose unit is the ground size of a pixel, about the mean of the tile's heights (our choice): slopes of the
-    /// normalised heights are slopes of the ground, whatever the relief. The relief that normalises to `nr` is `nr` pixels.
+    /// Makes a scale whose unit is the ground size of a pixel, about the mean of the tile's heights (our choice): slopes of the normalised
+    /// heights equal slopes of the ground for every relief. The relief that normalises to `nr` is `nr` pixels.
     ///
     /// # Errors
-    /// As [`Self::from_heights`], with [`NormError::Relief`] for a pixel that has no size; level ground is no error here.
+    /// As [`Self::from_heights`], with [`NormError::Relief`] if `nr` pixels are not a finite relief above [`RELIEF_EPS_M`]; level ground is
+    /// not an error.
     pub fn from_pixel(heights_m: &[f32], valid: Option<&[bool]>, pixel_m: f32, nr: f32) -> Result<Self, NormError> {
         if let Some(mask) = valid {
             same_length(heights_m.len(), mask.len())?;
@@ -101,10 +102,10 @@ impl ElevationScale {
         Ok(Self { min_m: (sum / count as f64) as f32, relief_m: check_relief(nr * pixel_m)?, nr })
     }
 
-    /// The scale whose parts were written down before ([`Self::min_m`], [`Self::relief_m`], [`Self::nr`]): the same again.
+    /// Makes the scale again from its stored parts ([`Self::min_m`], [`Self::relief_m`], [`Self::nr`]).
     ///
     /// # Errors
-    /// [`NormError::Range`] or [`NormError::Relief`] for parts that no scale has.
+    /// [`NormError::Range`] or [`NormError::Relief`] for values that no scale has.
     pub fn from_parts(min_m: f32, relief_m: f32, nr: f32) -> Result<Self, NormError> {
         if !(nr.is_finite() && nr > 0.0) {
             return Err(NormError::Range { nr });
@@ -118,7 +119,7 @@ impl ElevationScale {
 
     /// Normalises heights in metres (Eq. 2): z* = NR (Z − Z_min) / ΔZ.
     ///
-    /// Linear, without clamping: heights outside the tile's own range leave [0, NR]. Pixels that are not real (see
+    /// The map is linear, without clamping: heights outside the tile's own range leave [0, NR]. Pixels that are not real (see
     /// [`mask::is_real`]) become 0, because one NaN would spread over the whole tile.
     ///
     /// # Errors
@@ -131,14 +132,14 @@ impl ElevationScale {
         Ok(())
     }
 
-    /// One height as [`Self::normalise`] has it.
+    /// Normalises one height as [`Self::normalise`] does.
     #[inline]
     pub(crate) fn normalised(&self, height_m: f32) -> f32 {
-        // The difference first: it is exact or nearly so, and small, whatever the height above the sphere.
+        // The difference comes first: it is small and (almost) exact for every height above the sphere.
         if mask::is_real(height_m) { (height_m - self.min_m) / self.relief_m * self.nr } else { 0.0 }
     }
 
-    /// One height as [`Self::recover`] has it.
+    /// Recovers one height as [`Self::recover`] does.
     #[inline]
     pub(crate) fn recovered_m(&self, normalised: f32) -> f32 {
         normalised / self.nr * self.relief_m + self.min_m
@@ -156,22 +157,22 @@ impl ElevationScale {
         Ok(())
     }
 
-    /// The height, in metres, that normalises to 0.
+    /// Returns the height, in metres, that normalises to 0.
     pub fn min_m(&self) -> f32 {
         self.min_m
     }
 
-    /// The relief ΔZ, in metres, that normalises to NR; above [`RELIEF_EPS_M`].
+    /// Returns the relief ΔZ, in metres, that normalises to NR; above [`RELIEF_EPS_M`].
     pub fn relief_m(&self) -> f32 {
         self.relief_m
     }
 
-    /// The upper end of the normalised range.
+    /// Returns the upper end of the normalised range.
     pub fn nr(&self) -> f32 {
         self.nr
     }
 
-    /// Metres per normalised unit, ΔZ / NR.
+    /// Returns the metres per normalised unit, ΔZ / NR.
     pub fn metres_per_unit(&self) -> f32 {
         self.relief_m / self.nr
     }

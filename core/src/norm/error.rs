@@ -1,9 +1,9 @@
-//! Why a tile cannot be normalised.
+//! Errors of normalisation.
 
 use crate::error::LengthError;
 use core::fmt;
 
-/// Why values could not be normalised or recovered.
+/// The reason why values cannot be normalised or recovered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormError {
     /// Buffers of different lengths.
@@ -13,19 +13,19 @@ pub enum NormError {
         /// Valid pixels found.
         found: usize,
     },
-    /// Maximum minus minimum is not above [`crate::norm::RELIEF_EPS_M`] (or not finite).
+    /// Maximum minus minimum that is not above [`crate::norm::RELIEF_EPS_M`], or not finite.
     Relief {
         /// The relief found, metres.
         relief_m: f32,
     },
-    /// All valid pixels of the image have one value, or their range is not finite.
+    /// All valid pixels of the image have the same value, or their range is not finite.
     ConstantImage,
-    /// NR must be finite and above 0.
+    /// An NR that is not finite and above 0.
     Range {
         /// The NR found.
         nr: f32,
     },
-    /// A margin must be finite and not negative.
+    /// A margin that is not finite, or negative.
     Margin {
         /// The share found.
         share: f32,

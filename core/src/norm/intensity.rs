@@ -1,12 +1,12 @@
 //! Image normalisation: (I − I_min) / (I_max − I_min) over the tile (Sec. III-A2).
 //!
-//! Orthorectified NAC products carry relative brightness only, so the tile's own range is the only one there is.
+//! Orthorectified NAC products contain relative brightness only, so the range comes from the tile itself.
 
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::NormError;
 
-/// The range an image was normalised by.
+/// The range that an image is normalised by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IntensityRange {
     /// Darkest valid pixel, in the image's unit.
@@ -16,24 +16,24 @@ pub struct IntensityRange {
 }
 
 impl IntensityRange {
-    /// The range of the pixels that count (see [`mask`]).
+    /// Returns the range of the valid pixels (see [`mask`]).
     ///
     /// # Errors
-    /// [`NormError::TooFewValid`], [`NormError::ConstantImage`] if all pixels that count are equal: there is nothing to see in such a tile.
+    /// [`NormError::TooFewValid`], [`NormError::ConstantImage`] if all valid pixels are equal: such a tile shows nothing.
     pub fn of(image: &[f32], valid: Option<&[bool]>) -> Result<Self, NormError> {
         let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
         let span = max - min;
         if span.is_finite() && span > 0.0 { Ok(Self { min, max }) } else { Err(NormError::ConstantImage) }
     }
 
-    /// Brightness of a pixel that counts, in [0, 1].
+    /// Returns the brightness of a valid pixel, normalised to [0, 1].
     #[inline]
     pub(crate) fn normalised(&self, brightness: f32) -> f32 {
         (brightness - self.min) / (self.max - self.min)
     }
 }
 
-/// Brings the pixels that count (see [`mask`]) to [0, 1]; all others become 0.
+/// Normalises the valid pixels (see [`mask`]) to [0, 1]; all others become 0.
 ///
 /// ```
 /// let mut out = [0.0; 3];

@@ -1,12 +1,12 @@
-//! How brightness answers to slope: known from the Sun, or fitted from an image and its coarse DTM.
+//! The relation of brightness to slope: from the Sun's angles, or fitted to an image and its coarse DTM.
 //!
-//! For small slopes the brightness of ground of one albedo is linear in them (our choice, after linear photoclinometry):
+//! For small slopes and a constant albedo, brightness is linear in the slopes (our choice, after linear photoclinometry):
 //!
 //! ```text
 //! I / mean(I) - 1 = b_x dz/dx + b_y dz/dy        x along columns, y along rows (down)
 //! ```
 //!
-//! [`Light`] is that b, the *contrast of a unit slope*. It points away from the Sun, and is the longer the lower the Sun stands.
+//! [`Light`] is b, the *contrast of a unit slope*. It points away from the Sun, and is longer for a lower Sun.
 
 use crate::part::item;
 use crate::terrain::PixelSize;
@@ -24,36 +24,36 @@ use crate::tile::Shape;
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// b_x: contrast where the ground rises by one metre per metre along a row.
+    /// b_x: contrast of ground that rises by one metre per metre along a row, to the right.
     pub east: f32,
-    /// b_y: the same down a column.
+    /// b_y: contrast of ground that rises by one metre per metre down a column.
     pub south: f32,
 }
 
-/// Below this strength contrast says nothing about slopes: even a Sun of 80 degrees makes 0.13.
+/// Smallest strength for which contrast depends on slopes: even a Sun at 80 degrees has 0.13.
 const STRENGTH_MIN: f64 = 0.05;
-/// How far the strength of a Sun of known elevation is off, as a factor (standard deviation of its logarithm; our choice).
+/// Standard deviation of the logarithm of the strength for a Sun of known elevation (our choice).
 const TOLD_SPREAD: f64 = 0.3;
-/// How far a fitted strength is off that no noise explains, likewise: the coarse DTM's slopes are too smooth, albedo follows relief.
+/// Standard deviation of the logarithm of a fitted strength beyond its noise: the coarse DTM's slopes are too smooth, and albedo correlates
+/// with relief.
 const FITTED_SPREAD: f64 = 0.1;
-/// Above this strength the ground would be shadows: a Sun of 3 degrees makes 17.
+/// Largest strength; beyond it most ground would be in shadow. A Sun at 3 degrees has 17.
 const STRENGTH_MAX: f64 = 20.0;
-/// Where the Sun is taken to stand if nothing tells: in the north-west, as high as in the middle of the paper's training images (our
-/// choice).
+/// The assumed Sun where its angles are unknown: in the north-west, at the middle elevation of the paper's training images (our choice).
 const ASSUMED_AZIMUTH_DEG: f64 = 315.0;
 const ASSUMED_ELEVATION_DEG: f64 = 40.0;
 
 impl Light {
-    /// A light, if it is one: finite, and of a strength between that of a Sun near the zenith and one at the horizon.
+    /// Makes a light; `None` unless it is finite and its strength is between that of a Sun near the zenith and one at the horizon.
     #[must_use]
     pub fn new(east: f64, south: f64) -> Option<Self> {
         let strength = libm::hypot(east, south);
-        // NaN is in no range.
+        // No range contains NaN.
         (STRENGTH_MIN..=STRENGTH_MAX).contains(&strength).then_some(Self { east: east as f32, south: south as f32 })
     }
 
-    /// The light of a Sun at an azimuth (degrees clockwise from up) and an elevation above the horizon, on ground that reflects by
-    /// the Lunar-Lambert law with McEwen's L(phase), seen from the zenith: derivative of the reflectance by slope over the
+    /// Makes the light of a Sun at an azimuth (degrees clockwise from up) and an elevation above the horizon, for ground that reflects by
+    /// the Lunar-Lambert law with McEwen's L(phase), viewed from the zenith: the derivative of the reflectance by slope, divided by the
     /// reflectance of level ground. `None` if the Sun is not above the horizon.
     #[must_use]
     pub fn from_sun(azimuth_deg: f64, elevation_deg: f64) -> Option<Self> {
@@ -67,41 +67,41 @@ impl Light {
         Self::of(azimuth_deg, by_cosine * cos / level)
     }
 
-    /// The light of ground that does not show any ([`LightFit::with_sun`] found none): a Sun 40 degrees high at the azimuth that is known
-    /// (degrees clockwise from up), else in the north-west (our choice). When it is assumed: [`crate::nn::Lighting`].
+    /// Returns the assumed light, for ground where [`LightFit::with_sun`] finds none: a Sun 40 degrees high at the known azimuth (degrees
+    /// clockwise from up), else in the north-west (our choice). [`crate::nn::Lighting`] says when it is assumed.
     #[must_use]
     pub fn assumed(azimuth_deg: Option<f64>) -> Self {
         let light =
             azimuth_deg.and_then(Self::from_azimuth_deg).or_else(|| Self::from_azimuth_deg(ASSUMED_AZIMUTH_DEG));
-        // A Sun above the horizon is a light.
+        // Not reached: a Sun above the horizon is always a light.
         light.unwrap_or(Self { east: 1.0, south: 1.0 })
     }
 
-    /// The light of a Sun at an azimuth, as high as is assumed.
+    /// Makes the light of a Sun at an azimuth and the assumed elevation.
     pub(crate) fn from_azimuth_deg(azimuth_deg: f64) -> Option<Self> {
         Self::from_sun(azimuth_deg, ASSUMED_ELEVATION_DEG)
     }
 
-    /// The light of a Sun at `azimuth_deg`, of a given strength.
+    /// Makes the light of a Sun at `azimuth_deg` with this strength.
     fn of(azimuth_deg: f64, strength: f64) -> Option<Self> {
         let (east, north) = (libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
         Self::new(-strength * east, strength * north)
     }
 
-    /// Contrast of a unit slope towards the Sun.
+    /// Returns the strength: the contrast of a unit slope towards the Sun.
     #[must_use]
     pub fn strength(self) -> f32 {
         libm::hypotf(self.east, self.south)
     }
 
-    /// Azimuth of the Sun, degrees clockwise from up, 0 to 360.
+    /// Returns the azimuth of the Sun, degrees clockwise from up, 0 to 360.
     #[must_use]
     pub fn azimuth_deg(self) -> f64 {
         let deg = libm::atan2(-f64::from(self.east), f64::from(self.south)).to_degrees();
         if deg < 0.0 { deg + 360.0 } else { deg }
     }
 
-    /// The light in a mirrored map.
+    /// Returns the light in a mirrored map.
     #[must_use]
     pub fn mirrored(self, mirror: Mirror) -> Self {
         let sign = |mirrored: bool| if mirrored { -1.0 } else { 1.0 };
@@ -109,30 +109,30 @@ impl Light {
     }
 }
 
-/// Mirrorings of a row-major map, undone by applying them again.
+/// A mirroring of a row-major map. A second application undoes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Mirror {
-    /// First row last.
+    /// Whether the order of rows is reversed.
     pub rows: bool,
-    /// First column last.
+    /// Whether the order of columns is reversed.
     pub cols: bool,
 }
 
 impl Mirror {
-    /// The mirroring that brings a Sun of this azimuth (degrees clockwise from up) into the north-west quadrant.
+    /// Returns the mirroring that brings a Sun at this azimuth (degrees clockwise from up) into the north-west quadrant.
     #[must_use]
     pub fn from_azimuth_deg(azimuth_deg: f64) -> Self {
         let (east, north) = (libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
         Self { rows: north < 0.0, cols: east > 0.0 }
     }
 
-    /// Whether nothing is mirrored.
+    /// Returns whether nothing is mirrored.
     #[must_use]
     pub fn is_none(self) -> bool {
         self == Self::default()
     }
 
-    /// Where in the map the pixel comes from that lies at `index` of the mirrored one, both row-major and of this shape.
+    /// Returns the index in the original map of pixel `index` of the mirrored map, both row-major and of this shape.
     #[must_use]
     pub fn source(self, index: usize, Shape { rows, cols }: Shape) -> usize {
         let cols = cols.max(1);
@@ -141,27 +141,27 @@ impl Mirror {
         row.wrapping_mul(cols).wrapping_add(if self.cols { cols - 1 - col } else { col })
     }
 
-    /// As [`Self::source`], of the pixels from `index` on to the end of its row.
+    /// Returns [`Self::source`] of the pixels from `index` on to the end of its row.
     pub(crate) fn sources(self, index: usize, shape: Shape) -> impl Iterator<Item = usize> {
         let first = self.source(index, shape);
         (0..shape.cols).map(move |i| if self.cols { first.wrapping_sub(i) } else { first + i })
     }
 }
 
-/// Fits the light to as much of a scene as it is shown, by least squares over cells about as wide as the coarse DTM's pixels:
-/// below that the coarse DTM has no slopes to explain the image by. Both sides are means over the same cells, so that they
-/// are smoothed alike. Of fixed size; samples that are not real (see [`crate::mask`]) leave their cell out.
+/// A fit of the light to the parts of a scene added so far, by least squares over cells about as wide as the coarse DTM's pixels. At
+/// smaller scales the coarse DTM has no slopes to explain the image. Image and slopes are means over the same cells, so that both have the
+/// same smoothing. The memory is fixed. A cell with a sample that is not real (see [`crate::mask`]) is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LightFit {
     cells: f64,
     /// Sums over cells of brightness, slope east, slope south.
     sums: [f64; 3],
-    /// Sums of their products: II, Ix, Iy, xx, xy, yy.
+    /// Sums of products: II, Ix, Iy, xx, xy, yy.
     products: [f64; 6],
 }
 
 impl LightFit {
-    /// What a tile shows: `image` (brightness of any unit) and `coarse_m` (metres), row-major, `cols` wide, at pixels that count
+    /// Makes the fit to one tile: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide, at valid pixels
     /// ([`crate::mask`]). `pixel_m` is the ground size of a pixel, `coarse_px` the side of a coarse pixel in pixels of the image.
     #[must_use]
     pub fn of_tile(
@@ -177,20 +177,20 @@ impl LightFit {
         fit
     }
 
-    /// Side of a cell, pixels, for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
+    /// Returns the side of a cell, pixels, for a coarse DTM whose pixels are `coarse_px` pixels of the image wide.
     #[must_use]
     pub fn cell_px(coarse_px: f32) -> usize {
         // `as` turns NaN and negative numbers into 0.
         ((0.8 * coarse_px) as usize).clamp(4, 256)
     }
 
-    /// Shows it a rectangle: `image` (brightness of any unit) and `coarse_m` (metres), row-major, `cols` wide; a rest of rows or
-    /// columns that fills no cell is left out. Does nothing if the maps differ in length.
+    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Remaining rows or columns that
+    /// fill no cell are left out. Does nothing if the maps differ in length.
     pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
         self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
     }
 
-    /// As [`Self::add`], without the cells in which a pixel does not count ([`crate::mask`]).
+    /// As [`Self::add`], without the cells in which a pixel is invalid ([`crate::mask`]).
     pub fn add_masked(
         &mut self,
         image: &[f32],
@@ -244,7 +244,7 @@ impl LightFit {
         }
     }
 
-    /// Covariances II, Ix, Iy, xx, xy, yy with brightness over its mean; `None` without cells or light.
+    /// Returns the covariances II, Ix, Iy, xx, xy, yy with brightness divided by its mean; `None` without cells or light.
     fn covariances(&self) -> Option<[f64; 6]> {
         let n = self.cells;
         let [i, x, y] = self.sums.map(|s| s / n);
@@ -253,7 +253,7 @@ impl LightFit {
         (i > 0.0 && found.iter().all(|v| v.is_finite())).then_some(found)
     }
 
-    /// The light that explains what was shown best; `None` if that was featureless or too small.
+    /// Returns the light of the best fit; `None` if the ground was too small or without features.
     #[must_use]
     pub fn light(&self) -> Option<Light> {
         let [_, ix, iy, xx, xy, yy] = self.covariances()?;
@@ -261,14 +261,14 @@ impl LightFit {
         Light::new((ix * yy - iy * xy) / determinant, (iy * xx - ix * xy) / determinant)
     }
 
-    /// The light that explains it best if the Sun stands at a known azimuth (degrees clockwise from up).
+    /// Returns the light of the best fit for a Sun at a known azimuth (degrees clockwise from up).
     #[must_use]
     pub fn light_from(&self, azimuth_deg: f64) -> Option<Light> {
         let (strength, _) = self.strength_from(azimuth_deg)?;
         if strength > 0.0 { Light::of(azimuth_deg, strength) } else { None }
     }
 
-    /// Strength that explains it best under a Sun at an azimuth, and its variance.
+    /// Returns the strength of the best fit for a Sun at an azimuth, and its variance.
     fn strength_from(&self, azimuth_deg: f64) -> Option<(f64, f64)> {
         let [ii, ix, iy, xx, xy, yy] = self.covariances()?;
         let (x, y) = (-libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians()));
@@ -279,23 +279,24 @@ impl LightFit {
         (self.cells > 2.0 && strength.is_finite() && variance.is_finite()).then_some((strength, variance))
     }
 
-    /// The light of a Sun at a known azimuth and elevation, its strength drawn to the fitted one by as much as that is the surer of the two
-    /// (inverse variances of logarithms; our choice): images are not always linear in radiance, and the ground not always Lunar-Lambert.
+    /// Returns the light of a Sun at a known azimuth and elevation, with its strength drawn to the fitted one. The mean of the logarithms
+    /// is weighted by inverse variances (our choice), because images are not always linear in radiance, and the ground does not always
+    /// follow the Lunar-Lambert law.
     fn drawn_to_fit(&self, azimuth_deg: f64, elevation_deg: f64) -> Option<Light> {
         let told = Light::from_sun(azimuth_deg, elevation_deg)?;
         let Some((fitted, variance)) = self.strength_from(azimuth_deg).filter(|(s, _)| *s > 0.0) else {
             return Some(told);
         };
         let expected = f64::from(told.strength());
-        // A strength is a factor: its logarithms are averaged.
+        // Strengths are factors, so the mean is taken over their logarithms.
         let of_told = 1.0 / (TOLD_SPREAD * TOLD_SPREAD);
         let of_fitted = 1.0 / (variance / (fitted * fitted) + FITTED_SPREAD * FITTED_SPREAD);
         let mean = (of_told * libm::log(expected) + of_fitted * libm::log(fitted)) / (of_told + of_fitted);
         Light::of(azimuth_deg, libm::exp(mean)).or(Some(told))
     }
 
-    /// The light, by what is known of the Sun (azimuth and elevation, degrees): what is not known is fitted, and the strength is drawn to the
-    /// fitted one even if the elevation is known, as far as brightness answers to slope at all.
+    /// Returns the light from the known angles of the Sun (azimuth and elevation, degrees); unknown angles are fitted. With a known
+    /// elevation, too, the strength is drawn to the fitted one, if brightness depends on slope at all.
     #[must_use]
     pub fn with_sun(&self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Option<Light> {
         match (azimuth_deg, elevation_deg) {
@@ -314,9 +315,9 @@ mod tests {
 
     const COLS: usize = 100;
 
-    /// Rolling hills, and their image under `light`, times a brightness.
+    /// Returns rolling hills, and their image under `light`, times a brightness.
     fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
-        // Whole periods over the 75 x 95 pixels that cells of 5 cover: no slope on the whole.
+        // Whole periods over the 75 x 95 pixels that cells of 5 cover: the mean slope is 0.
         let turns = |n: f32, period: f32| core::f32::consts::TAU * n / period;
         let height = |r: f32, c: f32| 4.0 * turns(r, 75.0).sin() + 3.0 * (turns(c, 95.0) + turns(r, 75.0)).cos();
         let at = |i: usize| ((i / COLS) as f32, (i % COLS) as f32);
@@ -361,7 +362,7 @@ mod tests {
     #[test]
     fn the_sun_sets_the_strength() {
         let strength = |elevation| Light::from_sun(10.0, elevation).unwrap().strength();
-        // Lambert's cotangent, less what the Lunar-Lambert law takes off.
+        // Lambert's cotangent, reduced by the Lunar-Lambert law.
         assert!((strength(20.0) / 2.747 - 0.85).abs() < 0.05, "{}", strength(20.0));
         assert!((strength(60.0) / 0.577 - 0.69).abs() < 0.05, "{}", strength(60.0));
         for out in [0.0, -3.0, 90.0, f64::NAN] {
@@ -375,7 +376,7 @@ mod tests {
         let light = Light::of(300.0, 1.0).unwrap();
         let (mut image, heights) = scene(light, 7.0);
         let clean = fit(&image, &heights);
-        // Rubbish under the mask, in one cell.
+        // A wrong value under the mask, in one cell.
         let valid: Vec<bool> = (0..image.len()).map(|i| i != 20 * COLS + 20).collect();
         image[20 * COLS + 20] = 1e6;
         let masked = |valid| {
@@ -401,12 +402,12 @@ mod tests {
         let (image, heights) = scene(truth, 7.0);
         let fit = fit(&image, &heights);
         let strength = |light: Option<Light>| light.unwrap().strength();
-        // From the other side there is no light to fit, and nothing to fit it to.
+        // With the Sun on the other side, and without any cell, there is no light to fit.
         assert_eq!(fit.with_sun(Some(120.0), Some(40.0)), Light::from_sun(120.0, 40.0));
         assert_eq!(LightFit::default().with_sun(Some(300.0), Some(40.0)), Light::from_sun(300.0, 40.0));
         assert!((fit.with_sun(Some(310.0), None).unwrap().azimuth_deg() - 310.0).abs() < 1e-3);
         assert!((fit.with_sun(None, Some(40.0)).unwrap().azimuth_deg() - 300.0).abs() < 1.0);
-        // This image is without noise: what it shows outweighs what any elevation says.
+        // This image has no noise, so the fit has more weight than the stated elevation.
         for elevation in [10.0, 30.0, 70.0] {
             let told = strength(Light::from_sun(300.0, elevation));
             let drawn = strength(fit.with_sun(None, Some(elevation)));

@@ -1,4 +1,4 @@
-//! Bringing a tile's image and elevations to the ranges the network works in, and heights back to metres (Sec. III-A).
+//! Normalisation of a tile's image and elevations, and recovery of heights in metres (Sec. III-A).
 
 pub mod anchor;
 pub mod elevation;

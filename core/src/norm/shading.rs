@@ -1,20 +1,20 @@
-//! An image as slopes: the smallest slope that explains the contrast of each pixel.
+//! An image as slopes: for each pixel the smallest slope that explains its contrast.
 //!
-//! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. Given
-//! to the network as two maps, it says how steep and in which direction the ground may be, whatever the Sun's height and
-//! azimuth (our choice; the paper gives the brightness, brought to [0, 1], and leaves the Sun to be found as well).
+//! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. As two maps for the
+//! network it gives a possible slope and its direction, independent of the Sun's elevation and azimuth (our choice; the paper gives the
+//! brightness, normalised to [0, 1], and the network must also find the Sun).
 
 use super::light::Light;
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::NormError;
 
-/// The network's unit of slope: 0.1 (5.7 degrees), about what is usual on the Moon (our choice).
+/// The network's unit of slope: 0.1 (5.7 degrees), a typical slope on the Moon (our choice).
 pub const SLOPE_UNIT: f32 = 0.1;
-/// Slopes are cut off here: 45 degrees, steeper than loose ground stands (our choice).
+/// Limit of slopes: 45 degrees, steeper than the angle of repose of loose ground (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
 
-/// How a tile's brightness turns into slopes.
+/// The conversion of a tile's brightness to slopes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shading {
     mean: f32,
@@ -23,7 +23,7 @@ pub struct Shading {
 }
 
 impl Shading {
-    /// The shading of a tile: its mean brightness over the pixels that count (see [`mask`]), under `light`.
+    /// Makes the shading of a tile from its mean brightness over the valid pixels (see [`mask`]), under `light`.
     ///
     /// # Errors
     /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::ConstantImage`] if the
@@ -48,7 +48,7 @@ impl Shading {
         Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
     }
 
-    /// The slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
+    /// Returns the slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
     #[must_use]
     pub fn slopes(&self, brightness: f32) -> [f32; 2] {
         let contrast = brightness / self.mean - 1.0;
@@ -56,7 +56,7 @@ impl Shading {
         self.per_contrast.map(|p| (contrast * p).clamp(-limit, limit))
     }
 
-    /// The slope along the light of a pixel of this brightness, metres per metre; `strength` is the light's.
+    /// Returns the slope along the light of a pixel of this brightness, metres per metre; `strength` is that of the light.
     #[must_use]
     pub fn along(&self, brightness: f32, strength: f32) -> f32 {
         ((brightness / self.mean - 1.0) / strength).clamp(-SLOPE_MAX, SLOPE_MAX)
@@ -75,7 +75,7 @@ mod tests {
         for v in image {
             let ([east, south], contrast) = (shading.slopes(v), v / 100.0 - 1.0);
             assert!(((light.east * east + light.south * south) * SLOPE_UNIT - contrast).abs() < 1e-6);
-            // Along the light, so none is smaller.
+            // The slope is along the light, so no smaller one explains the contrast.
             assert!((east * light.south - south * light.east).abs() < 1e-5);
             assert!((shading.along(v, light.strength()) * light.strength() - contrast).abs() < 1e-6);
         }

@@ -1,13 +1,13 @@
-//! Fourier transforms in place, without a second buffer: forward by decimation in frequency, backward by decimation in time, so
-//! that nothing is ever put in order. Between the two, frequency k lies at [`Order::place`].
+//! Fourier transforms in place, without a second buffer: forward by decimation in frequency, backward by decimation in time, so that no
+//! reordering is needed. Between the two, frequency k is at [`Order::place`].
 //!
-//! Lengths are products of 2, 3, 4 and 5. No crate that needs neither heap nor std has such lengths (powers of two would make
-//! a tile's field half as large again).
+//! Lengths are products of 2, 3, 4 and 5. No crate without heap and std supports such lengths (powers of two would make a tile's field half
+//! as large again).
 
 use crate::part::{copy, head, item, part, part_mut};
 use core::f64::consts::TAU;
 
-/// Most factors of a length.
+/// Largest number of factors of a length.
 const MAX_FACTORS: usize = 16;
 
 /// A length and its factors.
@@ -19,7 +19,7 @@ pub(super) struct Order {
 }
 
 impl Order {
-    /// The order of the smallest even length with factors 2, 3, 4 and 5 that is at least `len`.
+    /// Returns the order of the smallest even length that is at least `len` and a product of 2, 3, 4 and 5.
     pub(super) fn at_least(len: usize) -> Self {
         let mut even = len.max(2).next_multiple_of(2);
         loop {
@@ -45,7 +45,7 @@ impl Order {
         self.len
     }
 
-    /// Where frequency `k` lies after the forward transform.
+    /// Returns the index of frequency `k` after the forward transform.
     pub(super) fn place(&self, k: usize) -> usize {
         let (mut rest, mut span, mut place) = (k, self.len, 0);
         for &factor in head(&self.factors, self.count) {
@@ -66,8 +66,8 @@ impl Order {
     }
 }
 
-/// Where the complex numbers of one or several transforms side by side lie in a field: number i of transform l has its real part
-/// at `re + i * stride + l` and its imaginary part at `im + i * stride + l`.
+/// The places of the complex numbers of one or several transforms side by side in a field: number i of transform l has its real part at
+/// `re + i * stride + l` and its imaginary part at `im + i * stride + l`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lanes {
     pub(super) re: usize,
@@ -76,14 +76,14 @@ pub(super) struct Lanes {
     pub(super) count: usize,
 }
 
-/// Which way a transform goes. Backward is not divided by the length.
+/// Direction of a transform. The backward transform is not divided by the length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
     Forward,
     Backward,
 }
 
-/// Transforms all lanes. `roots` is the order's table.
+/// Transforms all lanes. `roots` is the table from [`Order::roots`].
 pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: Lanes, way: Way) {
     let factors = head(&order.factors, order.count);
     let mut span = order.len;
@@ -101,13 +101,13 @@ pub(super) fn transform(field: &mut [f32], order: &Order, roots: &[f32], lanes: 
     }
 }
 
-/// All butterflies of one factor: blocks of `span` numbers, each cut into `factor` parts.
+/// Computes all butterflies of one factor: blocks of `span` numbers, each cut into `factor` parts.
 fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32], lanes: Lanes, way: Way) {
     let (factor, span, len) = (factor.max(1), span.max(1), len.max(1));
     let (part, turns) = (span / factor, len / span);
     let sign = if way == Way::Forward { 1.0 } else { -1.0 };
     for j in 0..part {
-        // What the parts are turned by. j p < span, so no root lies beyond the table. Beyond `factor` nobody reads them.
+        // Rotations of the parts. j p < span, so no root is beyond the table. Entries beyond `factor` are not read.
         let twiddles: [[f32; 2]; MAX_FACTOR] = core::array::from_fn(|p| {
             let at = 2 * j * p.min(factor - 1) * turns;
             [item(roots, at), sign * item(roots, at + 1)]
@@ -126,10 +126,10 @@ fn stage(field: &mut [f32], len: usize, factor: usize, span: usize, roots: &[f32
 
 /// Largest factor of a length.
 const MAX_FACTOR: usize = 5;
-/// Lanes that are computed together.
+/// Number of lanes that are computed together.
 pub(super) const GROUP: usize = 8;
 
-/// One butterfly of every lane.
+/// Computes one butterfly of every lane.
 fn butterflies<const F: usize>(
     field: &mut [f32],
     lanes: Lanes,
@@ -179,9 +179,9 @@ fn butterfly<const F: usize, const G: usize>(
 /// Complex numbers of several lanes: real and imaginary parts.
 type Numbers<const G: usize> = ([f32; G], [f32; G]);
 
-/// The transform of two to five numbers.
+/// Transforms two to five numbers.
 fn short_transform<const G: usize>(z: &mut [Numbers<G>], way: Way) {
-    // cos and sin of a fifth of a turn and of two.
+    // cos and sin of one fifth and of two fifths of a turn.
     const C: [f32; 2] = [0.309_017, -0.809_017];
     const S: [f32; 2] = [0.951_056_5, 0.587_785_25];
     match z {
@@ -221,7 +221,7 @@ fn scaled<const G: usize>(a: Numbers<G>, by: f32) -> Numbers<G> {
     (a.0.map(|v| v * by), a.1.map(|v| v * by))
 }
 
-/// A quarter of a turn: times -i forward, times i backward.
+/// Rotates by a quarter of a turn: multiplies by -i forward, by i backward.
 fn quarter<const G: usize>(a: Numbers<G>, way: Way) -> Numbers<G> {
     match way {
         Way::Forward => (a.1, a.0.map(|v| -v)),
@@ -229,7 +229,7 @@ fn quarter<const G: usize>(a: Numbers<G>, way: Way) -> Numbers<G> {
     }
 }
 
-/// Times c + i s.
+/// Multiplies by c + i s.
 fn turned<const G: usize>(a: Numbers<G>, [c, s]: [f32; 2]) -> Numbers<G> {
     (core::array::from_fn(|g| a.0[g] * c - a.1[g] * s), core::array::from_fn(|g| a.0[g] * s + a.1[g] * c))
 }
@@ -242,7 +242,7 @@ mod tests {
         (0..n as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 23) as f32 - 1.0).collect()
     }
 
-    /// By definition, in double precision.
+    /// Returns frequency k by definition, in double precision.
     fn naive(re: &[f32], im: &[f32], k: usize) -> [f64; 2] {
         let n = re.len();
         let term = |j: usize| {

@@ -1,4 +1,4 @@
-//! What a network that is given the light sees of a tile: four maps for the image, and the coarse DTM with the relief added.
+//! The input of a network with a given light: four maps for the image, and the coarse DTM plus the relief.
 
 use super::{Photoclinometry, Relief};
 use crate::mask;
@@ -7,27 +7,27 @@ use crate::norm::{ElevationScale, Light, Mirror, Shading};
 use crate::part::item;
 use crate::tile::Shape;
 
-/// Maps of which the image consists: two components of slope, the relief, and how uncertain they are.
+/// Number of maps for the image: two components of slope, the relief, and its uncertainty.
 pub const MAPS: usize = 4;
-/// No map leaves this range: slopes of 45 degrees, reliefs of ten pixels, and the light of a Sun near the zenith.
+/// Limit of all maps: slopes of 45 degrees, reliefs of ten pixels, and the light of a Sun near the zenith.
 pub const LIMIT: f32 = 10.0;
 
-/// What a guide is made of; maps are row-major.
+/// The maps that a guide is made from; row-major.
 #[derive(Debug, Clone, Copy)]
 pub struct GuideInput<'t> {
     /// Relative brightness.
     pub image: &'t [f32],
     /// Coarse DTM on the image's grid, metres.
     pub coarse_m: &'t [f32],
-    /// Which pixels count beside those that are real (see [`mask`]); `None`: all.
+    /// Mask of pixels; a pixel must also be real (see [`mask`]) to be valid. `None`: no mask.
     pub valid: Option<&'t [bool]>,
-    /// How the maps are mirrored before anything else.
+    /// The mirroring of the maps, applied before all other steps.
     pub mirror: Mirror,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
 }
 
-/// A tile's image and coarse DTM, made ready for the network pixel by pixel.
+/// A tile's image and coarse DTM in the network's form, computed pixel by pixel.
 ///
 /// ```
 /// use elunar_core::norm::{ElevationScale, Light, Mirror};
@@ -95,8 +95,8 @@ impl<'t, 's> Guide<'t, 's> {
         Ok(Self { tile, shape, scale: *scale, shading, uncertainty: 1.0 / light.strength(), relief })
     }
 
-    /// The image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on, in units of 0.1 of slope, of a pixel of
-    /// height, and of slope per contrast; level where the image does not count.
+    /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on. Their units are 0.1 of
+    /// slope, a pixel of height, and slope per contrast. Slopes are 0 where the image is invalid.
     pub fn image(&self, first: usize, out: &mut [[f32; MAPS]]) {
         let GuideInput { image, valid, mirror, .. } = self.tile;
         let pixels = mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
@@ -107,7 +107,8 @@ impl<'t, 's> Guide<'t, 's> {
         }
     }
 
-    /// The coarse DTM with the relief at pixels of one row of the mirrored tile, likewise, in pixels about its mean.
+    /// Writes the coarse DTM plus the relief at pixels of one row of the mirrored tile, from the row-major index `first` on, in pixels
+    /// about its mean.
     pub fn coarse(&self, first: usize, out: &mut [f32]) {
         let pixels = self.tile.mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
         for (z, (pixel, relief)) in out.iter_mut().zip(pixels) {
@@ -115,7 +116,7 @@ impl<'t, 's> Guide<'t, 's> {
         }
     }
 
-    /// All maps of the image, side by side in every pixel, and the coarse DTM.
+    /// Writes all maps of the image, side by side in every pixel, and the coarse DTM.
     ///
     /// # Errors
     /// [`NormError::Length`] if a buffer has another length.

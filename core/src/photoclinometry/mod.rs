@@ -1,17 +1,17 @@
-//! Linear photoclinometry: the relief that explains what the coarse DTM leaves unexplained of an image.
+//! Linear photoclinometry: the relief that explains the part of an image that the coarse DTM does not explain.
 //!
-//! For small slopes, contrast is the slope along the light times the light's strength ([`crate::norm::Light`]). Of all reliefs h,
-//! in pixels, the one is taken that makes
+//! For small slopes, contrast is the slope along the light times the light's strength ([`crate::norm::Light`]). Of all reliefs h, in
+//! pixels, the result is the one that minimises
 //!
 //! ```text
 //! sum (u . grad h - r)^2 + SMOOTHNESS |grad h|^2 + (h / coarse_px)^2
 //! ```
 //!
-//! smallest: u is the direction of the light, r the slope along it that the image shows and the coarse DTM does not have. The
-//! second term fills in what lies across the light, the third leaves to the coarse DTM what it knows. In frequencies that is one
-//! multiplication, so the work is two Fourier transforms, whatever the ground looks like. The network is given the sum of coarse
-//! DTM and relief to correct (our choice; the paper gives the coarse DTM alone): integrating along the light is what a network of
-//! small convolutions learns slowly.
+//! where u is the direction of the light, and r is the slope along it that the image shows and the coarse DTM does not have. The second
+//! term determines slopes across the light; the third keeps the long waves of the coarse DTM. In frequencies the solution is one
+//! multiplication, so the work is two Fourier transforms for every ground. The network takes the sum of coarse DTM and relief and corrects
+//! it (our choice; the paper gives the coarse DTM alone), because a network of small convolutions learns the integration along the light
+//! slowly.
 
 mod fft;
 mod guide;
@@ -24,11 +24,11 @@ use crate::part::{copy, head_mut, item, part, part_mut, put};
 use crate::tile::Shape;
 use fft::{GROUP, Lanes, Order, Way, transform};
 
-/// Weight of slopes across the light, against the misfit along it (our choice, of 0.02 to 0.1 the best on synthetic scenes).
+/// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
-/// Pixels by which a tile is at least continued on either side, mirrored, so that opposite sides do not touch.
+/// Smallest number of pixels by which a tile is continued on either side, mirrored, so that opposite sides do not touch.
 const MARGIN_PX: usize = 24;
-/// Rows that are transformed together, two by two as real and imaginary part. The margin has room for them.
+/// Number of rows that are transformed together, in pairs as real and imaginary part. The margin has space for them.
 const TOGETHER: usize = 2 * GROUP;
 const _: () = assert!(TOGETHER <= MARGIN_PX);
 
@@ -41,14 +41,14 @@ pub struct Photoclinometry {
 }
 
 impl Photoclinometry {
-    /// For tiles of this shape.
+    /// Makes the plan for tiles of this shape.
     #[must_use]
     pub fn new(tile: Shape) -> Self {
         let padded = |n: usize| Order::at_least(n.saturating_add(2 * MARGIN_PX));
         Self { tile, rows: padded(tile.rows), cols: padded(tile.cols) }
     }
 
-    /// Values of scratch memory: the padded tile, and tables.
+    /// Number of values of scratch memory: the padded tile, and tables.
     #[must_use]
     pub fn scratch_len(&self) -> usize {
         self.field_len() + 2 * self.rows.len() + 2 * self.cols.len()
@@ -58,13 +58,13 @@ impl Photoclinometry {
         self.rows.len() * self.cols.len()
     }
 
-    /// First row and column of the tile in the padded field.
+    /// Returns the first row and column of the tile in the padded field.
     fn corner(&self) -> (usize, usize) {
         ((self.rows.len() - self.tile.rows) / 2, (self.cols.len() - self.tile.cols) / 2)
     }
 
-    /// Finds the relief of a tile. `brightness` and `coarse` write a row of the image, NaN where it does not count, and of the coarse DTM in
-    /// pixels; `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    /// Finds the relief of a tile. `brightness` writes a row of the image, NaN where it is invalid; `coarse` writes a row of the coarse DTM
+    /// in pixels. `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
@@ -98,12 +98,13 @@ impl Photoclinometry {
         Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
     }
 
-    /// The field in two: the rows above the tile, free while rows are worked on, and the rest, which begins with the tile's.
+    /// Splits the field into the rows above the tile, which are free while rows are processed, and the rest, which begins with the tile's
+    /// rows.
     fn margin<'f>(&self, field: &'f mut [f32]) -> (&'f mut [f32], &'f mut [f32]) {
         field.split_at_mut_checked(self.corner().0 * self.cols.len()).unwrap_or_default()
     }
 
-    /// Puts the slope along the light that the coarse DTM leaves unexplained into the tile's part of the field, its mean taken off, and
+    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, subtracts its mean, and
     /// continues it to both sides by its mirror image.
     fn fill(
         &self,
@@ -115,7 +116,7 @@ impl Photoclinometry {
     ) {
         let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
         let (margin, tile) = self.margin(field);
-        // Three rows of the coarse DTM, one of the image.
+        // Space for three rows of the coarse DTM and one of the image.
         let (heights, rest) = margin.split_at_mut_checked(3 * cols).unwrap_or_default();
         let bright = head_mut(rest, cols);
         coarse(0, head_mut(heights, cols));
@@ -130,7 +131,7 @@ impl Photoclinometry {
             let out = part_mut(tile, row * width + left, cols);
             let per_row = 1.0 / (down - up).max(1) as f32;
             let missing = |across: f32, along: f32, v: f32| {
-                // Where nothing is seen the coarse DTM stands.
+                // Where the image is invalid, no slope remains to be explained.
                 if v.is_nan() { 0.0 } else { seen(v) - (east * across + south * (along * per_row)) }
             };
             let columns = out.iter_mut().zip(bright.iter()).zip(above.iter().zip(below));
@@ -156,7 +157,7 @@ impl Photoclinometry {
         }
     }
 
-    /// Continues the tile's rows, or what they have become, above and below by their mirror image.
+    /// Continues the tile's rows, or their transforms, above and below by their mirror image.
     fn mirror_rows(&self, field: &mut [f32]) {
         let (rows, (top, _), width) = (self.tile.rows, self.corner(), self.cols.len());
         let (above, rest) = self.margin(field);
@@ -170,15 +171,15 @@ impl Photoclinometry {
         }
     }
 
-    /// Transforms the tile's rows, two by two as real and imaginary part; then each holds its own half spectrum: real parts of frequencies 0
-    /// to half - 1, imaginary parts of the same, and in the place of the first imaginary part, which is 0, frequency half.
+    /// Transforms the tile's rows in pairs, as real and imaginary part. Afterwards each row contains its own half spectrum: real parts of
+    /// frequencies 0 to half - 1, then the imaginary parts. The first imaginary part is 0, so frequency half takes its place.
     fn rows_forward(&self, field: &mut [f32], roots: &[f32]) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
         let (margin, tile) = self.margin(field);
         let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.rows * width));
         room.fill(0.0);
         for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
-            // Lanes beyond the last row are transformed with whatever they hold, and left alone.
+            // Lanes beyond the last row contain any values; their transforms are not used.
             for (row, line) in rows.chunks_exact(width).enumerate() {
                 let lane = row / 2 + row % 2 * GROUP;
                 room.iter_mut().skip(lane).step_by(TOGETHER).zip(line).for_each(|(to, from)| *to = *from);
@@ -203,7 +204,7 @@ impl Photoclinometry {
         }
     }
 
-    /// Undoes [`Self::rows_forward`], but for the length as a factor, and for what lies beside the tile.
+    /// Inverts [`Self::rows_forward`] up to a factor of the length; pixels beside the tile are not restored.
     fn rows_backward(&self, field: &mut [f32], roots: &[f32]) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
         let (Shape { cols, .. }, (_, left)) = (self.tile, self.corner());
@@ -233,12 +234,12 @@ impl Photoclinometry {
         }
     }
 
-    /// Multiplies the spectrum by -i D / (D^2 + SMOOTHNESS K^2 + 1 / coarse_px^2), D being the wave number along the light and K
-    /// that in all, and by what the transforms lack.
+    /// Multiplies the spectrum by -i D / (D^2 + SMOOTHNESS K^2 + 1 / coarse_px^2), where D is the wave number along the light and K the
+    /// total wave number, and by the missing factors of the transforms.
     fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         let scale = 1.0 / (height * width) as f32;
-        // Level ground far from any coarse pixel has no scale of its own: never below one pixel.
+        // At least one pixel, because level ground far from any coarse pixel has no scale of its own.
         let stiffness = 1.0 / (coarse_px.max(1.0) * coarse_px.max(1.0));
         let wave = |k: usize, n: usize| {
             let signed = if 2 * k > n { k as f32 - n as f32 } else { k as f32 };
@@ -250,19 +251,20 @@ impl Photoclinometry {
         };
         self.filter_first(field, |down| gain(down, 0.0));
         for m in 0..height {
-            // The highest frequency has no sign, so an odd filter has nothing to give it.
+            // The highest frequency has no sign, so an odd filter makes it 0.
             let middle = 2 * m == height;
             let (down, line) = (wave(m, height), part_mut(field, self.rows.place(m) * width, width));
             let (re, im) = line.split_at_mut_checked(half).unwrap_or_default();
             for (k, (re, im)) in re.iter_mut().zip(im).enumerate().skip(1) {
                 let gain = if middle { 0.0 } else { gain(down, wave(k, width)) };
-                // Times -i.
+                // Multiplication by -i.
                 (*re, *im) = (*im * gain, -*re * gain);
             }
         }
     }
 
-    /// The first column holds the spectra of two real sequences: of frequency 0, which is filtered, and of the highest, which goes.
+    /// Filters the first column, which contains the spectra of two real sequences: frequency 0, which is filtered, and the highest
+    /// frequency, which becomes 0.
     fn filter_first(&self, field: &mut [f32], gain: impl Fn(f32) -> f32) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         for m in 0..=height / 2 {
@@ -282,17 +284,17 @@ impl Photoclinometry {
     }
 }
 
-/// Rows side by side in the margin: real parts, then imaginary parts, of number after number.
+/// Rows side by side in the margin: the real parts of one number, then its imaginary parts, number after number.
 const ROOM: Lanes = Lanes { re: 0, im: GROUP, stride: TOGETHER, count: GROUP };
 
-/// Index of the sample that stands for sample `i` beyond the ends of `n`, the end sample not repeated.
+/// Returns the index of the sample that stands for sample `i` beyond the ends of `n` samples; the end sample is not repeated.
 fn mirrored(i: isize, n: usize) -> usize {
     let period = 2 * (n.max(2) - 1);
     let i = i.rem_euclid(period.max(1) as isize) as usize;
     i.min(period - i).min(n.saturating_sub(1))
 }
 
-/// A tile's relief, in pixels, in the scratch memory.
+/// A tile's relief, in pixels, stored in the scratch memory.
 #[derive(Debug)]
 pub struct Relief<'s> {
     field: &'s [f32],
@@ -302,7 +304,7 @@ pub struct Relief<'s> {
 }
 
 impl Relief<'_> {
-    /// The relief at `len` pixels of a row of the tile from a row-major index on, pixels; none beyond the tile.
+    /// Returns the relief at `len` pixels of a row of the tile from a row-major index on, in pixels; an empty slice beyond the tile.
     #[must_use]
     pub fn part(&self, index: usize, len: usize) -> &[f32] {
         let cols = self.cols.max(1);

@@ -1,4 +1,4 @@
-//! Against a naive twin in double precision, and against ground that is known.
+//! Compares with a simple implementation in double precision, and with known ground.
 
 use super::*;
 use crate::norm::NormError;
@@ -9,7 +9,7 @@ use core::f64::consts::TAU;
 /// A complex field, row-major.
 type Field = Vec<[f64; 2]>;
 
-/// The discrete Fourier transform by definition, along one axis after the other.
+/// Returns the discrete Fourier transform by definition, along one axis after the other.
 fn naive_transform(field: &Field, (rows, cols): (usize, usize), sign: f64) -> Field {
     let line = |values: &[[f64; 2]]| -> Field {
         let n = values.len();
@@ -30,11 +30,11 @@ fn naive_transform(field: &Field, (rows, cols): (usize, usize), sign: f64) -> Fi
     out
 }
 
-/// The relief by the formula, of an unexplained slope that is already there.
+/// Returns the relief by the formula, from the unexplained slope.
 fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], coarse_px: f64) -> Vec<f64> {
     let (Shape { rows, cols }, (height, width)) = (plan.tile, (plan.rows.len(), plan.cols.len()));
     let (top, left) = plan.corner();
-    // The mirror image of the tile, by reflecting until inside.
+    // Reflects the index until it is inside the tile.
     let inside = |mut i: isize, n: isize| {
         while !(0..n).contains(&i) {
             i = if i < 0 { -i } else { 2 * (n - 1) - i };
@@ -63,7 +63,7 @@ fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], 
     (0..rows * cols).map(|i| at(i / cols, i % cols)).collect()
 }
 
-/// The relief of maps without gaps.
+/// Returns the relief of maps without voids.
 fn relief(plan: &Photoclinometry, image: &[f32], coarse: &[f32], light: Light, coarse_px: f32) -> Vec<f32> {
     let shading = Shading::new(image, None, light).unwrap();
     let mut scratch = vec![9.0; plan.scratch_len()];
@@ -116,7 +116,7 @@ fn craters_come_back() {
     let (rows, cols) = (96, 128);
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     let light = Light { east: 0.9, south: 0.6 };
-    // Gaussian pits.
+    // The ground has Gaussian pits.
     let pits = [(30.0, 40.0, 6.0, 1.5), (60.0, 90.0, 9.0, 2.0), (70.0, 30.0, 4.0, 1.0f32)];
     let height = |r: f32, c: f32| -> f32 {
         let pit = |&(y, x, size, depth): &(f32, f32, f32, f32)| {
@@ -140,7 +140,7 @@ fn craters_come_back() {
     let product = |x: &[f32], p: f32, y: &[f32], q: f32| x.iter().zip(y).map(|(x, y)| (x - p) * (y - q)).sum::<f32>();
     let correlation =
         product(&found, a, &truth, b) / (product(&found, a, &found, a).sqrt() * product(&truth, b, &truth, b).sqrt());
-    // A twentieth of the misfit's weight lies on slopes across the light: pits come back drawn out along it.
+    // The weight of slopes across the light is a twentieth of the misfit's: recovered pits are elongated along it.
     assert!(correlation > 0.85, "correlation {correlation}");
 }
 

@@ -1,25 +1,25 @@
-//! Choosing between two numbers in a number of instructions that does not depend on them.
+//! Minimum, maximum and clamp with a number of instructions that does not depend on the values.
 //!
-//! Where processors have conditional instructions or vectors, the compiler makes such of `min` and `max`; where they have not, it makes
-//! branches, and a step would take longer for one tile than for another. There the sign of a difference serves as a mask.
+//! Where processors have conditional instructions or vectors, the compiler uses them for `min` and `max`. Elsewhere it makes branches, and
+//! a step would take longer for one tile than for another. There the sign of a difference serves as a mask.
 
-/// Whether `min` and `max` become branches.
+/// Whether the compiler makes branches of `min` and `max`.
 const BRANCHES: bool =
     cfg!(any(target_arch = "riscv32", target_arch = "riscv64", target_arch = "sparc", target_arch = "powerpc"));
 
-/// The larger.
+/// Returns the larger number.
 #[inline(always)]
 pub fn larger(a: i32, b: i32) -> i32 {
     if BRANCHES { larger_by_sign(a as i64, b as i64) as i32 } else { a.max(b) }
 }
 
-/// `v` within `lo..=hi`.
+/// Returns `v` clamped to `lo..=hi`.
 #[inline(always)]
 pub fn limit(v: i32, lo: i32, hi: i32) -> i32 {
     if BRANCHES { limit_by_sign(v as i64, lo as i64, hi as i64) as i32 } else { v.max(lo).min(hi) }
 }
 
-/// As [`limit`], for `|v| < 2^62` and codes as limits.
+/// As [`limit`], for `|v| < 2^62` and limits that are codes.
 #[inline(always)]
 pub fn limit_wide(v: i64, lo: i64, hi: i64) -> i64 {
     if BRANCHES { limit_by_sign(v, lo, hi) } else { v.max(lo).min(hi) }

@@ -1,4 +1,4 @@
-//! Numbers of the flight path: one rounding rule, integer multipliers, tables.
+//! Numbers of the flight path: the rounding rule, integer multipliers, tables.
 
 pub mod limit;
 pub mod lut;

@@ -1,15 +1,15 @@
-//! Real scales as integer multipliers. Used where models are made; the runner only reads the integers.
+//! Conversion of real scales to integer multipliers. Only the tools that make models use it; the runner reads the integers.
 
-/// Largest absolute multiplier a model may hold: products with any i32 accumulator stay below `2^61`.
+/// Largest absolute multiplier of a model: products with any i32 accumulator stay below `2^61`.
 pub const MULTIPLIER_LIMIT: i32 = 1 << 30;
 
-/// Largest right shift a model may hold.
+/// Largest right shift of a model.
 pub const SHIFT_LIMIT: u32 = 60;
 
-/// The shift with which every ratio up to `largest` becomes a multiplier of at most [`MULTIPLIER_LIMIT`], and the largest uses
-/// 29 bits or more (where [`SHIFT_LIMIT`] allows).
+/// Returns the shift for which every ratio up to `largest` has a multiplier of at most [`MULTIPLIER_LIMIT`], and `largest` uses 29 bits or
+/// more (where [`SHIFT_LIMIT`] allows).
 ///
-/// `None` if `largest` is not finite or not positive, or above `2^29`, where no shift of at least 1 fits.
+/// `None` if `largest` is not finite, not positive, or above `2^29`, where no shift of at least 1 exists.
 pub fn shift_for(largest: f64) -> Option<u32> {
     if !(largest.is_finite() && largest > 0.0) {
         return None;
@@ -18,17 +18,17 @@ pub fn shift_for(largest: f64) -> Option<u32> {
     (1..=SHIFT_LIMIT).rev().find(|&shift| largest * (1u64 << shift) as f64 <= limit)
 }
 
-/// `ratio * 2^shift`, rounded to nearest (halves away from zero) and saturated to [`MULTIPLIER_LIMIT`].
+/// Returns `ratio * 2^shift`, rounded to nearest (halves away from zero) and saturated to [`MULTIPLIER_LIMIT`].
 pub fn multiplier(ratio: f64, shift: u32) -> i32 {
     let limit = MULTIPLIER_LIMIT as f64;
     libm::round(ratio * (1u64 << shift.min(63)) as f64).clamp(-limit, limit) as i32
 }
 
-/// A real value as a code: `value/scale` rounded to nearest (halves up), moved by `zero`, saturated to `lo..=hi`.
-/// The flag says whether it had to saturate. NaN becomes `zero`.
+/// Returns the code of a real value: `value/scale` rounded to nearest (halves up), plus `zero`, saturated to `lo..=hi`. The flag says
+/// whether the code was saturated. NaN becomes `zero`.
 pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
-    // Below 2^24 every step is exact but the product, which IEEE 754 fixes: the same code on every machine. The floor by
-    // comparison, as processors without an instruction for it would call a function.
+    // Below 2^24 every step is exact except the product, whose rounding IEEE 754 defines: every machine gets the same code. The floor is a
+    // comparison, because processors without a floor instruction would call a function.
     let moved = value * inverse_scale + 0.5;
     let whole = moved as i32;
     let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(zero);

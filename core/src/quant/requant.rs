@@ -1,18 +1,18 @@
-//! THE rounding rule of the flight path. Nothing in the runner rounds in another way.
+//! The rounding rule of the flight path. The runner rounds in no other way.
 
 use super::limit::limit_wide;
 
-/// `(v + 2^(shift-1)) >> shift`: division by `2^shift`, rounded to nearest, ties towards plus infinity.
+/// Returns `(v + 2^(shift-1)) >> shift`: division by `2^shift`, rounded to nearest, ties towards plus infinity.
 ///
-/// `shift` lies in `0..=62`; 0 returns `v`. The addition cannot overflow for `|v| < 2^62`, which every caller's validated
-/// limits guarantee; should it happen all the same, it wraps, identically everywhere.
+/// `shift` is in `0..=62`; 0 returns `v`. The addition cannot overflow for `|v| < 2^62`, which the validated limits of every caller
+/// guarantee. If it does overflow, it wraps, on every machine in the same way.
 #[inline(always)]
 pub const fn round_shift(v: i64, shift: u32) -> i64 {
     let half = if shift == 0 { 0 } else { 1i64 << ((shift - 1) & 63) };
     v.wrapping_add(half) >> (shift & 63)
 }
 
-/// Accumulator to code: `(acc*multiplier + 2^(shift-1)) >> shift`, moved by `zero` and saturated to `lo..=hi`.
+/// Returns the code of an accumulator: `(acc*multiplier + 2^(shift-1)) >> shift`, plus `zero`, saturated to `lo..=hi`.
 ///
 /// With `|multiplier|` at most [`crate::quant::MULTIPLIER_LIMIT`] the product stays below `2^61`.
 #[inline(always)]

@@ -1,11 +1,11 @@
-//! Division by a square root in integers: what a layer norm needs, in a fixed number of multiplications.
+//! Division by a square root in integers, as a layer norm needs it, with a fixed number of multiplications.
 
 use super::round_shift;
 
 /// Fraction bits of [`ReciprocalRoot::times`].
 pub const FRACTION_BITS: u32 = 16;
 
-/// First guesses of 1/√x for x in [0.25, 1), by its seven leading bits, with 8 fraction bits.
+/// First approximations of 1/√x for x in [0.25, 1), indexed by the seven leading bits of x, with 8 fraction bits.
 const GUESSES: [u16; 96] = guesses();
 
 const fn guesses() -> [u16; 96] {
@@ -26,20 +26,20 @@ const fn guesses() -> [u16; 96] {
 /// `1 / √v` as an integer and a shift.
 #[derive(Debug, Clone, Copy)]
 pub struct ReciprocalRoot {
-    /// `d * value / 2^shift` is d/√v with the fraction bits.
+    /// `d * value / 2^shift` is d/√v with [`FRACTION_BITS`] fraction bits.
     pub(crate) value: i32,
     pub(crate) shift: u32,
 }
 
 impl ReciprocalRoot {
-    /// For `v` in `1..2^62`; smaller values count as 1.
+    /// Computes it for `v` in `1..2^62`; smaller values count as 1.
     #[inline(always)]
     pub const fn of(v: i64) -> Self {
         let v = if v < 1 { 1u64 } else { v as u64 };
         let zeros = v.leading_zeros() & !1;
         // x = m / 2^32 in [0.25, 1).
         let m = (v << zeros) >> 32;
-        // Newton's iteration y' = y (3 - x y²) / 2 doubles the correct bits: 7, 13, 26, all that 30 fraction bits can say.
+        // Newton's iteration y' = y (3 - x y²) / 2 doubles the correct bits: 7, 13, 26, then all of the 30 fraction bits.
         let mut y = (GUESSES[((m >> 25) as usize).saturating_sub(32) % 96] as u64) << 22;
         let mut i = 0;
         while i < 3 {
@@ -47,11 +47,11 @@ impl ReciprocalRoot {
             y = (y * ((3 << 30) - xyy)) >> 31;
             i += 1;
         }
-        // One bit less makes it a positive i32.
+        // With one bit less the value is a positive i32.
         Self { value: (y >> 1) as i32, shift: 61 - FRACTION_BITS - zeros / 2 }
     }
 
-    /// `d / √v` with [`FRACTION_BITS`]; `|d|` below `2^30`, so that the product of two 32-bit numbers does it.
+    /// Returns `d / √v` with [`FRACTION_BITS`] fraction bits. `|d|` is below `2^30`, so that one product of two 32-bit numbers is enough.
     #[inline(always)]
     pub const fn times(self, d: i64) -> i64 {
         round_shift(d as i32 as i64 * self.value as i64, self.shift)

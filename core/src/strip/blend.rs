@@ -1,28 +1,28 @@
 //! The weighted mean of overlapping tiles, line by line.
 //!
-//! Only sums of weighted heights are kept. The sums of weights are made when a line leaves: they depend on nothing but the tiles' places, as
-//! every tile has a height wherever the strip is valid.
+//! Only sums of weighted heights are kept. Sums of weights are computed when a line leaves: they depend only on the places of tiles,
+//! because every tile has a height wherever the strip is valid.
 
 use super::lines::Lines;
 use crate::overlap::{Open, OverlapWeights};
 use crate::part::{part, part_mut};
 use crate::tile::{Shape, Tiling, Window};
 
-/// Sums of a ring of lines; NaN where no tile has come yet.
+/// Sums of a ring of lines; NaN where no tile has been added yet.
 #[derive(Debug)]
 pub(super) struct Blend<'m> {
     pub(super) sums: &'m mut [f64],
-    /// Room for a line of the strip, a line of a tile, and what making weights wants.
+    /// Scratch memory for a line of the strip, a line of a tile, and the computation of weights.
     pub(super) aside: &'m mut [f64],
     pub(super) weights: OverlapWeights,
     pub(super) tile: Shape,
     pub(super) cols: usize,
 }
 
-/// Where a strip ends as far as is known, and how it is cut.
+/// The extent of a strip as far as it is known, and its division into tiles.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Rows and columns; as many rows as can be counted while the end is not known.
+    /// Rows and columns; `usize::MAX` rows while the end is not known.
     pub(super) scene: Shape,
     pub(super) tiling: Tiling,
 }
@@ -37,7 +37,7 @@ impl Blend<'_> {
                 break;
             }
             let (weights, scratch) = weights_of(self.aside, self.cols, cols);
-            // The lengths are planned.
+            // The plan guarantees the lengths.
             let _ = self.weights.line(open, r, weights, scratch);
             let (image, coarse_m) = lines.line(row);
             let valid = image.iter().zip(coarse_m).map(|(v, z)| v.is_finite() && z.is_finite()).skip(window.col);
@@ -51,7 +51,7 @@ impl Blend<'_> {
         }
     }
 
-    /// The heights of a line that all of its tiles have been added to, NaN in its gaps; its sums are free for another line then.
+    /// Writes the heights of a line to which all tiles have been added, NaN in voids; then the sums of the line are free for another line.
     pub(super) fn take(&mut self, cut: &Cut, row: usize, out_m: &mut [f32]) {
         self.weigh(cut, row);
         let at = (row % self.tile.rows.max(1)).saturating_mul(self.cols);
@@ -76,10 +76,10 @@ impl Blend<'_> {
             }
             let (totals, rest) = self.aside.split_at_mut_checked(self.cols).unwrap_or_default();
             let (weights, scratch) = weights_of(rest, 0, window.cols);
-            // Neighbours within a row of tiles have the same weights, but for the first and the last.
+            // Neighbours within a row of tiles have the same weights, except the first and the last tile.
             let open = Open::of(window, cut.scene);
             if made != Some((open, r)) {
-                // The lengths are planned.
+                // The plan guarantees the lengths.
                 let _ = self.weights.line(open, r, weights, scratch);
                 made = Some((open, r));
             }
@@ -90,7 +90,7 @@ impl Blend<'_> {
     }
 }
 
-/// Room for a tile's line of weights behind the first `skip` values, and for making it.
+/// Returns the memory for a tile's line of weights behind the first `skip` values, and the scratch memory for its computation.
 fn weights_of(aside: &mut [f64], skip: usize, cols: usize) -> (&mut [f64], &mut [f64]) {
     let room = part_mut(aside, skip, cols + OverlapWeights::scratch_len(cols));
     room.split_at_mut_checked(cols).unwrap_or_default()

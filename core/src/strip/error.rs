@@ -1,41 +1,41 @@
-//! Why a strip, or a line of it, is refused. Refused means that nothing has changed.
+//! Errors of a strip. A refused call changes nothing.
 
 use crate::error::LengthError;
 use crate::tile::TilingError;
 use core::fmt;
 
-/// Why a strip, or a line of it, is refused.
+/// The reason why a strip, or a line of it, is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StripError {
-    /// A strip without columns, or one whose memory this machine cannot count.
+    /// A strip without columns, or one whose bytes of memory overflow `usize`.
     Columns {
-        /// Columns asked for.
+        /// Columns requested.
         found: usize,
     },
-    /// The overlap does not fit the model's tile.
+    /// An overlap that does not fit the model's tile.
     Tile(TilingError),
-    /// Fewer lines kept than a row of tiles needs: those of a tile, and one that tells whether the strip goes on.
+    /// Fewer lines kept than a row of tiles needs: the lines of a tile, and one that shows whether the strip continues.
     Ring {
         /// Lines needed.
         expected: usize,
-        /// Lines asked for.
+        /// Lines requested.
         found: usize,
     },
-    /// The ground size of a pixel, or the width of a coarse one, is not finite and positive.
+    /// A ground size of a pixel, or a width of a coarse pixel, that is not finite and positive.
     Pixel,
-    /// The model wants the light, and that of the settings was not decided for it ([`crate::nn::Lighting::decide`]).
+    /// The model needs a light, and the light of the settings was not decided for it ([`crate::nn::Lighting::decide`]).
     Light,
-    /// The runner's model is not the one the strip was planned for.
+    /// A runner whose model is not the one of the plan.
     Model,
     /// A block of lent memory is shorter than planned.
     Memory(LengthError),
     /// A line or a row of another length.
     Line(LengthError),
-    /// No room for another line (or row of posts): step, or take lines, first.
+    /// No space for another line (or row of posts): step, or take lines, first.
     Full,
-    /// The end was announced before.
+    /// The end was announced already.
     Ended,
-    /// A grid of posts without columns, or that does not run along the strip.
+    /// A grid of posts without columns, or whose rows do not advance along the strip.
     Posts,
 }
 
@@ -71,13 +71,13 @@ impl From<TilingError> for StripError {
     }
 }
 
-/// The first `expected` values of a lent block.
+/// Returns the first `expected` values of a lent block.
 pub(super) fn lent<T>(block: &mut [T], expected: usize) -> Result<&mut [T], StripError> {
     let found = block.len();
     block.get_mut(..expected).ok_or(StripError::Memory(LengthError { expected, found }))
 }
 
-/// Checks that a line has `expected` samples.
+/// Validates that a line has `expected` samples.
 pub(super) fn whole_line(expected: usize, found: usize) -> Result<(), StripError> {
     crate::error::same_length(expected, found).map_err(StripError::Line)
 }

@@ -1,10 +1,10 @@
-//! The lines kept: a ring of image and coarse heights, and the tiles that are cut from it.
+//! The lines kept: a ring of image and coarse heights, from which tiles are cut.
 
 use crate::mask::is_real;
 use crate::part::{item, part, part_mut};
 use crate::tile::Window;
 
-/// Image and coarse heights of the last lines; gaps are NaN.
+/// Image and coarse heights of the last lines; voids are NaN.
 #[derive(Debug)]
 pub(super) struct Lines<'m> {
     pub(super) image: &'m mut [f32],
@@ -14,7 +14,7 @@ pub(super) struct Lines<'m> {
 }
 
 impl Lines<'_> {
-    /// Writes line `row`, over that which is `ring` lines older.
+    /// Stores line `row` in the place of the line that is `ring` lines older.
     pub(super) fn keep(&mut self, row: usize, image: &[f32], coarse_m: &[f32]) {
         let at = self.first(row);
         for (kept, line) in [(&mut *self.image, image), (&mut *self.coarse_m, coarse_m)] {
@@ -24,14 +24,14 @@ impl Lines<'_> {
         }
     }
 
-    /// Line `row`: image and coarse heights.
+    /// Returns line `row`: image and coarse heights.
     pub(super) fn line(&self, row: usize) -> (&[f32], &[f32]) {
         let at = self.first(row);
         (part(self.image, at, self.cols), part(self.coarse_m, at, self.cols))
     }
 
-    /// Cuts a tile out of a strip of `rows` lines, which goes on beyond its last line and column by repeating them; says whether both inputs
-    /// are real in any of its pixels.
+    /// Cuts a tile out of a strip of `rows` lines, and continues the strip beyond its last line and column by repeating them. Returns
+    /// whether both inputs are real in any pixel of the tile.
     pub(super) fn cut(&self, window: Window, rows: usize, image: &mut [f32], coarse_m: &mut [f32]) -> bool {
         let (last_row, last_col, width) = (rows.saturating_sub(1), self.cols.saturating_sub(1), window.cols.max(1));
         let mut any = false;

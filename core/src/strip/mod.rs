@@ -1,9 +1,9 @@
 //! Push-broom mode: lines of a strip in, blended lines of heights out.
 //!
-//! A push-broom camera delivers lines, and nobody knows how many will come. [`Strip`] takes them one by one with the coarse DTM on the same
-//! pixels ([`Posts`] makes that of the coarse DTM's own rows), runs every tile of the model as soon as its lines have come, and hands out
-//! lines of heights as soon as no further tile can reach them. Memory is planned before the first line ([`StripPlan`]). Heights are those
-//! that the ground's mosaic of the same tiles has, bit for bit.
+//! A push-broom camera delivers lines, and their number is not known in advance. [`Strip`] takes them one by one with the coarse DTM on the
+//! same pixels ([`Posts`] computes it from the rows of the coarse DTM). It runs every tile of the model as soon as its lines are there, and
+//! returns lines of heights as soon as no further tile can reach them. Memory is planned before the first line ([`StripPlan`]). The heights
+//! have the same bits as those of the ground's mosaic of the same tiles.
 //!
 //! ```
 //! use elunar_core::nn::{KnownSun, LightSource, Lighting, Model, Runner};
@@ -67,8 +67,8 @@
 //! ```
 //!
 //! # What a line costs
-//! A line that comes or goes costs a fixed time: the first is copied, the second weighed. All other work is in [`Strip::step`], whose pieces
-//! are as large as a tile at the most. What that means in memory and time, and what becomes of faults: `core/docs/strip.md`.
+//! Taking and returning a line cost a fixed time each: the first copies the line, the second divides it by its weights. All other work is
+//! in [`Strip::step`], whose pieces are at most as large as a tile. `core/docs/strip.md` gives memory and time, and the response to faults.
 
 mod blend;
 mod error;

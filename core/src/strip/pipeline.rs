@@ -1,4 +1,4 @@
-//! Lines in, tiles through the network, lines out: a state machine that the caller drives.
+//! Lines in, tiles through the network, lines out: a state machine driven by the caller.
 
 use super::blend::{Blend, Cut};
 use super::error::{StripError, lent, whole_line};
@@ -11,90 +11,90 @@ use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
 use crate::tile::{Shape, Tiling, Window};
 
-/// Blocks that a strip works in, each at least as long as [`StripPlan`] says.
+/// The memory of a strip; each block is at least as long as [`StripPlan`] says.
 #[derive(Debug)]
 pub struct StripMemory<'m> {
     /// Samples of lines and of a tile.
     pub samples: &'m mut [f32],
     /// Sums over tiles.
     pub sums: &'m mut [f64],
-    /// Pixels beside gaps.
+    /// Queue for [`fill_gaps`].
     pub queue: &'m mut [u32],
 }
 
-/// What a strip wants next.
+/// The next call that a strip needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
-    /// [`Strip::step`]: a tile is at work, or can be.
+    /// [`Strip::step`]: a tile is in progress, or can begin.
     Step,
     /// [`Strip::push_line`], or [`Strip::finish`]: no tile has all of its lines.
     Push,
-    /// [`Strip::take_line`]: finished lines lie where a tile is to be added.
+    /// [`Strip::take_line`]: finished lines occupy the place of the next tile.
     Take,
-    /// Nothing: all tiles are made. The lines that [`Strip::take_line`] still gives are the last.
+    /// None: all tiles are done. [`Strip::take_line`] returns the last lines.
     Done,
 }
 
-/// Counters since the strip began; they wrap never in a mission's time.
+/// Counters since the strip began. They do not wrap within the time of a mission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StripCounters {
-    /// Tiles made, those below included.
+    /// Tiles done, with those below.
     pub tiles: u64,
-    /// Tiles without image contrast or coarse relief: there the coarse heights stand.
+    /// Tiles without image contrast or coarse relief, which keep the coarse heights.
     pub tiles_coarse: u64,
     /// Tiles without a valid pixel.
     pub tiles_empty: u64,
-    /// Tiles begun again after a fault.
+    /// Tiles that began again after a fault.
     pub tiles_again: u64,
-    /// Tiles given up after a second fault: there the coarse heights stand.
+    /// Tiles given up after a second fault, which keep the coarse heights.
     pub tiles_lost: u64,
-    /// What the last fault was; `None` also for heights that were not finite.
+    /// The last fault; `None` also for heights that were not finite.
     pub last_fault: Option<RunError>,
 }
 
-/// Where the tile at hand is.
+/// The progress of the current tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Waiting,
     Running(TileScale),
     Computed(TileScale),
-    /// Its heights lie in the place of its image.
+    /// The heights are in the memory of the image.
     Made,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct At {
-    /// Lines that have come.
+    /// Number of lines taken in.
     lines: usize,
-    /// Lines that have left.
+    /// Number of lines returned.
     taken: usize,
     ended: bool,
-    /// Rows of tiles that are done.
+    /// Number of finished rows of tiles.
     tile_rows: usize,
-    /// Tiles of the next row that are done.
+    /// Number of finished tiles of the next row.
     tile_cols: usize,
     phase: Phase,
-    /// Whether the tile at hand had a fault before.
+    /// Whether the current tile had a fault before.
     again: bool,
     counters: StripCounters,
 }
 
-/// A strip put aside: where it stands. Its memory and the runner's arena keep the rest.
+/// The position of a paused strip. Its memory and the runner's arena hold the rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripPaused {
-    /// Where the runner stands, for [`Runner::resume`].
+    /// The position of the runner, for [`Runner::resume`].
     pub runner: Suspended,
     at: At,
 }
 
-/// A strip at work. See [the module](super).
+/// A strip in progress. See [the module](super).
 #[derive(Debug)]
 pub struct Strip<'a, 'm> {
     plan: StripPlan,
     runner: Runner<'a, 'm>,
     lines: Lines<'m>,
     blend: Blend<'m>,
-    /// The tile at hand: its image, then its heights; its coarse heights; and scratch memory.
+    /// The current tile: its image, later its heights; its coarse heights; and scratch memory.
     image: &'m mut [f32],
     coarse_m: &'m mut [f32],
     scratch: &'m mut [f32],
@@ -103,7 +103,7 @@ pub struct Strip<'a, 'm> {
 }
 
 impl<'a, 'm> Strip<'a, 'm> {
-    /// Stands ready for the first line. A tile that the runner has at work is dropped.
+    /// Prepares for the first line. A tile in progress in the runner is dropped.
     ///
     /// # Errors
     /// [`StripError::Model`] if the runner's model is not the plan's, [`StripError::Memory`].
@@ -116,14 +116,14 @@ impl<'a, 'm> Strip<'a, 'm> {
         Ok(strip)
     }
 
-    /// Where the strip stands: with it, its memory and the arena as they are now, it can be taken up again.
+    /// Returns the position of the strip. With it and unchanged memory and arena, the strip can be resumed.
     #[must_use]
     pub fn pause(&self) -> StripPaused {
         StripPaused { runner: self.runner.suspend(), at: self.at }
     }
 
-    /// The strip that was paused, in the memory it left; `runner` is what [`Runner::resume`] makes of its part. In between the model may have
-    /// been loaded again.
+    /// Resumes a paused strip with the memory that it used. `runner` is the result of [`Runner::resume`] for its part. The model may have
+    /// been loaded again in the meantime.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -154,8 +154,8 @@ impl<'a, 'm> Strip<'a, 'm> {
         Ok(Self { plan, runner, lines, blend, image, coarse_m, scratch, queue, at })
     }
 
-    /// Takes the next line: relative brightness, and the coarse DTM on the same pixels, metres above the sphere. What is not real
-    /// ([`crate::mask`]) in either is a gap, and stays one. Returns the line's number.
+    /// Takes the next line: relative brightness, and the coarse DTM on the same pixels, metres above the sphere. A pixel that is not real
+    /// ([`crate::mask`]) in either is a void, also in the result. Returns the line's number.
     ///
     /// # Errors
     /// [`StripError::Line`], [`StripError::Ended`]; [`StripError::Full`] while all lines kept are needed.
@@ -167,7 +167,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
         let row = self.at.lines;
         let longer = At { lines: row.saturating_add(1), ..self.at };
-        // A strip of as many lines as can be counted is full for good.
+        // A strip with the largest countable number of lines stays full.
         if longer.lines - self.first_needed(&longer) > self.lines.ring || longer.lines == usize::MAX {
             return Err(StripError::Full);
         }
@@ -176,14 +176,14 @@ impl<'a, 'm> Strip<'a, 'm> {
         Ok(row)
     }
 
-    /// The strip ends with the last line that came. The last row of tiles is moved back to end there, as [`Tiling`] does; a strip shorter than a
-    /// tile is continued by its last line.
+    /// Ends the strip with the last line taken in. The last row of tiles is moved back to end there, as in [`Tiling`]. A strip shorter than
+    /// a tile is continued by its last line.
     pub fn finish(&mut self) {
         self.at.ended = true;
     }
 
-    /// Does a bounded piece of work, one of: preparing a tile, `budget_macs` of the network ([`Runner::step`]), bringing its result back to
-    /// metres, adding it to its neighbours. Nothing, if a line must come or go first.
+    /// Does a bounded piece of work: prepares a tile, runs `budget_macs` of the network ([`Runner::step`]), recovers a tile's heights, or
+    /// adds them to the sums. Does nothing if a line must be pushed or taken first.
     pub fn step(&mut self, budget_macs: u64) -> Next {
         if let Some((window, cut)) = self.tile() {
             match self.at.phase {
@@ -204,7 +204,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         self.wants()
     }
 
-    /// What the strip wants.
+    /// Returns the next call that the strip needs.
     #[must_use]
     pub fn wants(&self) -> Next {
         match self.tile() {
@@ -215,13 +215,13 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
-    /// Lines that [`Self::take_line`] can give now.
+    /// Number of lines that [`Self::take_line`] can return now.
     #[must_use]
     pub fn ready(&self) -> usize {
         self.first_needed(&self.at) - self.at.taken
     }
 
-    /// The next finished line: writes its heights, metres above the sphere, NaN in its gaps, and returns its number; `None` if it is not
+    /// Writes the heights of the next finished line, metres above the sphere, NaN in voids, and returns its number; `None` if it is not
     /// finished.
     ///
     /// # Errors
@@ -239,38 +239,38 @@ impl<'a, 'm> Strip<'a, 'm> {
         Ok(Some(row))
     }
 
-    /// The counters.
+    /// Returns the counters.
     #[must_use]
     pub fn counters(&self) -> StripCounters {
         self.at.counters
     }
 
-    /// The runner's counters.
+    /// Returns the runner's counters.
     #[must_use]
     pub fn telemetry(&self) -> Telemetry {
         self.runner.telemetry()
     }
 
-    /// Looks over the model in spare time, as [`Runner::scrub`].
+    /// Compares the model with its checksums in spare time, as [`Runner::scrub`].
     ///
     /// # Errors
-    /// As there.
+    /// As [`Runner::scrub`].
     pub fn scrub(&mut self, max_bytes: usize) -> Result<(), RunError> {
         self.runner.scrub(max_bytes)
     }
 
-    /// How the strip is cut, as far as is known. A strip whose end is not known is cut as if there were none.
+    /// Returns the division of the strip as far as it is known. A strip without a known end is cut as if it had none.
     fn cut(&self, at: &At) -> Option<Cut> {
         let (tile, settings) = (self.plan.tile, self.plan.settings);
         let rows = if at.ended { at.lines } else { usize::MAX };
-        // The plan has proved that this is a tiling.
+        // The plan guarantees that the tiling exists.
         let tiling =
             Tiling::new(Shape::new(rows.max(tile.rows), settings.cols.max(tile.cols)), tile, settings.overlap_px)
                 .ok()?;
         Some(Cut { scene: Shape::new(rows, settings.cols), tiling })
     }
 
-    /// The tile at hand, if its lines have come, and it is known whether there are more below.
+    /// Returns the current tile, if its lines are there and it is known whether more lines follow.
     fn tile(&self) -> Option<(Window, Cut)> {
         let cut = self.cut(&self.at)?;
         let across = cut.tiling.shape().cols;
@@ -280,17 +280,17 @@ impl<'a, 'm> Strip<'a, 'm> {
         ((complete || self.at.ended) && self.at.lines > 0).then_some((window, cut))
     }
 
-    /// The first line that tiles to come can reach, wherever the strip will end: those above are finished, and kept no longer.
+    /// Returns the first line that later tiles can reach, wherever the strip ends. Lines above it are finished and not kept.
     fn first_needed(&self, at: &At) -> usize {
         let Some(cut) = self.cut(at) else { return 0 };
         let across = cut.tiling.shape().cols;
         let next = cut.tiling.get(at.tile_rows.saturating_mul(across)).map_or(at.lines, |window| window.row);
-        // If it ended now, the last row of tiles would begin here; should it go on, further down.
+        // If the strip ended now, the last row of tiles would begin here; if it continues, further down.
         let last = if at.ended { at.lines } else { at.lines.saturating_sub(self.plan.tile.rows) };
         next.min(last)
     }
 
-    /// Cuts the tile out, closes its gaps and begins it.
+    /// Cuts the tile out, fills its voids and begins it.
     fn prepare(&mut self, window: Window) {
         let Self { lines, image, coarse_m, queue, .. } = self;
         if !lines.cut(window, self.at.lines, image, coarse_m) {
@@ -298,7 +298,7 @@ impl<'a, 'm> Strip<'a, 'm> {
             return self.advance();
         }
         for map in [&mut **image, &mut **coarse_m] {
-            // The lengths are planned.
+            // The plan guarantees the lengths.
             let _ = fill_gaps(map, window.cols, queue);
         }
         let settings = self.plan.settings;
@@ -314,7 +314,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
-    /// Brings a finished tile's heights to metres, and its low frequencies to the coarse DTM's.
+    /// Recovers a finished tile's heights in metres, and gives them the long waves of the coarse DTM.
     fn bring_back(&mut self, scale: &TileScale) {
         if let Err(error) = self.runner.heights(scale, self.image) {
             return self.fault(Some(error));
@@ -325,13 +325,13 @@ impl<'a, 'm> Strip<'a, 'm> {
         if self.plan.settings.anchor {
             let (pixels, cols) = (self.plan.pixels(), self.plan.tile.cols);
             let anchor = Anchor::new(self.plan.settings.coarse_px);
-            // The lengths are planned.
+            // The plan guarantees the lengths.
             let _ = anchor.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
         }
         self.at.phase = Phase::Made;
     }
 
-    /// Begins the tile once more, or lets its coarse heights stand.
+    /// Begins the tile again, or keeps its coarse heights.
     fn fault(&mut self, error: Option<RunError>) {
         self.at.counters.last_fault = error;
         if self.at.again {
@@ -348,7 +348,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         self.at.phase = Phase::Made;
     }
 
-    /// The tile at hand is done.
+    /// Finishes the current tile.
     fn advance(&mut self) {
         self.at.counters.tiles += 1;
         (self.at.phase, self.at.again) = (Phase::Waiting, false);

@@ -1,4 +1,4 @@
-//! What a strip needs, before its first line.
+//! The requirements of a strip, known before its first line.
 
 use super::error::StripError;
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
@@ -6,27 +6,27 @@ use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::tile::{Shape, Tiling};
 
-/// What is known of a strip before its first line.
+/// The settings of a strip, known before its first line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripSettings {
-    /// Pixels of a line. Fewer than a tile's are continued by the last one to the tile's width.
+    /// Pixels of a line. A line shorter than a tile is continued by its last pixel to the tile's width.
     pub cols: usize,
-    /// Lines kept, at least a tile's rows and one ([`StripPlan::least_lines`]); each more is one that the camera can be ahead while a row of
-    /// tiles is computed.
+    /// Number of lines kept, at least the rows of a tile plus one ([`StripPlan::least_lines`]). With each further line the camera can be
+    /// one more line ahead while a row of tiles is computed.
     pub ring_lines: usize,
-    /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
+    /// Overlap of neighbouring tiles, pixels; less than either side of a tile.
     pub overlap_px: usize,
     /// Ground size of a pixel, metres.
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// Whether each tile keeps the low frequencies of the coarse DTM ([`Anchor`]).
+    /// Whether each tile takes the long waves from the coarse DTM ([`Anchor`]).
     pub anchor: bool,
     /// The light of the whole strip ([`Lighting::decide`] for its model); [`Lighting::NOT_ASKED`] for models that know any light.
     pub light: Lighting,
 }
 
-/// The memory that a strip of these settings wants of a model: exact, and no more is ever taken.
+/// The memory for a strip with these settings and a model: exact, and constant during the strip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripPlan {
     pub(super) settings: StripSettings,
@@ -37,7 +37,7 @@ pub struct StripPlan {
 }
 
 impl StripPlan {
-    /// Validates settings, and counts.
+    /// Validates settings and computes the lengths.
     ///
     /// # Errors
     /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Light`].
@@ -66,47 +66,48 @@ impl StripPlan {
         let rows = tile.rows.checked_mul(cols).ok_or(many)?;
         let sums_len = rows.checked_add(Self::aside_len(cols, tile)).ok_or(many)?;
         let plan = Self { settings, tile, arena_bytes: required(model), samples_len, sums_len };
-        // What cannot be counted in bytes cannot be lent.
+        // Memory whose bytes overflow `usize` cannot be lent.
         plan.checked_bytes().map(|_| plan).ok_or(many)
     }
 
-    /// The fewest lines that a strip of this model can keep: a tile's, and the one that tells whether the strip goes on below it.
+    /// Returns the smallest number of lines that a strip of this model can keep: those of a tile, and one that shows whether the strip
+    /// continues below it.
     #[must_use]
     pub fn least_lines(model: &Model<'_>) -> usize {
         model.tile().rows.saturating_add(1)
     }
 
-    /// The settings.
+    /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> StripSettings {
         self.settings
     }
 
-    /// Bytes of the runner's arena.
+    /// Number of bytes of the runner's arena.
     #[must_use]
     pub fn arena_bytes(&self) -> usize {
         self.arena_bytes
     }
 
-    /// Values of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, and scratch memory.
+    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, and scratch memory.
     #[must_use]
     pub fn samples_len(&self) -> usize {
         self.samples_len
     }
 
-    /// Values of [`super::StripMemory::sums`]: weighted heights of a tile's rows, and a few lines.
+    /// Length of [`super::StripMemory::sums`]: weighted heights of a tile's rows, and a few lines.
     #[must_use]
     pub fn sums_len(&self) -> usize {
         self.sums_len
     }
 
-    /// Values of [`super::StripMemory::queue`]: one per pixel of a tile.
+    /// Length of [`super::StripMemory::queue`]: one per pixel of a tile.
     #[must_use]
     pub fn queue_len(&self) -> usize {
         self.pixels()
     }
 
-    /// Bytes in all, the model's own not counted.
+    /// Number of bytes in total, without the model's own.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.checked_bytes().unwrap_or(usize::MAX)
@@ -117,12 +118,13 @@ impl StripPlan {
         parts.into_iter().try_fold(0usize, |sum, (len, bytes)| sum.checked_add(len.checked_mul(bytes)?))
     }
 
-    /// Pixels of a tile.
+    /// Number of pixels of a tile.
     pub(super) fn pixels(&self) -> usize {
         self.tile.rows.saturating_mul(self.tile.cols)
     }
 
-    /// Sums beside those of rows: a line of the strip and one of a tile with its scratch memory, to weigh; or those of the anchor.
+    /// Number of sums beside those of rows: for weights, a line of the strip and one of a tile with its scratch memory; or those of the
+    /// anchor.
     fn aside_len(cols: usize, tile: Shape) -> usize {
         let weigh = cols.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
         weigh.max(Anchor::sums_len(tile.rows, tile.cols))

@@ -1,35 +1,35 @@
-//! Rows of the coarse DTM in, coarse lines on the image's grid out.
+//! Computes coarse lines on the image's grid from rows of the coarse DTM.
 
 use super::error::{StripError, lent, whole_line};
 use crate::mask::is_real;
 use crate::part::{copy, item, part, part_mut};
 use crate::resample::{EDGE_PX, bicubic, continue_line, continued};
 
-/// Rows that bicubic interpolation looks at.
+/// Number of rows that bicubic interpolation reads.
 const ROWS: usize = 4;
-/// Columns by which rows are continued on either side.
+/// Number of columns by which rows are continued on either side.
 const GHOSTS: usize = 2;
 
-/// How the coarse DTM's posts lie under the strip: axes parallel to its lines and columns, rows in the order of lines. The centre of the
-/// strip's pixel (line, column) lies at row `row0 + line * rows_per_line` and column `col0 + column * cols_per_px` of the posts, (0, 0) being
-/// the first post's centre.
+/// The place of the coarse DTM's posts relative to the strip. Axes are parallel to lines and columns, rows have the order of lines. The
+/// centre of the strip's pixel (line, column) is at row `row0 + line * rows_per_line` and column `col0 + column * cols_per_px` of the
+/// posts, where (0, 0) is the first post's centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PostGrid {
-    /// Posts in a row.
+    /// Number of posts in a row.
     pub cols: usize,
-    /// Row of the posts where the strip's first line lies.
+    /// Row of the posts at the strip's first line.
     pub row0: f64,
     /// Rows of posts per line; positive, 0.03 for SLDEM2015 under lines of 2 m.
     pub rows_per_line: f64,
-    /// Column of the posts where the strip's first column lies.
+    /// Column of the posts at the strip's first column.
     pub col0: f64,
     /// Columns of posts per pixel.
     pub cols_per_px: f64,
 }
 
 impl PostGrid {
-    /// Rows of `cols` posts, the first one's centre at (line, column) `first_px` of the strip (0, 0 being the centre of its first pixel),
-    /// the others `spacing_px` pixels apart.
+    /// Makes a grid of rows of `cols` posts. The first post's centre is at (line, column) `first_px` of the strip, where (0, 0) is the
+    /// centre of its first pixel; the others are `spacing_px` pixels apart.
     #[must_use]
     pub fn spaced(cols: usize, first_px: (f64, f64), spacing_px: (f64, f64)) -> Self {
         Self {
@@ -42,8 +42,8 @@ impl PostGrid {
     }
 }
 
-/// The coarse DTM's rows on their way to lines: four of them are kept. Values are those of [`crate::resample`] on the whole grid, whenever a
-/// row comes.
+/// An interpolation of the coarse DTM's rows to lines; four rows are kept. The values are those of [`crate::resample`] on the whole grid,
+/// independent of when rows are pushed.
 ///
 /// ```
 /// use elunar_core::strip::{PostGrid, Posts};
@@ -75,16 +75,16 @@ pub struct Posts<'m> {
 }
 
 impl<'m> Posts<'m> {
-    /// Values of memory for rows of `cols` posts.
+    /// Number of values of memory for rows of `cols` posts.
     #[must_use]
     pub const fn memory_len(cols: usize) -> usize {
         cols.saturating_add(2 * GHOSTS).saturating_mul(ROWS)
     }
 
-    /// For a grid, in memory of [`memory_len`](Self::memory_len).
+    /// Makes the interpolation for a grid, in memory of [`memory_len`](Self::memory_len).
     ///
     /// # Errors
-    /// [`StripError::Posts`] for a grid without columns, with a place that is not finite, or whose rows do not advance with lines;
+    /// [`StripError::Posts`] for a grid without columns, with a number that is not finite, or whose rows do not advance with lines;
     /// [`StripError::Memory`].
     pub fn new(grid: PostGrid, memory: &'m mut [f32]) -> Result<Self, StripError> {
         let numbers = [grid.row0, grid.rows_per_line, grid.col0, grid.cols_per_px];
@@ -95,7 +95,7 @@ impl<'m> Posts<'m> {
         Ok(Self { grid, ring, rows: 0, lines: 0, ended: false })
     }
 
-    /// Takes the next row of posts, metres; what is not real ([`crate::mask`]) is a gap.
+    /// Takes the next row of posts, metres; a value that is not real ([`crate::mask`]) is a void.
     ///
     /// # Errors
     /// [`StripError::Full`] while the next line still needs the oldest row kept, [`StripError::Ended`], [`StripError::Line`].
@@ -104,7 +104,7 @@ impl<'m> Posts<'m> {
         if self.ended {
             return Err(StripError::Ended);
         }
-        // What lies above the grid is made of its first rows.
+        // Lines above the grid are computed from its first rows.
         let oldest = (libm::floor(self.row()) as usize).saturating_sub(1);
         if self.rows >= ROWS && oldest <= self.rows - ROWS {
             return Err(StripError::Full);
@@ -119,16 +119,16 @@ impl<'m> Posts<'m> {
         Ok(())
     }
 
-    /// There are no more rows: lines up to the outer edge of the last row are continued from it, those beyond hold NaN.
+    /// Ends the rows: lines up to the outer edge of the last row are continued from it, lines beyond are NaN.
     pub fn finish(&mut self) {
         self.ended = true;
     }
 
-    /// Makes the next line, metres, NaN where there are no heights, and says which it is; `None` if it wants another row first. A line has as
-    /// many columns as `out_m`.
+    /// Writes the next line, metres, NaN without heights, and returns its number; `None` if it needs another row first. A line has as many
+    /// columns as `out_m`.
     pub fn line(&mut self, out_m: &mut [f32]) -> Option<usize> {
         let row = self.row();
-        // `as` keeps what is too large at the largest.
+        // `as` turns too large numbers into the largest one.
         let wanted = (libm::floor(row) as isize).saturating_add(3);
         if row >= -EDGE_PX && !self.ended && wanted > self.rows as isize {
             return None;
@@ -143,7 +143,7 @@ impl<'m> Posts<'m> {
         Some(line)
     }
 
-    /// Where the next line lies.
+    /// Returns the row of the posts at the next line.
     fn row(&self) -> f64 {
         self.grid.row0 + self.lines as f64 * self.grid.rows_per_line
     }
@@ -159,7 +159,7 @@ impl<'m> Posts<'m> {
             let at = self.grid.col0 + col as f64 * self.grid.cols_per_px;
             *out = if at >= -EDGE_PX && at <= self.grid.cols as f64 - 1.0 + EDGE_PX {
                 let left = libm::floor(at);
-                // One before the floor, which the slack may put at -1 at the least.
+                // One before the floor, which is at least -1 because of the slack.
                 let start = (left as isize - 1 + GHOSTS as isize) as usize;
                 let around = core::array::from_fn(|k| self.four(first + k as isize, start));
                 let z = bicubic(&around, down, (at - left) as f32);
@@ -170,7 +170,7 @@ impl<'m> Posts<'m> {
         }
     }
 
-    /// Four samples of a row, which may lie up to two rows beyond the first or the last.
+    /// Returns four samples of a row, which may be up to two rows beyond the first or the last.
     fn four(&self, row: isize, start: usize) -> [f32; 4] {
         let last = self.rows as isize - 1;
         let kept = |row: isize| {

@@ -1,14 +1,14 @@
-//! Why terrain maps cannot be computed line by line.
+//! Errors of terrain maps that are computed line by line.
 
 use crate::error::LengthError;
 use core::fmt;
 
-/// Why terrain maps could not be computed line by line.
+/// The reason why terrain maps cannot be computed line by line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TerrainError {
     /// A line, a map or the lent memory of another length.
     Length(LengthError),
-    /// Pixel sizes must be finite and above 0.
+    /// A pixel size that is not finite and above 0.
     Pixel {
         /// The size found, metres.
         found_m: f64,
@@ -18,19 +18,19 @@ pub enum TerrainError {
         /// The radius found, pixels.
         found_px: usize,
     },
-    /// A limit of the slope must be above 0 and at most 90 degrees.
+    /// A limit of the slope that is not above 0 and at most 90 degrees.
     SlopeLimit {
         /// The limit found, degrees.
         found_deg: f32,
     },
-    /// A limit of the roughness must be finite and above 0.
+    /// A limit of the roughness that is not finite and above 0.
     RoughnessLimit {
         /// The limit found, metres.
         found_m: f32,
     },
-    /// A line of the next grid while lines of the last one are still to be asked for.
+    /// A line of the next grid before all lines of the last grid were returned.
     Unfinished {
-        /// Lines still to come.
+        /// Lines not returned yet.
         lines: u64,
     },
 }

@@ -1,16 +1,16 @@
-//! The ground under a lander or rover: the plane it would stand on, and what sticks out of it.
+//! The ground under a lander or rover: the plane under the vehicle, and the deviations from it.
 
 use super::PixelSize;
 use super::slope::from_gradient_deg;
 use crate::mask::is_real;
 
-/// Largest radius of a footprint, pixels. Bounds the work per pixel, which grows with its square (our choice: 33 x 33 pixels
-/// are a lander of 16 m in a DTM of 0.5 m).
+/// Largest radius of a footprint, pixels. It limits the work per pixel, which grows with the square of the radius (our choice: 33 x 33
+/// pixels are a lander of 16 m in a DTM of 0.5 m).
 pub const MAX_RADIUS_PX: usize = 16;
-/// Lines of the largest footprint.
+/// Number of lines of the largest footprint.
 pub(super) const MAX_SIDE: usize = 2 * MAX_RADIUS_PX + 1;
 
-/// What the ground under a square of pixels is like.
+/// Properties of the ground in a square of pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Footprint {
     /// Slope of the least-squares plane, degrees from horizontal.
@@ -19,14 +19,14 @@ pub(super) struct Footprint {
     pub(super) roughness_m: f64,
 }
 
-/// The footprint of 2r + 1 lines, from north to south, around `col` of the middle one; `None` where the window leaves the lines or
-/// meets a pixel that is not real. A line that does not exist is empty.
+/// Returns the footprint of 2r + 1 lines, from north to south, around `col` of the middle line; `None` if the window leaves the lines or
+/// contains a pixel that is not real. A line that does not exist is empty.
 ///
-/// The plane is z = c + a x + b y with x and y in pixels from the centre. On a full square Σx = Σy = Σxy = 0, so that the normal
-/// equations fall apart: c = Σz/n, a = Σxz/Σx², b = Σyz/Σy², with n = (2r + 1)² and Σx² = Σy² = n r (r + 1)/3.
+/// The plane is z = c + a x + b y with x and y in pixels from the centre. On a full square Σx = Σy = Σxy = 0, so the normal equations are
+/// independent: c = Σz/n, a = Σxz/Σx², b = Σyz/Σy², with n = (2r + 1)² and Σx² = Σy² = n r (r + 1)/3.
 pub(super) fn at(lines_m: &[&[f32]], col: usize, radius_px: usize, pixel: PixelSize) -> Option<Footprint> {
     let (first, side, r) = (col.checked_sub(radius_px)?, 2 * radius_px + 1, radius_px as f64);
-    // Heights above the centre: those above the sphere would cost digits.
+    // Heights relative to the centre, because heights above the sphere would lose digits.
     let centre_m = f64::from(*lines_m.get(radius_px)?.get(col)?);
     let (mut sum, mut east, mut south) = (0.0, 0.0, 0.0);
     for (row, line) in lines_m.iter().enumerate() {

@@ -1,19 +1,19 @@
-//! Where not to land or drive: one byte per pixel, a bit per reason.
+//! Hazards for landing and driving: one byte per pixel, one bit per reason.
 
 use super::footprint::Footprint;
 use crate::terrain::TerrainError;
 
-/// The plane under the footprint is steeper than allowed.
+/// The plane under the footprint is steeper than the limit.
 pub const TOO_STEEP: u8 = 1;
-/// Something sticks out of that plane, or is sunk into it, by more than allowed.
+/// A pixel is above or below that plane by more than the limit.
 pub const TOO_ROUGH: u8 = 2;
-/// The footprint leaves the grid or meets a pixel without a value: nobody knows, so it counts as a hazard.
+/// The footprint leaves the grid or contains a void. Such ground is unknown and counts as a hazard.
 pub const UNKNOWN: u8 = 4;
 
-/// What a vehicle bears. Ground is safe (a hazard byte of 0) where slope and roughness of its footprint are known and neither is above
-/// its limit.
+/// The limits of a vehicle. Ground is safe (a hazard byte of 0) if slope and roughness of its footprint are known and neither exceeds its
+/// limit.
 ///
-/// The slope that counts is that of the footprint's plane, on which the vehicle would stand, not Horn's of the pixel (our choice).
+/// The slope is that of the footprint's plane, on which the vehicle would stand, not Horn's slope of the pixel (our choice).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HazardLimits {
     slope_deg: f32,
@@ -21,8 +21,8 @@ pub struct HazardLimits {
 }
 
 impl HazardLimits {
-    /// Limits that ground may reach and not exceed: the footprint's slope in degrees, above 0 and at most 90, and its roughness in metres,
-    /// finite and above 0.
+    /// Makes limits that ground may reach but not exceed: the footprint's slope in degrees, above 0 and at most 90, and its roughness in
+    /// metres, finite and above 0.
     ///
     /// # Errors
     /// [`TerrainError::SlopeLimit`], [`TerrainError::RoughnessLimit`].
@@ -36,7 +36,7 @@ impl HazardLimits {
         Ok(Self { slope_deg, roughness_m })
     }
 
-    /// The hazard byte. Compares what the maps hold, so that they and the byte never contradict each other.
+    /// Returns the hazard byte. It compares the `f32` values of the maps, so that maps and byte always agree.
     pub(super) fn classify(&self, footprint: Option<Footprint>) -> u8 {
         let Some(Footprint { slope_deg, roughness_m }) = footprint else { return UNKNOWN };
         let steep = if slope_deg as f32 <= self.slope_deg { 0 } else { TOO_STEEP };

@@ -1,17 +1,17 @@
-//! The hillshade of `gdaldem`, so that pictures can be laid beside those of other tools.
+//! The hillshade of `gdaldem`, so that images can be compared with those of other tools.
 
 use super::{PixelSize, gradient};
 use crate::error::{LengthError, same_length};
 use crate::grid::GridView;
 
-/// Where the light comes from, and how much the heights are exaggerated. The default is that of `gdaldem hillshade`.
+/// The direction of the light, and the exaggeration of heights. The default is that of `gdaldem hillshade`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sun {
-    /// Degrees clockwise from north.
+    /// Azimuth, degrees clockwise from north.
     pub azimuth_deg: f64,
-    /// Degrees above the horizon.
+    /// Elevation, degrees above the horizon.
     pub elevation_deg: f64,
-    /// Factor on the heights; 1 is true to scale.
+    /// Factor on the heights; 1 for true scale.
     pub exaggeration: f64,
 }
 
@@ -21,10 +21,10 @@ impl Default for Sun {
     }
 }
 
-/// Shaded relief, one byte per pixel: 0 where there is no value, else 1 to 255 (`gdaldem hillshade`, Horn).
+/// Writes the shaded relief, one byte per pixel: 0 for voids, else 1 to 255 (`gdaldem hillshade`, Horn).
 ///
-/// `max(1, 1 + 254 c)`, rounded to nearest, with c the cosine between surface normal and Sun. GDAL takes 1/√x from an
-/// approximation, so a pixel that lies within its error of a rounding boundary could differ by 1.
+/// The value is `max(1, 1 + 254 c)`, rounded to nearest, where c is the cosine between surface normal and Sun. GDAL uses an approximation
+/// of 1/√x, so a pixel within its error of a rounding boundary could differ by 1.
 ///
 /// # Errors
 /// [`LengthError`] if `out` does not have one byte per pixel.
@@ -38,10 +38,10 @@ pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: 
     Ok(())
 }
 
-/// A [`Sun`] as a direction.
+/// The direction and the exaggeration of a [`Sun`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
-    /// East, north, up.
+    /// Unit vector: east, north, up.
     direction: [f64; 3],
     exaggeration: f64,
 }
@@ -57,12 +57,12 @@ impl Light {
         Self { direction, exaggeration: sun.exaggeration }
     }
 
-    /// The byte of a pixel with the given gradient (towards east and south, metres per metre), 1 to 255.
+    /// Returns the byte of a pixel with the given gradient (towards east and south, metres per metre), 1 to 255.
     pub(super) fn shade(&self, (east, south): (f64, f64)) -> u8 {
         let normal = super::normal::from_gradient(east * self.exaggeration, south * self.exaggeration);
         let light = self.direction;
         let cosine = normal[0] * light[0] + normal[1] * light[1] + normal[2] * light[2];
-        let shade = (1.0 + 254.0 * cosine.max(0.0)) as f32; // GDAL rounds to `f32` on the way to bytes; so do we
+        let shade = (1.0 + 254.0 * cosine.max(0.0)) as f32; // as GDAL, which rounds to `f32` before bytes
         libm::floorf(shade + 0.5) as u8
     }
 }

@@ -1,6 +1,6 @@
 //! The reflectance of the lunar surface.
 
-/// The Lunar-Lambert weight L at phase angle `phase_deg` (McEwen 1991), clamped to [0, 1]: the polynomial leaves that range
+/// Returns the Lunar-Lambert weight L at phase angle `phase_deg` (McEwen 1991), clamped to [0, 1], because the polynomial leaves that range
 /// beyond about 105 degrees. Reflectance is 2 L cos i / (cos i + cos e) + (1 - L) cos i for incidence i and emission e.
 #[must_use]
 pub fn lunar_lambert_weight(phase_deg: f64) -> f64 {

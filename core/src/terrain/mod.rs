@@ -1,11 +1,11 @@
-//! Terrain derivatives of a height grid in metres: Horn slope, surface normals, the hillshade of `gdaldem`, and what a lander
-//! needs to know of its footprint: tilt, roughness, hazards.
+//! Terrain derivatives of a height grid in metres: Horn slope, surface normals, the hillshade of `gdaldem`, and the properties of a
+//! lander's footprint: tilt, roughness, hazards.
 //!
-//! The first three look at 3 x 3 pixels, the footprint at a square of the caller's choice. Where the window leaves the grid or meets
-//! a pixel that is not real (see [`crate::mask::is_real`]), there is no value: NaN, 0 in a hillshade, as `gdaldem` does without
-//! `-compute_edges`, or [`hazard::UNKNOWN`].
+//! The first three read 3 x 3 pixels, the footprint a square of the caller's choice. Where the window leaves the grid or contains a pixel
+//! that is not real (see [`crate::mask::is_real`]), there is no value: NaN, 0 in a hillshade (as `gdaldem` without `-compute_edges`), or
+//! [`hazard::UNKNOWN`].
 //!
-//! [`TerrainLines`] makes all of them line by line, as the lines of a DTM come; the functions over a whole grid give the same bits.
+//! [`TerrainLines`] computes all of them line by line, as the lines of a DTM arrive; the functions over a whole grid give the same bits.
 
 mod error;
 mod footprint;
@@ -31,28 +31,28 @@ use crate::mask::is_real;
 /// Size of a pixel on the ground, metres; both positive. Grids are north-up: rows go south, columns go east.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelSize {
-    /// From one row to the next.
+    /// Distance from one row to the next.
     pub row_m: f64,
-    /// From one column to the next.
+    /// Distance from one column to the next.
     pub col_m: f64,
 }
 
 impl PixelSize {
-    /// A square pixel.
+    /// Makes a square pixel.
     pub fn square(size_m: f64) -> Self {
         Self { row_m: size_m, col_m: size_m }
     }
 }
 
-/// Horn's height gradient (metres per metre) at one pixel, towards east and towards south; `None` at edges and voids.
+/// Returns Horn's height gradient (metres per metre) at one pixel, towards east and towards south; `None` at edges and voids.
 ///
-/// Horn (1981): each side of the pixel is averaged with weights 1, 2, 1; the difference of the sides spans two pixels.
+/// Horn (1981): each side of the pixel is averaged with weights 1, 2, 1; the sides are two pixels apart.
 pub fn gradient(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<(f64, f64)> {
     let first = row.checked_sub(1).filter(|_| row < heights_m.rows())?;
     of_lines([0, 1, 2].map(|i| heights_m.row(first + i)), col, pixel)
 }
 
-/// [`gradient`] in the middle one of three neighbouring lines, from north to south; a line that does not exist is empty.
+/// Returns the [`gradient`] in the middle one of three neighbouring lines, from north to south; a line that does not exist is empty.
 fn of_lines(lines_m: [&[f32]; 3], col: usize, pixel: PixelSize) -> Option<(f64, f64)> {
     let first = col.checked_sub(1)?;
     let mut w = [[0.0f64; 3]; 3];

@@ -4,14 +4,14 @@ use super::{PixelSize, gradient};
 use crate::error::{LengthError, same_length};
 use crate::grid::GridView;
 
-/// Upward unit normal (east, north, up) of a surface with the given gradient (towards east and south, metres per metre).
+/// Returns the upward unit normal (east, north, up) of a surface with the given gradient (towards east and south, metres per metre).
 pub fn from_gradient(east: f64, south: f64) -> [f64; 3] {
     let length = libm::sqrt(east * east + south * south + 1.0);
     [-east / length, south / length, 1.0 / length]
 }
 
-/// Upward unit normal (east, north, up) of every pixel, from Horn's gradient; NaN at the grid's edge and beside pixels
-/// that are not real.
+/// Writes the upward unit normal (east, north, up) of every pixel, from Horn's gradient; NaN at the grid's edge and beside pixels that are
+/// not real.
 ///
 /// # Errors
 /// [`LengthError`] if `out` does not have one normal per pixel.

@@ -4,8 +4,8 @@ use super::{PixelSize, gradient};
 use crate::error::{LengthError, same_length};
 use crate::grid::GridView;
 
-/// Slope in degrees from horizontal, [0, 90), of every pixel; NaN at the grid's edge and beside pixels that are not real.
-/// As `gdaldem slope`.
+/// Writes the slope of every pixel in degrees from horizontal, [0, 90); NaN at the grid's edge and beside pixels that are not real. As
+/// `gdaldem slope`.
 ///
 /// ```
 /// use elunar_core::{grid::GridView, terrain::{PixelSize, slope_deg}};
@@ -28,12 +28,12 @@ pub fn slope_deg(heights_m: GridView<'_, f32>, pixel: PixelSize, out: &mut [f32]
     Ok(())
 }
 
-/// Slope of one pixel in degrees; `None` where [`gradient`] has none.
+/// Returns the slope of one pixel in degrees; `None` where [`gradient`] is `None`.
 pub(crate) fn at_deg(heights_m: GridView<'_, f32>, row: usize, col: usize, pixel: PixelSize) -> Option<f64> {
     gradient(heights_m, row, col, pixel).map(from_gradient_deg)
 }
 
-/// Slope in degrees of a surface with the given gradient (towards east and south, metres per metre).
+/// Returns the slope in degrees of a surface with the given gradient (towards east and south, metres per metre).
 pub(crate) fn from_gradient_deg((east, south): (f64, f64)) -> f64 {
     libm::atan(libm::sqrt(east * east + south * south)).to_degrees()
 }

@@ -1,4 +1,4 @@
-/* See duty.h. Memory is static: its place and size are known to the linker. */
+/* See duty.h. Memory is static, so that the linker fixes its address and size. */
 #include "duty.h"
 #include "platform.h"
 
@@ -18,7 +18,7 @@ int duty_start(void) {
     size_t model_bytes;
     const void *model = platform_model(&model_bytes);
     eld_status_t status;
-    /* The library that was linked, and the header that was compiled with, must be of one major version. */
+    /* The linked library and the compiled header must have the same major version. */
     if (eld_version() >> 16 != ELD_VERSION >> 16) return 0;
     status = service_start(&service, memory, sizeof memory, model, model_bytes);
     tell(status);
@@ -30,7 +30,7 @@ eld_status_t duty_cycle(void) {
     eld_tile_t tile;
     switch (service.state) {
     case SERVICE_DOWN:
-        /* Both copies of the context were hit: tile and counters are lost, the model is validated anew. */
+        /* Both copies of the context are damaged: tile and counters are lost, and the model is validated again. */
         duty_start();
         return service.status;
     case SERVICE_WANTS_MODEL:

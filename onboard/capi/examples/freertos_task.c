@@ -1,4 +1,4 @@
-/* A FreeRTOS task with a watchdog that another task serves: this one reports that it lives, and waits out its period. */
+/* A FreeRTOS task. Another task serves the watchdog; this one counts a heartbeat and waits for its next period. */
 #include "duty.h"
 
 #include "FreeRTOS.h"
@@ -6,17 +6,17 @@
 
 #include "freertos_task.h"
 
-/* Words of its stack: the library's bound (onboard/docs/budgets.md, stack, plus that of the C interface), the task's own frames, and a margin. */
+/* Words of stack: the bounds of library and C interface (onboard/docs/budgets.md, stack), the task's own frames, and a margin. */
 #define TERRAIN_STACK_WORDS (16384u / sizeof(StackType_t))
-/* Low: it computes whenever nobody else wants to. */
+/* Low priority: the task computes when no other task needs the processor. */
 #define TERRAIN_PRIORITY (tskIDLE_PRIORITY + 1u)
 #define TERRAIN_PERIOD_MS 100u
-/* Cycles between two looks at the counters. */
+/* Cycles between two reports of the counters. */
 #define HOUSEKEEPING_CYCLES 50u
 
 static StackType_t stack[TERRAIN_STACK_WORDS];
 static StaticTask_t block;
-/* Written by this task alone, read by the watchdog's: it lives as long as this changes. */
+/* Written by this task alone, read by the watchdog's task: the task is alive as long as the value changes. */
 static volatile uint32_t heartbeat;
 
 uint32_t terrain_heartbeat(void) { return heartbeat; }
@@ -31,12 +31,12 @@ static void terrain_task(void *nothing) {
     for (;;) {
         duty_cycle();
         if (++heartbeat % HOUSEKEEPING_CYCLES == 0) duty_housekeeping();
-        /* The context belongs to this task; nobody else calls the library with it, not even for telemetry. */
+        /* The context belongs to this task. No other task calls the library with it, not even for telemetry. */
         vTaskDelayUntil(&woken, pdMS_TO_TICKS(TERRAIN_PERIOD_MS));
     }
 }
 
 void terrain_task_create(void) {
-    /* Static, so that nothing comes from a heap. */
+    /* Static memory instead of a heap. */
     (void)xTaskCreateStatic(terrain_task, "terrain", TERRAIN_STACK_WORDS, NULL, TERRAIN_PRIORITY, stack, &block);
 }

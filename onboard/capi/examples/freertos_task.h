@@ -4,9 +4,9 @@
 
 #include <stdint.h>
 
-/* Creates the task; before the scheduler starts. */
+/* Creates the task. Call it before the scheduler starts. */
 void terrain_task_create(void);
-/* Changes as long as the task lives; at most a period and a step apart. */
+/* Returns a value that changes as long as the task runs. The time between two changes is at most a period plus a step. */
 uint32_t terrain_heartbeat(void);
 
 #endif

@@ -1,4 +1,4 @@
-/* An RTEMS task, classic API, under a rate-monotonic period: a cycle that overruns its period shows as RTEMS_TIMEOUT. */
+/* An RTEMS task, classic API, with a rate-monotonic period: a cycle that exceeds its period returns RTEMS_TIMEOUT. */
 #include "duty.h"
 #include "platform.h"
 
@@ -37,7 +37,7 @@ rtems_task terrain_task(rtems_task_argument nothing) {
 
 rtems_status_code terrain_task_create(void) {
     rtems_id task;
-    /* With a floating-point unit: the first and last layer compute in floats. */
+    /* Uses the floating-point unit: the first and the last layer compute in floats. */
     rtems_status_code made = rtems_task_create(rtems_build_name('T', 'E', 'R', 'R'), TERRAIN_PRIORITY, TERRAIN_STACK_BYTES,
                                                RTEMS_DEFAULT_MODES, RTEMS_FLOATING_POINT, &task);
     return made == RTEMS_SUCCESSFUL ? rtems_task_start(task, terrain_task, 0) : made;

@@ -18,7 +18,7 @@ service_action_t service_action(eld_status_t status) {
     }
 }
 
-/* Begins what the state says, once. */
+/* Begins the tile or the self test that the state names. */
 static eld_status_t begin(service_t *service) {
     service->attempts++;
     return service->state == SERVICE_SELF_TEST ? eld_self_test_begin(service->context) : eld_begin(service->context, &service->tile);
@@ -35,7 +35,7 @@ static void drop(service_t *service) {
     settle(service);
 }
 
-/* Puts the service into the state that a status calls for; begins again where that helps. Ends, as attempts are counted. */
+/* Sets the state that a status requires, and begins again if that can help. The loop ends, because attempts are counted. */
 static eld_status_t respond(service_t *service, eld_status_t status) {
     for (;;) {
         int at_work = service->state == SERVICE_SELF_TEST || service->state == SERVICE_TILE;
@@ -44,7 +44,7 @@ static eld_status_t respond(service_t *service, eld_status_t status) {
         case SERVICE_GO_ON:
             return status;
         case SERVICE_SKIP:
-            /* Of a tile, refused for good. */
+            /* The tile is refused permanently. */
             if (service->state == SERVICE_TILE || service->state == SERVICE_READY) drop(service);
             return status;
         case SERVICE_BEGIN_AGAIN:
@@ -75,7 +75,7 @@ static eld_status_t respond(service_t *service, eld_status_t status) {
     }
 }
 
-/* Begins what the state says and makes the best of how it went. */
+/* Begins a tile or a self test for the first time, and responds to its status. */
 static eld_status_t begin_first(service_t *service, service_state_t state) {
     service->state = state;
     service->attempts = 0;
@@ -160,7 +160,7 @@ eld_status_t service_model_reloaded(service_t *service) {
     info.struct_bytes = sizeof info;
     service->status = eld_model_check(service->model, service->model_bytes, &info);
     if (!ELD_WORKED(service->status)) return service->status;
-    /* Another model needs another context, and perhaps other memory. */
+    /* Another model needs another context, and possibly more memory. */
     if (info.header_crc != service->info.header_crc) {
         return service->status = ELD_FAULT_MODEL_CHANGED;
     }

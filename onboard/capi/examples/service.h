@@ -1,74 +1,74 @@
-/* A terrain service over elunar.h: one context, one tile at a time, and what to do after every status. C99, no heap.
+/* A terrain service on top of elunar.h: one context, one tile at a time, and a response to every status. C99, no heap.
  *
- * The executive calls service_cycle in its own rhythm; every call does one bounded piece of work. All the guides share this file:
- * a super-loop, a FreeRTOS task, an RTEMS task, and the cFS application differ in who calls it, and when. */
+ * The executive calls service_cycle at its own rate; every call does one bounded piece of work. All guides share this file: the
+ * super-loop, the FreeRTOS task, the RTEMS task and the cFS application differ only in the caller and its timing. */
 #ifndef ELUNAR_SERVICE_H
 #define ELUNAR_SERVICE_H
 
 #include "elunar.h"
 
-/* Times that a tile or a self test is begun in all, when faults end it, before it is given up. */
+/* Largest number of attempts for a tile or a self test that ends with a fault. Then it is given up. */
 #define SERVICE_ATTEMPTS 3u
 
-/* What the caller has to do after a status. The columns of onboard/README.md, as code. */
+/* The caller's action after a status; the columns of onboard/README.md as code. */
 typedef enum {
-    SERVICE_GO_ON,       /* nothing */
-    SERVICE_SKIP,        /* the call was wrong, or the tile is of no use: mend it or take the next one */
-    SERVICE_BEGIN_AGAIN, /* the tile is lost, model and context are sound */
-    SERVICE_RELOAD,      /* the model has changed: load it again, at the same place */
-    SERVICE_START_AGAIN, /* the context is lost: eld_init again */
-    SERVICE_DISTRUST     /* the self test failed: as SERVICE_RELOAD; if it stays, do not use the heights */
+    SERVICE_GO_ON,       /* no action */
+    SERVICE_SKIP,        /* the call was wrong, or the tile is not usable: correct it or take the next one */
+    SERVICE_BEGIN_AGAIN, /* the tile is lost, model and context are intact */
+    SERVICE_RELOAD,      /* the model has changed: load it again, at the same address */
+    SERVICE_START_AGAIN, /* the context is lost: call eld_init again */
+    SERVICE_DISTRUST     /* the self test failed: as SERVICE_RELOAD; if it fails again, do not use the heights */
 } service_action_t;
 
 typedef enum {
     SERVICE_DOWN,        /* no context: call service_start */
     SERVICE_WANTS_MODEL, /* the model has changed in memory: load it again, then call service_model_reloaded */
-    SERVICE_SELF_TEST,   /* the self test is at work */
+    SERVICE_SELF_TEST,   /* the self test is in progress */
     SERVICE_IDLE,        /* ready for a tile; cycles scrub the model */
-    SERVICE_TILE,        /* a tile is at work */
+    SERVICE_TILE,        /* a tile is in progress */
     SERVICE_READY,       /* a tile is done: call service_take */
-    SERVICE_FAILED       /* the self test failed, and again with the model loaded anew: do not use the heights */
+    SERVICE_FAILED       /* the self test failed twice, the second time with the model loaded again: do not use the heights */
 } service_state_t;
 
-/* A service, all zero before its first start (a static one is). Fields are to be read; write none. */
+/* A service. All bytes must be zero before its first start, as in a static variable. Callers only read the fields. */
 typedef struct {
-    void *memory; /* aligned to 8 bytes, as long as eld_model_check says; static, and nobody else's */
+    void *memory; /* aligned to 8 bytes, length from eld_model_check; static, for this service only */
     size_t memory_bytes;
-    const void *model; /* in flash or RAM; at this place as long as the service lives */
+    const void *model; /* in flash or RAM; must stay at this address as long as the service is used */
     size_t model_bytes;
     eld_context_t *context;
     eld_model_info_t info;
-    eld_tile_t tile; /* its maps stay the caller's until the tile is ready or dropped: it may have to be begun again */
+    eld_tile_t tile; /* its maps must stay valid until the tile is ready or dropped, because it may begin again */
     service_state_t state;
-    unsigned attempts;   /* of the tile or self test at work */
-    int has_tile;        /* a tile waits or is at work */
+    unsigned attempts;   /* attempts for the current tile or self test */
+    int has_tile;        /* a tile is waiting or in progress */
     int doubted;         /* the self test has failed once */
-    eld_status_t status; /* the latest */
-    uint32_t drops;      /* tiles that came to nothing: refused, or given up after SERVICE_ATTEMPTS faults */
+    eld_status_t status; /* the latest status */
+    uint32_t drops;      /* tiles dropped: refused, or given up after SERVICE_ATTEMPTS faults */
 } service_t;
 
-/* Validates the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile that was at work is begun again. */
+/* Validates the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile in progress begins again. */
 eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes);
 
-/* Takes a tile; refused (ELD_REFUSED_NOT_DONE) but in SERVICE_IDLE. Its maps must stay until SERVICE_READY or SERVICE_IDLE. */
+/* Takes a tile; refused (ELD_REFUSED_NOT_DONE) except in SERVICE_IDLE. Its maps must stay valid until SERVICE_READY or SERVICE_IDLE. */
 eld_status_t service_give(service_t *service, const eld_tile_t *tile);
 
-/* One bounded piece of work: a step of budget_macs while something is at work, else scrub_bytes of scrubbing. */
+/* Does one bounded piece of work: a step of budget_macs while a tile or self test is in progress, else scrub_bytes of scrubbing. */
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes);
 
-/* Looks over up to max_bytes of the model, a tile at work or not; refused (ELD_REFUSED_NOT_DONE) while there is no context or no model. */
+/* Compares up to max_bytes of the model with its checksums; refused (ELD_REFUSED_NOT_DONE) without a context or a model. */
 eld_status_t service_scrub(service_t *service, size_t max_bytes);
 
-/* Begins the self test, in SERVICE_IDLE; refused (ELD_REFUSED_NOT_DONE) else. */
+/* Begins the self test in SERVICE_IDLE; refused (ELD_REFUSED_NOT_DONE) in other states. */
 eld_status_t service_self_test(service_t *service);
 
-/* Hands out the heights of a tile that is ready; SERVICE_IDLE after it. valid may be NULL. */
+/* Copies the heights of a finished tile; then the state is SERVICE_IDLE. valid may be NULL. */
 eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid);
 
-/* The model stands at its place again, as it was: validates it, and goes on. */
+/* To be called when the model is loaded again at its address, unchanged: validates it and continues. */
 eld_status_t service_model_reloaded(service_t *service);
 
-/* What to do after a status. */
+/* Returns the action after a status. */
 service_action_t service_action(eld_status_t status);
 
 #endif

@@ -1,4 +1,4 @@
-/* Plain C, one loop, one watchdog. */
+/* Plain C with one loop and one watchdog. */
 #include "duty.h"
 #include "platform.h"
 
@@ -6,10 +6,10 @@ int main(void) {
     unsigned cycle = 0;
     if (!duty_start()) return 1;
     while (platform_goes_on()) {
-        /* One bounded piece of work, then the watchdog: a call that hangs is what it is there for. */
+        /* One bounded piece of work, then the watchdog, which detects a call that does not return. */
         duty_cycle();
         platform_kick_watchdog();
-        /* Counters now and then. */
+        /* Counters from time to time. */
         if (++cycle % 64 == 0) duty_housekeeping();
     }
     duty_housekeeping();

@@ -1,4 +1,4 @@
-//! Beginning a tile: everything about it is validated before anything changes.
+//! Begins a tile. Every argument is validated before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
 use crate::record::{Record, SELF_TEST, TILE};
@@ -10,10 +10,10 @@ use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale};
 use elunar_core::norm::NormError;
 
-/// The Sun as a tile states it, degrees, NaN standing for unknown.
+/// Returns the known angles of the Sun from those of a tile, degrees; NaN stands for unknown.
 ///
 /// # Errors
-/// [`ELD_REFUSED_TILE_SUN`] for angles that no Sun over a lit ground has.
+/// [`ELD_REFUSED_TILE_SUN`] for angles that are not those of a Sun over lit ground.
 pub(crate) fn stated_sun(azimuth_deg: f32, elevation_deg: f32) -> Result<KnownSun, eld_status_t> {
     let known = |deg: f32| (!deg.is_nan()).then_some(f64::from(deg));
     let (azimuth_deg, elevation_deg) = (known(azimuth_deg), known(elevation_deg));
@@ -22,7 +22,7 @@ pub(crate) fn stated_sun(azimuth_deg: f32, elevation_deg: f32) -> Result<KnownSu
     if legal { Ok(KnownSun { azimuth_deg, elevation_deg }) } else { Err(ELD_REFUSED_TILE_SUN) }
 }
 
-/// Begins a tile of the caller's.
+/// Begins the caller's tile.
 pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, tile: TileInput<'_>) -> Outcome {
     let positive = |v: f32| v.is_finite() && v > 0.0;
     if !(positive(tile.pixel_m) && positive(tile.coarse_px)) {
@@ -52,8 +52,8 @@ pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
     })
 }
 
-/// What is left of the tile before if the next one could not begin: all of it if that was refused, nothing if the model was found changed
-/// on the way into the arena.
+/// Updates the previous tile after the next one could not begin: a refusal leaves it unchanged; a fault of the model, found on the way into
+/// the arena, loses it.
 fn half_begun(record: &mut Record, status: eld_status_t) {
     if severity(status) == FAULT {
         record.lose_tile();
@@ -66,7 +66,7 @@ fn keep(record: &mut Record, scale: &TileScale) {
     record.mirror = mirror.rows as u32 | (mirror.cols as u32) << 1;
 }
 
-/// Begins the self test's tile.
+/// Begins the tile of the self test.
 pub(crate) fn begin_self_test(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>) -> Outcome {
     let dropped = context.at_work();
     context.start();
@@ -87,7 +87,7 @@ fn tile_status(error: TileError) -> eld_status_t {
         TileError::Norm(NormError::TooFewValid { .. }) => ELD_REFUSED_TILE_MASKED,
         TileError::Norm(NormError::ConstantImage) => ELD_REFUSED_TILE_CONSTANT_IMAGE,
         TileError::Norm(NormError::Relief { .. } | NormError::Margin { .. }) => ELD_REFUSED_TILE_NO_RELIEF,
-        // Of the header, which was validated.
+        // From the header, which was validated before.
         TileError::Norm(NormError::Range { .. }) => ELD_FAULT_MODEL_CHANGED,
     }
 }

@@ -1,4 +1,4 @@
-//! A context for the length of a call: opened, validated and repaired at its start, written back at its end.
+//! A context for the duration of a call: opened, validated and repaired at its start, written back at its end.
 
 use crate::record::{EMPTY, Record};
 use crate::sealed::{self, Head};
@@ -6,7 +6,7 @@ use crate::status::*;
 use crate::types::eld_status_t;
 use elunar_core::nn::{Model, Suspended};
 
-/// How a piece of work went; both are statuses, and an error ends it.
+/// The result of a piece of work. Both variants are statuses; an error ends the work.
 pub(crate) type Outcome = Result<eld_status_t, eld_status_t>;
 
 /// The parts of the lent memory behind the context (see [`crate::layout`]).
@@ -23,15 +23,15 @@ pub(crate) struct Context<'h> {
 }
 
 impl<'h> Context<'h> {
-    /// Writes a new one.
+    /// Writes a new context.
     pub(crate) fn make(head: &'h mut Head, record: Record) {
         sealed::write(head, &record);
     }
 
-    /// Reads the one at address `home`.
+    /// Reads the context at address `home`.
     ///
     /// # Errors
-    /// The status that the call ends with.
+    /// The status with which the call ends.
     pub(crate) fn open(head: &'h mut Head, home: usize) -> Result<Self, eld_status_t> {
         let (mut record, damaged) = sealed::read(head).ok_or(ELD_FAULT_CONTEXT_LOST)?;
         if record.home != home as u64 {
@@ -44,18 +44,18 @@ impl<'h> Context<'h> {
         if context.record.busy != 0 { Err(context.close(Err(ELD_FAULT_INTERRUPTED))) } else { Ok(context) }
     }
 
-    /// The model, if it is still the one that was validated.
+    /// Returns the model; an error if it is not the one that was validated.
     pub(crate) fn model<'m>(&self, bytes: &'m [u8]) -> Result<Model<'m>, eld_status_t> {
         Model::reopen(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
     }
 
-    /// Says in the lent memory that the arena is about to change: should the call never end, the next one knows.
+    /// Marks the arena as changing in the lent memory, so that the next call notices a call that did not return.
     pub(crate) fn start(&mut self) {
         self.record.busy = 1;
         sealed::write(self.head, &self.record);
     }
 
-    /// Ends the call: counts, writes both copies, and says how it went.
+    /// Ends the call: updates the counters, writes both copies, and returns the status.
     pub(crate) fn close(mut self, outcome: Outcome) -> eld_status_t {
         let status = match outcome {
             Ok(status) | Err(status) => status,
@@ -66,14 +66,14 @@ impl<'h> Context<'h> {
             record.faults = record.faults.wrapping_add(1);
             record.last_fault = status;
         }
-        // The runner itself gives a tile up when it finds the model changed under it.
+        // The runner gives a tile up when it finds that the model has changed.
         let given_up = severity(status) == FAULT && record.suspended.phase == Suspended::IDLE;
         if given_up
             || matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED)
         {
             record.lose_tile();
         }
-        // A repair is told once, by the first call that has nothing else to say.
+        // A repair is reported once, by the first call whose status is ELD_OK otherwise.
         let tells = status == ELD_OK && record.repairs_untold > 0;
         if tells {
             record.repairs_untold = 0;
@@ -82,16 +82,16 @@ impl<'h> Context<'h> {
         if tells { ELD_NOTICE_REPAIRED } else { status }
     }
 
-    /// Whether a tile is at work.
+    /// Returns whether a tile is in progress.
     pub(crate) fn at_work(&self) -> bool {
         let phase = self.record.suspended.phase;
         self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING)
     }
 
-    /// Whether the tile `whose` is finished.
+    /// Returns whether the tile of kind `whose` is finished.
     ///
     /// # Errors
-    /// The status of asking for it too early, or for the other one's.
+    /// The status for a tile that is not finished, or is of the other kind.
     pub(crate) fn finished(&self, whose: u32) -> Result<(), eld_status_t> {
         match self.record.tile {
             EMPTY => Err(ELD_REFUSED_NO_TILE),

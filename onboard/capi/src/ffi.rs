@@ -1,15 +1,15 @@
-//! The functions C calls, and the only `unsafe`: pointers and lengths are validated and become slices here, the work is done elsewhere.
+//! The functions for C, and the only `unsafe`: pointers and lengths are validated and become slices here; the other modules do the work.
 //!
 //! # What every caller promises
-//! Nothing that C could check for itself is taken on trust: NULL, alignment, lengths that wrap, overlaps and the order of calls get a
-//! status. What is left to promise, and what the `SAFETY` comments below mean by "the caller's promise":
+//! Every property that the library can check has a status: NULL, alignment, lengths that wrap, overlaps and the order of calls. The
+//! remaining conditions are the caller's. The `SAFETY` comments below call them "the caller's promise":
 //!
-//! - a pointer with its length names memory that exists, and that nobody else writes during the call (nor reads, if we write it);
-//! - the memory lent to `eld_init` and the model live, at their places, as long as the context is used;
-//! - a pointer given as a context came from `eld_init`, or points at [`HEAD_BYTES`] of readable and writable bytes;
+//! - a pointer with its length refers to existing memory, which nobody else writes during the call (nor reads, if the library writes it);
+//! - the memory lent to `eld_init` and the model stay at their addresses as long as the context is used;
+//! - a context pointer came from `eld_init`, or points to [`HEAD_BYTES`] readable and writable bytes;
 //! - one thread at a time uses a context.
-#![allow(unsafe_code)] // the one room of this package where it stands
-#![allow(clippy::missing_safety_doc)] // the promises above are every function's
+#![allow(unsafe_code)] // the only file of this package with unsafe code
+#![allow(clippy::missing_safety_doc)] // the promises above hold for every function
 #![allow(non_camel_case_types)]
 
 use crate::begin;
@@ -27,7 +27,7 @@ use elunar_core::tile::Shape;
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
-/// Addresses of `len` values, if that can be.
+/// Returns the addresses of `len` values; an error if there is no such range.
 fn span<T>(pointer: *const T, len: usize) -> Result<Range<usize>, eld_status_t> {
     if pointer.is_null() {
         return Err(ELD_REFUSED_NULL);
@@ -44,43 +44,43 @@ fn bytes_of(pointer: *const c_void, len: usize) -> Result<Range<usize>, eld_stat
     span(pointer.cast::<u8>(), len)
 }
 
-/// Whether two spans share no byte.
+/// Returns an error if two spans share a byte.
 fn apart(a: &Range<usize>, b: &Range<usize>) -> Result<(), eld_status_t> {
     if a.end <= b.start || b.end <= a.start { Ok(()) } else { Err(ELD_REFUSED_OVERLAP) }
 }
 
-/// The values there.
+/// Returns the values at `pointer`.
 ///
 /// # Safety
 /// The caller's promise holds for the pointer.
 unsafe fn slice<'a, T>(pointer: *const T, len: usize) -> Result<&'a [T], eld_status_t> {
     span(pointer, len)?;
-    // SAFETY: not NULL, aligned, and short enough; existing and unchanging is the caller's promise. `T` is a plain number.
+    // SAFETY: not NULL, aligned, and short enough. The caller promises that the memory exists and does not change. `T` is a plain number.
     Ok(unsafe { core::slice::from_raw_parts(pointer, len) })
 }
 
-/// The values there, to be written.
+/// Returns the values at `pointer` as a writable slice.
 ///
 /// # Safety
-/// The caller's promise holds for the pointer, and nothing else that lives refers to these bytes.
+/// The caller's promise holds for the pointer, and no other live reference refers to these bytes.
 unsafe fn slice_mut<'a, T>(pointer: *mut T, len: usize) -> Result<&'a mut [T], eld_status_t> {
     span(pointer, len)?;
-    // SAFETY: as above; not shared by the second condition.
+    // SAFETY: as above; the second condition excludes sharing.
     Ok(unsafe { core::slice::from_raw_parts_mut(pointer, len) })
 }
 
-/// A structure of the caller's whose first field is its size.
+/// Reads a structure of the caller whose first field is its size.
 ///
 /// # Safety
 /// The caller's promise holds for the pointer.
 unsafe fn structure<T: Copy>(pointer: *const T) -> Result<T, eld_status_t> {
     span(pointer, 1)?;
-    // SAFETY: every structure begins with `struct_bytes`, which a shorter one of another version has, too.
+    // SAFETY: every structure begins with `struct_bytes`, also a shorter one of another version.
     let struct_bytes = unsafe { pointer.cast::<u32>().read() };
     if struct_bytes as usize != size_of::<T>() {
         return Err(ELD_REFUSED_STRUCT_BYTES);
     }
-    // SAFETY: as large as the caller says it is; plain numbers and pointers.
+    // SAFETY: as large as the caller says; plain numbers and pointers.
     Ok(unsafe { pointer.read() })
 }
 
@@ -92,7 +92,7 @@ fn status_of(outcome: Outcome) -> eld_status_t {
 
 // ---- contexts ---------------------------------------------------------------------------------------------------------
 
-/// Opens a context and closes it behind `work`.
+/// Opens a context and closes it after `work`.
 ///
 /// # Safety
 /// The caller's promise holds for `context`, and `work` does not touch its first [`HEAD_BYTES`].
@@ -101,7 +101,7 @@ unsafe fn with_record(context: *mut eld_context_t, work: impl FnOnce(&mut Contex
     if let Err(status) = span(place, HEAD_BYTES / size_of::<u64>()) {
         return status;
     }
-    // SAFETY: not NULL; `Head` is an array of bytes; existing and not shared is the caller's promise.
+    // SAFETY: not NULL; `Head` is an array of bytes. The caller promises that the memory exists and is not shared.
     let head = unsafe { &mut *place.cast::<Head>() };
     match Context::open(head, place.addr()) {
         Ok(mut context) => {
@@ -112,10 +112,10 @@ unsafe fn with_record(context: *mut eld_context_t, work: impl FnOnce(&mut Contex
     }
 }
 
-/// As [`with_record`], with the model and the parts of the lent memory that lie behind the record.
+/// As [`with_record`], with the model and the parts of the lent memory behind the record.
 ///
 /// # Safety
-/// As there.
+/// As [`with_record`].
 unsafe fn with_model(
     context: *mut eld_context_t,
     work: impl FnOnce(&mut Context<'_>, Model<'_>, Lent<'_>) -> Outcome,
@@ -123,26 +123,27 @@ unsafe fn with_model(
     let memory = context.cast::<u8>();
     let work = |context: &mut Context<'_>| {
         let (model, model_bytes) = (context.record.model as usize, context.record.verdict.file_bytes as usize);
-        // SAFETY: the address and length that `eld_init` validated, sealed since; that the model still lives is the caller's promise.
+        // SAFETY: `eld_init` validated the address and the length, and the record's checksum protects them. The caller promises that the
+        // model still exists.
         let bytes = unsafe { slice(core::ptr::with_exposed_provenance::<u8>(model), model_bytes) }?;
         let model = context.model(bytes)?;
         let layout = Layout::of(&model).filter(|layout| layout.bytes() as u64 == context.record.home_bytes);
         let layout = layout.ok_or(ELD_FAULT_MODEL_CHANGED)?;
-        // SAFETY: the layout fits the memory that was lent, and its parts share no bytes with each other or the record.
+        // SAFETY: the layout fits the lent memory, and its parts do not overlap each other or the record.
         let lent = unsafe { lent(memory, &layout) }?;
         work(context, model, lent)
     };
-    // SAFETY: the caller's promise; the parts lie behind the record.
+    // SAFETY: the caller's promise; the parts are behind the record.
     unsafe { with_record(context, work) }
 }
 
-/// The parts of the lent memory.
+/// Returns the parts of the lent memory.
 ///
 /// # Safety
-/// `layout.bytes()` bytes at `memory` were lent, and nothing that lives refers to those behind the record.
+/// `layout.bytes()` bytes at `memory` were lent, and no live reference refers to those behind the record.
 unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_status_t> {
     let Layout { validity, scratch, arena } = layout;
-    // SAFETY: ranges of the layout lie within the memory and apart. Of the scratch memory any bit pattern is a float.
+    // SAFETY: the layout's ranges are inside the memory and do not overlap. Any bit pattern of the scratch memory is a float.
     unsafe {
         Ok(Lent {
             validity: slice_mut(memory.add(validity.start), validity.len())?,
@@ -159,7 +160,7 @@ fn apart_from_ours(record: &Record, buffer: &Range<usize>) -> Result<(), eld_sta
     apart(buffer, &(model..model.saturating_add(record.verdict.file_bytes as usize)))
 }
 
-// ---- what C sees ------------------------------------------------------------------------------------------------------
+// ---- functions for C --------------------------------------------------------------------------------------------------
 
 /// Version of this library's interface, major << 16 | minor << 8 | patch. Another major number than the header's `ELD_VERSION`: do not
 /// call on.
@@ -229,7 +230,7 @@ pub unsafe extern "C" fn eld_init(
 ) -> eld_status_t {
     let init = || {
         let result = span(context, 1)?;
-        // SAFETY: not NULL, aligned; writable is the caller's promise.
+        // SAFETY: not NULL and aligned; the caller promises that it is writable.
         unsafe { context.write(core::ptr::null_mut()) };
         let (home, source) = (bytes_of(memory, memory_bytes)?, bytes_of(model, model_bytes)?);
         apart(&home, &source)?;
@@ -243,7 +244,7 @@ pub unsafe extern "C" fn eld_init(
         if memory_bytes < layout.bytes() {
             return Err(ELD_REFUSED_MEMORY_SHORT);
         }
-        // Every byte is written before any is read: memory with error correction may hold words that never were.
+        // Every byte is written before any is read, because memory with error correction may contain words that were never written.
         // SAFETY: within the lent memory.
         unsafe { memory.cast::<u8>().write_bytes(0, layout.bytes()) };
         let record = Record {
@@ -253,7 +254,7 @@ pub unsafe extern "C" fn eld_init(
             verdict: validated.verdict(),
             ..Record::default()
         };
-        // SAFETY: the layout is longer than the head; `Head` is an array of bytes; not shared is the caller's promise.
+        // SAFETY: the layout is longer than the head; `Head` is an array of bytes; the caller promises that the memory is not shared.
         Context::make(unsafe { &mut *memory.cast::<Head>() }, record);
         // SAFETY: as above.
         unsafe { context.write(memory.cast()) };
@@ -282,7 +283,7 @@ pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld
         for map in &maps {
             apart_from_ours(&context.record, map)?;
         }
-        // SAFETY: the caller's promise; the maps lie apart from all that is written.
+        // SAFETY: the caller's promise; the maps do not overlap any memory that is written.
         let (image, coarse_m) = unsafe { (slice(tile.image, rows * cols)?, slice(tile.coarse_m, rows * cols)?) };
         let valid = match masked {
             // SAFETY: as above; every byte is 0 or 1.
@@ -297,7 +298,7 @@ pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld
     unsafe { with_model(context, begin) }
 }
 
-/// A mask of bytes.
+/// Returns a mask of bytes as booleans.
 ///
 /// # Safety
 /// The caller's promise holds for the pointer.
@@ -342,7 +343,7 @@ pub unsafe extern "C" fn eld_output(
         if heights_len != rows * cols || (masked && valid_len != rows * cols) {
             return Err(ELD_REFUSED_BUFFER);
         }
-        // SAFETY: the caller's promise; apart from each other and from all that is ours.
+        // SAFETY: the caller's promise; the buffers do not overlap each other, the lent memory or the model.
         let heights_m = unsafe { slice_mut(heights_m, heights_len) }?;
         let valid = match masked {
             // SAFETY: as above.

@@ -1,4 +1,4 @@
-//! What a model is and needs, and why a file is none.
+//! The properties and requirements of a model, and the reasons why a file is refused.
 
 use crate::layout::{ALIGN_BYTES, Layout};
 use crate::status::*;
@@ -13,14 +13,14 @@ use elunar_core::tile::Shape;
 /// Validates a file.
 ///
 /// # Errors
-/// The status of the first thing wrong with it.
+/// The status of the first error found.
 pub(crate) fn open(bytes: &[u8]) -> Result<(Model<'_>, Layout), eld_status_t> {
     let model = Model::new(bytes).map_err(|error| model_status(error, bytes))?;
     let layout = Layout::of(&model).ok_or(ELD_REFUSED_MODEL_SIZE)?;
     Ok((model, layout))
 }
 
-/// What a validated model is and needs.
+/// Returns the properties and requirements of a validated model.
 pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld_model_info_t {
     let (Shape { rows, cols }, (_, self_test_crc)) = (model.tile(), model.self_test());
     eld_model_info_t {
@@ -52,12 +52,12 @@ pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld
     }
 }
 
-/// Multiply-accumulates of a model's largest unit of work.
+/// Returns the multiply-accumulates of a model's largest unit of work.
 fn largest_unit_macs(model: &Model<'_>) -> u64 {
     let largest = |operator: Operator| {
         let steps = operator.steps(&model.tensor(operator.output()));
         let units = model.units(&operator);
-        // A unit's cost is a product of what its step and its number bring, so the largest of each make the largest.
+        // A unit's cost is the product of a factor of its step and a factor of its number, so the largest factors give the largest unit.
         let step = (0..steps).max_by_key(|&step| model.unit_macs(&operator, step, 0)).unwrap_or(0);
         (0..units).map(|unit| model.unit_macs(&operator, step, unit)).max().unwrap_or(0)
     };

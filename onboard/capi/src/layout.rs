@@ -1,4 +1,4 @@
-//! Where things lie in the lent memory.
+//! The places of the parts in the lent memory.
 //!
 //! ```text
 //! | context, twice | validity, 1 bit a pixel | scratch of begin, f32 | arena of the network |
@@ -11,22 +11,22 @@ use elunar_core::tile::Shape;
 
 /// Alignment of the lent memory, bytes: an array of `uint64_t` has it everywhere.
 pub(crate) const ALIGN_BYTES: usize = 8;
-/// Parts begin at multiples of this (a cache line) if the memory does.
+/// Alignment of the parts (a cache line), if the memory has it.
 const LINE_BYTES: usize = 64;
 
 /// Byte ranges within the lent memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Layout {
-    /// Which heights mean something, one bit a pixel.
+    /// Bits of valid heights, one per pixel.
     pub(crate) validity: Range<usize>,
-    /// `f32` values that beginning a tile works in; empty for models that are not given the light.
+    /// Scratch memory, `f32`, to begin a tile; empty for models without a given light.
     pub(crate) scratch: Range<usize>,
-    /// Tensors.
+    /// Arena of the network's tensors.
     pub(crate) arena: Range<usize>,
 }
 
 impl Layout {
-    /// The layout for a model, unless this machine cannot address it.
+    /// Returns the layout for a model; `None` if this machine cannot address it.
     pub(crate) fn of(model: &Model<'_>) -> Option<Self> {
         let Shape { rows, cols } = model.tile();
         let behind = |end: usize, bytes: usize| {
@@ -40,7 +40,7 @@ impl Layout {
         Some(Self { validity, scratch, arena })
     }
 
-    /// Bytes of all of it.
+    /// Number of bytes of all parts.
     pub(crate) fn bytes(&self) -> usize {
         self.arena.end
     }

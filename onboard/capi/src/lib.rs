@@ -1,20 +1,20 @@
-//! The C interface of the flight runner, as ordinary Rust that host tests can call. C sees `include/elunar.h`.
+//! The C interface of the flight runner, as ordinary Rust that host tests can call. The header for C is `include/elunar.h`.
 //!
-//! The caller lends one block of memory; a context lives at its start, and everything else a tile needs lies behind it. Nothing is
-//! allocated, nothing is global, nothing locks: contexts are as many as there are blocks, and do not know of each other.
+//! The caller lends one block of memory. A context is at its start, followed by all other memory for a tile. Nothing is allocated, and
+//! there are no globals and no locks: there are as many contexts as blocks, and they are independent.
 //!
 //! ```text
 //! eld_model_check -> eld_init -> eld_begin -> eld_step ... eld_step -> eld_output
 //!                                                 eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
 //! ```
 //!
-//! In the order a call meets them:
+//! The modules, in the order of a call:
 //!
-//! 1. [`ffi`] validates pointers and lengths and turns them into slices: the only functions C sees, the only `unsafe`.
+//! 1. [`ffi`] validates pointers and lengths and turns them into slices. It has the only functions for C, and the only `unsafe`.
 //! 2. [`sealed`](mod@sealed) reads the context: plain numbers ([`record`](mod@record)), kept twice, each copy under a checksum.
-//! 3. [`layout`](mod@layout) says where things lie in the lent memory.
-//! 4. [`begin`](mod@begin) and [`run`](mod@run) rebuild a runner for the length of the call and put it aside again.
-//! 5. [`status`] says how it went, in one word.
+//! 3. [`layout`](mod@layout) gives the places of the parts in the lent memory.
+//! 4. [`begin`](mod@begin) and [`run`](mod@run) rebuild a runner for the duration of the call and suspend it again.
+//! 5. [`status`] defines the status word of the call.
 #![no_std]
 
 mod begin;

@@ -1,61 +1,61 @@
-//! What a context remembers between two calls: plain numbers, so that any bit pattern of them is legal to read.
+//! The data of a context between two calls: plain numbers, so that any bit pattern is legal to read.
 
 use elunar_core::nn::{Suspended, Telemetry, Verdict};
 
-/// Eight-byte words of a record.
+/// Number of eight-byte words of a record.
 pub(crate) const WORDS: usize = 32;
 
 /// No tile was begun.
 pub(crate) const EMPTY: u32 = 0;
-/// The tile in the arena is the caller's.
+/// The arena contains a tile of the caller.
 pub(crate) const TILE: u32 = 1;
-/// The tile in the arena is the self test's.
+/// The arena contains the tile of the self test.
 pub(crate) const SELF_TEST: u32 = 2;
 
-/// What a context remembers.
+/// The data of a context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Record {
-    /// Address of the lent memory, and its bytes.
+    /// Address and length of the lent memory, bytes.
     pub(crate) home: u64,
     pub(crate) home_bytes: u64,
-    /// Address of the model; its bytes are the verdict's.
+    /// Address of the model; the verdict has its length.
     pub(crate) model: u64,
     pub(crate) verdict: Verdict,
-    /// Whose tile is in the arena: [`EMPTY`], [`TILE`] or [`SELF_TEST`].
+    /// The tile in the arena: [`EMPTY`], [`TILE`] or [`SELF_TEST`].
     pub(crate) tile: u32,
-    /// 1 while a call changes the arena: to be found at a call's start only if the one before did not return.
+    /// 1 while a call changes the arena. A call finds 1 at its start only if the previous call did not return.
     pub(crate) busy: u32,
-    /// Where the runner stands.
+    /// The position of the runner.
     pub(crate) suspended: Suspended,
-    /// The way back to metres: bits of the lowest height, the relief and NR; mirrored rows (1) and columns (2).
+    /// The way back to metres: bits of the lowest height, the relief and NR; 1 for mirrored rows plus 2 for mirrored columns.
     pub(crate) scale_bits: [u32; 3],
     pub(crate) mirror: u32,
-    /// Pixels whose heights mean something, and the checksum of the bits that say which.
+    /// Number of pixels with valid heights, and checksum of the validity bits.
     pub(crate) valid_px: u32,
     pub(crate) validity_crc: u32,
     /// Counters: see [`crate::types::eld_telemetry_t`].
     pub(crate) calls: u64,
     pub(crate) faults: u64,
     pub(crate) repairs: u64,
-    /// Repairs that no status has told yet.
+    /// Repairs that no status has reported yet.
     pub(crate) repairs_untold: u32,
     pub(crate) last_fault: u32,
     pub(crate) lights_assumed: u64,
     pub(crate) tiles_dropped: u64,
 }
 
-/// Two numbers in a word.
+/// Returns a word of two numbers.
 const fn pair(low: u32, high: u32) -> u64 {
     low as u64 | (high as u64) << 32
 }
 
-/// The numbers of [`pair`].
+/// Returns the two numbers of [`pair`].
 const fn halves(word: u64) -> [u32; 2] {
     [word as u32, (word >> 32) as u32]
 }
 
 impl Record {
-    /// As words, in a fixed order.
+    /// Returns the record as words, in a fixed order.
     pub(crate) fn words(&self) -> [u64; WORDS] {
         let (at, t) = (&self.suspended, &self.suspended.telemetry);
         let [min, relief, nr] = self.scale_bits;
@@ -95,7 +95,7 @@ impl Record {
         ]
     }
 
-    /// The record of these words.
+    /// Returns the record of these words.
     pub(crate) fn of(words: &[u64; WORDS]) -> Self {
         let [
             home,
@@ -177,7 +177,7 @@ impl Record {
         }
     }
 
-    /// Forgets the tile, which is counted; the other counters stay.
+    /// Drops the tile and counts it; the other counters stay unchanged.
     pub(crate) fn lose_tile(&mut self) {
         self.tiles_dropped = self.tiles_dropped.wrapping_add(u64::from(self.tile != EMPTY));
         (self.tile, self.valid_px) = (EMPTY, 0);
@@ -193,7 +193,7 @@ mod tests {
     fn words_come_back_as_they_were() {
         let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
         let back = Record::of(&words).words();
-        // The last fault is one half, and one word is spare.
+        // The last fault is half a word, and one word is spare.
         assert_eq!(back[..28], words[..28]);
         assert_eq!(back[28..], [words[28] & 0xffff_ffff, words[29], words[30], 0]);
         let all_ones = Record::of(&[u64::MAX; WORDS]);

@@ -1,4 +1,4 @@
-//! Working on a tile, reading it, checking the self test, and looking the model over.
+//! Works on a tile, returns its heights, checks the self test, and scrubs the model.
 
 use crate::context::{Context, Lent, Outcome};
 use crate::record::{EMPTY, Record, SELF_TEST, TILE};
@@ -12,10 +12,10 @@ use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended, TileScale};
 use elunar_core::norm::{ElevationScale, Mirror};
 
-/// The runner as the record left it.
+/// Resumes the runner from the record.
 ///
 /// # Errors
-/// [`ELD_FAULT_RUN`] if the model has no such place.
+/// [`ELD_FAULT_RUN`] if the position does not exist in the model.
 pub(crate) fn runner<'a, 'm>(
     record: &Record,
     model: Model<'a>,
@@ -24,7 +24,7 @@ pub(crate) fn runner<'a, 'm>(
     Runner::resume(Kernel::best(), model, arena, &record.suspended).map_err(|_| ELD_FAULT_RUN)
 }
 
-/// Works for `budget_macs`.
+/// Works until `budget_macs` are spent.
 pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, budget_macs: u64) -> Outcome {
     if context.record.tile == EMPTY {
         return Err(ELD_REFUSED_NO_TILE);
@@ -40,7 +40,7 @@ pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, 
     Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING })
 }
 
-/// Hands out the finished tile; `valid` may be empty.
+/// Copies the finished tile; `valid` may be empty.
 pub(crate) fn output(
     context: &Context<'_>,
     model: Model<'_>,
@@ -72,7 +72,7 @@ pub(crate) fn check_self_test(context: &mut Context<'_>, model: Model<'_>, lent:
     checked.map(|()| ELD_OK).map_err(run_status)
 }
 
-/// Looks over `max_bytes` of the model, whatever the tile's place in it has become.
+/// Compares `max_bytes` of the model with its checksums, whether or not the position of the tile is legal.
 pub(crate) fn scrub(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, max_bytes: usize) -> Outcome {
     let record = &mut context.record;
     let Suspended { phase, entry, step, unit, .. } = record.suspended;
@@ -83,7 +83,7 @@ pub(crate) fn scrub(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
     found.map(|()| ELD_OK).map_err(run_status)
 }
 
-/// The counters.
+/// Returns the counters.
 pub(crate) fn telemetry(record: &Record, struct_bytes: u32) -> eld_telemetry_t {
     let (at, t) = (&record.suspended, &record.suspended.telemetry);
     let done = at.phase == Suspended::DONE;
@@ -119,14 +119,14 @@ pub(crate) fn telemetry(record: &Record, struct_bytes: u32) -> eld_telemetry_t {
     }
 }
 
-/// What a runner's error is called here.
+/// Returns the status of a runner's error.
 pub(crate) fn run_status(error: RunError) -> eld_status_t {
     match error {
         RunError::TileSize { .. } => ELD_REFUSED_BUFFER,
         RunError::SelfTest { .. } => ELD_FAULT_SELF_TEST,
         RunError::ModelChanged { .. } | RunError::ProgramChanged { .. } => ELD_FAULT_MODEL_CHANGED,
         RunError::DataChanged { .. } => ELD_FAULT_DATA_CHANGED,
-        // Memory, samples and order are validated before the runner is asked.
+        // Memory, samples and order are validated before the runner is called.
         RunError::ArenaTooSmall { .. } | RunError::NotFinite { .. } | RunError::State => ELD_FAULT_RUN,
     }
 }

@@ -4,17 +4,17 @@
 //! byte 0                        8                            8 + 8 WORDS             COPY_BYTES
 //!      | MAGIC                  | words, little-endian       | CRC32C | its inverse  | second copy, the same ...
 //! ```
-//! Every bit of it is significant. A copy whose checksum does not match is written anew from the other; two that match and differ are
-//! left by a write that was cut short, and the first, being written first, holds.
+//! Every bit is under a checksum. A copy whose checksum does not match is replaced by the other. If both match and differ, a write was cut
+//! short; the first copy is valid, because it is written first.
 
 use crate::record::{Record, WORDS};
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
 const MAGIC: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x01");
-/// Bytes of one copy.
+/// Number of bytes of one copy.
 pub(crate) const COPY_BYTES: usize = 8 * (WORDS + 2);
-/// Bytes of both copies.
+/// Number of bytes of both copies.
 pub(crate) const HEAD_BYTES: usize = 2 * COPY_BYTES;
 
 type Copy = [u8; COPY_BYTES];
@@ -34,7 +34,7 @@ fn encode(record: &Record) -> Copy {
     copy
 }
 
-/// Checksum of all of a copy but the seal.
+/// Returns the checksum of a copy without its seal.
 fn crc_of(copy: &Copy) -> u32 {
     copy.first_chunk::<{ COPY_BYTES - 8 }>().map_or(0, |body| crc32c(body))
 }
@@ -62,7 +62,7 @@ pub(crate) fn write(head: &mut Head, record: &Record) {
     }
 }
 
-/// Reads the record; `true` if a copy was damaged. The caller writes both anew at the end of every call. `None` if both are damaged.
+/// Reads the record; `true` if a copy was damaged. The caller writes both copies at the end of every call. `None` if both are damaged.
 pub(crate) fn read(head: &Head) -> Option<(Record, bool)> {
     let [first, second] = head.as_chunks::<COPY_BYTES>().0 else { return None };
     match (decode(first), decode(second)) {
@@ -101,7 +101,7 @@ mod tests {
         for bit in 0..8 * COPY_BYTES {
             let mut head = clean;
             head[bit / 8] ^= 1 << (bit % 8);
-            // The same bit, as a line of a bus would have it.
+            // The same bit in the other copy, as a fault of a bus line would change it.
             head[COPY_BYTES + bit / 8] ^= 1 << (bit % 8);
             assert_eq!(read(&head), None, "bit {bit}");
         }
@@ -115,7 +115,7 @@ mod tests {
         let next = Record { calls: 78, ..record };
         old[..COPY_BYTES].copy_from_slice(&encode(&next));
         assert_eq!(read(&old), Some((next, false)));
-        // Cut within the first copy: the second still holds.
+        // Cut within the first copy: the second is still valid.
         old[..COPY_BYTES / 2].fill(0);
         assert_eq!(read(&old), Some((record, true)));
     }

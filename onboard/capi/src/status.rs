@@ -1,4 +1,4 @@
-//! The status word that every function returns, and all values it has.
+//! The status word that every function returns, and all its values.
 //!
 //! ```text
 //!  31 30 29         24 23             16 15                              0
@@ -11,18 +11,18 @@
 //!       3 fault     memory has changed or a result is wrong: what the context or the model holds cannot be trusted
 //! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
 //! ```
-//! (The idea of severity, unit and code in one word is cFE's.) Values never change their meaning.
+//! (Severity, unit and code in one word follow cFE.) Values never change their meaning.
 
 use crate::types::eld_status_t;
 use core::ffi::CStr;
 
 /// Done.
 pub const GOOD: u32 = 0;
-/// Done, with something to know.
+/// Done, with a notice for the caller.
 pub const NOTICE: u32 = 1;
 /// Not done; nothing has changed.
 pub const REFUSED: u32 = 2;
-/// Something cannot be trusted.
+/// Context, model or result cannot be trusted.
 pub const FAULT: u32 = 3;
 
 const NOTHING: u32 = 0;
@@ -33,33 +33,33 @@ const TILE: u32 = 4;
 const RUN: u32 = 5;
 const CONTEXT: u32 = 6;
 
-/// The word of a severity, a unit and a code.
+/// Returns the word of a severity, a unit and a code.
 const fn word(severity: u32, unit: u32, code: u32) -> eld_status_t {
     severity << 30 | unit << 16 | code
 }
 
-/// Severity of a status: [`GOOD`], [`NOTICE`], [`REFUSED`] or [`FAULT`].
+/// Returns the severity of a status: [`GOOD`], [`NOTICE`], [`REFUSED`] or [`FAULT`].
 pub const fn severity(status: eld_status_t) -> u32 {
     status >> 30
 }
 
-/// Whether the call did its work: good or notice.
+/// Returns whether the call did its work: good or notice.
 pub const fn worked(status: eld_status_t) -> bool {
     severity(status) <= NOTICE
 }
 
-/// A status and what it means.
+/// A status and its meaning.
 #[derive(Debug, Clone, Copy)]
 pub struct Known {
-    /// The word.
+    /// The status word.
     pub status: eld_status_t,
-    /// Its name in C.
+    /// Name in C.
     pub name: &'static str,
-    /// One line on what it means, as C reads it.
+    /// The meaning in one line, for C.
     pub text: &'static CStr,
 }
 
-/// The text of a literal that ends with NUL; checked by the compiler.
+/// Returns the text of a literal that ends with NUL; the compiler checks it.
 const fn c_text(text: &'static str) -> &'static CStr {
     match CStr::from_bytes_with_nul(text.as_bytes()) {
         Ok(text) => text,
@@ -71,7 +71,7 @@ macro_rules! statuses {
     ($($name:ident = $severity:ident, $unit:ident, $code:literal, $text:literal;)*) => {
         $(#[doc = $text] pub const $name: eld_status_t = word($severity, $unit, $code);)*
 
-        /// Every status there is.
+        /// All statuses.
         pub static STATUSES: &[Known] =
             &[$(Known { status: $name, name: stringify!($name), text: c_text(concat!($text, "\0")) },)*];
     };
@@ -128,7 +128,7 @@ statuses! {
     ELD_FAULT_CONTEXT_MOVED = FAULT, CONTEXT, 2, "the context is not where it was made: call eld_init again";
 }
 
-/// What a status means; for a word that is none, says so.
+/// Returns the meaning of a status; for any other word, a text that says so.
 pub fn text(status: eld_status_t) -> &'static CStr {
     STATUSES.iter().find(|known| known.status == status).map_or(c"not a status of this library", |known| known.text)
 }

@@ -1,11 +1,11 @@
-//! Which heights mean something, one bit a pixel: images are not kept, so this is found out when the tile begins.
+//! The validity of heights, one bit per pixel. It is computed when the tile begins, because images are not kept.
 
 use elunar_core::nn::validity;
 
-/// Pixels looked at together.
+/// Number of pixels that are processed together.
 const GROUP: usize = 64;
 
-/// Writes the bits (lowest first, 1: the height means something); returns how many are 1. `bits` is long enough for the maps.
+/// Writes the bits (lowest first; 1 for a valid height) and returns how many are 1. `bits` is long enough for the maps.
 pub(crate) fn pack(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, bits: &mut [u8]) -> u32 {
     bits.fill(0);
     let mut masks = valid.map(|mask| mask.chunks(GROUP));
@@ -13,7 +13,7 @@ pub(crate) fn pack(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, bits
     let mut count = 0;
     for ((image, coarse_m), bits) in groups {
         let mut each = [false; GROUP];
-        // A mask that ends early masks the rest.
+        // Pixels beyond the end of a mask are masked.
         let mask = masks.as_mut().map(|masks| masks.next().unwrap_or(&[]));
         validity(image, coarse_m, mask, &mut each);
         for (byte, eight) in bits.iter_mut().zip(each.as_chunks::<8>().0) {
@@ -24,7 +24,7 @@ pub(crate) fn pack(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, bits
     count
 }
 
-/// How many heights of such a tile mean something.
+/// Returns the number of valid heights.
 pub(crate) fn count(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>) -> u32 {
     let mut masks = valid.map(|mask| mask.chunks(GROUP));
     let mut count = 0;
@@ -36,7 +36,7 @@ pub(crate) fn count(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>) -> 
     count
 }
 
-/// Turns the bits into bytes, 1 or 0 each.
+/// Writes each bit as a byte, 1 or 0.
 pub(crate) fn unpack(bits: &[u8], out: &mut [u8]) {
     for (eight, &byte) in out.chunks_mut(8).zip(bits) {
         for (bit, out) in eight.iter_mut().enumerate() {

@@ -1,4 +1,5 @@
-//! The tables of `onboard/docs/budgets.md` are what is printed: `ELUNAR_WRITE_BUDGETS=1 cargo test -p elunar-capi --test budgets` writes them.
+//! Checks that the tables of `onboard/docs/budgets.md` are up to date: `ELUNAR_WRITE_BUDGETS=1 cargo test -p elunar-capi --test budgets`
+//! writes them.
 
 mod common;
 mod pages;
@@ -8,7 +9,7 @@ use std::process::Command;
 
 const PAGE: &str = "onboard/docs/budgets.md";
 
-/// A page with another text between the marks of `name`.
+/// Returns a page with new text between the marks of `name`.
 fn filled(page: &str, name: &str, text: &str) -> String {
     let begin = format!("<!-- {name} -->\n");
     let (before, rest) = page.split_once(&begin).unwrap_or_else(|| panic!("{PAGE}: no '{begin}'"));
@@ -16,7 +17,7 @@ fn filled(page: &str, name: &str, text: &str) -> String {
     format!("{before}{begin}{text}<!-- end -->{after}")
 }
 
-/// The table of all boards, if there is a Python to print it.
+/// Returns the table of all boards; `None` without Python, which prints it.
 fn boards() -> Option<String> {
     let folder = repository().join("onboard/flight/boards");
     let printed =
@@ -31,14 +32,14 @@ fn boards() -> Option<String> {
     }
 }
 
-/// 1234567 as 1,234,567.
+/// Formats 1234567 as 1,234,567.
 fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let comma = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
     digits.char_indices().flat_map(|(i, c)| comma(i).then_some(',').into_iter().chain([c])).collect()
 }
 
-/// The table of the shipped model.
+/// Returns the table of the shipped model.
 fn model() -> String {
     let needs = info(nano()).unwrap();
     let rows = [

@@ -1,4 +1,4 @@
-//! C and C++ programs against the archive: the header compiles without a warning, and the heights are Rust's, byte for byte.
+//! Runs C and C++ programs with the archive: the header compiles without a warning, and the heights equal those of Rust byte for byte.
 
 mod cc;
 mod common;
@@ -36,7 +36,7 @@ fn what_c_gets_wrong_has_a_status() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The example of `onboard/README.md` is a function; this gives it a program around it.
+/// A program around the function that is the example of `onboard/README.md`.
 const README_MAIN: &str = r#"
 #include <stdio.h>
 void kick_the_watchdog(void) {}
@@ -61,7 +61,7 @@ fn the_readme_links() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The C compiler's sizes and offsets are Rust's.
+/// Sizes and offsets of the C compiler equal those of Rust.
 #[test]
 fn structures_are_laid_out_alike() {
     use elunar_capi::types::*;

@@ -1,5 +1,5 @@
-//! The cFS application of `onboard/cfs`: it compiles against stubs of cFE's headers, and over a bus made for the test it computes what Rust
-//! computes. Neither is cFE: see `onboard/cfs/README.md`.
+//! The cFS application of `onboard/cfs`: it compiles with stubs of cFE's headers, and on a bus for tests it computes the same results as
+//! Rust. Neither the stubs nor the bus are cFE: see `onboard/cfs/README.md`.
 
 mod cc;
 mod common;
@@ -12,7 +12,7 @@ fn cfs(name: &str) -> PathBuf {
     repository().join("onboard/cfs").join(name)
 }
 
-/// Sources of the application, its table, and the service it shares with the guides.
+/// Returns the sources of the application, its table, and the service that it shares with the guides.
 fn sources() -> Vec<PathBuf> {
     let files = |folder: &str| std::fs::read_dir(cfs(folder)).unwrap().map(|entry| entry.unwrap().path());
     let mut all: Vec<PathBuf> =
@@ -28,7 +28,8 @@ fn includes() -> Vec<String> {
     folders.iter().flat_map(|folder| ["-I".to_string(), folder.display().to_string()]).collect()
 }
 
-/// Slope and roughness as `elunar_app_hazard.c` describes them, with the table's limits: pixels classified, hazards.
+/// Returns the numbers of classified pixels and of hazards, by slope and roughness as `elunar_app_hazard.c` describes them, with the
+/// table's limits.
 fn hazards(heights_m: &[f32], valid: &[u8]) -> (usize, usize) {
     let (max_slope, max_roughness_m, pixel_m) = (0.2679f32, 0.5f32, 2.0f32);
     let (mut classified, mut found) = (0, 0);
@@ -53,7 +54,7 @@ fn the_application_computes_what_rust_computes() {
     let folder = folder("cfs");
     let model = repository().join("host-train/models/nano.eld");
     let tile = repository().join("tests/golden/flight_tile");
-    // Paths of commands are short.
+    // Paths in commands must be short.
     for (from, to) in [(tile.join("image.f32"), "image.f32"), (tile.join("coarse_m.f32"), "coarse_m.f32")] {
         std::fs::copy(from, folder.join(to)).unwrap();
     }
@@ -62,7 +63,7 @@ fn the_application_computes_what_rust_computes() {
     run(compiler("c99")
         .args(includes())
         .arg("-O1")
-        // Unlike cFS, the test has the model where the repository has it.
+        // The model is in the repository, at another path than in cFS.
         .arg(format!("-DELUNAR_APP_MODEL_FILE=\"{}\"", model.display()))
         .args(sources())
         .arg(cfs("test/bus.c"))
@@ -79,7 +80,7 @@ fn the_application_computes_what_rust_computes() {
     let expected: Vec<u8> = heights_m.iter().flat_map(|v| v.to_ne_bytes()).chain(valid.iter().copied()).collect();
     assert!(std::fs::read(folder.join("out.f32")).unwrap() == expected, "other bytes than Rust's");
 
-    // Every event of the script, in its order, by id.
+    // The ids of all events of the script, in their order.
     let ids: Vec<u32> =
         said.lines().filter_map(|line| line.strip_prefix("event ")?.split_once(' ')?.0.parse().ok()).collect();
     assert_eq!(ids, [1, 2, 6, 5, 4, 15, 18, 9, 16, 12, 13, 6, 11, 19, 18, 17, 18, 8, 3]);
@@ -101,7 +102,7 @@ fn the_application_computes_what_rust_computes() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The script for real trees, on the only tree that is here: it finds headers, and refuses a folder without them.
+/// Runs the script for real cFS trees on a tree of stubs: it finds the headers, and refuses a folder without them.
 #[test]
 fn the_script_compiles_against_a_tree_and_wants_one() {
     if !exists("c99") {
@@ -115,7 +116,7 @@ fn the_script_compiles_against_a_tree_and_wants_one() {
     assert!(!refused.status.success() && said.starts_with("ERROR: ") && said.lines().count() == 1, "{said}");
 }
 
-/// Numbers of events and commands are unique, and what `README.md` lists.
+/// Numbers of events and commands are unique, and `README.md` lists them.
 #[test]
 fn events_and_commands_are_listed() {
     let readme = std::fs::read_to_string(cfs("README.md")).unwrap();

@@ -1,12 +1,12 @@
-//! Bits that flip in the context between two calls are repaired or reported, and the heights stay what they are.
-#![allow(unsafe_code)] // C's functions
+//! Bit flips in the context between two calls are repaired or reported, and the heights stay the same.
+#![allow(unsafe_code)] // C functions
 
 mod common;
 use common::*;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 
-/// One of the calls that touch the context, by number: what it may say.
+/// Does one of the calls that use the context, by number, and returns its status.
 fn call(context: &mut Context, number: usize) -> eld_status_t {
     match number % 5 {
         0 => context.step(1),
@@ -17,7 +17,7 @@ fn call(context: &mut Context, number: usize) -> eld_status_t {
     }
 }
 
-/// Reproducible numbers (xorshift64*).
+/// Returns reproducible random numbers (xorshift64*).
 fn random(state: &mut u64) -> usize {
     *state ^= *state >> 12;
     *state ^= *state << 25;
@@ -82,7 +82,7 @@ fn rubbish_instead_of_a_context_is_reported() {
     let (clean, bytes) = (context.memory.clone(), context.head_bytes());
     let mut state = 11;
     for round in 0..3000 {
-        // A stretch of either copy, or of both, is overwritten.
+        // Overwrites a range of one copy or of both.
         let (start, len) = (random(&mut state) % bytes, 1 + random(&mut state) % bytes);
         let end = bytes.min(start + len);
         for byte in &mut context.bytes()[start..end] {

@@ -1,4 +1,5 @@
-//! The code of `onboard/docs/integration.md`: it compiles, the super-loop and the service compute what Rust computes, in spite of harm.
+//! The code of `onboard/docs/integration.md` compiles, and the super-loop and the service compute the same heights as Rust, also with
+//! faults.
 
 mod cc;
 mod common;
@@ -13,15 +14,15 @@ fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
 }
 
-/// The golden tile's heights and validity, as bytes.
+/// Returns the golden tile's heights and validity, as bytes.
 fn golden() -> (Vec<u8>, Vec<u8>) {
     let (heights_m, valid) = Tile::golden().expected();
     (heights_m.iter().flat_map(|v| v.to_ne_bytes()).collect(), valid)
 }
 
-/// With `-I` for the folders of the examples and of the test programs.
+/// Builds a guide with the examples and the test programs.
 fn build_guide(sources: &[PathBuf], language: &str, folder: &Path) -> PathBuf {
-    // Beside each other, so that they find their headers: the compiler looks there first.
+    // All files are copied to one folder, where the compiler finds their headers first.
     for from in ["examples", "tests/c"] {
         for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(from)).unwrap() {
             let path = entry.unwrap().path();
@@ -43,7 +44,7 @@ fn the_super_loop_computes_what_rust_computes() {
     let sources: Vec<PathBuf> = sources.collect();
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
         let program = build_guide(&sources, language, &folder);
-        // Harmed while the self test, the first tile, and scrubbing are at work; events tell, heights do not.
+        // Faults during the self test, the first tile, and scrubbing: they cause events, and the heights stay the same.
         for (harm, reloads) in [(0, 0), (40, 1), (500, 1), (1100, 1)] {
             let out = folder.join("heights");
             let said = run(Command::new(&program)
@@ -88,7 +89,7 @@ fn tasks_compile_against_stubs() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// What to do after a status: as the table of `onboard/README.md` says.
+/// The action after every status agrees with the table of `onboard/README.md`.
 #[test]
 fn every_status_has_the_action_of_the_readme() {
     let name = |status: u32| match status {

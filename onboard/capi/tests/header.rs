@@ -1,11 +1,12 @@
-//! `include/elunar.h` is what cbindgen makes of the sources. After a change: `ELUNAR_WRITE_HEADER=1 cargo test -p elunar-capi --test header`.
+//! Checks that `include/elunar.h` is cbindgen's output for the sources. To write it:
+//! `ELUNAR_WRITE_HEADER=1 cargo test -p elunar-capi --test header`.
 
 use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use elunar_capi::status::{FAULT, GOOD, NOTICE, REFUSED, STATUSES, severity};
 use std::fmt::Write;
 use std::path::Path;
 
-/// What the header says before it defines anything.
+/// The text of the header before its definitions.
 const PREAMBLE: &str = "\
 /* ELunarDTM, the flight runner: one orbiter image and a coarse DTM in, a DTM at the image's resolution out.
  *
@@ -24,7 +25,7 @@ const PREAMBLE: &str = "\
  * - one thread at a time uses a context.
  */";
 
-/// Severities and statuses, from the table that the library itself reads.
+/// Returns severities and statuses, from the table of the library.
 fn statuses() -> String {
     let mut text = String::from(
         "

@@ -1,4 +1,4 @@
-//! What the C interface costs beside the work: `cargo test -p elunar-capi --test overhead -- --ignored --nocapture`.
+//! Measures the cost of the C interface in addition to the work: `cargo test -p elunar-capi --test overhead -- --ignored --nocapture`.
 
 mod common;
 use common::*;
@@ -6,7 +6,7 @@ use elunar_capi::status::*;
 use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
 use std::time::Instant;
 
-/// Seconds of the fastest of some rounds.
+/// Returns the seconds of the fastest of some rounds.
 fn fastest(rounds: usize, mut round: impl FnMut()) -> f64 {
     let one = |()| {
         let start = Instant::now();
@@ -22,7 +22,7 @@ fn calls_cost_little_beside_their_work() {
     let mut context = Context::new(nano());
     let telemetry = fastest(200, || _ = context.telemetry());
     let scrub = fastest(200, || assert_eq!(context.scrub(1), ELD_OK));
-    // Asking an x86 processor what it can do leaves a virtual machine three times.
+    // A query for the features of an x86 processor leaves a virtual machine three times.
     let asking = fastest(200, || _ = Kernel::best());
     println!(
         "a call that does nothing: telemetry {:.2} us, scrub of 1 byte {:.2} us, of which {:.2} us ask for the kernel",
@@ -35,7 +35,7 @@ fn calls_cost_little_beside_their_work() {
     let mut runner = Runner::new(Model::new(nano()).unwrap(), &mut arena).unwrap();
     for budget in [u64::MAX, 50_000_000, 5_000_000] {
         let (mut steps, mut through_c, mut without) = (0, f64::INFINITY, f64::INFINITY);
-        // In turn, so that both see the same machine.
+        // In turn, so that both run under the same conditions.
         for _ in 0..15 {
             through_c = through_c.min(fastest(1, || {
                 assert!(worked(context.self_test_begin()));

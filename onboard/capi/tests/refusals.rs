@@ -1,5 +1,5 @@
-//! Every status there is, reached by a caller who errs or a machine that fails.
-#![allow(unsafe_code)] // C's functions
+//! Reaches every status, by errors of the caller or faults of the machine.
+#![allow(unsafe_code)] // C functions
 
 mod common;
 use common::*;
@@ -10,21 +10,21 @@ use elunar_core::nn::file::{ENTRY_BYTES, TENSOR_BYTES, crc32c, word};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
-/// What a case needs: a call that ends with the status, as (status, what was done).
+/// A case: the expected status, a description, and a call that returns the status.
 type Case = (eld_status_t, &'static str, fn() -> eld_status_t);
 
-/// Statuses that no test on this machine can reach, and why.
+/// Statuses that no test on this machine can reach, with the reason.
 const OUT_OF_REACH: [(eld_status_t, &str); 1] = [(ELD_REFUSED_MODEL_SIZE, "needs a machine of 32 bits")];
 
 fn init(memory: *mut u64, bytes: usize, model: &[u8]) -> eld_status_t {
     let mut handle = null_mut();
-    // SAFETY: buffers of our own, or refused before they are touched.
+    // SAFETY: buffers of the test, or refused before they are used.
     let status = unsafe { ffi::eld_init(memory.cast(), bytes, model.as_ptr().cast(), model.len(), &raw mut handle) };
     assert_eq!(handle.is_null(), !worked(status));
     status
 }
 
-/// Whether a model with changes is refused as it should be, by both functions that validate it.
+/// Returns the status of a changed model, after a check that both validating functions refuse it.
 fn validated(model: &[u8]) -> eld_status_t {
     let mut memory = vec![7u64; 200_000];
     let checked = info(model).unwrap_err();
@@ -39,12 +39,12 @@ fn begun() -> Context {
     context
 }
 
-/// Begins the golden tile with a change to what C hands over.
+/// Begins the golden tile with a change of the structure.
 fn begin_with(change: impl FnOnce(&mut eld_tile_t)) -> eld_status_t {
     let (tile, context) = (Tile::golden(), Context::new(nano()));
     let mut c = tile.c();
     change(&mut c);
-    // SAFETY: a context and a tile of our own; what is wrong with it is refused before it is used.
+    // SAFETY: a context and a tile of the test; wrong fields are refused before they are used.
     unsafe { ffi::eld_begin(context.handle, &c) }
 }
 
@@ -61,7 +61,7 @@ fn output_of(
     valid: *mut u8,
     valid_len: usize,
 ) -> eld_status_t {
-    // SAFETY: a context of our own; the buffers are refused before they are touched.
+    // SAFETY: a context of the test; the buffers are refused before they are used.
     unsafe { ffi::eld_output(context.handle, heights_m, heights_len, valid, valid_len) }
 }
 
@@ -71,17 +71,17 @@ fn finished() -> Context {
     context
 }
 
-/// A model on the heap whose bytes may change under a context.
+/// Returns a model on the heap, whose bytes may change, and its context.
 fn own_model() -> (Vec<u8>, Context) {
     let model = nano().to_vec();
     let context = Context::new(&model);
     (model, context)
 }
 
-/// Sets the word of the context that says "a call is changing the arena", under valid checksums: as a call leaves it that does not return.
+/// Sets the word of the context that says "a call is changing the arena", under valid checksums, as after a call that did not return.
 fn interrupt(context: &mut Context) {
     let copy_bytes = context.head_bytes() / 2;
-    // Behind the magic, half of the seventh word.
+    // Behind the magic, in half of the seventh word.
     let busy = 8 * (1 + 6) + 4;
     for copy in context.bytes()[..2 * copy_bytes].chunks_mut(copy_bytes) {
         assert_eq!(copy[busy], 0);
@@ -92,12 +92,12 @@ fn interrupt(context: &mut Context) {
     }
 }
 
-/// First byte of the validity bits: the first cache line behind the context.
+/// Returns the offset of the validity bits: the first cache line behind the context.
 fn validity_at(context: &mut Context) -> usize {
     context.head_bytes().next_multiple_of(64)
 }
 
-/// Steps until a tile is done or lost.
+/// Steps until a tile is done or lost; returns the status.
 fn to_the_end(context: &mut Context) -> eld_status_t {
     loop {
         match context.step(STEP_MACS) {
@@ -140,27 +140,27 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_NULL, "no model", || {
         let mut needs = info(nano()).unwrap();
-        // SAFETY: NULL is what is tested; the structure is our own.
+        // SAFETY: the test passes NULL; the structure is the test's.
         unsafe { ffi::eld_model_check(null(), 5, &raw mut needs) }
     }),
-    // SAFETY: NULL is what is tested.
+    // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no info", || unsafe { ffi::eld_model_check(nano().as_ptr().cast(), nano().len(), null_mut()) }),
     (ELD_REFUSED_NULL, "no memory", || init(null_mut(), 1 << 30, nano())),
-    // SAFETY: NULL is what is tested.
+    // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no place for the context", || unsafe {
         ffi::eld_init([0u64; 99].as_mut_ptr().cast(), 792, nano().as_ptr().cast(), nano().len(), null_mut())
     }),
-    // SAFETY: NULL is what is tested.
+    // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no tile", || unsafe { ffi::eld_begin(Context::new(nano()).handle, null()) }),
     (ELD_REFUSED_NULL, "no image", || begin_with(|tile| tile.image = null())),
     (ELD_REFUSED_NULL, "no coarse DTM", || begin_with(|tile| tile.coarse_m = null())),
     (ELD_REFUSED_NULL, "a mask of length only", || begin_with(|tile| tile.valid = null())),
     (ELD_REFUSED_NULL, "no heights", || output_of(&finished(), null_mut(), PX, null_mut(), 0)),
     (ELD_REFUSED_NULL, "no counters", || {
-        // SAFETY: NULL is what is tested.
+        // SAFETY: the test passes NULL.
         unsafe { ffi::eld_telemetry(Context::new(nano()).handle, null_mut()) }
     }),
-    // SAFETY: NULL is what is tested.
+    // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no name", || unsafe { ffi::eld_kernel_name(null_mut(), 64) }),
     (ELD_REFUSED_ALIGNMENT, "an odd image", || begin_with(|tile| tile.image = tile.image.wrapping_byte_add(1))),
     (ELD_REFUSED_ALIGNMENT, "odd heights", || {
@@ -173,33 +173,33 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_LENGTH, "an endless model", || {
         let mut needs = info(nano()).unwrap();
-        // SAFETY: the length is what is tested.
+        // SAFETY: the test passes this length.
         unsafe { ffi::eld_model_check(nano().as_ptr().cast(), usize::MAX, &raw mut needs) }
     }),
     (ELD_REFUSED_LENGTH, "endless memory", || init(vec![0u64; 9].as_mut_ptr(), usize::MAX - 8, nano())),
     (ELD_REFUSED_LENGTH, "an endless image", || begin_with(|tile| tile.image_len = usize::MAX / 2)),
     (ELD_REFUSED_STRUCT_BYTES, "an info of another version", || {
         let mut needs = eld_model_info_t { struct_bytes: 8, ..info(nano()).unwrap() };
-        // SAFETY: a structure of our own.
+        // SAFETY: a structure of the test.
         unsafe { ffi::eld_model_check(nano().as_ptr().cast(), nano().len(), &raw mut needs) }
     }),
     (ELD_REFUSED_STRUCT_BYTES, "a tile of another version", || begin_with(|tile| tile.struct_bytes += 4)),
     (ELD_REFUSED_STRUCT_BYTES, "counters of another version", || {
         let mut out = eld_telemetry_t::default();
-        // SAFETY: a structure of our own.
+        // SAFETY: a structure of the test.
         unsafe { ffi::eld_telemetry(Context::new(nano()).handle, &raw mut out) }
     }),
     (ELD_REFUSED_OVERLAP, "memory within the model", || {
         let mut both = vec![0u64; 1_000_000];
         let at = both.as_mut_ptr();
         let mut handle = null_mut();
-        // SAFETY: a buffer of our own; refused before it is touched.
+        // SAFETY: a buffer of the test, refused before it is used.
         unsafe { ffi::eld_init(at.cast(), 5_000_000, at.wrapping_add(100_000).cast(), 5_000_000, &raw mut handle) }
     }),
     (ELD_REFUSED_OVERLAP, "the image within the lent memory", || {
         let (tile, context) = (Tile::golden(), Context::new(nano()));
         let c = eld_tile_t { image: context.memory.as_ptr().cast(), ..tile.c() };
-        // SAFETY: a context of our own; refused before the maps are read.
+        // SAFETY: a context of the test, refused before the maps are read.
         unsafe { ffi::eld_begin(context.handle, &c) }
     }),
     (ELD_REFUSED_OVERLAP, "heights into the lent memory", || {
@@ -214,7 +214,7 @@ const CASES: &[Case] = &[
     (ELD_REFUSED_OVERLAP, "counters into the lent memory", || {
         let mut context = Context::new(nano());
         let at: *mut eld_telemetry_t = context.memory.as_mut_ptr().wrapping_add(1000).cast();
-        // SAFETY: within the memory lent; only the size is read.
+        // SAFETY: within the lent memory; only the size is read.
         unsafe {
             (&raw mut (*at).struct_bytes).write(size_of::<eld_telemetry_t>() as u32);
             ffi::eld_telemetry(context.handle, at)
@@ -334,7 +334,7 @@ const CASES: &[Case] = &[
         model[4 * word::NR] ^= 1;
         assert_eq!(context.begin(&Tile::golden()), ELD_FAULT_MODEL_CHANGED);
         assert_eq!(context.telemetry().last_fault, ELD_FAULT_MODEL_CHANGED);
-        // Restored, it goes on.
+        // With the model restored, it continues.
         model[4 * word::NR] ^= 1;
         assert_eq!(context.begin(&Tile::golden()), ELD_OK);
         model[4 * word::NR] ^= 1;
@@ -355,7 +355,8 @@ const CASES: &[Case] = &[
     (ELD_FAULT_MODEL_CHANGED, "a record changes before the next tile begins", || {
         let (mut model, mut context) = own_model();
         assert_eq!((context.begin(&Tile::golden()), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
-        // That of the coarse DTM's tensor: found when the image is in the arena already, over the maps of the tile at work.
+        // A change in the record of the coarse DTM's tensor is found when the image is in the arena already, over the maps of the current
+        // tile.
         let record = header(&model, word::TENSORS) + TENSOR_BYTES * header(&model, word::COARSE);
         model[record + 4] ^= 1;
         let status = context.begin(&Tile::other());
@@ -366,7 +367,7 @@ const CASES: &[Case] = &[
         let mut context = begun();
         assert_eq!(context.step(STEP_MACS), ELD_RUNNING);
         let last = 8 * context.bytes().len();
-        // The last tenth of the memory holds maps and their checksums, dead and alive.
+        // The last tenth of the memory contains maps and their checksums, used and unused.
         (last - last / 10..last).step_by(101).for_each(|bit| context.flip(bit));
         let status = to_the_end(&mut context);
         assert_eq!(context.telemetry().tile_faults, 1);
@@ -466,13 +467,13 @@ fn a_refused_call_changes_nothing_of_the_tile() {
     let mut status = ELD_RUNNING;
     while status == ELD_RUNNING {
         status = context.step(STEP_MACS);
-        // Refused while at work, all of them.
+        // All these calls are refused while a tile is in progress.
         if status == ELD_RUNNING {
             assert_eq!(context.output(), Err(ELD_REFUSED_NOT_DONE));
         }
         assert_eq!(context.self_test_check(), ELD_REFUSED_OTHER_TILE);
         assert_eq!(output_of(&context, null_mut(), PX, null_mut(), 0), ELD_REFUSED_NULL);
-        // SAFETY: NULL is what is tested.
+        // SAFETY: the test passes NULL.
         assert_eq!(unsafe { ffi::eld_begin(context.handle, null()) }, ELD_REFUSED_NULL);
     }
     assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));

@@ -1,12 +1,12 @@
-//! `onboard/docs/requirements.md`: numbered, complete, and every verification is there.
+//! Checks that the requirements of `onboard/docs/requirements.md` are numbered and complete, and that every verification exists.
 
 mod pages;
 use pages::{read, repository};
 
-/// What every requirement has, in this order.
+/// The parts of every requirement, in this order.
 const PARTS: [&str; 3] = ["- *Rationale:* ", "- *Verification:* ", "- *Source:* "];
 
-/// A requirement as the page has it.
+/// A requirement of the page.
 struct Requirement {
     number: u32,
     text: String,
@@ -33,7 +33,7 @@ fn requirements(page: &str) -> Result<Vec<Requirement>, String> {
     Ok(found)
 }
 
-/// Whether a verification, `path::name`, exists: a test in Rust, or a function of a script.
+/// Returns an error unless a verification, `path::name`, exists: a test in Rust, or a function of a script.
 fn exists(verification: &str) -> Result<(), String> {
     let (path, name) = verification.split_once("::").ok_or(format!("{verification}: expected path::name"))?;
     if !repository().join(path).is_file() {
@@ -47,7 +47,7 @@ fn exists(verification: &str) -> Result<(), String> {
         false => line.trim_start().starts_with(&format!("fn {name}(")),
     };
     let at = lines.iter().position(|line| declares(line)).ok_or(format!("{verification}: no such function"))?;
-    // Attributes stand before the function, one a line.
+    // Attributes are before the function, one per line.
     let attributes = lines[..at].iter().rev().take_while(|line| line.trim_start().starts_with("#["));
     match script || attributes.into_iter().any(|line| line.trim() == "#[test]") {
         true => Ok(()),
@@ -55,7 +55,7 @@ fn exists(verification: &str) -> Result<(), String> {
     }
 }
 
-/// What is wrong with a page.
+/// Returns the errors of a page.
 fn complaints(page: &str) -> Vec<String> {
     let all = match requirements(page) {
         Ok(all) => all,

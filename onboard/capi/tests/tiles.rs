@@ -1,5 +1,5 @@
-//! The C interface computes what the core computes, byte for byte, however its calls are mixed.
-#![allow(unsafe_code)] // C's functions
+//! The C interface computes the same bytes as the core, in every order of calls.
+#![allow(unsafe_code)] // C functions
 
 mod common;
 use common::*;
@@ -17,12 +17,12 @@ fn heights_and_validity_are_the_cores() {
     assert_eq!(bits(&found.0), bits(&heights_m));
     assert_eq!(found.1, valid);
     let masked = valid.iter().filter(|v| **v == 0).count();
-    // Lost packets, a saturated sample, heights without data, a masked corner.
+    // Lost packets, a saturated sample, voids in the heights, a masked corner.
     assert_eq!(masked, 8 * 40 + 1 + 4 * 20 + 16 * 24);
     assert_eq!(context.telemetry().valid_px as usize, PX - masked);
-    // Heights again, without the mask; a finished tile stays.
+    // The heights again, without the mask; a finished tile stays.
     let mut again = vec![0.0; PX];
-    // SAFETY: a context and a buffer of our own.
+    // SAFETY: a context and a buffer of the test.
     let status = unsafe { ffi::eld_output(context.handle, again.as_mut_ptr(), PX, std::ptr::null_mut(), 0) };
     assert_eq!((status, bits(&again)), (ELD_OK, bits(&heights_m)));
     assert_eq!(context.step(1), ELD_OK);
@@ -56,7 +56,7 @@ fn two_contexts_do_not_know_of_each_other() {
     for (context, tile) in contexts.iter_mut().zip(&tiles) {
         assert!(worked(context.begin(tile)));
     }
-    // Step by step in turn; steps of one end within layers of the other.
+    // In turn step by step; steps of one tile end within layers of the other.
     let mut running = [true; 2];
     while running.contains(&true) {
         for ((context, running), budget) in contexts.iter_mut().zip(&mut running).zip([STEP_MACS, 7_000_000]) {
@@ -180,7 +180,7 @@ fn versions_names_and_sizes_are_told() {
     assert_eq!(ffi::eld_version(), ELD_VERSION);
     assert!(needs.memory_bytes > needs.arena_bytes && needs.largest_unit_macs < needs.tile_macs / 100);
     let mut name = [1; 64];
-    // SAFETY: a buffer of our own.
+    // SAFETY: a buffer of the test.
     let name_it = |name: &mut [std::ffi::c_char]| unsafe { ffi::eld_kernel_name(name.as_mut_ptr(), name.len()) };
     assert_eq!(name_it(&mut name), ELD_OK);
     let len = name.iter().position(|c| *c == 0).unwrap();

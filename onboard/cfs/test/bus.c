@@ -1,7 +1,7 @@
-/* A software bus for tests, as far as the application sees one: bus IMAGE COARSE OUT
+/* A software bus for tests with the functions that the application uses: bus IMAGE COARSE OUT
  *
- * Hands the application a script of messages and prints the events that it sends, one a line, and what housekeeping says. It is no cFE:
- * one task, no queue, no time. Files are the host's. */
+ * Sends the application a script of messages, prints its events, one per line, and its housekeeping. It is not cFE:
+ * one task, no queue, no time. Files are those of the host. */
 #include "elunar_app.h"
 
 #include <stdarg.h>
@@ -11,7 +11,7 @@
 
 extern ELUNAR_APP_Table_t ELUNAR_APP_Limits;
 
-/* A message as this bus keeps it. */
+/* A message as this bus stores it. */
 typedef union {
     CFE_SB_Buffer_t             Buffer;
     ELUNAR_APP_PlainCmd_t       Plain;
@@ -44,7 +44,7 @@ bool CFE_ES_RunLoop(uint32 *RunStatus) { return *RunStatus == CFE_ES_RunStatus_A
 void CFE_ES_ExitApp(uint32 ExitStatus) { printf("exit %u\n", (unsigned)ExitStatus); }
 
 void CFE_ES_PerfLogAdd(uint32 Marker, uint32 EntryExit) {
-    /* Entries and exits of the work alternate. */
+    /* Entries and exits of the work must alternate. */
     static uint32 Last = 1;
     if (Marker == ELUNAR_APP_WORK_PERF_ID) {
         if (EntryExit == Last) Fail("performance marks out of order");
@@ -146,7 +146,7 @@ static bool Tile(const char *Image, float SunElevationDeg) {
     return true;
 }
 
-/* Prepares a wakeup, and stays at this step of the script, as long as the service is in a state. */
+/* Prepares a wakeup and stays at this step of the script as long as the service is in a state. */
 static bool Wake(service_state_t While) {
     if (ELUNAR_APP_Data.Service.state != While) return false;
     if (++Wakeups > 20000) Fail("too many wakeups");
@@ -166,7 +166,7 @@ static bool HarmModel(void) {
     return false;
 }
 
-/* A table that is not legal is not taken. */
+/* An illegal table is refused. */
 static bool HarmTable(void) {
     Table.MaxSlope = -1.0f;
     if (Validate(&Table) == CFE_SUCCESS) Fail("a bad table is taken");
@@ -184,14 +184,14 @@ static bool Plain(CFE_MSG_FcnCode_t Code) {
     return true;
 }
 
-/* The script: prepares the message of a step; false if that step is over without one. */
+/* The script: prepares the message of a step; returns false if that step ends without a message. */
 static bool Play(unsigned At) {
     switch (At) {
         case 0: return Plain(ELUNAR_APP_NOOP_CC);
         case 1: return Plain(ELUNAR_APP_PROCESS_TILE_CC); /* too short */
         case 2: return Plain(99);
         case 3: return Ask(0x1999);
-        case 4: return Tile(Arguments[1], 25.614722f); /* while the self test is at work */
+        case 4: return Tile(Arguments[1], 25.614722f); /* while the self test is in progress */
         case 5: return Wake(SERVICE_SELF_TEST);
         case 6: return Tile("/nowhere/image.f32", 25.614722f);
         case 7: return Tile(Arguments[1], 1.0f); /* the Sun too low */
@@ -248,7 +248,7 @@ CFE_Status_t CFE_TBL_GetAddress(void **TblPtr, CFE_TBL_Handle_t TblHandle) {
     if (Held) Fail("the table is held");
     Held    = true;
     *TblPtr = &Table;
-    /* As cFE says once after a load. */
+    /* cFE returns this once after a load. */
     if (Updated) {
         Updated = false;
         return CFE_TBL_INFO_UPDATED;
@@ -280,7 +280,7 @@ int32 OS_close(osal_id_t filedes) {
 }
 
 int32 OS_read(osal_id_t filedes, void *buffer, size_t nbytes) {
-    /* In bites, as a file system may. */
+    /* In portions, as a file system may do. */
     return (int32)fread(buffer, 1, nbytes < 100000 ? nbytes : 100000, Files[filedes.Value]);
 }
 

@@ -9,7 +9,7 @@ fn main() {
     let memory = boards.join(&board).join("memory.x");
     assert!(memory.exists(), "ELUNAR_BOARD: expected a board with a memory map, found no {}", memory.display());
     println!("cargo:rustc-cfg=bare");
-    // Nothing else of that folder: budgets and counts are written anew after every record.
+    // Only these files of the folder: budgets and counts change after every record.
     for script in [memory, boards.join("sections.x")] {
         println!("cargo:rustc-link-arg=-T{}", script.display());
         println!("cargo:rerun-if-changed={}", script.display());

@@ -1,4 +1,4 @@
-//! Any bytes are a table of points, all of them finite, or refused.
+//! Any bytes are a table of finite points, or refused.
 #![no_main]
 
 use elunar_raster::MOON_RADIUS_M;

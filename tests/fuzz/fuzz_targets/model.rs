@@ -1,4 +1,4 @@
-//! Any bytes are a model that runs without harm, or refused: as they are, and as changes to a sound model.
+//! Any bytes are a model that runs without memory errors, or refused: as the whole file, and as changes to a valid model.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

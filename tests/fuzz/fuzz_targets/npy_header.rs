@@ -1,4 +1,4 @@
-//! Any text is a NumPy header or not.
+//! Any text is a NumPy header, or refused.
 #![no_main]
 
 use elunar_raster::npy::Header;

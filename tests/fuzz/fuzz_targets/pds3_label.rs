@@ -1,4 +1,4 @@
-//! Any bytes are a label or a defect with its line.
+//! Any bytes are a label, or an error with its line.
 #![no_main]
 
 use elunar_raster::pds3::Block;

@@ -1,4 +1,4 @@
-//! The fuzz targets `kernels` and `model` on seeded bytes: for those who have no nightly compiler.
+//! The fuzz targets `kernels` and `model` on seeded bytes, without a nightly compiler.
 
 use elunar_provoke::Random;
 use elunar_provoke::model::{kernels, mutated_model, raw_model};
@@ -37,7 +37,7 @@ fn mutated_models_under_valid_checksums_do_no_harm() {
         accepted += mutated_model(&random.bytes(1 + 10 * patches)) as usize;
     }
     println!("{accepted} of {rounds} accepted and run");
-    // Constants may change within their limits: some must come through, and most structures must not.
+    // Constants may change within their limits: some models must be accepted, and most changes of structure must be refused.
     assert!(accepted > rounds / 20 && accepted < rounds / 2, "{accepted}");
     (0..4).for_each(|model| assert!(mutated_model(&[model]), "unchanged model {model}"));
 }

@@ -1,8 +1,8 @@
-//! Arbitrary calls of the C interface: what the fuzz target `c_abi` and its seeded replay both run.
+//! Arbitrary calls of the C interface, for the fuzz target `c_abi` and its seeded replay.
 //!
-//! Bytes say which function is called next, on which of two contexts, and what is wrong with its arguments; bits flip between calls. A twin
-//! that keeps the rules of the header says what may come back.
-#![allow(unsafe_code)] // C's functions
+//! Bytes choose the next function, one of two contexts, and errors in its arguments; bits flip between calls. A second implementation of
+//! the header's rules says which statuses are possible.
+#![allow(unsafe_code)] // C functions
 
 use crate::model::{Reader, mutated, sound_models};
 use elunar_capi::ffi;
@@ -14,38 +14,38 @@ use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 use std::sync::{Mutex, OnceLock};
 
-/// Words laid around lent memory, to be found again as they were.
+/// Words before and after lent memory, which must not change.
 const GUARD: usize = 16;
 const GUARD_WORD: u64 = 0xc3c3_c3c3_c3c3_c3c3;
-/// Most memory that is lent.
+/// Largest amount of lent memory, bytes.
 const LARGEST: u64 = 1 << 24;
-/// Multiply-accumulates after which a model that was changed is left alone.
+/// Multiply-accumulates after which a changed model is not run any further.
 const MOST_MACS: u64 = 1 << 22;
-/// Tiles that are good.
+/// Number of good tiles.
 const TILES: usize = 3;
 
-/// What became of some bytes.
+/// The results of some calls.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Tally {
-    /// Calls.
+    /// Number of calls.
     pub calls: usize,
-    /// Calls that did their work, were refused, ended with a fault.
+    /// Numbers of calls that did their work, that were refused, and that ended with a fault.
     pub worked: usize,
     /// See [`Self::worked`].
     pub refused: usize,
     /// See [`Self::worked`].
     pub faults: usize,
-    /// Tiles whose heights were the expected ones.
+    /// Number of tiles with the expected heights.
     pub tiles: usize,
-    /// Flipped bits of a context that were repaired.
+    /// Number of flipped bits of a context that were repaired.
     pub repairs: usize,
 }
 
-/// What is in the arena of a slot that nothing has damaged.
+/// The contents of the arena in an undamaged slot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Empty,
-    /// A good tile by number, or one made up.
+    /// A good tile by its number, or another tile.
     Tile {
         good: Option<usize>,
         done: bool,
@@ -55,16 +55,16 @@ enum Phase {
     },
 }
 
-/// A context with its memory and its model, and what is known of it.
+/// A context with its memory, its model and its known state.
 struct Slot {
     memory: Vec<u64>,
     model: Vec<u8>,
-    /// Which sound model that is, if it is one.
+    /// Number of the sound model, if the model is one.
     sound: Option<usize>,
     handle: *mut eld_context_t,
     info: eld_model_info_t,
     phase: Phase,
-    /// Nothing but one copy of the context was ever damaged.
+    /// Whether nothing was ever damaged except one copy of the context.
     whole: bool,
     macs: u64,
 }
@@ -78,7 +78,7 @@ struct Tile {
 }
 
 impl Tile {
-    /// Good tile `number` of a shape.
+    /// Returns good tile `number` of a shape.
     fn good(number: usize, (rows, cols): (usize, usize)) -> Self {
         let at = |i: usize| ((i / cols) as f32, (i % cols) as f32);
         let wave = |i: usize, p: f32| (at(i).0 / p).sin() + (at(i).1 / (p + 1.0) + number as f32).cos();
@@ -109,7 +109,7 @@ impl Tile {
         self
     }
 
-    /// One that something is wrong with, perhaps.
+    /// Returns the tile with changes that may be errors.
     fn odd(mut self, reader: &mut Reader<'_>, memory: *const u64) -> Self {
         let (how, value) = (reader.byte(), reader.word());
         let (at, float) = (value as usize % self.image.len(), f32::from_bits(reader.word()));
@@ -135,7 +135,7 @@ impl Tile {
     }
 }
 
-/// A model's heights for a good tile, in one step through a context of its own; checksums, made once.
+/// Returns the checksum of a model's heights for a good tile, computed in one step with a separate context; computed once.
 fn expected(model: usize, tile: usize) -> u32 {
     static KNOWN: OnceLock<Mutex<HashMap<(usize, usize), u32>>> = OnceLock::new();
     let known = KNOWN.get_or_init(Mutex::default);
@@ -144,7 +144,7 @@ fn expected(model: usize, tile: usize) -> u32 {
     }
     let mut slot = Slot::new(sound_models()[model].to_vec(), Some(model)).expect("a sound model");
     let good = Tile::good(tile, slot.shape());
-    // SAFETY: a context and a tile of our own.
+    // SAFETY: a context and a tile of the test.
     let statuses = unsafe { [ffi::eld_begin(slot.handle, &good.c), ffi::eld_step(slot.handle, u64::MAX)] };
     assert!(statuses.iter().all(|status| worked(*status)), "{statuses:x?}");
     let crc = slot.heights().expect("a finished tile");
@@ -153,10 +153,10 @@ fn expected(model: usize, tile: usize) -> u32 {
 }
 
 impl Slot {
-    /// A slot with a context, or why there is none.
+    /// Makes a slot with a context; the error is the status of the refusal.
     fn new(model: Vec<u8>, sound: Option<usize>) -> Result<Self, eld_status_t> {
         let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
-        // SAFETY: a buffer and a structure of our own.
+        // SAFETY: a buffer and a structure of the test.
         let status = unsafe { ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info) };
         if status != ELD_OK {
             return Err(status);
@@ -171,7 +171,7 @@ impl Slot {
 
     fn init(&mut self, bytes: usize, shift: usize) -> eld_status_t {
         let memory = self.memory[GUARD..].as_mut_ptr().wrapping_byte_add(shift);
-        // SAFETY: within memory of our own, or refused.
+        // SAFETY: within memory of the test, or refused.
         unsafe {
             let (model, len) = (self.model.as_ptr().cast(), self.model.len());
             ffi::eld_init(memory.cast(), bytes, model, len, &raw mut self.handle)
@@ -182,17 +182,17 @@ impl Slot {
         (self.info.tile_rows as usize, self.info.tile_cols as usize)
     }
 
-    /// The memory lent, as bytes.
+    /// Returns the lent memory as bytes.
     fn bytes(&mut self) -> &mut [u8] {
         let words = self.memory.len() - 2 * GUARD;
-        // SAFETY: memory of our own, between calls.
+        // SAFETY: memory of the test, between calls.
         unsafe { std::slice::from_raw_parts_mut(self.memory[GUARD..].as_mut_ptr().cast(), 8 * words) }
     }
 
     fn heights(&mut self) -> Result<u32, eld_status_t> {
         let px = self.shape().0 * self.shape().1;
         let (mut heights_m, mut valid) = (vec![0f32; px], vec![2u8; px]);
-        // SAFETY: a context and buffers of our own.
+        // SAFETY: a context and buffers of the test.
         let status = unsafe { ffi::eld_output(self.handle, heights_m.as_mut_ptr(), px, valid.as_mut_ptr(), px) };
         if !worked(status) {
             assert!(valid.iter().all(|v| *v == 2), "refused, and yet written");
@@ -203,7 +203,7 @@ impl Slot {
         Ok(crc32c(&bytes))
     }
 
-    /// Bytes of both copies of the context.
+    /// Returns the number of bytes of both copies of the context.
     fn head_bytes(&mut self) -> usize {
         let bytes = self.bytes();
         let second = (8..2048).find(|&at| bytes[at..at + 7] == bytes[..7]);
@@ -217,14 +217,14 @@ impl Slot {
     }
 }
 
-/// The machine under test.
+/// The state of the test.
 struct Play<'b> {
     reader: Reader<'b>,
     slots: [Option<Slot>; 2],
     tally: Tally,
 }
 
-/// Runs calls as `bytes` say.
+/// Runs calls chosen by `bytes`.
 ///
 /// # Panics
 /// If a status is unknown, a sound context reports a fault, heights differ, or memory that was not lent has changed.
@@ -243,7 +243,7 @@ pub fn c_abi(bytes: &[u8]) -> Tally {
 impl Play<'_> {
     fn count(&mut self, status: eld_status_t) -> eld_status_t {
         assert!(STATUSES.iter().any(|known| known.status == status), "{status:08x} is no status");
-        // SAFETY: a text of the library's.
+        // SAFETY: a text of the library.
         let text = unsafe { CStr::from_ptr(ffi::eld_status_text(status)) };
         assert!(!text.is_empty());
         self.tally.calls += 1;
@@ -255,7 +255,7 @@ impl Play<'_> {
         status
     }
 
-    /// A slot with a context, mostly of a sound model.
+    /// Makes a slot with a context, mostly of a sound model.
     fn make(&mut self) -> Option<Slot> {
         let (how, which) = (self.reader.byte(), self.reader.byte() as usize % sound_models().len());
         let sound = sound_models()[which];
@@ -286,12 +286,12 @@ impl Play<'_> {
         }
     }
 
-    /// One call on a slot, or something that happens to it.
+    /// Does one call on a slot, or damages it.
     fn call(&mut self, mut slot: Slot) -> Option<Slot> {
         let what = self.reader.byte() % 16;
         let status = match what {
             0 => {
-                // Made anew, with something wrong.
+                // A new context, with an error in the arguments.
                 let needed = slot.info.memory_bytes as usize;
                 let (bytes, shift) =
                     [(needed - 1, 0), (needed, 4), (needed, 0), (0, 0)][self.reader.byte() as usize % 4];
@@ -310,7 +310,7 @@ impl Play<'_> {
             8 => self.output(&mut slot),
             9 => {
                 let max_bytes = self.reader.size(1 << 16).min(1 << 20);
-                // SAFETY: a context of our own, here and below.
+                // SAFETY: a context of the test, here and below.
                 unsafe { ffi::eld_scrub(slot.handle, max_bytes) }
             }
             10 => self.self_test(&mut slot),
@@ -335,7 +335,7 @@ impl Play<'_> {
         if odd {
             tile = tile.odd(&mut self.reader, slot.memory[GUARD..].as_ptr());
         }
-        // SAFETY: a context of our own; what is wrong with the tile is refused before it is used.
+        // SAFETY: a context of the test; wrong fields of the tile are refused before they are used.
         let status = unsafe { ffi::eld_begin(slot.handle, &tile.c) };
         assert!(odd || worked(status) || !slot.whole || slot.sound.is_none(), "a good tile: {:?}", text(status));
         if worked(status) {
@@ -350,7 +350,7 @@ impl Play<'_> {
             return ELD_OK;
         }
         let budget = if slot.sound.is_some() { budget } else { budget.min(1 << 18) };
-        // SAFETY: a context of our own.
+        // SAFETY: a context of the test.
         let status = unsafe { ffi::eld_step(slot.handle, budget) };
         slot.macs = slot.macs.saturating_add(budget.min(slot.info.tile_macs).max(slot.info.largest_unit_macs));
         if slot.whole {
@@ -385,14 +385,14 @@ impl Play<'_> {
 
     fn self_test(&mut self, slot: &mut Slot) -> eld_status_t {
         if self.reader.byte().is_multiple_of(2) {
-            // SAFETY: a context of our own.
+            // SAFETY: a context of the test.
             let status = unsafe { ffi::eld_self_test_begin(slot.handle) };
             if worked(status) {
                 slot.phase = Phase::SelfTest { done: false };
             }
             return status;
         }
-        // SAFETY: a context of our own.
+        // SAFETY: a context of the test.
         let status = unsafe { ffi::eld_self_test_check(slot.handle) };
         if slot.whole && slot.sound.is_some() {
             assert_eq!(worked(status), slot.phase == Phase::SelfTest { done: true }, "{:?}", text(status));
@@ -403,7 +403,7 @@ impl Play<'_> {
     fn telemetry(&mut self, slot: &mut Slot) -> eld_status_t {
         let struct_bytes = size_of::<eld_telemetry_t>() as u32;
         let mut out = eld_telemetry_t { struct_bytes, ..Default::default() };
-        // SAFETY: a context and a structure of our own.
+        // SAFETY: a context and a structure of the test.
         let status = unsafe { ffi::eld_telemetry(slot.handle, &raw mut out) };
         if slot.whole {
             let phase = match slot.phase {
@@ -416,13 +416,13 @@ impl Play<'_> {
         status
     }
 
-    /// Pointers that name nothing.
+    /// Calls with invalid pointers.
     fn nothing_there(&mut self, slot: Slot) -> Option<Slot> {
         let (px, handle) =
             (slot.shape().0 * slot.shape().1, slot.handle.wrapping_byte_add(self.reader.byte() as usize % 8));
         let mut short = vec![0f32; px];
         let len = self.reader.size(2 * px);
-        // SAFETY: what is wrong is refused before memory is touched; a length that is right has its buffer.
+        // SAFETY: errors are refused before memory is used; every correct length has its buffer.
         let statuses = unsafe {
             [
                 ffi::eld_begin(null_mut(), null()),
@@ -443,32 +443,32 @@ impl Play<'_> {
         Some(slot)
     }
 
-    /// Bits flip.
+    /// Flips bits.
     fn damage(&mut self, mut slot: Slot) -> Option<Slot> {
         let (how, bit) = (self.reader.byte(), self.reader.word() as usize);
         let head = slot.head_bytes();
         match how % 8 {
-            // One bit of the context: must not matter.
+            // One bit of the context, which must have no effect.
             0..=3 => {
                 let (place, whole) = (bit % (8 * head), slot.whole);
                 slot.bytes()[place / 8] ^= 1 << (place % 8);
                 self.telemetry(&mut slot);
                 self.tally.repairs += usize::from(whole);
             }
-            // Anything behind it.
+            // A bit anywhere behind the context.
             4 => {
                 let place = bit % (8 * (slot.bytes().len() - head)) + 8 * head;
                 slot.bytes()[place / 8] ^= 1 << (place % 8);
                 slot.whole = false;
             }
-            // Both copies.
+            // Bytes of both copies.
             5 => {
                 for at in [bit % (head / 2), head / 2 + bit / 64 % (head / 2)] {
                     slot.bytes()[at] ^= how | 1;
                 }
                 slot.whole = false;
             }
-            // The model, in use.
+            // A bit of the model in use.
             6 => {
                 let place = bit % (8 * slot.model.len());
                 slot.model[place / 8] ^= 1 << (place % 8);

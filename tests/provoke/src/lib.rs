@@ -1,4 +1,4 @@
-//! Arbitrary bytes against the flight library: what the fuzz targets and their seeded replays in `cases/` both run.
+//! Arbitrary bytes as input of the flight library, for the fuzz targets and their seeded replays in `cases/`.
 
 pub mod c_abi;
 pub mod model;

@@ -1,17 +1,17 @@
-//! Arbitrary bytes against the integer runner: as products, as models, as changes to sound models.
+//! Arbitrary bytes as input of the integer runner: as products, as models, as changes to sound models.
 
 use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 
-/// Bytes laid around a lent arena, to be found again as they were.
+/// Bytes before and after a lent arena, which must not change.
 const GUARD: usize = 64;
 const GUARD_BYTE: u8 = 0xc3;
-/// Largest arena that is lent.
+/// Largest lent arena, bytes.
 const LARGEST_ARENA: usize = 1 << 24;
-/// Multiply-accumulates after which a tile is left as it is.
+/// Multiply-accumulates after which a tile is not continued.
 const BUDGET_MACS: u64 = 1 << 22;
 
-/// Reads numbers off the front of some bytes; zeros when they are used up.
+/// Reads numbers from the front of some bytes; zeros at the end of the bytes.
 pub(crate) struct Reader<'a>(pub(crate) &'a [u8]);
 
 impl Reader<'_> {
@@ -21,7 +21,7 @@ impl Reader<'_> {
         *first
     }
 
-    /// Mostly small, sometimes as large as numbers get.
+    /// Returns a size, mostly small, sometimes near the largest number.
     pub(crate) fn size(&mut self, limit: usize) -> usize {
         match (self.byte() as usize, self.byte() as usize) {
             (255, n) => usize::MAX - n,
@@ -36,9 +36,9 @@ impl Reader<'_> {
     }
 }
 
-/// A matrix product of any shape: every kernel of this machine refuses it like the scalar one, or gives the same numbers.
+/// Computes a matrix product of any shape: every kernel of this machine refuses it like the scalar one, or returns the same numbers.
 ///
-/// Returns whether there was something to compute.
+/// Returns whether there was a product to compute.
 ///
 /// # Panics
 /// If two kernels differ, or a refused product has changed its accumulators.
@@ -49,7 +49,7 @@ pub fn kernels(bytes: &[u8]) -> bool {
     let starts: Vec<usize> = (0..reader.byte() % 6).map(|_| reader.size(90)).collect();
     let fill = reader.byte();
     let acc = vec![i32::from_le_bytes(std::array::from_fn(|_| reader.byte())); pixels.min(64).saturating_mul(width)];
-    // The rest is both weights and activations, which may be too few; repeated for shapes that fit.
+    // The remaining bytes are both weights and activations. They may be too few; they are repeated for shapes that fit.
     let needed = groups.saturating_mul(4 * width).saturating_mul(starts.len()).min(1 << 16);
     let mut weights = reader.0.to_vec();
     let mut codes: Vec<u8> = reader.0.iter().rev().copied().collect();
@@ -74,12 +74,13 @@ pub fn kernels(bytes: &[u8]) -> bool {
     expected.0.is_ok() && pixels > 0 && groups > 0 && !starts.is_empty()
 }
 
-/// Any bytes as a model: refused, or run without harm.
+/// Uses any bytes as a model: refused, or run without memory errors.
 pub fn raw_model(bytes: &[u8]) -> bool {
     run(bytes)
 }
 
-/// A sound model with words exchanged as `patches` says, under valid checksums: refused, or run without harm, all kernels agreeing.
+/// Replaces words of a sound model as `patches` says, under valid checksums. The model is refused, or runs without memory errors, and all
+/// kernels agree.
 ///
 /// Returns whether it was accepted.
 ///
@@ -89,7 +90,7 @@ pub fn mutated_model(patches: &[u8]) -> bool {
     run(&mutated(patches))
 }
 
-/// The model that [`mutated_model`] validates.
+/// Returns the model that [`mutated_model`] validates.
 pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
     let mut reader = Reader(patches);
     let models = sound_models();
@@ -101,7 +102,7 @@ pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
         let at = start + reader.word() as usize % (len / 4).max(1) * 4;
         let old = u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
         let new = changed(old, reader.byte(), reader.word());
-        // The number of chunks says where the checksums lie; without it they could not be renewed.
+        // The number of chunks gives the place of the checksums; with another number they could not be renewed.
         if at != 4 * word::CHUNKS {
             bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
         }
@@ -110,7 +111,7 @@ pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// First byte and bytes of the header, and of the sections that are records or constants.
+/// Returns offset and length of the header, and of the sections that contain records or constants.
 fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
     let field = |i: usize| u32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b])) as usize;
     let section = |index: usize, size: usize| (field(index), field(index + 1) * size);
@@ -123,7 +124,7 @@ fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
     ]
 }
 
-/// Another number for `old`: a neighbour, a flipped bit, an extreme, or anything.
+/// Returns another number for `old`: a neighbour, a flipped bit, an extreme, or any number.
 fn changed(old: u32, how: u8, value: u32) -> u32 {
     match how % 6 {
         0 => value,
@@ -136,7 +137,7 @@ fn changed(old: u32, how: u8, value: u32) -> u32 {
     }
 }
 
-/// Loads and, if it is accepted, runs a model for a bounded time with the fastest and the scalar kernel.
+/// Loads a model and, if it is accepted, runs it for a bounded time with the fastest and the scalar kernel.
 fn run(bytes: &[u8]) -> bool {
     let Ok(model) = Model::new(bytes) else { return false };
     let needed = required(&model);
@@ -166,7 +167,7 @@ fn run(bytes: &[u8]) -> bool {
     true
 }
 
-/// Models of the smallest networks that have every operator, as `host-train` exports them: ../../golden/provoked.
+/// Returns models of the smallest networks with every operator, as `host-train` exports them: ../../golden/provoked.
 pub(crate) fn sound_models() -> [&'static [u8]; 4] {
     [
         include_bytes!("../../golden/provoked/mixed.eld"),

@@ -1,10 +1,10 @@
-//! Randomness without a crate.
+//! Random numbers without a crate.
 
 /// Reproducible bytes and numbers (xorshift64*).
 pub struct Random(pub u64);
 
 impl Random {
-    /// The next number.
+    /// Returns the next number.
     pub fn number(&mut self) -> u64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -12,12 +12,12 @@ impl Random {
         self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
     }
 
-    /// Some bytes.
+    /// Returns `count` random bytes.
     pub fn bytes(&mut self, count: usize) -> Vec<u8> {
         (0..count).map(|_| (self.number() >> 56) as u8).collect()
     }
 
-    /// A number in -1..1.
+    /// Returns a number in -1..1.
     pub fn sample(&mut self) -> f32 {
         (self.number() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }

@@ -1,4 +1,4 @@
-//! The operators, compiled for instruction sets that not every processor of the target has: [`super::select`] alone may offer them.
+//! The operators, compiled for instruction sets that only some processors of the target have. Only [`super::select`] may offer them.
 #![allow(unsafe_code)]
 
 use super::Kernel;
@@ -7,8 +7,8 @@ use crate::nn::kernels::{Isa, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
 
-/// A [`Kernel`] for a type that implements [`Isa`], with target features. To run it on a processor without these features is undefined
-/// behaviour.
+/// Makes a [`Kernel`] of a type that implements [`Isa`], with target features. Running it on a processor without these features is
+/// undefined behaviour.
 macro_rules! instantiate {
     ($isa:ty, $features:literal) => {{
         fn unit(
@@ -28,7 +28,7 @@ macro_rules! instantiate {
             ) -> u64 {
                 ops::run::<$isa>(constants, prepared, arena, step, unit)
             }
-            // SAFETY: the processor has the features, as selection says.
+            // SAFETY: [`super::select`] offers this kernel only to processors with the features.
             unsafe { compiled(constants, prepared, arena, step, unit) }
         }
         fn sum(bytes: &[u8]) -> u32 {
@@ -43,12 +43,12 @@ macro_rules! instantiate {
     }};
 }
 
-/// AVX2.
+/// Kernel for AVX2.
 pub(super) const AVX2: Kernel = instantiate!(Avx2, "avx2");
 
-/// AVX-512 VNNI.
+/// Kernel for AVX-512 VNNI.
 pub(super) const AVX512: Kernel = instantiate!(Avx512<false>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
 
-/// AVX-512 VNNI and VBMI.
+/// Kernel for AVX-512 VNNI and VBMI.
 pub(super) const AVX512_VBMI: Kernel =
     instantiate!(Avx512<true>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi");

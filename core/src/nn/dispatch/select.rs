@@ -7,7 +7,7 @@ use super::instantiate as x86;
 #[allow(unused_imports, reason = "processors with the scalar kernel alone")]
 use crate::nn::kernels;
 
-/// The kernels at hand, fastest first.
+/// Returns the kernels that this processor runs, fastest first.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
     let has = Features::of_this_processor();
@@ -19,7 +19,7 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
     ]
 }
 
-/// The kernels at hand, fastest first: what the binary is compiled for.
+/// Returns the kernels that the binary is compiled for, fastest first.
 #[cfg(not(target_arch = "x86_64"))]
 #[allow(unused_variables, reason = "the last one that the target has holds")]
 pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
@@ -35,13 +35,13 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
     [fastest, Some(Kernel::SCALAR)]
 }
 
-/// What the processor offers and the operating system saves on a task switch.
+/// Features of the processor whose registers the operating system saves on a task switch.
 #[cfg(target_arch = "x86_64")]
 struct Features {
     avx2: bool,
     /// AVX-512 F, DQ, BW, VL and VNNI.
     avx512_vnni: bool,
-    /// And VBMI.
+    /// VBMI, beside those of `avx512_vnni`.
     avx512_vbmi: bool,
 }
 
@@ -55,14 +55,14 @@ impl Features {
         const AVX512_F_DQ_BW_VL: u32 = 1 << 16 | 1 << 17 | 1 << 30 | 1 << 31;
         const AVX512_VNNI: u32 = 1 << 11;
         const AVX512_VBMI: u32 = 1 << 1;
-        // State components: SSE and AVX; the same with the three of AVX-512.
+        // State components: SSE and AVX; then these and the three of AVX-512.
         const AVX_STATE: u64 = 0b110;
         const AVX512_STATE: u64 = 0b1110_0110;
         let all = |value: u32, bits: u32| value & bits == bits;
         if __cpuid(0).eax < 7 || !all(__cpuid(1).ecx, OSXSAVE_AND_AVX) {
             return Self { avx2: false, avx512_vnni: false, avx512_vbmi: false };
         }
-        // SAFETY: OSXSAVE says that the instruction exists and the operating system allows it.
+        // SAFETY: OSXSAVE means that the instruction exists and the operating system allows it.
         let state = unsafe { _xgetbv(0) };
         let found = __cpuid_count(7, 0);
         let saves = |bits: u64| state & bits == bits;

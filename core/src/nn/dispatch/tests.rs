@@ -1,10 +1,10 @@
-//! Every kernel against the scalar one, and the scalar one against the formula.
+//! Compares every kernel with the scalar one, and the scalar one with the formula.
 
 use super::*;
 use crate::nn::tests::Random;
 use proptest::prelude::*;
 
-/// A matrix product to be done.
+/// The arguments of a matrix product.
 #[derive(Debug, Clone)]
 struct Product {
     pixels: usize,
@@ -18,7 +18,7 @@ struct Product {
 }
 
 impl Product {
-    /// `slack`: bytes behind the last that is read.
+    /// `slack` is the number of bytes behind the last one read.
     fn random(
         seed: u64,
         (pixels, width): (usize, usize),
@@ -29,7 +29,7 @@ impl Product {
         let r = &mut random;
         let starts: Vec<usize> = (0..rows).map(|_| r.size(0, 70)).collect();
         let reach = pixels.saturating_sub(1) * stride + 4 * groups;
-        let end = starts.iter().max().map_or(0, |s| s + reach); // exactly to the last byte
+        let end = starts.iter().max().map_or(0, |s| s + reach); // the last byte read is the last byte
         let weights = r.list(4 * rows * groups * width, -127, 127);
         let acc = r.list(pixels * width, i32::MIN as i64, i32::MAX as i64);
         Self {
@@ -44,7 +44,7 @@ impl Product {
         }
     }
 
-    /// As the module's text says it, in numbers that cannot overflow; then cut to 32 bits.
+    /// The product by the formula, in numbers that cannot overflow, then cut to 32 bits.
     fn expected(&self) -> Vec<i32> {
         let mut acc: Vec<i64> = self.acc.iter().map(|a| *a as i64).collect();
         for (p, c) in (0..self.pixels).flat_map(|p| (0..self.width).map(move |c| (p, c))) {
@@ -112,7 +112,7 @@ proptest! {
 
 #[test]
 fn blocks_of_every_size_with_extreme_codes() {
-    // The largest products of both signs: what a kernel that saturates in between (as vpmaddubsw does) would get wrong.
+    // The largest products of both signs, where a kernel that saturates on the way (as vpmaddubsw does) would be wrong.
     for (code, weight) in [(255, 127), (255, -127), (0, -127), (255, 1)] {
         for width in [8, 16, 32] {
             for pixels in 0..=2 * pixels_at_once(width) + 1 {
@@ -142,13 +142,13 @@ fn sums_wrap() {
 
 #[test]
 fn patches_that_reach_beyond_their_bytes_leave_memory_whole() {
-    // The bare function of a kernel, which checks for itself: accumulators stay as they are, or (in the scalar one) do not.
+    // The bare function of a kernel, which checks its arguments: accumulators stay unchanged, or (in the scalar one) may change.
     let weights = vec![1; 4 * 2 * 3 * 32];
     for kernel in kernels() {
         for (starts, stride, groups, pixels, len) in [
             ([0, 90], 4, 3, 2, 100),         // the second row ends behind the last byte
-            ([0, usize::MAX], 4, 3, 2, 100), // far behind
-            ([0, 0], 60, 3, 3, 100),         // the third pixel
+            ([0, usize::MAX], 4, 3, 2, 100), // the second row starts far behind the last byte
+            ([0, 0], 60, 3, 3, 100),         // the third pixel ends behind the last byte
             ([0, 0], 4, 4, 2, 100),          // more groups than weights
             ([0, 0], 0, 3, 11, 100),         // more pixels than accumulators
         ] {

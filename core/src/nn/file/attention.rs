@@ -4,10 +4,10 @@ use super::count::{at_least_one, min};
 
 /// Attention inside shifted windows (Swin): softmax(q·k/√d + relative position bias) · v.
 ///
-/// The cyclic shift of the paper brings pixels together that are no neighbours and then masks them; the same is to cut the map
-/// at `shift`, `shift + window`, ... into windows of which the outer ones are smaller. The input holds q, k, v side by side, each
-/// `heads * head channels`, u8 with zero 128. The map is thought to be filled up to whole windows at the right and bottom; there q, k
-/// and v are `pad_codes` (the projection's bias, as the padding is zero behind the norm), and count like others.
+/// The cyclic shift of the paper brings pixels together that are not neighbours, and then masks them. Cutting the map at `shift`,
+/// `shift + window`, ... into windows, of which the outer ones are smaller, gives the same result. The input holds q, k, v side by side,
+/// each `heads * head channels`, u8 with zero 128. The map is extended to whole windows at the right and bottom. In the extension q, k and
+/// v are `pad_codes` (the bias of the projection, because the padding is zero after the norm), and count like others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Attention {
     /// Output tensor, `[rows, cols, heads * head channels]`.
@@ -18,28 +18,28 @@ pub struct Attention {
     pub heads: usize,
     /// Window side.
     pub window: usize,
-    /// Where the first cut lies, rows; below `window`.
+    /// Row of the first cut; below `window`.
     pub shift_rows: usize,
-    /// The same in columns.
+    /// Column of the first cut; below `window`.
     pub shift_cols: usize,
-    /// Constants: u8 `[input channels]`, code of the padding.
+    /// Constants: u8 `[input channels]`, codes of the extension.
     pub pad_codes: usize,
-    /// Constants: i32 `[heads]`, q·k to logit.
+    /// Constants: i32 `[heads]`, from q·k to logit.
     pub logit_multipliers: usize,
     /// Right shift of the logits.
     pub logit_shift: u32,
     /// Constants: i16 `[heads][(2 window - 1)²]`, in logits, by key row minus query row and key column minus query column.
     pub position_bias: usize,
-    /// Constants: the exponential's two tables, i16, one behind the other (see [`crate::quant::lut::exp_lookup`]).
+    /// Constants: the two tables of the exponential, i16, one after the other (see [`crate::quant::lut::exp_lookup`]).
     pub exp_table: usize,
-    /// Constants: i32 `[heads]`, mean of v to output code.
+    /// Constants: i32 `[heads]`, from the mean of v to output code.
     pub multipliers: usize,
     /// Right shift of the output.
     pub shift: u32,
 }
 
 impl Attention {
-    /// The pieces into which an axis of `len` pixels is cut: of the axis filled up to whole windows, piece `index`.
+    /// Returns start and end of piece `index` of an axis of `len` pixels that is extended to whole windows and cut at `shift`.
     #[inline]
     pub const fn piece(&self, len: usize, shift: usize, index: usize) -> (usize, usize) {
         let whole = len.div_ceil(at_least_one(self.window)) * self.window;

@@ -1,4 +1,4 @@
-//! Writing the checksums of a whole file.
+//! Writes the checksums of a whole file.
 
 use super::bytes::u32_at;
 use super::entry::{ENTRY_BYTES, Entry};
@@ -10,8 +10,8 @@ use crate::nn::crc::crc32c;
 use crate::nn::sum::sum;
 use crate::part::{copy, part, part_mut};
 
-/// Writes every checksum of a file whose header and body are otherwise in place, the seals of records too; does nothing to bytes that are
-/// shorter than their header says.
+/// Writes every checksum of a file whose header and body are complete otherwise, with the seals of records. Bytes that are shorter than
+/// their header says stay unchanged.
 pub fn seal_file(bytes: &mut [u8]) {
     let word = |bytes: &[u8], index: usize| u32_at(bytes, 4 * index) as usize;
     let put = |bytes: &mut [u8], at: usize, value: u32| {

@@ -1,13 +1,13 @@
-//! The numbers that stand for the cases of an enum in a file. A number never changes its meaning.
+//! The numbers of an enum's cases in a file. A number never changes its meaning.
 
 use crate::nn::input::{Illumination, TruthRange};
 use crate::nn::tensor::{Dtype, Edge};
 
-/// `code` and `from_code` of an enum, from one list.
+/// Makes `code` and `from_code` of an enum from one list.
 macro_rules! codes {
     ($type:ident, $($case:ident = $code:literal),+) => {
         impl $type {
-            /// Its number in a model file.
+            /// Returns the number of this case in a model file.
             #[must_use]
             pub const fn code(self) -> u32 {
                 match self {
@@ -15,7 +15,7 @@ macro_rules! codes {
                 }
             }
 
-            /// The case of a number in a model file; `None` for a number that stands for nothing.
+            /// Returns the case of a number in a model file; `None` for an unknown number.
             #[must_use]
             pub const fn from_code(code: u32) -> Option<Self> {
                 match code {
@@ -36,7 +36,7 @@ codes!(Illumination, Any = 0, Northwest = 1, Given = 2);
 mod tests {
     use super::*;
 
-    /// A released number keeps its meaning: these stand in files.
+    /// A released number keeps its meaning, because files contain it.
     #[test]
     fn numbers_are_those_of_released_files() {
         assert_eq!([Dtype::U8, Dtype::I16, Dtype::F32].map(Dtype::code), [0, 1, 2]);

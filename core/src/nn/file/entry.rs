@@ -1,16 +1,16 @@
-//! Entries of the schedule: in which order the operators make the rows of their outputs.
+//! Entries of the schedule: the order in which the operators compute the rows of their outputs.
 
 use super::super::sum::seal;
 
 /// Bytes of an entry of the schedule.
 pub const ENTRY_BYTES: usize = 8;
 
-/// `count` steps of one operator, from step `first` on. An operator's steps run once each, in order.
+/// `count` steps of one operator, from step `first` on. Each step of an operator runs once, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// Which operator.
+    /// Number of the operator.
     pub operator: usize,
-    /// Its first step.
+    /// First step of the operator.
     pub first: usize,
     /// Number of steps.
     pub count: usize,
@@ -26,20 +26,20 @@ impl Entry {
         (Self::seal(halves) == u16::from_le_bytes([g, h])).then_some(Self { operator, first, count })
     }
 
-    /// Writes the last of the four numbers of an entry's bytes.
+    /// Writes the seal, the last of the four numbers of an entry.
     pub(super) fn seal_record(bytes: &mut [u8; ENTRY_BYTES]) {
         let [a, b, c, d, e, f, ..] = *bytes;
         let [g, h] = Self::seal([[a, b], [c, d], [e, f]].map(u16::from_le_bytes)).to_le_bytes();
         *bytes = [a, b, c, d, e, f, g, h];
     }
 
-    /// The last of its four numbers, from the others.
+    /// Returns the last of the four numbers from the others.
     fn seal(halves: [u16; 3]) -> u16 {
         let whole = seal(halves.map(u32::from));
         (whole ^ whole >> 16) as u16
     }
 
-    /// The entry's bytes. Each number is below 65536.
+    /// Returns the entry's bytes. Each number is below 65536.
     pub fn encode(&self) -> [u8; ENTRY_BYTES] {
         let mut bytes = [0; ENTRY_BYTES];
         let halves = [self.operator, self.first, self.count].map(|v| v as u16);

@@ -1,20 +1,20 @@
-//! What can be wrong with a model file.
+//! Errors of a model file.
 
 use core::fmt;
 
-/// Why a model file is refused. Numbers are indices into the file's own lists.
+/// The reason why a model file is refused. Numbers are indices into the lists of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ModelError {
-    /// Not a model file.
+    /// The file is not a model file.
     Magic,
-    /// A version this runner does not know.
+    /// A version that this runner does not support.
     Version {
         /// The version found.
         found: u32,
     },
     /// The file's length differs from what its header says.
     Length {
-        /// Bytes the header promises.
+        /// Bytes according to the header.
         expected: u64,
         /// Bytes found.
         found: u64,
@@ -23,31 +23,31 @@ pub enum ModelError {
     HeaderChecksum,
     /// The checksum of a chunk does not match; `u32::MAX` stands for the list of checksums itself.
     ChunkChecksum {
-        /// Which chunk.
+        /// Number of the chunk.
         chunk: u32,
     },
     /// A header field lies outside its legal range.
     Header,
-    /// A tensor's description is not legal.
+    /// The record of a tensor is not legal.
     Tensor {
-        /// Which tensor.
+        /// Number of the tensor.
         tensor: u32,
     },
-    /// An operator's description is not legal by itself or with its tensors.
+    /// The record of an operator is not legal, alone or with its tensors.
     Operator {
-        /// Which operator.
+        /// Number of the operator.
         operator: u32,
-        /// What is wrong with it.
+        /// The reason.
         reason: OperatorFault,
     },
-    /// The schedule reads rows that do not exist yet or no longer, or leaves work undone.
+    /// The schedule reads rows that do not exist yet or no longer, or does not run every step.
     Schedule {
-        /// Which entry.
+        /// Number of the entry.
         entry: u32,
     },
 }
 
-/// What is wrong with an operator.
+/// The reason why an operator is not legal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OperatorFault {
     /// Unknown kind.
@@ -56,15 +56,15 @@ pub enum OperatorFault {
     Parameter,
     /// A tensor number beyond the list.
     TensorIndex,
-    /// Shapes do not fit each other.
+    /// Shapes that do not fit each other.
     Shape,
-    /// A tensor of a type this operator does not take here.
+    /// A tensor of a type that this operator does not accept here.
     Type,
-    /// Constants reach beyond their section, or hold illegal values.
+    /// Constants that reach beyond their section, or hold illegal values.
     Constants,
-    /// An accumulator could leave its integer type.
+    /// An accumulator that could overflow its integer type.
     Overflow,
-    /// The record's seal does not match its words.
+    /// A seal that does not match the words of its record.
     Seal,
 }
 

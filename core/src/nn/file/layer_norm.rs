@@ -10,7 +10,7 @@ pub struct LayerNorm {
     pub out: u32,
     /// Input tensor.
     pub input: u32,
-    /// 1, or 2 to gather the 2x2 neighbours (rows fastest: 00, 10, 01, 11) into four times the channels first.
+    /// 1, or 2 to gather 2x2 neighbours (rows fastest: 00, 10, 01, 11) into four times the channels first.
     pub merge: usize,
     /// Constants: i32 `[channels]`.
     pub gains: usize,

@@ -5,10 +5,10 @@
 //!      128  per chunk of the body its CRC32C and its quick checksum (`sum.rs`); word 30 of the header is the CRC32C of this list
 //!      ...  body, cut into chunks of CHUNK_BYTES (the last may be shorter): text, tensors, operators, schedule, constants
 //! ```
-//! Every byte of the file is under exactly one CRC, so that any single flipped byte is refused. The quick checksums are for looking again,
-//! after every tile; so are the seals, the last words of the records of tensors, operators and entries: the quick checksum of the others.
+//! Every byte of the file is under exactly one CRC, so any single flipped byte is refused. The quick checksums serve the comparison after
+//! every tile. So do the seals: the last word of each record of a tensor, operator or entry is the quick checksum of its other words.
 
-/// First eight bytes; as in PNG, transfers that change line ends or strip bit 7 destroy it.
+/// First eight bytes. As in PNG, a transfer that changes line ends or strips bit 7 destroys them.
 pub const MAGIC: [u8; 8] = *b"\x89ELD\r\n\x1a\n";
 /// Version of the format.
 pub const VERSION: u32 = 4;
@@ -18,10 +18,10 @@ pub const HEADER_BYTES: usize = 128;
 pub const CHUNK_BYTES: usize = 16 * 1024;
 /// Bytes of the list of checksums per chunk.
 pub const CHUNK_RECORD_BYTES: usize = 8;
-/// "No such tensor or constant" in the file.
+/// Stands for "no such tensor or constant" in the file.
 pub const NONE: u32 = u32::MAX;
 
-/// Header words by number.
+/// Indices of the header words.
 pub mod word {
     /// Format version.
     pub const VERSION: usize = 2;
@@ -31,21 +31,21 @@ pub mod word {
     pub const CHUNK_BYTES: usize = 4;
     /// Number of chunks.
     pub const CHUNKS: usize = 5;
-    /// Descriptive JSON text: offset from the start of the file; the next word is its length in bytes.
+    /// Descriptive JSON text: offset from the start of the file. The next word is its length in bytes.
     pub const TEXT: usize = 6;
-    /// Tensor records: offset, then their number.
+    /// Tensor records: offset. The next word is their number.
     pub const TENSORS: usize = 8;
-    /// Operator records: offset, then their number.
+    /// Operator records: offset. The next word is their number.
     pub const OPERATORS: usize = 10;
-    /// Constants: offset, then bytes.
+    /// Constants: offset. The next word is their length in bytes.
     pub const CONSTANTS: usize = 12;
-    /// Tile rows, then columns.
+    /// Tile rows. The next word is the tile columns.
     pub const TILE: usize = 14;
     /// Upper end of the normalised elevation range, f32.
     pub const NR: usize = 16;
-    /// Share by which the coarse relief is widened, f32.
+    /// Share by which the range of the coarse DTM is widened, f32.
     pub const RANGE_MARGIN: usize = 17;
-    /// Whose range normalised the truth: 0 its own, 1 the coarse tile's, 2 none (heights are counted in pixels).
+    /// The range that normalised the truth: 0 the truth's own, 1 that of the coarse tile, 2 none (heights are counted in pixels).
     pub const TARGET_RANGE: usize = 18;
     /// Tensor that takes the image.
     pub const IMAGE: usize = 19;
@@ -57,9 +57,10 @@ pub mod word {
     pub const SELF_TEST_SEED: usize = 23;
     /// CRC32C of the self test's output.
     pub const SELF_TEST_CRC: usize = 24;
-    /// Which light the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid, 2 as 1 and the image as the four maps of a guide.
+    /// The light that the network knows: 0 any, 1 the Sun in the north-west quadrant of the grid, 2 as 1 and the image as the four maps of
+    /// a guide.
     pub const ILLUMINATION: usize = 25;
-    /// Schedule entries: offset, then their number.
+    /// Schedule entries: offset. The next word is their number.
     pub const SCHEDULE: usize = 26;
     /// CRC32C of the checksum list.
     pub const LIST_CRC: usize = 30;

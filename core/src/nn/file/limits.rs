@@ -1,6 +1,6 @@
-//! How large what a file describes may be, and its fixed points.
+//! Limits of sizes in a file, and fraction bits.
 
-/// Largest number of tensors or operators; bounds the time and the stack of validation.
+/// Largest number of tensors or operators; limits the time and the stack of validation.
 pub const MAX_RECORDS: usize = 512;
 /// Largest extent of a tensor along one axis.
 pub const MAX_EXTENT: usize = 1 << 14;
@@ -8,13 +8,13 @@ pub const MAX_EXTENT: usize = 1 << 14;
 pub const MAX_SAMPLES: u64 = 1 << 28;
 /// Widest margin of a tensor, columns.
 pub const MAX_MARGIN: usize = 15;
-/// Largest number of channels a layer norm sees: keeps C·Σx² within `2^56`.
+/// Largest number of channels of a layer norm: keeps C·Σx² within `2^56`.
 pub const MAX_NORM_CHANNELS: usize = 1 << 13;
 /// Largest kernel side.
 pub const MAX_KERNEL: usize = 15;
-/// Most output rows in one step of a convolution: a unit of work must stay small.
+/// Largest number of output rows in one step of a convolution, because a unit of work must stay small.
 pub const MAX_BLOCK: usize = 16;
-/// Largest window side; its tokens' logits live on the stack.
+/// Largest window side; the logits of its tokens are on the stack.
 pub const MAX_WINDOW: usize = 8;
 /// Largest left shift of an added tensor: i16 times `2^30` times `2^15` stays below `2^60`.
 pub const MAX_ADD_SHIFT: u32 = 15;

@@ -1,11 +1,11 @@
-//! The model file, for those who make one or take one apart: header, records, numbers of enums, limits, checksums.
+//! The model file, for programs that write or read its parts: header, records, numbers of enums, limits, checksums.
 //!
 //! A file is a program: tensors at planned places in one arena ([`Tensor`]), constants, a list of operators over the tensors
-//! ([`Operator`]), and a schedule ([`Entry`]) that says in which order the rows of their outputs are made. An operator may run a few rows
-//! ahead of its reader, so that only those rows need memory.
+//! ([`Operator`]), and a schedule ([`Entry`]) with the order in which operators compute the rows of their outputs. An operator may run a
+//! few rows ahead of its reader, so that only those rows need memory.
 //!
-//! Every record has `encode` and `decode`; every enum in the file has `code` and `from_code`. [`seal_file`] writes all checksums at the end.
-//! Whether a file is legal is for [`super::Model::new`] to say. Byte by byte: `onboard/docs/icd.md`.
+//! Every record has `encode` and `decode`; every enum in the file has `code` and `from_code`. [`seal_file`] writes all checksums at the
+//! end. [`super::Model::new`] validates a file. `onboard/docs/icd.md` describes the file byte by byte.
 
 mod attention;
 mod bytes;

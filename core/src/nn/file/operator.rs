@@ -1,9 +1,9 @@
-//! The record of an operator, as the file holds it and as the runner uses it.
+//! The record of an operator, for the file and for the runner.
 //!
-//! Four operators carry the whole network and its ablations: a convolution that reads two tensors side by side (so concatenation costs
-//! nothing), adds another tensor, clamps and maps through a table, and can contain the bilinear upsampling before it; the upsampling by
-//! itself; a layer norm that can gather 2x2 neighbours (patch merging); and window attention. What their steps read, write and cost:
-//! `ops/`.
+//! Four operators are enough for the whole network and its ablations. The convolution reads two tensors side by side (so concatenation
+//! needs no copy), adds another tensor, clamps and maps through a table; it can contain the bilinear upsampling before it. The others are
+//! the upsampling alone, a layer norm that can gather 2x2 neighbours (patch merging), and window attention. `ops/` says what their steps
+//! read, write and cost.
 
 use super::bytes::{i64_at, u32_at};
 use super::error::OperatorFault;
@@ -95,7 +95,7 @@ impl Operator {
         })
     }
 
-    /// The record's bytes.
+    /// Returns the record's bytes.
     pub fn encode(&self) -> [u8; OPERATOR_BYTES] {
         let mut words = [0u32; OPERATOR_BYTES / 4];
         let none = |v: Option<u32>| v.unwrap_or(NONE);
@@ -153,7 +153,7 @@ impl Operator {
         record
     }
 
-    /// The tensor it writes.
+    /// Returns the number of the tensor that the operator writes.
     pub const fn output(&self) -> u32 {
         match self {
             Self::Conv(c) => c.out,
@@ -163,7 +163,7 @@ impl Operator {
         }
     }
 
-    /// The tensors it reads, the added one last.
+    /// Returns the numbers of the tensors that the operator reads, the added one last.
     pub fn inputs(&self) -> [Option<u32>; 3] {
         match self {
             Self::Conv(c) => [Some(c.first), c.second, c.add],
@@ -173,7 +173,7 @@ impl Operator {
         }
     }
 
-    /// One word for reports.
+    /// Returns the operator's name in reports, one word.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Conv(c) if c.fold => "up-conv",
@@ -186,7 +186,7 @@ impl Operator {
     }
 }
 
-/// `parts` one after the other, then zeros.
+/// Returns `parts` one after the other, then zeros.
 fn filled<const N: usize>(parts: &[&[u32]]) -> [u32; N] {
     let mut words = [0; N];
     let values = parts.iter().flat_map(|part| part.iter());

@@ -1,4 +1,4 @@
-//! Bytes that are laid out as a model file. Validates integrity, not meaning.
+//! Bytes with the layout of a model file. Only integrity is validated here, not meaning.
 
 use super::bytes::u32_at;
 use super::error::ModelError;
@@ -7,7 +7,7 @@ use crate::nn::crc::crc32c;
 use crate::nn::sum::sum;
 use crate::part::{head, part};
 
-/// Bytes that carry a valid header; the chunks are not validated until [`RawModel::verify`].
+/// Bytes with a valid header; the chunks are not validated until [`RawModel::verify`].
 #[derive(Debug, Clone, Copy)]
 pub struct RawModel<'a> {
     bytes: &'a [u8],
@@ -17,7 +17,7 @@ impl<'a> RawModel<'a> {
     /// Validates magic, version, length and the header's checksum.
     ///
     /// # Errors
-    /// The first of them that fails.
+    /// The first check that fails.
     pub fn new(bytes: &'a [u8]) -> Result<Self, ModelError> {
         let found = bytes.len() as u64;
         if bytes.get(..MAGIC.len()) != Some(&MAGIC[..]) {
@@ -45,34 +45,34 @@ impl<'a> RawModel<'a> {
         Ok(raw)
     }
 
-    /// Header word `index`.
+    /// Returns header word `index`.
     pub fn word(&self, index: usize) -> u32 {
         u32_at(self.bytes, 4 * index)
     }
 
-    /// Number of chunks.
+    /// Returns the number of chunks.
     pub fn chunks(&self) -> u32 {
         self.word(word::CHUNKS)
     }
 
-    /// First byte of the body.
+    /// Returns the offset of the body.
     pub fn body_offset(&self) -> usize {
         HEADER_BYTES + CHUNK_RECORD_BYTES * self.chunks() as usize
     }
 
-    /// The bytes of chunk `index`.
+    /// Returns the bytes of chunk `index`.
     pub fn chunk(&self, index: u32) -> &'a [u8] {
         let start = self.body_offset().saturating_add((index as usize).saturating_mul(CHUNK_BYTES));
         let rest = self.bytes.get(start..).unwrap_or_default();
         head(rest, rest.len().min(CHUNK_BYTES))
     }
 
-    /// The stored checksum of chunk `index`.
+    /// Returns the stored CRC of chunk `index`.
     pub fn chunk_crc(&self, index: u32) -> u32 {
         u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize)
     }
 
-    /// Whether chunk `index` has its quick checksum, `sum` being a kernel's way to compute it.
+    /// Returns whether the quick checksum of chunk `index` matches; `sum` is a kernel's function for it.
     pub(crate) fn chunk_holds(&self, index: u32, sum: fn(&[u8]) -> u32) -> bool {
         sum(self.chunk(index)) == u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize + 4)
     }
@@ -81,13 +81,13 @@ impl<'a> RawModel<'a> {
         crc32c(part(self.bytes, 0, 4 * word::HEADER_CRC)) == self.word(word::HEADER_CRC)
     }
 
-    /// Whether header and list of checksums have theirs.
+    /// Returns whether the checksums of the header and of the list of checksums match.
     pub(crate) fn head_holds(&self) -> bool {
         let list = part(self.bytes, HEADER_BYTES, CHUNK_RECORD_BYTES * self.chunks() as usize);
         self.header_holds() && crc32c(list) == self.word(word::LIST_CRC)
     }
 
-    /// The whole file.
+    /// Returns the whole file.
     pub fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
@@ -95,7 +95,7 @@ impl<'a> RawModel<'a> {
     /// Validates every checksum.
     ///
     /// # Errors
-    /// [`ModelError::ChunkChecksum`] for the first that does not match.
+    /// [`ModelError::ChunkChecksum`] for the first chunk that does not match.
     pub fn verify(&self) -> Result<(), ModelError> {
         if !self.head_holds() {
             return Err(ModelError::ChunkChecksum { chunk: u32::MAX });
@@ -107,10 +107,10 @@ impl<'a> RawModel<'a> {
         }
     }
 
-    /// A section of the body, by the header word of its offset and its length in bytes.
+    /// Returns a section of the body, from the header word of its offset and its length in bytes.
     ///
     /// # Errors
-    /// [`ModelError::Header`] if it leaves the body.
+    /// [`ModelError::Header`] if the section leaves the body.
     pub fn section(&self, offset_word: usize, len_bytes: u64) -> Result<&'a [u8], ModelError> {
         let start = self.word(offset_word) as u64;
         let end = start + len_bytes;

@@ -53,7 +53,7 @@ impl Tensor {
         }
     }
 
-    /// The record's bytes.
+    /// Returns the record's bytes.
     pub fn encode(&self) -> [u8; TENSOR_BYTES] {
         let words = [
             self.dtype.code(),

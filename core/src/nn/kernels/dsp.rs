@@ -30,7 +30,7 @@ impl Isa for Dsp {
     }
 }
 
-/// Not inlined: the convolutions and the attention share it.
+/// Not inlined, because the convolutions and the attention use the same code.
 #[inline(never)]
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     if !patch.fits(pixels, weights, width) {
@@ -39,14 +39,14 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     for channel in (0..width).step_by(2) {
         let mut first = 0;
         while first < pixels {
-            // The last of an odd number of pixels is computed twice over; its twin is not stored.
+            // The last of an odd number of pixels is computed twice; the second result is not stored.
             let second = (first + 1 < pixels) as usize;
             let mut sums = [0; 4];
             let mut w = weights.as_ptr().wrapping_add(4 * channel);
             for &start in patch.starts {
                 let x = patch.bytes.as_ptr().wrapping_add(start + first * patch.stride);
                 let stride = second * patch.stride;
-                // SAFETY: the target has the instructions; `fits` has bounded every read.
+                // SAFETY: the target has the instructions, and `fits` has bounded every read.
                 unsafe {
                     match width {
                         32 => row::<128>(&mut sums, x, stride, w, patch.groups),
@@ -68,19 +68,18 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     }
 }
 
-/// Adds one row's products of two pixels and two channels: `groups` words at `x` and at `x + stride`, pairs of words `STEP` bytes
-/// apart at `w`. In one piece of assembly, because it needs every register: so `r6` and `r7`, which the compiler keeps for itself,
-/// are put by.
+/// Adds one row's products of two pixels and two channels: `groups` words at `x` and at `x + stride`, pairs of words `STEP` bytes apart at
+/// `w`. One block of assembly, because it needs every register: it saves and restores `r6` and `r7`, which the compiler reserves.
 ///
 /// # Safety
-/// DSP extension; all of that is readable.
+/// The processor has the DSP extension, and all these words are readable.
 #[inline(always)]
 unsafe fn row<const STEP: usize>(sums: &mut [i32; 4], x: *const u8, stride: usize, w: *const u8, groups: usize) {
     let [mut s00, mut s01, mut s10, mut s11] = *sums;
     if groups == 0 {
         return;
     }
-    // SAFETY: as the caller says; the stack is as it was at the end.
+    // SAFETY: guaranteed by the caller; the block leaves the stack as it was.
     unsafe {
         asm!(
             "push {{r6, r7}}",

@@ -1,7 +1,7 @@
 //! Helium (Cortex-M55): `vmladava` adds 16 products of u8 to a sum in a general register.
 //!
-//! It wants 16 weights of one channel side by side, which lie in four groups: a gather of four words brings them. Both factors
-//! have the same type, so the weights become u8 by flipping their highest bit: w = w' - 128, and 128 Σx is taken off.
+//! It needs 16 weights of one channel side by side. These are in four groups, so a gather reads four words. Both factors have the same
+//! type, so the weights become u8 by flipping their highest bit: w = w' - 128, and 128 Σx is subtracted.
 //!
 //! ```text
 //! deficit[p] = -128 Σ x of pixel p                                once per call
@@ -36,13 +36,13 @@ impl Isa for Helium {
 
 /// Pixels whose sums are kept in registers.
 const PIXELS: usize = 3;
-/// Most pixels of a call.
+/// Largest number of pixels of a call.
 const MOST: usize = super::ACCUMULATORS / 8;
 
-/// Not inlined: the convolutions and the attention share it.
+/// Not inlined, because the convolutions and the attention use the same code.
 #[inline(never)]
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-    // Gathers of words need words at multiples of four.
+    // Gathers of words need addresses that are multiples of four.
     if !weights.as_ptr().cast::<u32>().is_aligned() {
         return Scalar::gemm(acc, pixels, patch, weights, width);
     }
@@ -54,7 +54,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
         let mut sum = 0;
         for &start in patch.starts {
             let x = patch.bytes.as_ptr().wrapping_add(start + p * patch.stride);
-            // SAFETY: the target has the instructions; `fits` has bounded every read.
+            // SAFETY: the target has the instructions, and `fits` has bounded every read.
             sum = unsafe { total(sum, x, 4 * patch.groups) };
         }
         *deficit = sum.wrapping_mul(-128);
@@ -63,7 +63,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     for channel in (0..width).step_by(2) {
         let mut first = 0;
         while first < pixels {
-            // Pixels that are not there repeat the last one and are not stored.
+            // Missing pixels repeat the last one and are not stored.
             let pixel = [first, (first + 1).min(pixels - 1), (first + 2).min(pixels - 1)];
             let mut sums = [[0; 2]; PIXELS];
             for (sums, p) in sums.iter_mut().zip(pixel) {
@@ -88,13 +88,13 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     }
 }
 
-/// `sum` and the sum of `len` codes.
+/// Returns `sum` plus the sum of `len` codes.
 ///
 /// # Safety
-/// Helium; the codes are readable; `len` is not 0.
+/// The processor has Helium, the codes are readable, and `len` is not 0.
 #[inline(always)]
 unsafe fn total(mut sum: i32, x: *const u8, len: usize) -> i32 {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         asm!(
             "dlstp.8 lr, {len}",
@@ -110,11 +110,11 @@ unsafe fn total(mut sum: i32, x: *const u8, len: usize) -> i32 {
     sum
 }
 
-/// Adds one row's products of three pixels and two channels: `groups` words at every `x`, and words at `w` and `w + 4`, from
-/// group to group `offsets[1]` bytes apart.
+/// Adds one row's products of three pixels and two channels: `groups` words at every `x`, and words at `w` and `w + 4`, with `offsets[1]`
+/// bytes from group to group.
 ///
 /// # Safety
-/// Helium; all of that is readable; `w` is a multiple of four; `groups` is not 0.
+/// The processor has Helium, all these words are readable, `w` is a multiple of four, and `groups` is not 0.
 #[inline(always)]
 unsafe fn row(
     sums: &mut [[i32; 2]; PIXELS],
@@ -124,7 +124,7 @@ unsafe fn row(
     groups: usize,
 ) {
     let [[s00, s01], [s10, s11], [s20, s21]] = sums;
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         asm!(
             "vldrw.u32 q5, [r11]",          // addresses of the first channel's words in four groups

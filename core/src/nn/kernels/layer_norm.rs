@@ -1,7 +1,7 @@
-//! Layer norm over channels in integers: some pixels of a row.
+//! Layer norm over channels in integers, for some pixels of a row.
 //!
-//! With S = Σx, Q = Σx² over the C channels of a pixel (x in code steps): C·Q − S² is C² times the variance, exact in i64, and
-//! d = C·x − S is C times the distance from the mean. So y = d / √(C·Q − S² + C²ε), without any division by C.
+//! With S = Σx, Q = Σx² over the C channels of a pixel (x in code steps): C·Q − S² is C² times the variance, exact in i64, and d = C·x − S
+//! is C times the distance from the mean. So y = d / √(C·Q − S² + C²ε) needs no division by C.
 
 use crate::nn::arena::Row;
 use crate::nn::tensor::Tensor;
@@ -9,17 +9,17 @@ use crate::part::{head, head_mut, part};
 use crate::quant::limit::limit_wide;
 use crate::quant::rsqrt::ReciprocalRoot;
 
-/// Channels held on the stack at a time, and pixels that share their gains.
+/// Number of channels on the stack at a time, and number of pixels that share their gains.
 const BLOCK: usize = 64;
 pub(crate) const PIXELS: usize = 16;
-/// Channels in the innermost loop: a constant, for the compiler to make it vectors of any length.
+/// Channels in the innermost loop. It is a constant, so that the compiler can use vectors of any length.
 const LANES: usize = 8;
 
 /// One output row.
 pub(crate) struct Job<'a> {
     pub(crate) input: &'a Tensor,
     pub(crate) out: &'a Tensor,
-    /// 1, or 2 to gather the 2x2 neighbours first.
+    /// 1, or 2 to gather 2x2 neighbours first.
     pub(crate) merge: usize,
     /// Little-endian i32 `[channels]`.
     pub(crate) gains: &'a [u8],
@@ -29,13 +29,13 @@ pub(crate) struct Job<'a> {
     pub(crate) shift: u32,
     /// C²ε.
     pub(crate) epsilon: i64,
-    /// The input rows of the pixels' upper and lower half (one and the same without merging).
+    /// The input rows of the pixels' upper and lower half; both are the same row without merging.
     pub(crate) rows: [Row; 2],
     pub(crate) to: Row,
 }
 
 impl Job<'_> {
-    /// Channels from `first` on that lie in one input pixel and fit into a block; the rest of `x` is 0. Order 00, 10, 01, 11:
+    /// Reads the channels from `first` on that belong to one input pixel and fit into a block; the rest of `x` is 0. Order 00, 10, 01, 11:
     /// rows fastest, as in the reference.
     #[inline(always)]
     fn load(&self, bytes: &[u8], col: usize, first: usize, x: &mut [i32; BLOCK]) -> usize {
@@ -48,7 +48,7 @@ impl Job<'_> {
         count
     }
 
-    /// S and 1/√(V + C²ε) of a pixel.
+    /// Returns S and 1/√(V + C²ε) of a pixel.
     #[inline(always)]
     fn statistics(&self, bytes: &[u8], col: usize) -> (i64, ReciprocalRoot) {
         let (mut sums, mut squares) = ([0i32; LANES], [0i64; LANES]);
@@ -77,7 +77,7 @@ impl Job<'_> {
         (sum, ReciprocalRoot::of(variance + self.epsilon))
     }
 
-    /// [`super::Isa::layer_norm`] in portable Rust.
+    /// The portable version of [`super::Isa::layer_norm`].
     #[inline(always)]
     pub(crate) fn portable(&self, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
         let channels = self.out.channels;
@@ -125,7 +125,7 @@ impl Job<'_> {
         let floor = if out.lo == out.zero { i64::MIN } else { lo };
         let channels = out.channels as i32;
         let mut cuts = [0i64; LANES];
-        // Loops over constants, without a bound to check, become vectors.
+        // The compiler vectorises loops with constant bounds and without checks.
         for group in 0..BLOCK / LANES {
             if group * LANES >= count {
                 break;
@@ -139,7 +139,7 @@ impl Job<'_> {
                 codes[at] = limit_wide(v, lo, hi) as i32;
             }
         }
-        // Lanes beyond the last channel have gain and bias 0: they are never cut.
+        // Lanes beyond the last channel have gain and bias 0, so they are never cut.
         let mut cut = 0;
         for one in cuts {
             cut += one as u64;

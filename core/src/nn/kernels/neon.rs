@@ -14,7 +14,7 @@
 //!         sum[p][c..c + 2] += neighbours of t                    sadalp
 //! add the two lanes of every channel, and its excess
 //! ```
-//! With the dot-product extension one `sdot` takes the place of the three: see `neon_dot`.
+//! With the dot-product extension one `sdot` replaces the three instructions: see `neon_dot`.
 #![allow(unsafe_code)]
 
 use super::{Accumulators, Isa, PANEL, Patch};
@@ -32,14 +32,14 @@ impl Isa for Neon {
     }
 }
 
-/// Not inlined: the convolutions and the attention share it.
+/// Not inlined, because the convolutions and the attention use the same code.
 #[inline(never)]
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     if !patch.fits(pixels, weights, width) {
         return;
     }
     let at = acc.as_mut_ptr();
-    // SAFETY: NEON belongs to the target, and `fits` has bounded every read and write.
+    // SAFETY: NEON is part of the target, and `fits` has bounded every read and write.
     unsafe {
         let excess = excess(patch, weights, width);
         if width == 8 {
@@ -67,17 +67,17 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     }
 }
 
-/// 128 Σ w of every channel of the panel.
+/// Returns 128 Σ w of every channel of the panel.
 ///
 /// # Safety
 /// `weights` holds the patch's groups of `width` channels.
 #[inline(always)]
 pub(super) unsafe fn excess(patch: &Patch<'_>, weights: &[u8], width: usize) -> [i32; PANEL] {
-    /// Sums of two weights that surely fit into an i16: 2 * 127 * 128 < 2^15.
+    /// Number of sums of two weights whose total fits into an i16: 2 * 127 * 128 < 2^15.
     const AT_ONCE: usize = 128;
     let mut sums = [0; PANEL];
     let groups = patch.starts.len() * patch.groups;
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         for channel in (0..width).step_by(8) {
             let (mut w, mut left) = (weights.as_ptr().add(4 * channel).cast::<i8>(), groups);
@@ -101,7 +101,7 @@ pub(super) unsafe fn excess(patch: &Patch<'_>, weights: &[u8], width: usize) -> 
     sums
 }
 
-/// `P` pixels against `2 * PAIRS` channels from `channel` on.
+/// Computes `P` pixels against `2 * PAIRS` channels from `channel` on.
 ///
 /// # Safety
 /// [`Patch::fits`] for `first + P` pixels.

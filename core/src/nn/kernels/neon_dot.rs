@@ -28,7 +28,7 @@ impl Isa for NeonDot {
     }
 }
 
-/// Not inlined: the convolutions and the attention share it.
+/// Not inlined, because the convolutions and the attention use the same code.
 #[inline(never)]
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     if !patch.fits(pixels, weights, width) {
@@ -56,10 +56,10 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     }
 }
 
-/// `P` pixels against `V` vectors of four channels from `channel` on.
+/// Computes `P` pixels against `V` vectors of four channels from `channel` on.
 ///
 /// # Safety
-/// The dot-product extension; [`Patch::fits`] for `first + P` pixels.
+/// The processor has the dot-product extension; [`Patch::fits`] for `first + P` pixels.
 #[inline(always)]
 unsafe fn block<const P: usize, const V: usize>(
     acc: *mut i32,
@@ -118,7 +118,7 @@ unsafe fn block<const P: usize, const V: usize>(
 /// Adds the products of group `G` of the codes.
 ///
 /// # Safety
-/// The dot-product extension; `16 * V` weights at `w`.
+/// The processor has the dot-product extension; `16 * V` weights are readable at `w`.
 #[inline(always)]
 unsafe fn four_channels<const P: usize, const V: usize, const G: usize>(
     sums: &mut [[int32x4_t; V]; P],
@@ -126,11 +126,11 @@ unsafe fn four_channels<const P: usize, const V: usize, const G: usize>(
     w: *const i8,
 ) {
     for v in 0..V {
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         let w = unsafe { vld1q_s8(w.add(16 * v)) };
         for p in 0..P {
             // The intrinsic is not stable yet.
-            // SAFETY: as above; registers alone are changed.
+            // SAFETY: as above; only registers change.
             unsafe {
                 asm!(
                     "sdot {0:v}.4s, {1:v}.16b, {2:v}.4b[{3}]",

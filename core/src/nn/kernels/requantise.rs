@@ -1,4 +1,4 @@
-//! From accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
+//! The way from accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
 
 use super::{ACCUMULATORS, Accumulators, Isa};
 use crate::nn::arena::{Arena, Row, high, join};
@@ -8,10 +8,10 @@ use crate::part::{copy, head, head_mut, item, put};
 use crate::quant::limit::{limit, limit_wide};
 use crate::quant::lut::CODE_TABLE_LEN;
 
-/// What the accumulators of one panel need.
+/// Constants for the accumulators of one panel.
 pub(crate) struct Requantise<'a> {
     pub(crate) out: &'a Tensor,
-    /// First channel, channels that exist, width of the panel.
+    /// First channel, number of existing channels, width of the panel.
     pub(crate) first: usize,
     pub(crate) channels: usize,
     pub(crate) width: usize,
@@ -23,18 +23,18 @@ pub(crate) struct Requantise<'a> {
     pub(crate) half: i64,
     pub(crate) shift: u32,
     pub(crate) table: Option<&'a [u8]>,
-    /// Code of 0 and the codes between which results are kept, before the table.
+    /// Code of 0, and the limits that codes are clamped to, before the table.
     pub(crate) zero: i64,
     pub(crate) lo: i64,
     pub(crate) hi: i64,
-    /// Results outside count as cut.
+    /// Results outside `floor..=ceiling` count as cut.
     pub(crate) floor: i64,
     pub(crate) ceiling: i64,
     /// With an F32 output: negative results become 0.
     pub(crate) relu: bool,
 }
 
-/// Output pixels: a row, the first column, the distance between columns.
+/// Output pixels: row, first column, distance between columns, number of pixels.
 pub(crate) struct Target {
     pub(crate) row: usize,
     pub(crate) col: usize,
@@ -43,7 +43,8 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Place in the arena of the first sample from channel `first` on of a U8 or I16 tensor, and bytes from pixel to pixel.
+    /// Returns the offset in the arena of the first sample from channel `first` on of a U8 or I16 tensor, and the bytes from pixel to
+    /// pixel.
     #[inline(always)]
     pub(crate) fn place(&self, t: &Tensor, first: usize) -> (usize, usize) {
         (t.row_offset(self.row) + (t.margin + self.col) * t.channels + first, self.col_step * t.channels)
@@ -61,7 +62,7 @@ impl Requantise<'_> {
         I::requantise(self, arena.bytes, acc, target)
     }
 
-    /// The output tensor: a map of one channel, of which a pixel here may be several columns.
+    /// Stores the F32 output tensor: a map of one channel. A pixel here may be several columns of it.
     #[inline(always)]
     fn floats(&self, arena: &mut Arena<'_>, acc: &Accumulators, target: &Target) {
         let scale = self.multiplier.map(|bits| f32::from_bits(bits as u32));
@@ -77,17 +78,17 @@ impl Requantise<'_> {
             let numbers = self.bias.iter().zip(&scale).zip(&added);
             let channels = to.as_chunks_mut::<4>().0.iter_mut().zip(numbers).take(self.channels);
             for (c, (to, ((bias, scale), added))) in channels.enumerate() {
-                // Conversions, products and a sum, each rounded as IEEE 754 says: the same bits everywhere.
+                // Conversions, products and a sum, each rounded by IEEE 754: the same bits on every processor.
                 let sum = item(acc, p * self.width + c).wrapping_add(*bias);
                 let value = sum as f32 * scale + *added as f32 * added_scale;
-                // A ReLU takes whatever has a sign to 0, by that bit: without a branch.
+                // The ReLU sets every value with a sign bit to 0, without a branch.
                 let bits = value.to_bits() as i32;
                 *to = (bits & !((bits >> 31) & relu)).to_le_bytes();
             }
         }
     }
 
-    /// [`Isa::requantise`] in portable Rust.
+    /// The portable version of [`Isa::requantise`].
     #[inline(always)]
     pub(crate) fn portable(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         match self.width {
@@ -97,7 +98,8 @@ impl Requantise<'_> {
         }
     }
 
-    /// The same for processors without vectors: channel by channel, whose numbers stay in registers, straight to the arena.
+    /// As [`Self::portable`], for processors without vectors: channel by channel, whose constants stay in registers, with stores directly
+    /// to the arena.
     #[inline(always)]
     pub(crate) fn by_channels(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         if self.shift < 32 {
@@ -114,7 +116,7 @@ impl Requantise<'_> {
         }
     }
 
-    /// `ADD`: bytes of the added map's samples. `WIDE`: the output has two planes. The shift is 32 or more, see
+    /// `ADD` is the number of bytes of an added map's sample. `WIDE` says that the output has two planes. The shift is 32 or more, see
     /// [`Self::round_by`].
     #[inline(always)]
     fn channels<const ADD: usize, const WIDE: bool>(
@@ -158,7 +160,7 @@ impl Requantise<'_> {
         cut as u64
     }
 
-    /// `W` is the panel's width, known to the compiler.
+    /// `W` is the panel's width, a constant for the compiler.
     #[inline(always)]
     fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // All arrays are [pixel][channel of the panel].
@@ -200,8 +202,8 @@ impl Requantise<'_> {
         }
     }
 
-    /// With `HIGH` the shift is 32 or more, as in almost every model: then the upper half of the product is enough, and everything
-    /// after it has 32 bits.
+    /// With `HIGH` the shift is 32 or more, as in almost every model. Then the upper half of the product is enough, and all following
+    /// numbers have 32 bits.
     #[inline(always)]
     fn round_by<const W: usize, const ADD: bool, const HIGH: bool>(
         &self,
@@ -219,7 +221,7 @@ impl Requantise<'_> {
             for c in 0..W {
                 let mut v = acc[c].wrapping_add(self.bias[c]) as i64 * self.multiplier[c] as i64 + self.half;
                 if ADD {
-                    // An i16 by up to 15 bits: no more than an i32.
+                    // An i16 shifted by up to 15 bits fits into an i32.
                     v += (added[c] << (self.add_shift & 31)) as i64 * self.add_multiplier[c] as i64;
                 }
                 let v = if HIGH {
@@ -257,7 +259,7 @@ impl Requantise<'_> {
             let start = start + plane * t.plane_bytes();
             for (p, bytes) in bytes.as_chunks::<W>().0.iter().take(target.pixels).enumerate() {
                 let Some(to) = arena.get_mut(start + p * pitch..) else { continue };
-                // Copies of a length that is known to the compiler are one or two instructions.
+                // A copy of constant length is one or two instructions.
                 match (self.channels, to.first_chunk_mut::<W>()) {
                     (channels, Some(to)) if channels == W => *to = *bytes,
                     (12, _) => copy(head_mut(to, 12), head(bytes, 12)),
@@ -268,7 +270,7 @@ impl Requantise<'_> {
     }
 }
 
-/// Limits beyond i32 become its ends, which nothing exceeds.
+/// Clamps a limit to the range of i32, which no code exceeds.
 #[inline(always)]
 fn narrow(limit: i64) -> i32 {
     limit_wide(limit, i32::MIN as i64, i32::MAX as i64) as i32

@@ -1,4 +1,4 @@
-//! The specification of the matrix product, in registers' worth of portable Rust.
+//! The specification of the matrix product, in portable Rust with sums that fit into registers.
 //!
 //! ```text
 //! sums of PIXELS x CHANNELS stay in registers
@@ -14,13 +14,13 @@ use crate::part::part_mut;
 /// Plain Rust.
 pub(crate) struct Scalar;
 
-/// Pixels and channels whose sums are kept in registers: 16 sums in 32 registers, 4 in ARM's 16, 32 in SSE's.
+/// Pixels and channels whose sums are kept in registers: 16 sums for 32 registers, 4 for ARM's 16, 32 for SSE.
 const PIXELS: usize = if cfg!(target_arch = "arm") { 2 } else { 4 };
 const CHANNELS: usize = match PIXELS {
     _ if VECTORS => 8,
     pixels => pixels,
 };
-/// Whether the compiler has SSE2's `pmaddwd` for [`by_neighbours`]; elsewhere that order costs more.
+/// Whether the compiler has SSE2's `pmaddwd` for [`by_neighbours`]; without it that order is slower.
 const VECTORS: bool = cfg!(target_arch = "x86_64");
 
 impl Isa for Scalar {
@@ -37,7 +37,7 @@ impl Isa for Scalar {
 
     #[inline(always)]
     fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-        // The compiler knows the vectors of these two.
+        // The compiler vectorises the code for these two targets.
         if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
             requantise.portable(bytes, acc, target)
         } else {
@@ -46,7 +46,7 @@ impl Isa for Scalar {
     }
 }
 
-/// Not inlined: the convolutions and the attention share it.
+/// Not inlined, because the convolutions and the attention use the same code.
 #[inline(never)]
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     if !patch.fits(pixels, weights, width) {
@@ -64,7 +64,7 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     }
 }
 
-/// `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
+/// Computes `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "lists of one known length side by side")]
 fn block<const P: usize>(
@@ -79,7 +79,7 @@ fn block<const P: usize>(
     let mut sums = [[0i32; CHANNELS]; P];
     let (mut weights, _) = weights.as_chunks::<4>();
     for &start in patch.starts {
-        // Fours of codes; slices of one known length, so that none of their bounds are checked in the loop.
+        // Groups of four codes, in slices of one known length, so that the loop checks no bounds.
         let mut codes: [&[[u8; 4]]; P] = [&[]; P];
         for p in 0..P {
             let at = start + (first + p) * stride;
@@ -116,7 +116,7 @@ fn block<const P: usize>(
     P
 }
 
-/// Adds a group's products of one pixel: neighbours first, as an instruction for vectors of i16 does.
+/// Adds a group's products of one pixel. Neighbours are added first, as the instruction for vectors of i16 does.
 #[inline(always)]
 fn by_neighbours(sums: &mut [i32; CHANNELS], x: [u8; 4], w: &[[u8; 4]; CHANNELS]) {
     let x = x.map(|x| x as i16 as i32);

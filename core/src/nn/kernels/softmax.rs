@@ -1,23 +1,23 @@
-//! Softmax of one query's logits in integers, not normalised.
+//! Softmax of one query's logits in integers, without the normalisation.
 
 use crate::part::{head, head_mut};
 use crate::quant::limit::{larger, limit_wide};
 use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
 
-/// Logits are cut here; far beyond any table.
+/// Limit of absolute logits; far beyond every table.
 pub(crate) const LOGIT_LIMIT: i64 = 1 << 24;
-/// Most keys: tokens of the largest window.
+/// Largest number of keys: tokens of the largest window.
 pub(crate) const MAX_TOKENS: usize = 64;
 
-/// One query's softmax, not normalised.
+/// The logits of one query.
 pub(crate) struct Softmax<'a> {
-    /// q · k by key.
+    /// q · k of each key.
     pub(crate) products: &'a [i32; MAX_TOKENS],
-    /// Keys.
+    /// Number of keys.
     pub(crate) tokens: usize,
-    /// Keys in a row of the window.
+    /// Number of keys in a row of the window.
     pub(crate) width: usize,
-    /// Position bias of the first key, little-endian i16; the next row of keys begins `bias_pitch` entries on.
+    /// Position bias of the first key, little-endian i16. The next row of keys begins `bias_pitch` entries later.
     pub(crate) bias: &'a [[u8; 2]],
     pub(crate) bias_pitch: usize,
     pub(crate) multiplier: i32,
@@ -28,12 +28,12 @@ pub(crate) struct Softmax<'a> {
 }
 
 impl Softmax<'_> {
-    /// [`super::Isa::softmax`] in portable Rust.
+    /// The portable version of [`super::Isa::softmax`].
     #[inline(always)]
     pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
         let half = 1i64 << (self.shift.max(1) - 1);
         let mut logits = [0i32; MAX_TOKENS];
-        // Below every logit: one that is cut, with the smallest bias.
+        // Below every logit, also below a cut logit with the smallest bias.
         let mut largest = -2 * LOGIT_LIMIT as i32;
         let width = self.width.max(1);
         let rows = self.bias.chunks(self.bias_pitch.max(1)).zip(head_mut(&mut logits, self.tokens).chunks_mut(width));

@@ -10,7 +10,7 @@
 //! add the two halves of every channel
 //! ```
 #![allow(unsafe_code)]
-// Whatever is called instead of inlined keeps the sums in memory: plain loops.
+// Functions that are called instead of inlined would keep the sums in memory, so these are plain loops.
 #![allow(clippy::needless_range_loop)]
 
 use super::{Accumulators, Isa, Patch};
@@ -48,10 +48,10 @@ impl Isa for Avx2 {
     }
 }
 
-/// `P` pixels against 8 channels.
+/// Computes `P` pixels against 8 channels.
 ///
 /// # Safety
-/// AVX2; [`Patch::fits`] for `first + P` pixels.
+/// The processor has AVX2; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx2")]
 unsafe fn block<const P: usize>(
     acc: *mut i32,
@@ -82,7 +82,7 @@ unsafe fn block<const P: usize>(
             }
         }
         for p in 0..P {
-            // Lanes 0 and 1 belong to channel 0, 2 and 3 to channel 1, and so on; hadd leaves the order 0 1 4 5 2 3 6 7.
+            // Lanes 0 and 1 belong to channel 0, 2 and 3 to channel 1, and so on; hadd gives the order 0 1 4 5 2 3 6 7.
             let both = _mm256_hadd_epi32(sums[p][0], sums[p][1]);
             let ordered = _mm256_permute4x64_epi64::<0b11_01_10_00>(both);
             let at = acc.add(p * width).cast::<__m256i>();

@@ -1,4 +1,4 @@
-//! A model file that can only hold what is legal: everything is validated once, before the first step (`validate/`). This is the view of it.
+//! A validated model file: `validate/` checks everything once, before the first step. This is the view of the file.
 
 mod validate;
 mod verdict;
@@ -16,8 +16,8 @@ use super::tensor::Tensor;
 use crate::photoclinometry::Photoclinometry;
 use crate::tile::Shape;
 
-/// A validated model, borrowing the file's bytes. Holding one proves that every operator stays inside its tensors, constants
-/// and accumulators, and that no tensor is read before it is written or after it is overwritten.
+/// A validated model, borrowing the file's bytes. Every operator of a `Model` stays inside its tensors, constants and accumulators, and no
+/// tensor is read before it is written or after it is overwritten.
 #[derive(Debug, Clone, Copy)]
 pub struct Model<'a> {
     raw: RawModel<'a>,
@@ -33,7 +33,7 @@ pub struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// Validates a file: integrity first, then every record. Takes time proportional to the file, and no memory.
+    /// Validates a file: integrity first, then every record. The time is proportional to the file's length; no memory is needed.
     ///
     /// # Errors
     /// The first violation found.
@@ -45,7 +45,7 @@ impl<'a> Model<'a> {
         Ok(model)
     }
 
-    /// Finds the sections, and validates nothing in them.
+    /// Finds the sections without validating their contents.
     fn open(raw: RawModel<'a>) -> Result<Self, ModelError> {
         let count = |index: usize| raw.word(index) as usize;
         if count(word::TENSORS + 1) > MAX_RECORDS || !(1..=MAX_RECORDS).contains(&count(word::OPERATORS + 1)) {
@@ -67,68 +67,68 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// Shape of the tile.
+    /// Returns the shape of the tile.
     pub fn tile(&self) -> Shape {
         Shape::new(self.raw.word(word::TILE) as usize, self.raw.word(word::TILE + 1) as usize)
     }
 
-    /// Upper end of the normalised elevation range, NR (Eq. 1).
+    /// Returns the upper end of the normalised elevation range, NR (Eq. 1).
     pub fn nr(&self) -> f32 {
         f32::from_bits(self.raw.word(word::NR))
     }
 
-    /// Share by which the coarse relief is widened below and above before normalisation.
+    /// Returns the share by which the coarse range is widened below and above before normalisation.
     pub fn range_margin(&self) -> f32 {
         f32::from_bits(self.raw.word(word::RANGE_MARGIN))
     }
 
-    /// Whose range normalised the truth.
+    /// Returns which range normalised the truth.
     pub fn truth_range(&self) -> TruthRange {
         TruthRange::from_code(self.raw.word(word::TARGET_RANGE)).unwrap_or(TruthRange::Pixel)
     }
 
-    /// Which light the network knows.
+    /// Returns the light that the network knows.
     pub fn illumination(&self) -> Illumination {
         Illumination::from_code(self.raw.word(word::ILLUMINATION)).unwrap_or(Illumination::Given)
     }
 
-    /// How tiles are normalised.
+    /// Returns how tiles are normalised.
     pub fn input_rules(&self) -> InputRules {
         let (nr, range_margin) = (self.nr(), self.range_margin());
         InputRules { nr, range_margin, truth_range: self.truth_range(), illumination: self.illumination() }
     }
 
-    /// Samples of the image in every pixel: brightness, or the four maps of [`crate::photoclinometry::Guide`].
+    /// Number of samples of the image in every pixel: brightness alone, or the four maps of [`crate::photoclinometry::Guide`].
     pub fn image_maps(&self) -> usize {
         self.illumination().image_maps()
     }
 
-    /// Descriptive JSON: name, network configuration.
+    /// Returns the descriptive JSON: name, network configuration.
     pub fn text(&self) -> &'a str {
         self.text
     }
 
-    /// The file as it is.
+    /// Returns the file.
     pub fn raw(&self) -> &RawModel<'a> {
         &self.raw
     }
 
-    /// Multiply-accumulates per tile.
+    /// Number of multiply-accumulates per tile.
     pub fn macs(&self) -> u64 {
         self.macs
     }
 
-    /// Bytes of constants: weights, biases, multipliers, tables.
+    /// Number of bytes of constants: weights, biases, multipliers, tables.
     pub fn constants_bytes(&self) -> usize {
         self.constants.0.len()
     }
 
-    /// First byte behind the tensors: where the scratch memory begins.
+    /// Offset of the scratch memory: the first byte behind the tensors.
     pub fn scratch_offset(&self) -> usize {
         self.scratch_offset
     }
 
-    /// Bytes of scratch memory.
+    /// Number of bytes of scratch memory.
     pub fn scratch_bytes(&self) -> usize {
         self.scratch_bytes
     }
@@ -143,24 +143,24 @@ impl<'a> Model<'a> {
         self.operators.len()
     }
 
-    /// Tensor `index`; for a number that the model does not have, a single byte at the start of the arena.
+    /// Returns tensor `index`; for a number that the model does not have, a single byte at the start of the arena.
     #[inline]
     pub fn tensor(&self, index: u32) -> Tensor {
         self.tensors.get(index as usize).map_or(Tensor::SINGLE, |record| Tensor::read(record))
     }
 
-    /// Operator `index`, or `None` beyond the last and if its record is not as it was written.
+    /// Returns operator `index`; `None` beyond the last, or if its record has changed.
     pub fn operator(&self, index: usize) -> Option<Operator> {
         self.operators.get(index).and_then(|record| Operator::decode(record).ok())
     }
 
-    /// Tensor `index`, if its record is as it was written.
+    /// Returns tensor `index`; `None` beyond the last, or if its record has changed.
     pub(super) fn sealed_tensor(&self, index: u32) -> Option<Tensor> {
         let record = self.tensors.get(index as usize)?;
         sealed(record).then(|| Tensor::read(record))
     }
 
-    /// Values of scratch memory that beginning a tile in metres wants; 0 for models that are not given the light.
+    /// Number of values of scratch memory that is needed to begin a tile in metres; 0 for models without a given light.
     pub fn scratch_len(&self) -> usize {
         match self.illumination() {
             Illumination::Given => Photoclinometry::new(self.tile()).scratch_len(),
@@ -168,7 +168,7 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Checksums of rows that the arena holds: one per row kept.
+    /// Number of checksums of rows in the arena: one per row that is kept.
     pub fn sum_count(&self) -> usize {
         self.sum_count
     }
@@ -178,7 +178,7 @@ impl<'a> Model<'a> {
         self.schedule.len()
     }
 
-    /// Entry `index` of the schedule, or `None` beyond the last and if it is not as it was written.
+    /// Returns entry `index` of the schedule; `None` beyond the last, or if it has changed.
     #[inline]
     pub fn entry(&self, index: usize) -> Option<Entry> {
         self.schedule.get(index).and_then(Entry::decode)
@@ -199,23 +199,23 @@ impl<'a> Model<'a> {
         self.raw.word(word::OUTPUT)
     }
 
-    /// Seed of the self-test tile and checksum of its output.
+    /// Returns the seed of the self-test tile and the checksum of its output.
     pub fn self_test(&self) -> (u32, u32) {
         (self.raw.word(word::SELF_TEST_SEED), self.raw.word(word::SELF_TEST_CRC))
     }
 
-    /// The constants, for operators.
+    /// Returns the constants.
     #[inline]
     pub(crate) fn constants(&self) -> &Constants<'a> {
         &self.constants
     }
 
-    /// Units of work in step `step` of an operator: a panel of output channels, a row of pixels, or a window.
+    /// Number of units of work in a step of an operator: panels of output channels, rows of pixels, or windows.
     pub fn units(&self, operator: &Operator) -> usize {
         self.prepared(operator).units()
     }
 
-    /// Operator `index` with its tensors; `None` if one of their records has changed since it was written.
+    /// Returns operator `index` with its tensors; `None` if one of their records has changed.
     pub(super) fn ready(&self, index: usize) -> Option<Prepared> {
         let operator = self.operator(index)?;
         let mut inputs = [None; 3];
@@ -227,23 +227,23 @@ impl<'a> Model<'a> {
         Some(Prepared { operator, out: self.sealed_tensor(operator.output())?, inputs })
     }
 
-    /// An operator with its tensors, whether or not the records are as they were written.
+    /// Returns an operator with its tensors, without a check of their records.
     pub(crate) fn prepared(&self, operator: &Operator) -> Prepared {
         let inputs = operator.inputs().map(|tensor| tensor.map(|tensor| self.tensor(tensor)));
         Prepared { operator: *operator, out: self.tensor(operator.output()), inputs }
     }
 
-    /// Multiply-accumulates of one unit of one step (a layer norm counts four per sample, an upsampling eight).
+    /// Number of multiply-accumulates of one unit of one step (a layer norm counts four per sample, an upsampling eight).
     pub fn unit_macs(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
         self.prepared(operator).unit_macs(step, unit)
     }
 
-    /// Multiply-accumulates of a whole operator.
+    /// Number of multiply-accumulates of a whole operator.
     pub fn operator_macs(&self, operator: &Operator) -> u64 {
         self.prepared(operator).macs()
     }
 
-    /// Bytes that the packed weights of a convolution take.
+    /// Number of bytes of a convolution's packed weights.
     pub fn weight_bytes(&self, conv: &Conv) -> usize {
         let out = self.tensor(conv.out);
         let of = |variant: usize| {

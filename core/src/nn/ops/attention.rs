@@ -9,7 +9,7 @@
 //!         e = exp(logit - largest)             by table; 15 bits, stored as two planes of u8 (kernels with table lookups have their own)
 //!         mean = (e · v) / Σe                  the same kernel, once per plane; one integer reciprocal per query
 //! ```
-//! The softmax is not normalised before it meets v.
+//! The softmax is not normalised before the product with v.
 
 use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, OVERREAD, Row};
@@ -27,7 +27,7 @@ use crate::quant::round_shift;
 const RECIPROCAL_BITS: u32 = 43;
 const _: () = assert!(MAX_WINDOW * MAX_WINDOW == MAX_TOKENS);
 
-/// Sizes of the scratch memory's parts.
+/// Sizes of the parts of the scratch memory, bytes.
 #[derive(Clone, Copy)]
 pub(crate) struct Layout {
     keys: usize,
@@ -36,7 +36,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// For windows of `tokens` and heads of `channels`.
+    /// Returns the sizes for windows of `tokens` tokens and heads of `channels` channels.
     #[inline(always)]
     pub(crate) const fn new(tokens: usize, channels: usize) -> Self {
         Self {
@@ -46,13 +46,13 @@ impl Layout {
         }
     }
 
-    /// Bytes together: packed keys, packed values, two planes of exponentials for a row of queries.
+    /// Total bytes: packed keys, packed values, two planes of exponentials for a row of queries.
     pub(crate) const fn bytes(&self) -> usize {
         self.keys + self.values + 2 * MAX_WINDOW * self.row + OVERREAD
     }
 }
 
-/// One window: rows and columns of the filled-up map.
+/// One window: a range of rows and a range of columns of the extended map.
 struct Window<'a> {
     a: &'a Attention,
     input: &'a Tensor,
@@ -71,7 +71,7 @@ impl Window<'_> {
         self.width() * (self.rows.1 - self.rows.0)
     }
 
-    /// Places in the arena of sample `channel` of every token, from the first on.
+    /// Returns a walk over the offsets in the arena of sample `channel` of every token, from the first on.
     #[inline(always)]
     fn walk(&self, channel: usize) -> Walk<'_> {
         let mut walk = Walk { window: self, channel, row: self.rows.0, col: self.cols.0, at: 0 };
@@ -80,13 +80,13 @@ impl Window<'_> {
     }
 }
 
-/// A walk over the tokens of a window, without a division for each.
+/// A walk over the tokens of a window, without a division per token.
 struct Walk<'a> {
     window: &'a Window<'a>,
     channel: usize,
     row: usize,
     col: usize,
-    /// Place of the token at (row, col), if that lies in the map.
+    /// Offset of the token at (row, col), if it is inside the map.
     at: usize,
 }
 
@@ -98,7 +98,7 @@ impl Walk<'_> {
             t.row_offset(self.row.min(t.rows.saturating_sub(1))) + (t.margin + self.col) * t.channels + self.channel;
     }
 
-    /// Place of the next token, or `None` in the padding.
+    /// Returns the offset of the next token; `None` in the padding.
     #[inline(always)]
     fn next_place(&mut self) -> Option<usize> {
         let t = self.window.input;
@@ -140,7 +140,7 @@ pub(crate) fn run<I: Isa>(
     cut
 }
 
-/// Packs k and v of one head; returns what each key's logits owe to the code 128 of q's zero.
+/// Packs k and v of one head; returns for each key the part of its logits that comes from the zero of q, code 128.
 #[inline(always)]
 fn pack(
     constants: &Constants<'_>,
@@ -194,7 +194,7 @@ fn pack(
         let from = 2 * out.channels + head * channels + first;
         let mut walk = window.walk(from);
         for (group, to) in panel.chunks_exact_mut((4 * width).max(1)).enumerate() {
-            // Behind the last token stand zeros: the code 128.
+            // Missing tokens are zeros: the code 128.
             const NOTHING: [u8; PANEL] = [128; PANEL];
             let mut four = [part(&NOTHING, 0, count); 4];
             for (b, codes) in four.iter_mut().enumerate() {
@@ -215,7 +215,7 @@ fn pack(
     (offsets, layout)
 }
 
-/// One head of a window, packed.
+/// One packed head of a window.
 struct Head<'a, 'm> {
     constants: &'a Constants<'m>,
     window: &'a Window<'a>,
@@ -226,7 +226,7 @@ struct Head<'a, 'm> {
 }
 
 impl Head<'_, '_> {
-    /// The queries of row `row` of the map.
+    /// Computes the queries of row `row` of the map.
     #[inline(always)]
     fn row<I: Isa>(&self, arena: &mut Arena<'_>, row: usize) -> u64 {
         let (a, out) = (self.window.a, self.out);
@@ -268,8 +268,8 @@ impl Head<'_, '_> {
         cut
     }
 
-    /// Turns sums of v into codes and stores `count` of them in a row of the output, from a sample on; returns how many were cut.
-    /// `W` is the panel's width, known to the compiler.
+    /// Turns sums of v into codes and stores `count` of them in a row of the output, from a sample on; returns how many were cut. `W` is
+    /// the panel's width, a constant for the compiler.
     #[inline(always)]
     fn means<const W: usize>(
         &self,
@@ -296,7 +296,7 @@ impl Head<'_, '_> {
         cut
     }
 
-    /// q · k of the queries of a row with all keys.
+    /// Returns q · k of the queries of a row with all keys.
     #[inline(always)]
     fn products<I: Isa>(&self, arena: &Arena<'_>, row: usize, queries: usize) -> [[i32; MAX_TOKENS]; MAX_WINDOW] {
         let (a, t) = (self.window.a, self.window.input);
@@ -328,7 +328,7 @@ impl Head<'_, '_> {
         let a = self.window.a;
         let (width, side) = (self.window.width(), 2 * a.window - 1);
         let bias = self.constants.slice(a.position_bias + 2 * self.head * side * side, 2 * side * side);
-        // The table is stored so that keys from left to right meet entries from left to right.
+        // The table is stored so that keys and entries have the same order from left to right.
         let first = (a.window - 1 - (row - self.window.rows.0)) * side + a.window - 1 - q;
         let softmax = Softmax {
             products,
@@ -348,15 +348,15 @@ impl Head<'_, '_> {
     }
 }
 
-/// Part of the exponential's table.
+/// Returns a part of the exponential's table.
 #[inline(always)]
 fn table<'a, const N: usize>(constants: &Constants<'a>, offset: usize) -> &'a [[u8; 2]; N] {
     constants.slice(offset, 2 * N).as_chunks().0.first_chunk().unwrap_or(&[[0; 2]; N])
 }
 
-/// `2^RECIPROCAL_BITS / sum`, rounded down, for the sum of a row's exponentials: 2^13 at least, which validation sees to, and below 2^21. In
-/// pieces of 32 bits, since small processors divide 64 in a loop that ends when it may; sums of a table that has changed are brought into the
-/// range for which the pieces hold.
+/// Returns `2^RECIPROCAL_BITS / sum`, rounded down, for the sum of a row's exponentials. Validation guarantees that the sum is at least
+/// 2^13 and below 2^21. The division is done in pieces of 32 bits, because small processors divide 64 bits in a loop whose length depends
+/// on the data. The sum of a table that has changed is clamped to the range in which the pieces are exact.
 #[inline(always)]
 fn reciprocal_of(sum: i64) -> i32 {
     const PIECES: [u32; 3] = [31, 10, 2];
@@ -370,7 +370,7 @@ fn reciprocal_of(sum: i64) -> i32 {
     quotient as i32
 }
 
-/// Widest head for which a row of queries fits the accumulators: any, as panels are done one by one.
+/// A row of queries fits into the accumulators for any width of the head, because panels are computed one by one.
 const _: () = assert!(MAX_WINDOW * PANEL <= ACCUMULATORS);
 
 #[cfg(test)]

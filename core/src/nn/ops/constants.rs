@@ -3,18 +3,18 @@
 use crate::nn::file::i32_at;
 use crate::part::part;
 
-/// The constants' bytes; offsets and lengths come from validated operators.
+/// The bytes of the constants; offsets and lengths come from validated operators.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Constants<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Constants<'a> {
-    /// `len` bytes from `offset` on.
+    /// Returns `len` bytes from `offset` on.
     #[inline]
     pub(crate) fn slice(&self, offset: usize, len: usize) -> &'a [u8] {
         part(self.0, offset, len)
     }
 
-    /// The i32 number `index` of the list at `offset`.
+    /// Returns i32 number `index` of the list at `offset`.
     #[inline]
     pub(crate) fn i32_at(&self, offset: usize, index: usize) -> i32 {
         i32_at(self.0, offset + 4 * index)

@@ -13,8 +13,8 @@
 //!     acc *= 256
 //!     for every source:         acc += low plane (or u8 codes) * weights
 //! ```
-//! Nothing is copied: kernels read the rows where they lie. Rows above and below the map are a row of zero codes in scratch (or,
-//! folded, the border row); columns left and right are the tensor's margin.
+//! Nothing is copied: kernels read rows in place. Rows above and below the map are a row of zero codes in scratch memory (or, if folded,
+//! the border row); columns left and right are the tensor's margin.
 
 use super::requantise::requantise;
 use super::{Constants, Prepared};
@@ -33,31 +33,31 @@ struct Job<'a, 'm> {
     out: Tensor,
     sources: [Option<Tensor>; 2],
     add: Option<Tensor>,
-    /// First channel and width of the panel.
+    /// First channel of the panel, and its width.
     first: usize,
     width: usize,
-    /// Whether a source has 16 bits.
+    /// Whether one of the sources has 16 bits.
     wide: bool,
 }
 
-/// A set of filters, and where its first patch lies.
+/// A set of filters, and the place of its first patch.
 #[derive(Clone, Copy)]
 struct Filter<'m> {
     variant: usize,
-    /// First row and column of the patch, in the input; outside is padding.
+    /// First row and column of the patch in the input; places outside are padding.
     row: isize,
     col: isize,
     /// Kernel rows and columns.
     rows: usize,
     cols: usize,
-    /// Of each source.
+    /// Weights of each source.
     weights: [&'m [u8]; 2],
 }
 
 /// Output pixels of one row that use the same filters.
 #[derive(Clone, Copy)]
 struct Stretch<'m> {
-    /// Output row, first column, step between columns, pixels.
+    /// Output row, first column, step between columns, number of pixels.
     row: usize,
     col: usize,
     col_step: usize,
@@ -86,7 +86,7 @@ pub(crate) fn run<I: Isa>(
     let rows = begin..(begin + made).min(job.out.rows);
     let mut cut = 0;
     if conv.fold {
-        // All rows with the same filter before the next one: its weights stay in the cache.
+        // All rows with the same filter before the next filter, so that its weights stay in the cache.
         for (down, across) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             for row in rows.clone().skip(down).step_by(2) {
                 cut += job.run::<I>(arena, &job.folded(row, across));
@@ -107,7 +107,7 @@ pub(crate) fn run<I: Isa>(
 }
 
 impl<'m> Job<'_, 'm> {
-    /// A whole row.
+    /// Returns a whole row as a stretch.
     #[inline(always)]
     fn plain(&self, row: usize, filter: Filter<'m>) -> Stretch<'m> {
         let (conv, pad) = (self.conv, self.conv.pad as isize);
@@ -116,7 +116,7 @@ impl<'m> Job<'_, 'm> {
         Stretch { row, col: 0, col_step: 1, count, input_step, filters: [Some(filter), None] }
     }
 
-    /// Every second pixel of a row, from the first or (`odd` 1) second on.
+    /// Returns every second pixel of a row as a stretch, from the first or (`odd` 1) the second pixel on.
     #[inline(always)]
     fn folded(&self, row: usize, odd: usize) -> Stretch<'m> {
         let (down, across) = (Phase::of(row, self.out.rows / 2), Phase::of(odd, self.out.cols / 2));
@@ -127,7 +127,7 @@ impl<'m> Job<'_, 'm> {
         Stretch { row, col: odd, col_step: 2, count: self.out.cols / 2, input_step: 1, filters }
     }
 
-    /// The corrections for a column of a row.
+    /// Returns the corrections for a column of a row.
     #[inline(always)]
     fn corrections(&self, row: usize, col: usize) -> [Option<Filter<'m>>; 2] {
         let (down, across) = (Phase::of(row, self.out.rows / 2), Phase::of(col, self.out.cols / 2));
@@ -138,15 +138,15 @@ impl<'m> Job<'_, 'm> {
         [Some(filter), corner]
     }
 
-    /// A set of filters whose first patch begins at a row and column.
+    /// Returns a set of filters whose first patch begins at a row and column.
     #[inline(always)]
     fn filter(&self, variant: usize, row: isize, col: isize) -> Filter<'m> {
         let conv = self.conv;
         let (rows, cols) = conv.extent(variant);
-        // Groups of one source, or both, in a kernel row of so many columns.
+        // Number of groups of one source, or of both, in a kernel row of `cols` columns.
         let of = |source: usize, cols: usize| self.sources[source].map_or(0, |t| groups(cols * t.channels));
         let both = |cols: usize| of(0, cols) + of(1, cols);
-        // Groups of the sets before this one, and of all: whole rows of sets, then those of this row.
+        // Number of groups of the sets before this one, and of all sets: whole rows of sets, then those of this row.
         let (before, all) = if conv.fold {
             let (down, across) = (variant / PHASES, variant % PHASES);
             let sum = |taps: &[usize]| taps.iter().map(|&cols| both(cols)).sum::<usize>();
@@ -156,7 +156,7 @@ impl<'m> Job<'_, 'm> {
         } else {
             (0, rows * both(cols))
         };
-        // Panels before this one hold `first` channels; the first source comes first.
+        // The panels before this one have `first` channels in total. The first source comes first.
         let start = conv.weights + 4 * (self.first * all + self.width * before);
         let bytes = |source: usize| 4 * self.width * rows * of(source, cols);
         let weights = [self.constants.slice(start, bytes(0)), self.constants.slice(start + bytes(0), bytes(1))];
@@ -172,7 +172,7 @@ impl<'m> Job<'_, 'm> {
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
-            // Blocks of nearly one size: small ones leave registers idle.
+            // Blocks of nearly equal size, because small ones leave registers unused.
             let left = stretch.count - done;
             let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)).max(1));
             self.products::<I>(arena, &mut acc, &stretch.filters, (done * stretch.input_step, now), stretch.input_step);
@@ -209,7 +209,7 @@ impl<'m> Job<'_, 'm> {
         }
     }
 
-    /// Sets `acc` to the products of the filters with `now` patches, the first of them `skip` columns further right.
+    /// Sets `acc` to the products of the filters with `now` patches. The first patch is `skip` columns further right.
     #[inline(always)]
     fn products<I: Isa>(
         &self,
@@ -227,7 +227,7 @@ impl<'m> Job<'_, 'm> {
         self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 0), &mut begun);
     }
 
-    /// Adds the products of one plane of all sources; the first ones begin the sums.
+    /// Adds the products of one plane of all sources; the first products replace the sums.
     #[inline(always)]
     fn plane<I: Isa>(
         &self,

@@ -1,7 +1,8 @@
-//! The operators: what each reads and writes (`reach.rs`), what it costs (`prepared.rs`), and its unit of work, one file each.
+//! The operators: what each reads and writes (`reach.rs`), its cost (`prepared.rs`), and its unit of work, one file each.
 //!
-//! Every `run` does one unit of one step of work (see [`Prepared::units`]) and returns how many results had to be cut to their tensor's
-//! largest code (or, below a zero that is not the smallest code, to the smallest). All of them are inlined into one function per kernel, so that each is compiled for the kernel's instruction set.
+//! Every `run` does one unit of one step of work (see [`Prepared::units`]) and returns how many results were cut to their tensor's largest
+//! code (or to the smallest, below a zero that is not the smallest code). All of them are inlined into one function per kernel, so that
+//! each is compiled for the kernel's instruction set.
 
 mod attention;
 mod constants;

@@ -1,4 +1,4 @@
-//! An operator ready to run, and what it costs.
+//! An operator that is ready to run, and its cost.
 
 use super::attention::Layout;
 use crate::nn::arena::OVERREAD;
@@ -6,20 +6,20 @@ use crate::nn::file::{Conv, Operator, Phase};
 use crate::nn::panels::{panel, panel_count};
 use crate::nn::tensor::Tensor;
 
-/// An operator with its tensors, away from the model's memory: what happens to that from now on does not change what is read and written
-/// where, or how often.
+/// A copy of an operator and its tensors outside the model's memory. A fault in the model's memory after the copy does not change where, or
+/// how often, the operator reads and writes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Prepared {
-    /// What is done.
+    /// The operator.
     pub(crate) operator: Operator,
-    /// The tensor it writes.
+    /// The tensor that the operator writes.
     pub(crate) out: Tensor,
-    /// The tensors it reads, by slot ([`Operator::inputs`]).
+    /// The tensors that the operator reads, by slot ([`Operator::inputs`]).
     pub(crate) inputs: [Option<Tensor>; 3],
 }
 
 impl Prepared {
-    /// Units of work in a step: a panel of output channels, a row of pixels, or a window.
+    /// Number of units of work in a step: panels of output channels, rows of pixels, or windows.
     #[inline]
     pub(crate) const fn units(&self) -> usize {
         match &self.operator {
@@ -29,7 +29,7 @@ impl Prepared {
         }
     }
 
-    /// Multiply-accumulates of one unit of one step, filling not counted. A layer norm counts four per sample, an upsampling eight.
+    /// Number of multiply-accumulates of one unit of one step, without filling. A layer norm counts four per sample, an upsampling eight.
     pub(crate) fn unit_macs(&self, step: usize, unit: usize) -> u64 {
         let out = &self.out;
         match &self.operator {
@@ -47,7 +47,7 @@ impl Prepared {
         }
     }
 
-    /// Multiply-accumulates of the whole operator.
+    /// Number of multiply-accumulates of the whole operator.
     pub(crate) fn macs(&self) -> u64 {
         match &self.operator {
             Operator::Conv(conv) => {
@@ -61,10 +61,10 @@ impl Prepared {
         }
     }
 
-    /// Bytes of scratch memory that it works in.
+    /// Number of bytes of scratch memory that the operator needs.
     pub(crate) fn scratch_bytes(&self) -> usize {
         match &self.operator {
-            // A row of zero codes for the padding, as long as what the kernel reads of a row.
+            // A row of zero codes for the padding, as long as the part of a row that the kernel reads.
             Operator::Conv(conv) if conv.pad > 0 && !conv.fold => {
                 let line = |t: &Tensor| t.plane_bytes() + conv.kernel_cols * t.channels + OVERREAD;
                 self.inputs.iter().take(2).flatten().map(line).max().unwrap_or(0)
@@ -74,7 +74,7 @@ impl Prepared {
         }
     }
 
-    /// Products per output channel in one step.
+    /// Number of products per output channel in one step.
     fn taps(&self, conv: &Conv, step: usize) -> u64 {
         let out = &self.out;
         let channels = self.input(0).channels + conv.second.map_or(0, |_| self.input(1).channels);
@@ -90,12 +90,12 @@ impl Prepared {
         taps * channels as u64
     }
 
-    /// Steps that make all of the output.
+    /// Number of steps for the whole output.
     pub(crate) const fn steps(&self) -> usize {
         self.operator.steps(&self.out)
     }
 
-    /// Input `slot`; a single byte at the start of the arena for one that the operator does not have.
+    /// Returns input `slot`; for an input that the operator does not have, a single byte at the start of the arena.
     #[inline]
     pub(crate) fn input(&self, slot: usize) -> Tensor {
         self.inputs.get(slot).copied().flatten().unwrap_or(Tensor::SINGLE)

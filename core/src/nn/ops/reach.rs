@@ -1,4 +1,4 @@
-//! What the steps of an operator read and write.
+//! The rows that the steps of an operator read and write.
 
 use crate::nn::file::Operator;
 use crate::nn::file::count::{at_least_one, min};
@@ -6,8 +6,8 @@ use crate::nn::tensor::Tensor;
 use core::ops::Range;
 
 impl Operator {
-    /// Steps of this operator that make all of `out`: a step is one output row or a block of them; two for an upsampling, or twice a
-    /// block for one that a convolution contains; a row of windows for an attention.
+    /// Number of steps of this operator for all of `out`. A step is one output row or a block of rows; two rows for an upsampling; twice a
+    /// block for a convolution that contains an upsampling; a row of windows for an attention.
     #[inline]
     pub const fn steps(&self, out: &Tensor) -> usize {
         match self {
@@ -18,7 +18,7 @@ impl Operator {
         }
     }
 
-    /// Rows of `out` that exist after the first `steps` steps.
+    /// Number of rows of `out` that exist after the first `steps` steps.
     #[inline]
     pub const fn rows_after(&self, out: &Tensor, steps: usize) -> usize {
         match self {
@@ -30,7 +30,8 @@ impl Operator {
         }
     }
 
-    /// Rows of input `slot` (see [`Self::inputs`], of `rows` rows) that step `step` reads; empty if it reads padding only.
+    /// Returns the rows of input `slot` (see [`Self::inputs`], of `rows` rows) that step `step` reads; an empty range if it reads padding
+    /// only.
     pub fn rows_read(&self, out: &Tensor, slot: usize, rows: usize, step: usize) -> Range<usize> {
         match self {
             Self::Conv(_) if slot == 2 => self.rows_after(out, step)..self.rows_after(out, step + 1),

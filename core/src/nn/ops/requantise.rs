@@ -1,4 +1,4 @@
-//! What a convolution's accumulators need: the numbers of one panel, read from the constants.
+//! The constants of one panel that requantise a convolution's accumulators.
 
 use super::Constants;
 use crate::nn::file::Conv;
@@ -7,7 +7,7 @@ use crate::nn::panels::PANEL;
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::quant::lut::CODE_TABLE_LEN;
 
-/// Of channels `first` to `first + width` of an output; `variants`: the sets of filters whose biases add up.
+/// Reads the constants for channels `first` to `first + width` of an output. `variants` are the sets of filters whose biases are added.
 #[inline(always)]
 pub(super) fn requantise<'a>(
     constants: &Constants<'a>,
@@ -54,7 +54,7 @@ pub(super) fn requantise<'a>(
         zero,
         lo,
         hi,
-        // Cutting at the zero point is a ReLU, and beyond a table's ends it goes on as it ends: no faults.
+        // Two kinds of cuts do not count as saturation: a cut at the zero point is a ReLU, and a table continues with its end values.
         floor: if table.is_some() || out.lo == out.zero { i64::MIN } else { lo },
         ceiling: if table.is_some() { i64::MAX } else { hi },
         relu: conv.relu,

@@ -20,7 +20,7 @@ pub(crate) fn run(prepared: &Prepared, arena: &mut Arena<'_>, step: usize) -> u6
     0
 }
 
-/// One output pixel: nine parts of the nearest sample, three of its neighbours, one of the diagonal one.
+/// Computes one output pixel: 9/16 of the nearest sample, 3/16 of each of its two neighbours, 1/16 of the diagonal one.
 #[inline(always)]
 fn pixel(
     arena: &mut Arena<'_>,
@@ -46,8 +46,8 @@ fn pixel(
     }
 }
 
-/// Twofold bilinear upsampling with half-pixel centres: output `index` takes 3/4 of the first and 1/4 of the second input
-/// sample returned; beyond the border the border sample repeats.
+/// Returns the two input samples of output `index`, for twofold bilinear upsampling with half-pixel centres: 3/4 of the first and 1/4 of
+/// the second. Beyond the border the border sample repeats.
 #[inline(always)]
 fn taps(index: usize, len: usize) -> (usize, usize) {
     let near = index / 2;

@@ -1,13 +1,14 @@
-//! Which model to run, and what becomes of a trial.
+//! The choice of the model to run, and the end of a trial.
 
 use super::*;
 
 impl<S: Storage> Slots<S> {
-    /// Says which model to run, after every reset: the one on trial if it has boots left, else the confirmed one, else any that this runner
-    /// accepts. Counts the boots of a trial before it is run, rolls back one that has none left, and mends the record's copy. Validates the model
-    /// whole, which takes time proportional to the file; an upload that was begun has to be begun again.
+    /// Returns which model to run; to be called after every reset. It is the model on trial if it has boots left, else the confirmed one,
+    /// else any that this runner accepts. Counts a boot of a trial before the trial runs, rolls back a trial that has no boots left, and
+    /// repairs the record's copy. Validates the whole model, which takes time proportional to the file. An upload that was begun must be
+    /// begun again.
     ///
-    /// A trial that cannot be counted, because the storage refuses, is not run.
+    /// A trial whose boot cannot be counted, because the storage refuses, is not run.
     ///
     /// # Errors
     /// [`SlotError::NothingRuns`].
@@ -24,27 +25,27 @@ impl<S: Storage> Slots<S> {
                         return Ok(self.run(trial.entry.slot, Standing::Trial, verdict));
                     }
                 }
-                // Should the storage refuse: the next boot comes here again.
+                // If the storage refuses, the next boot tries again.
                 _ => _ = self.end_trial(record),
             }
         }
         self.fall_back(record)
     }
 
-    /// The model that runs, opened as it was validated.
+    /// Opens the model that runs with the result of its validation.
     ///
     /// # Errors
-    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`], or [`SlotError::Model`] if its header has changed since.
+    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`], or [`SlotError::Model`] if the header of the model has changed.
     pub fn model(&self) -> Result<Model<'_>, SlotError> {
         let boot = self.running()?;
         Ok(Model::reopen(self.file(boot.slot, boot.verdict.file_bytes), &boot.verdict)?)
     }
 
-    /// Remembers the model that runs as the confirmed one: its self test was passed. Does nothing if it is confirmed already.
+    /// Records the model that runs as confirmed, after it has passed its self test. Does nothing if it is confirmed already.
     ///
     /// # Errors
     /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`]; [`SlotError::OtherModel`] if another model has passed; [`SlotError::Storage`],
-    /// [`SlotError::NotWritten`]: then it is on trial as before.
+    /// [`SlotError::NotWritten`]: the model stays on trial then.
     pub fn confirm(&mut self, passed: SelfTestPassed) -> Result<(), SlotError> {
         let boot = self.running()?;
         let id = ModelId { file_bytes: boot.verdict.file_bytes, header_crc: boot.verdict.header_crc };
@@ -58,12 +59,11 @@ impl<S: Storage> Slots<S> {
         Ok(())
     }
 
-    /// Ends the trial of the model that runs, which has failed its self test, and says which one to run instead; of models that were found
-    /// without a record, the next one. While the confirmed model runs, withdraws a trial that is to come.
+    /// Ends the trial of the model that runs, after it has failed its self test, and returns which model to run instead. Of models that
+    /// were found without a record, this is the next one. While the confirmed model runs, withdraws a trial that has not begun.
     ///
     /// # Errors
-    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`]; [`SlotError::Confirmed`] if there is no trial to end, and then nothing has
-    /// happened.
+    /// [`SlotError::NotBooted`], [`SlotError::NothingRuns`]; [`SlotError::Confirmed`] if there is no trial to end; nothing is changed then.
     pub fn reject(&mut self) -> Result<Boot, SlotError> {
         let boot = self.running()?;
         let record = self.record().unwrap_or_default();
@@ -71,7 +71,7 @@ impl<S: Storage> Slots<S> {
             Standing::Confirmed if record.trial.is_none() => Err(SlotError::Confirmed),
             Standing::Confirmed => self.end_trial(record).map(|()| boot),
             Standing::Trial => {
-                // Should the storage refuse: a reset ends the trial, when no boots are left.
+                // If the storage refuses, a reset without boots left ends the trial.
                 let _ = self.end_trial(record);
                 self.fall_back(record)
             }
@@ -94,7 +94,7 @@ impl<S: Storage> Slots<S> {
         boot
     }
 
-    /// The confirmed model, else any.
+    /// Returns the confirmed model, else any.
     fn fall_back(&mut self, record: Record) -> Result<Boot, SlotError> {
         if let Some(confirmed) = record.confirmed {
             let verdict = self.validate(confirmed).map(|model| model.verdict());
@@ -105,7 +105,7 @@ impl<S: Storage> Slots<S> {
         self.salvage(&[Slot::A, Slot::B])
     }
 
-    /// The first of these slots whose model this runner accepts.
+    /// Returns the first of these slots whose model this runner accepts.
     fn salvage(&mut self, slots: &[Slot]) -> Result<Boot, SlotError> {
         for &slot in slots {
             let id = ModelId::of(self.storage.bytes(Region::Model(slot)));

@@ -1,4 +1,4 @@
-//! The record in its two copies, and how anything is written.
+//! The record in its two copies, and all writing to the storage.
 
 use super::*;
 use crate::part::part;
@@ -7,7 +7,7 @@ use crate::part::part;
 const COPIES: [Region; 2] = [Region::Record, Region::RecordCopy];
 
 impl<S: Storage> Slots<S> {
-    /// What is remembered; `None` if neither copy is whole.
+    /// Returns the record; `None` if neither copy is intact.
     pub fn record(&self) -> Option<Record> {
         let [first, second] = COPIES.map(|copy| Record::decode(self.storage.bytes(copy)));
         match (first, second) {
@@ -16,15 +16,15 @@ impl<S: Storage> Slots<S> {
         }
     }
 
-    /// Copies of the record that are whole and say the same, for housekeeping: 2, unless the storage wears out or is hit.
+    /// Number of copies of the record that are intact and equal, for housekeeping: 2, unless the storage is worn or damaged.
     pub fn record_copies(&self) -> usize {
         let record = self.record();
         let whole = |copy: &&Region| record.is_some() && Record::decode(self.storage.bytes(**copy)) == record;
         COPIES.iter().filter(whole).count()
     }
 
-    /// Writes the next record: over the older copy, then over the other. It holds as soon as the first is whole; should the second not come
-    /// about, the next boot mends it.
+    /// Writes the next record: over the older copy, then over the other. It is valid as soon as the first copy is intact. If the second
+    /// write fails, the next boot repairs the copy.
     pub(super) fn store(&mut self, record: Record) -> Result<(), SlotError> {
         let held = self.record();
         let sequence = held.map_or(0, |held| held.sequence).saturating_add(1);
@@ -38,7 +38,7 @@ impl<S: Storage> Slots<S> {
         Ok(())
     }
 
-    /// Writes the copy of the record anew that is not whole, or older. It is only a copy: if that fails, the other holds.
+    /// Writes the copy of the record again that is not intact, or older. A failure is ignored, because the other copy is valid.
     pub(super) fn mend(&mut self) {
         let Some(record) = self.record() else { return };
         for copy in COPIES {
@@ -48,7 +48,7 @@ impl<S: Storage> Slots<S> {
         }
     }
 
-    /// Erases the sectors that begin under these bytes, writes them, and reads them again.
+    /// Erases the sectors that begin within the written range, writes the bytes, and reads them back.
     pub(super) fn put(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), SlotError> {
         let sector = self.storage.sector_bytes(region).max(1);
         let end = offset_bytes.saturating_add(bytes.len());

@@ -1,19 +1,19 @@
-//! Why slots refuse.
+//! Errors of slots.
 
 use super::StorageError;
 use crate::nn::ModelError;
 use core::fmt;
 
-/// Why a call was refused or failed. Whatever it is: the confirmed model has not been touched.
+/// The reason why a call was refused or failed. In every case the confirmed model is unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SlotError {
     /// No slot holds a model that this runner accepts. A model can be uploaded and put on trial.
     NothingRuns,
-    /// [`super::Slots::boot`] comes first.
+    /// [`super::Slots::boot`] must be called first.
     NotBooted,
-    /// Uploads wait until the model that runs is confirmed, or the one on trial confirmed or rejected.
+    /// An upload while the model that runs is not confirmed, or one on trial is neither confirmed nor rejected.
     Unconfirmed,
-    /// A confirmed model is not rejected: put another one on trial.
+    /// A confirmed model cannot be rejected; put another one on trial instead.
     Confirmed,
     /// No upload was begun, or it was given up after an error.
     NoUpload,
@@ -24,21 +24,21 @@ pub enum SlotError {
         /// Bytes announced.
         found: u32,
     },
-    /// A chunk that does not follow the one before.
+    /// A chunk that does not follow the previous one.
     Offset {
-        /// Bytes that are there: the next chunk's offset.
+        /// Bytes written so far: the next chunk's offset.
         expected: usize,
         /// The chunk's offset.
         found: usize,
     },
-    /// More bytes than were announced, or a trial before all are there.
+    /// More bytes than announced, or a trial before all bytes are written.
     Length {
         /// Bytes announced.
         expected: usize,
-        /// Bytes there, or there with this chunk.
+        /// Bytes written, or with this chunk.
         found: usize,
     },
-    /// Another model than was announced, confirmed or put on trial: by the checksum of its header.
+    /// A model other than the one announced, confirmed or put on trial, by the checksum of its header.
     OtherModel {
         /// The checksum announced.
         expected: u32,
@@ -47,16 +47,16 @@ pub enum SlotError {
     },
     /// The model was validated and refused.
     Model(ModelError),
-    /// A trial must be of at least one boot and at most [`super::MAX_TRIAL_BOOTS`].
+    /// A number of boots of a trial that is not in 1 to [`super::MAX_TRIAL_BOOTS`].
     TrialBoots {
-        /// Boots asked for.
+        /// Boots requested.
         found: u32,
     },
     /// The storage reports an error.
     Storage(StorageError),
-    /// The storage reports none, and what was written is not there.
+    /// The storage reports success, but the written bytes cannot be read back.
     NotWritten {
-        /// First byte of what was written, in its region.
+        /// Offset of the write in its region.
         offset_bytes: usize,
     },
 }

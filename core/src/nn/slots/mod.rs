@@ -1,5 +1,5 @@
-//! Two places for a model, so that a new one can be loaded in flight: written beside the one that runs, validated, tried, and only then
-//! confirmed. Whenever power goes, there is a model that runs.
+//! Two slots for a model, so that a new one can be loaded in flight. The new model is written beside the one that runs, validated, tried,
+//! and only then confirmed. After a loss of power at any moment there is a model that runs.
 //!
 //! ```text
 //!             begin_upload, write ...            start_trial              boot
@@ -8,15 +8,14 @@
 //!      +------------- reject, or a reset too many: rolled back -------------------+
 //! ```
 //!
-//! What is remembered without power is one [`Record`], kept twice, each copy under a checksum and in a sector of its own. A change writes the
-//! older copy first and then the other, so that at any moment at least one copy is whole; the newer whole one holds. How much of an
-//! upload is there needs no record: a model file carries checksums of its chunks, and they say it. No call touches a byte of the confirmed
-//! model.
+//! One [`Record`] is kept without power. It is stored twice, each copy under a checksum and in a sector of its own. A change writes the
+//! older copy first and then the other, so that at any moment at least one copy is intact; the newer intact one is valid. The progress of
+//! an upload needs no record, because a model file contains checksums of its chunks. No call writes to a byte of the confirmed model.
 //!
-//! Slots do not run models. A model is borrowed from the storage as long as a [`Runner`] uses it; to upload meanwhile, suspend the runner
-//! between two calls ([`Runner::suspend`]), or let it read the storage by a mapping of its own.
+//! Slots do not run models. A model is borrowed from the storage as long as a [`Runner`] uses it. For an upload in the meantime, suspend
+//! the runner between two calls ([`Runner::suspend`]), or let it read the storage through another mapping.
 //!
-//! Layout, sequences and what happens at each cut: `onboard/docs/model-update.md`.
+//! `onboard/docs/model-update.md` describes the layout, the sequences and the effect of a cut at each point.
 
 mod boot;
 mod directory;
@@ -38,54 +37,54 @@ use super::file::{HEADER_BYTES, RawModel, word};
 use super::model::Model;
 use upload::Upload;
 
-/// Most boots of a trial.
+/// Largest number of boots of a trial.
 pub const MAX_TRIAL_BOOTS: u32 = 16;
 
-/// Which model file: its length, and the checksum of its header, which holds that of the list of checksums, which holds those of all other
-/// bytes.
+/// Identity of a model file: its length and the checksum of its header. The header contains the checksum of the list of checksums, and the
+/// list those of all other bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ModelId {
-    /// Bytes of the file.
+    /// Length of the file, bytes.
     pub file_bytes: u32,
     /// Last word of the header ([`word::HEADER_CRC`]).
     pub header_crc: u32,
 }
 
 impl ModelId {
-    /// That of a file, by its first [`HEADER_BYTES`] bytes; validates nothing.
+    /// Reads the identity of a file from its first [`HEADER_BYTES`] bytes; validates nothing.
     #[must_use]
     pub fn of(file: &[u8]) -> Self {
         let word = |index: usize| super::file::u32_at(file, 4 * index);
         Self { file_bytes: word(word::FILE_BYTES), header_crc: word(word::HEADER_CRC) }
     }
 
-    /// Refuses another one.
+    /// Returns an error if `found` is another model.
     fn same(self, found: Self) -> Result<(), SlotError> {
         let (expected, found) = (self.header_crc, found.header_crc);
         if expected == found { Ok(()) } else { Err(SlotError::OtherModel { expected, found }) }
     }
 }
 
-/// What the model that runs has shown of itself.
+/// The status of the model that runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// It has passed its self test, and is remembered for that.
+    /// It has passed its self test, and the record says so.
     Confirmed,
-    /// It is on trial: let it pass its self test, then confirm it; reject it if it fails. A reset counts as a failure when no boots are left.
+    /// It is on trial: run its self test, then confirm it; reject it if the test fails. A reset counts as a failure when no boots are left.
     Trial,
-    /// It was found without a record that speaks for it: before the first confirmation, or because records or the confirmed model were
-    /// damaged. As on trial, except that a reset leads here again.
+    /// It was found without a valid record: before the first confirmation, or because records or the confirmed model were damaged. It is to
+    /// be treated as on trial, but a reset leads to this status again.
     Salvaged,
 }
 
 /// A model to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Boot {
-    /// Where it lies.
+    /// The slot of the model.
     pub slot: Slot,
-    /// What it has shown.
+    /// The status of the model.
     pub standing: Standing,
-    /// What validating it found.
+    /// The result of its validation.
     pub verdict: Verdict,
 }
 
@@ -137,22 +136,22 @@ pub struct Slots<S> {
 }
 
 impl<S: Storage> Slots<S> {
-    /// Takes the storage, and reads nothing.
+    /// Takes the storage; reads nothing.
     pub fn new(storage: S) -> Self {
         Self { storage, state: State::New, upload: None }
     }
 
-    /// The storage.
+    /// Returns the storage.
     pub fn storage(&self) -> &S {
         &self.storage
     }
 
-    /// A slot's first bytes; none if it is shorter.
+    /// Returns the first bytes of a slot; an empty slice if the slot is shorter.
     fn file(&self, slot: Slot, file_bytes: u32) -> &[u8] {
         self.storage.bytes(Region::Model(slot)).get(..file_bytes as usize).unwrap_or_default()
     }
 
-    /// Whether a slot holds this model, and the runner accepts it.
+    /// Validates that a slot holds this model, and that the runner accepts it.
     fn validate(&self, Entry { slot, id }: Entry) -> Result<Model<'_>, SlotError> {
         let file = self.file(slot, id.file_bytes);
         id.same(ModelId::of(file))?;

@@ -3,12 +3,12 @@
 use super::ModelId;
 use crate::nn::{RunError, Runner};
 
-/// Holding one proves that a runner has computed the self test of this model, and found what the model says.
+/// Evidence that a runner has computed the self test of this model with the result that the model contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SelfTestPassed(ModelId);
 
 impl SelfTestPassed {
-    /// Validates a self test that was begun by [`Runner::begin_self_test`] and is done.
+    /// Compares the result of a self test that was begun by [`Runner::begin_self_test`] and is done.
     ///
     /// # Errors
     /// Those of [`Runner::check_self_test`].

@@ -1,10 +1,10 @@
-//! What is remembered without power: which model is confirmed, and which one is on trial.
+//! The data kept without power: which model is confirmed, and which one is on trial.
 //!
 //! ```text
 //! word 0       1 2         3 4 5                       6 7 8                  9           10         11-13  14      15
 //!      MAGIC | sequence | confirmed: slot, bytes, CRC | trial: as confirmed | boots left | rollbacks | 0    | CRC32C | its inverse
 //! ```
-//! Sixteen little-endian u32. A slot is 0 or 1, or `NONE` and then bytes and CRC are 0.
+//! Sixteen little-endian u32. A slot is 0 or 1, or `NONE`; with `NONE`, bytes and CRC are 0.
 
 use super::{ModelId, Slot};
 use crate::nn::file::{NONE, crc32c, u32_at};
@@ -13,7 +13,7 @@ use crate::part::part;
 /// Bytes of a record.
 pub const RECORD_BYTES: usize = 4 * WORDS;
 const WORDS: usize = 16;
-/// Words under the checksum.
+/// Number of words under the checksum.
 const SEALED_WORDS: usize = 14;
 /// "ELS" and the version of the record.
 const MAGIC: u32 = u32::from_le_bytes(*b"ELS\x01");
@@ -21,9 +21,9 @@ const MAGIC: u32 = u32::from_le_bytes(*b"ELS\x01");
 /// A model in a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// Where it lies.
+    /// The slot of the model.
     pub slot: Slot,
-    /// Which one it is.
+    /// The identity of the model.
     pub id: ModelId,
 }
 
@@ -36,21 +36,21 @@ pub struct Trial {
     pub boots_left: u32,
 }
 
-/// What is remembered.
+/// The data kept without power.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Record {
-    /// Grows by one with every change.
+    /// Number that grows by one with every change.
     pub sequence: u64,
     /// The model that passed its self test last; `None` before the first one.
     pub confirmed: Option<Entry>,
     /// The model on trial, in the other slot.
     pub trial: Option<Trial>,
-    /// Trials that ended without confirmation, ever.
+    /// Number of trials that ended without confirmation, since the first record.
     pub rollbacks: u32,
 }
 
 impl Record {
-    /// As bytes.
+    /// Returns the bytes of the record.
     pub(super) fn encode(&self) -> [u8; RECORD_BYTES] {
         let entry = |entry: Option<Entry>| match entry {
             None => [NONE, 0, 0],
@@ -71,7 +71,7 @@ impl Record {
         bytes
     }
 
-    /// The record at the start of a region; `None` if it is not whole, or says what no record says.
+    /// Reads the record at the start of a region; `None` if it is not intact, or has values that no record has.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; RECORD_BYTES] = bytes.first_chunk()?;
         let word = |index: usize| u32_at(bytes, 4 * index);
@@ -89,7 +89,7 @@ impl Record {
             trial: entry(6).map(|entry| Trial { entry, boots_left: word(9) }),
             rollbacks: word(10),
         };
-        // Word for word, so that magic, checksum, inverse and spare words are validated, too.
+        // All words are compared, so that magic, checksum, inverse and spare words are validated, too.
         (record.encode() == *bytes).then_some(record)
     }
 }

@@ -1,18 +1,18 @@
-//! Memory that keeps its bytes without power, as slots see it: four regions that are erased sector by sector and read in place.
+//! Memory that keeps its bytes without power: four regions that are erased sector by sector and read in place.
 
 use core::fmt;
 
-/// One of the two places for a model.
+/// One of the two slots for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Slot {
-    /// The first.
+    /// First slot.
     A,
-    /// The second.
+    /// Second slot.
     B,
 }
 
 impl Slot {
-    /// The other one.
+    /// Returns the other slot.
     #[must_use]
     pub fn other(self) -> Self {
         match self {
@@ -25,18 +25,18 @@ impl Slot {
 /// Part of the storage. Regions share no sector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Region {
-    /// A model: as long as the longest model that is ever to be loaded.
+    /// The model in a slot; as long as the longest model that is ever to be loaded.
     Model(Slot),
     /// The record, at least [`super::RECORD_BYTES`] long.
     Record,
-    /// The record once more.
+    /// The second copy of the record.
     RecordCopy,
 }
 
-/// The driver could not erase or write.
+/// An erasure or a write that the driver could not do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StorageError {
-    /// The driver's own number, handed through.
+    /// The driver's own error number.
     pub code: u32,
 }
 
@@ -48,28 +48,31 @@ impl fmt::Display for StorageError {
 
 impl core::error::Error for StorageError {}
 
-/// What a driver of NOR flash, MRAM or the like offers.
+/// The functions of a driver for NOR flash, MRAM or similar memory.
 ///
-/// Power may go at any moment. Of a write that was cut a part has landed, and the byte at work may hold anything; of an erasure that was cut
+/// Power may fail at any moment. A write that was cut leaves part of its bytes written, and the current byte may have any value. An erasure
+/// that was cut leaves any values in the sector. Nothing else may change. The reports of a driver are not trusted: written bytes are read
+/// back.
 /// the sector may hold anything. Nothing else may change. What a driver reports is not believed: what was written is read again.
 pub trait Storage {
-    /// The bytes of a region as they are now; always of one length, a multiple of [`Self::sector_bytes`].
+    /// Returns the current bytes of a region; its length never changes and is a multiple of [`Self::sector_bytes`].
     fn bytes(&self, region: Region) -> &[u8];
 
-    /// What is erased at once in a region, at least 1. Memory that needs no erasing says 1, and erases nothing.
+    /// Returns the number of bytes that are erased at once in a region, at least 1. Memory without erasing returns 1, and its `erase` does
+    /// nothing.
     fn sector_bytes(&self, region: Region) -> usize;
 
     /// Erases the sector that begins at `offset_bytes`, so that it can be written.
     ///
     /// # Errors
-    /// The driver's.
+    /// The driver's error.
     fn erase(&mut self, region: Region, offset_bytes: usize) -> Result<(), StorageError>;
 
-    /// Writes bytes that were erased before, each once. Rules of the device on alignment and length are the driver's to keep; they are kept
-    /// of themselves if chunks of an upload keep them, but for the last one.
+    /// Writes bytes that were erased before, each once. The driver must follow the rules of its device on alignment and length. They hold
+    /// without further work if the chunks of an upload follow them, except for the last chunk.
     ///
     /// # Errors
-    /// The driver's.
+    /// The driver's error.
     fn write(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), StorageError>;
 }
 

@@ -1,23 +1,23 @@
-//! A model comes in, chunk by chunk, into the slot that nobody relies on.
+//! Upload of a model, chunk by chunk, into the free slot.
 
 use super::*;
 use crate::nn::file::{CHUNK_BYTES, crc32c};
 
-/// An upload at work.
+/// An upload in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Upload {
     id: ModelId,
     slot: Slot,
-    /// Bytes that are there.
+    /// Bytes written so far.
     there: usize,
 }
 
 impl<S: Storage> Slots<S> {
-    /// Begins the upload of a model, or goes on with it after a reset or an error: says how many of its bytes are there already, those being
-    /// the next chunk's offset. Writes nothing, and takes time proportional to what is there.
+    /// Begins the upload of a model, or continues it after a reset or an error. Returns how many of its bytes are written already, which is
+    /// the next chunk's offset. Writes nothing, and takes time proportional to the bytes written.
     ///
-    /// What is there follows from the checksums that a model file holds of its chunks, down to the start of a sector, because the rest of a
-    /// sector that was written before has to be erased. A model that is still whole from before is there already.
+    /// This number comes from the checksums of chunks in the model file, rounded down to the start of a sector, because the rest of a
+    /// written sector must be erased. If the whole model is still in the slot from before, all its bytes count as written.
     ///
     /// # Errors
     /// [`SlotError::NotBooted`]; [`SlotError::Unconfirmed`] while a model is on trial; [`SlotError::FileBytes`].
@@ -35,13 +35,14 @@ impl<S: Storage> Slots<S> {
         Ok(there)
     }
 
-    /// Writes the chunk of the file that begins at `offset_bytes`, and says how many bytes are there now. Erases the sectors it enters: with
-    /// chunks no longer than a sector, one at most. Where the device wants alignment, so should the chunks' lengths.
+    /// Writes the chunk of the file that begins at `offset_bytes`, and returns how many bytes are written now. Erases the sectors that the
+    /// chunk enters; with chunks no longer than a sector, this is at most one. If the device requires an alignment, the lengths of chunks
+    /// should be multiples of it.
     ///
     /// # Errors
-    /// [`SlotError::NoUpload`]; [`SlotError::Offset`] and [`SlotError::Length`], and then nothing has happened. The upload is given up and
-    /// has to be begun again after [`SlotError::Storage`] and [`SlotError::NotWritten`], and, as soon as the header is there, if it is that of
-    /// another model ([`SlotError::OtherModel`]) or of no model this runner accepts ([`SlotError::Model`]).
+    /// [`SlotError::NoUpload`]; [`SlotError::Offset`] and [`SlotError::Length`], after which nothing has changed. The upload is given up
+    /// and must be begun again after [`SlotError::Storage`] and [`SlotError::NotWritten`]. The same holds, once the header is complete, if
+    /// it belongs to another model ([`SlotError::OtherModel`]) or to no model that this runner accepts ([`SlotError::Model`]).
     pub fn write(&mut self, offset_bytes: usize, bytes: &[u8]) -> Result<usize, SlotError> {
         let upload = self.upload.ok_or(SlotError::NoUpload)?;
         let Upload { id, slot, there } = upload;
@@ -66,14 +67,14 @@ impl<S: Storage> Slots<S> {
         Ok(found)
     }
 
-    /// Validates the upload, every byte of it, and puts it on trial: the next `boots` boots run it, unless it is confirmed or rejected before.
+    /// Validates every byte of the upload and puts it on trial: the next `boots` boots run it, unless it is confirmed or rejected before.
     /// Takes time proportional to the file.
     ///
-    /// One boot is the safe choice; more forgive resets that have other reasons than the model.
+    /// One boot is the safe choice. More boots tolerate resets that have other reasons than the model.
     ///
     /// # Errors
     /// [`SlotError::NoUpload`], [`SlotError::TrialBoots`]; [`SlotError::Length`] if bytes are missing; [`SlotError::Model`] or
-    /// [`SlotError::OtherModel`] if it is refused; [`SlotError::Storage`], [`SlotError::NotWritten`]. There is no trial then.
+    /// [`SlotError::OtherModel`] if the model is refused; [`SlotError::Storage`], [`SlotError::NotWritten`]. There is no trial then.
     pub fn start_trial(&mut self, boots: u32) -> Result<(), SlotError> {
         let Upload { id, slot, there } = self.upload.ok_or(SlotError::NoUpload)?;
         if !(1..=MAX_TRIAL_BOOTS).contains(&boots) {
@@ -90,7 +91,7 @@ impl<S: Storage> Slots<S> {
         Ok(())
     }
 
-    /// The slot that nobody relies on.
+    /// Returns the slot that holds neither the running nor the confirmed model.
     fn free_slot(&self) -> Result<Slot, SlotError> {
         let record = self.record();
         if record.is_some_and(|record| record.trial.is_some()) {
@@ -100,7 +101,7 @@ impl<S: Storage> Slots<S> {
             State::New => Err(SlotError::NotBooted),
             State::Runs(Boot { slot, standing: Standing::Confirmed, .. }) => Ok(slot.other()),
             State::Runs(_) => Err(SlotError::Unconfirmed),
-            // Neither slot runs; the confirmed one might be read better another time.
+            // Neither slot runs. The confirmed model is kept, because a later read of it may succeed.
             State::NothingRuns => {
                 Ok(record.and_then(|record| record.confirmed).map_or(Slot::A, |entry| entry.slot.other()))
             }
@@ -108,7 +109,7 @@ impl<S: Storage> Slots<S> {
     }
 }
 
-/// How many bytes of a model stand at the start of its place, by the checksums they hold.
+/// Returns how many bytes of a model are intact at the start of its slot, by their checksums.
 fn whole_bytes(file: &[u8], id: ModelId) -> usize {
     let Ok(raw) = RawModel::new(file) else { return 0 };
     if ModelId::of(file) != id || !raw.head_holds() {

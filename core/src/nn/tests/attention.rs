@@ -1,5 +1,5 @@
-//! Attention in cut windows against the paper's definition: shift the map cyclically, attend inside whole windows, and mask
-//! pixels that were no neighbours before.
+//! Compares attention in cut windows with the paper's definition: shift the map cyclically, attend inside whole windows, and mask pixels
+//! that were not neighbours before.
 
 use super::Random;
 use super::draft::{Draft, map};
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 const COARSE: usize = 64;
 const FINE: usize = 32;
 
-/// A random attention, its constants as everyone understands them.
+/// A random attention and its constants, without the file's packing.
 struct Case {
     draft: Draft,
     index: usize,
@@ -48,7 +48,7 @@ impl Case {
         let out_t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..map(dtype, size, heads * head) };
         let out = draft.place(out_t);
         let side = 2 * window - 1;
-        // Tables of anything that is legal: falling like an exponential, or not at all.
+        // Tables with any legal values: decreasing like an exponential, or not.
         let mut exp = r.list(COARSE + FINE, 0, 32767);
         if r.one_in(2) {
             let fall = |i: usize, step: f64| (32767.0 * libm::exp(-(i as f64) * step / 256.0)) as i64;
@@ -79,12 +79,12 @@ impl Case {
         Self { draft, index, a, qkv, out: out_t, pad, logit_multipliers, position_bias, exp, multipliers }
     }
 
-    /// Value of channel `k` of a pixel, or of the padding.
+    /// Returns the value of channel `k` of a pixel, or of the padding.
     fn value(&self, pixel: Option<usize>, k: usize) -> i64 {
         pixel.map_or(self.pad[k], |pixel| self.qkv[pixel * self.pad.len() + k])
     }
 
-    /// For a place of the shifted map: its pixel, if it is none of the padding, and its region.
+    /// Returns the pixel at a place of the shifted map (`None` in the padding), and its region.
     fn place(&self, row: usize, col: usize) -> (Option<usize>, (usize, usize)) {
         let axis = |at: usize, len: usize, shift: usize| {
             let whole = len.div_ceil(self.a.window) * self.a.window;
@@ -159,7 +159,7 @@ impl Case {
     }
 }
 
-/// v / 2^shift, halves up.
+/// Returns v / 2^shift, halves up.
 fn rounded(v: i64, shift: u32) -> i64 {
     let step = 1i128 << shift;
     (v as i128 + step / 2).div_euclid(step) as i64

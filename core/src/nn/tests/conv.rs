@@ -1,4 +1,4 @@
-//! Convolutions, folded upsamplings included, against sums over all taps.
+//! Compares convolutions, with and without a contained upsampling, with sums over all taps.
 
 use super::Random;
 use super::draft::{Draft, EMPTY, map};
@@ -6,11 +6,11 @@ use super::unit::{Expected, Map, check, random_map};
 use crate::nn::file::{Conv, Dtype, Edge, Operator, PHASE_TAPS, PHASES, Tensor};
 use proptest::prelude::*;
 
-/// A random convolution, its weights as everyone understands them.
+/// A random convolution and its weights, without the file's packing.
 struct Case {
     draft: Draft,
     conv: Conv,
-    /// Sources, the added tensor, and what they hold.
+    /// Sources and the added tensor, with their contents.
     sources: Vec<(Tensor, Map)>,
     add: Option<(Tensor, Map)>,
     out: Tensor,
@@ -23,7 +23,7 @@ struct Case {
     table: Option<Vec<u8>>,
 }
 
-/// A random tensor for codes.
+/// Returns a random tensor of codes.
 fn random_tensor(random: &mut Random, dtype: Dtype, size: (usize, usize), channels: usize) -> Tensor {
     let (low, high) = if dtype == Dtype::U8 { (0, 255) } else { (-32767, 32767) };
     let zero = if dtype == Dtype::U8 { random.within(0, 255) } else { 0 };
@@ -88,7 +88,7 @@ impl Case {
         if dtype == Dtype::F32 {
             out = map(dtype, out_size, out_channels);
         }
-        // A step of a folded convolution makes two rows for one of the block.
+        // A step of a folded convolution writes two rows for each row of the block.
         out.ring = r.size(out.rows.min(conv.block * (1 + fold as usize)), out.rows);
         let add_dtype = r.pick(&[Dtype::U8, Dtype::I16]);
         let add = r.one_in(2).then(|| random_tensor(r, add_dtype, out_size, out_channels));
@@ -110,11 +110,11 @@ impl Case {
         case
     }
 
-    /// Makes the record and its constants; writers for the inputs are there for the sake of the schedule.
+    /// Writes the record and its constants. The inputs have writers so that the schedule is legal.
     fn write(&mut self, r: &mut Random, draft: &mut Draft) {
         let numbers: Vec<u32> = self.sources.iter().map(|(t, _)| draft.made(*t)).collect();
         (self.conv.first, self.conv.second) = (numbers[0], numbers.get(1).copied());
-        // The added map may be larger than the tile: an input of its own would be refused, a convolution makes it.
+        // The added map may be larger than the tile. It would be refused as an input, so a convolution writes it.
         let add = self.add.as_ref().map(|(t, _)| {
             let number = draft.place(*t);
             let silent = self.silent(draft, number);
@@ -148,7 +148,7 @@ impl Case {
         draft.in_order();
     }
 
-    /// A convolution of the same form that makes another tensor of the output's shape.
+    /// Returns a convolution of the same form that writes another tensor of the output's shape.
     fn silent(&self, draft: &mut Draft, out: u32) -> Conv {
         let weights = draft.constant(vec![0; self.packed().len()]);
         let bias = draft.words(vec![0; self.bias.len()]);
@@ -160,7 +160,7 @@ impl Case {
         extent(&self.conv, variant)
     }
 
-    /// `[panel][variant][source][kernel row][group][channel of the panel][4]`.
+    /// Returns the weights as `[panel][variant][source][kernel row][group][channel of the panel][4]`.
     fn packed(&self) -> Vec<u8> {
         let input: usize = self.sources.iter().map(|(t, _)| t.channels).sum();
         let mut bytes = Vec::new();
@@ -190,7 +190,7 @@ impl Case {
         bytes
     }
 
-    /// The biases, with what the zero codes contribute taken off.
+    /// Returns the biases minus the contribution of the zero codes.
     fn stored_bias(&self) -> Vec<i32> {
         let input: usize = self.sources.iter().map(|(t, _)| t.channels).sum();
         let zeros: Vec<i64> = self.sources.iter().flat_map(|(t, _)| vec![zero_code(t); t.channels]).collect();
@@ -203,14 +203,14 @@ impl Case {
         places.zip(&self.bias).map(|((v, o), bias)| (bias - contributed(v, o)) as i32).collect()
     }
 
-    /// Value of the sources' channel at a place of the input; 0 in the padding.
+    /// Returns the value of the sources' channel at a place of the input; 0 in the padding.
     fn value(&self, source: usize, row: isize, col: isize, k: usize) -> i64 {
         let (t, map) = &self.sources[source];
         let inside = (0..t.rows as isize).contains(&row) && (0..t.cols as isize).contains(&col);
         if inside { map[(row as usize * t.cols + col as usize) * t.channels + k] } else { 0 }
     }
 
-    /// The filters for an output pixel, and the places that each of them reads.
+    /// Returns the filters for an output pixel, and the places that each of them reads.
     fn taps(&self, row: usize, col: usize) -> Vec<(usize, Vec<(isize, isize)>)> {
         if !self.conv.fold {
             let corner = |at: usize, stride: usize| (at * stride) as isize - self.conv.pad as isize;
@@ -258,7 +258,7 @@ impl Case {
         Expected { map, cut: Some(if float { 0 } else { cut }) }
     }
 
-    /// Rounding, addition, clamping and table in the words of [`Conv`].
+    /// Rounding, addition, clamping and table as [`Conv`] describes them.
     fn finish(&self, sum: i64, added: Option<i64>, o: usize, cut: &mut u64) -> i64 {
         assert!(i32::try_from(sum).is_ok(), "the case is legal");
         if self.out.dtype == Dtype::F32 {
@@ -270,7 +270,7 @@ impl Case {
         }
         let mut v = sum as i128 * self.multipliers[o] as i128;
         v += (added.unwrap_or(0) as i128 * self.add_multipliers[o] as i128) << self.conv.add_shift;
-        // Half a step more, then down: division by a power of two, rounded to nearest.
+        // Adds half a step and rounds down: division by a power of two, rounded to nearest.
         let step = 1i128 << self.conv.shift;
         let v = (v + step / 2).div_euclid(step);
         let (lo, hi, zero) = (self.out.lo as i128, self.out.hi as i128, self.out.zero as i128);
@@ -299,12 +299,12 @@ fn extent(conv: &Conv, variant: usize) -> (usize, usize) {
     }
 }
 
-/// What stands for 0, as kernels see it: the planes of a 16-bit 0 are 0 and 128.
+/// Returns the stored code of 0, as kernels read it: the planes of a 16-bit 0 are 0 and 128.
 fn zero_code(t: &Tensor) -> i64 {
     if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 }
 }
 
-/// Output channels and weights; 16-bit sources are narrowed until their sums fit 32 bits.
+/// Returns output channels and weights; the range of 16-bit sources is reduced until their sums fit 32 bits.
 fn random_weights(r: &mut Random, conv: &Conv, sources: &mut [Tensor]) -> (usize, Vec<Vec<i64>>) {
     let (input, output) = (sources.iter().map(|t| t.channels).sum::<usize>(), channels(r));
     let variants = if conv.fold { PHASES * PHASES } else { 1 };
@@ -320,7 +320,7 @@ fn random_weights(r: &mut Random, conv: &Conv, sources: &mut [Tensor]) -> (usize
     (output, weights)
 }
 
-/// First channels and widths of panels, written down once more: whole ones of 32, then what is left.
+/// Returns first channels and widths of panels, computed independently: whole panels of 32, then the rest.
 fn panels_of(channels: usize) -> Vec<(usize, usize)> {
     let whole = channels / 32 * 32;
     let mut panels: Vec<(usize, usize)> = (0..channels / 32).map(|i| (32 * i, 32)).collect();
@@ -334,7 +334,7 @@ fn panels_of(channels: usize) -> Vec<(usize, usize)> {
     panels
 }
 
-/// Numbers of the filter and of the correction for output `index`, and the samples of the small map that they read.
+/// Returns the numbers of the filter and of the correction for output `index`, and the samples of the small map that they read.
 pub(super) fn phases(index: usize, len: usize) -> Vec<(usize, Vec<isize>)> {
     let (middle, last) = ((index / 2) as isize, len as isize - 1);
     let filter = match index.is_multiple_of(2) {
@@ -367,7 +367,7 @@ proptest! {
 
 #[test]
 fn sums_reach_the_ends_of_32_bits() {
-    // All codes and weights at their ends: sums of both signs within a few steps of what 32 bits hold, by way of wrapping.
+    // All codes and weights at their limits: sums of both signs within a few steps of the limits of 32 bits, with wrapping on the way.
     for (weight, code) in [(127, 1), (127, -1), (-127, 1), (-127, -1)] {
         let mut case = Case::new(0, false);
         case.out = Tensor { lo: -32767, hi: 32767, ..map(Dtype::I16, (6, 30), 40) };

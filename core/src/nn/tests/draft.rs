@@ -1,11 +1,11 @@
-//! Model files of a few operators, written from the description of the format alone.
+//! Model files of a few operators, written only from the description of the format.
 
 use crate::nn::file::{
     CHUNK_BYTES, CHUNK_RECORD_BYTES, Conv, Dtype, Edge, Entry, HEADER_BYTES, MAGIC, NONE, Operator, Tensor, VERSION,
     seal_file, word,
 };
 
-/// A model being put together.
+/// A model under construction.
 #[derive(Clone)]
 pub(crate) struct Draft {
     pub(crate) tensors: Vec<Tensor>,
@@ -18,7 +18,7 @@ pub(crate) struct Draft {
 }
 
 impl Draft {
-    /// With an image (tensor 0) of that size and nothing else.
+    /// Makes a draft with an image (tensor 0) of this size and nothing else.
     pub(crate) fn new(tile: (usize, usize)) -> Self {
         let none = Vec::new();
         let mut draft = Self {
@@ -34,7 +34,7 @@ impl Draft {
         draft
     }
 
-    /// Adds a tensor behind the others, a few bytes away.
+    /// Adds a tensor a few bytes behind the others.
     pub(crate) fn place(&mut self, tensor: Tensor) -> u32 {
         let end = self.tensors.iter().map(|t| t.offset + t.size_bytes()).max();
         let pitch = tensor.pitch.max(tensor.row_bytes());
@@ -42,7 +42,7 @@ impl Draft {
         self.tensors.len() as u32 - 1
     }
 
-    /// Adds constants; returns where they are.
+    /// Adds constants; returns their offset.
     pub(crate) fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
         let at = self.constants.len();
         self.constants.extend(bytes);
@@ -60,7 +60,7 @@ impl Draft {
         self.operators.len() - 1
     }
 
-    /// A convolution with weights and biases of 0.
+    /// Returns a convolution with weights and biases of 0.
     pub(crate) fn silent(&mut self, input: u32, out: u32, (kernel, stride, pad): (usize, usize, usize)) -> Conv {
         let (x, y) = (self.tensors[input as usize], self.tensors[out as usize]);
         let weights =
@@ -86,7 +86,7 @@ impl Draft {
         }
     }
 
-    /// A tensor of the tile's size that a silent convolution makes from the image.
+    /// Adds a tensor of the tile's size that a silent convolution computes from the image.
     pub(crate) fn made(&mut self, tensor: Tensor) -> u32 {
         let out = self.place(tensor);
         let conv = self.silent(0, out, (1, 1, 0));
@@ -94,14 +94,14 @@ impl Draft {
         out
     }
 
-    /// Adds the output, made from the image.
+    /// Adds the output, computed from the image.
     pub(crate) fn finish(&mut self) {
         self.output = self.place(Tensor { lo: 0, hi: 0, ..map(Dtype::F32, self.tile, 1) });
         let conv = self.silent(0, self.output, (1, 1, 0));
         self.operator(Operator::Conv(conv));
     }
 
-    /// One entry per operator, in their order.
+    /// Adds one entry per operator, in their order.
     pub(crate) fn in_order(&mut self) {
         let entry = |(index, op): (usize, &Operator)| {
             let count = op.steps(&self.tensors[op.output() as usize]);
@@ -110,7 +110,7 @@ impl Draft {
         self.schedule = self.operators.iter().enumerate().map(entry).collect();
     }
 
-    /// The file.
+    /// Returns the bytes of the file.
     pub(crate) fn file(&self) -> Vec<u8> {
         let text = b"{}".to_vec();
         let mut sums = 0;
@@ -158,7 +158,7 @@ impl Draft {
     }
 }
 
-/// A tensor that keeps all rows, without margin; [`Draft::place`] makes the pitch large enough.
+/// Returns a tensor that keeps all rows, without margin; [`Draft::place`] makes the pitch large enough.
 pub(crate) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
     Tensor {
         sums: 0,
@@ -178,7 +178,7 @@ pub(crate) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -
     }
 }
 
-/// A convolution that is nothing yet.
+/// A convolution with all fields 0 or absent.
 pub(crate) const EMPTY: Conv = Conv {
     out: 0,
     first: 0,

@@ -1,4 +1,4 @@
-//! Layer norms and patch merging against mean and variance in floating point.
+//! Compares layer norms and patch merging with mean and variance in floating point.
 
 use super::Random;
 use super::draft::{Draft, map};
@@ -21,14 +21,14 @@ proptest! {
         let (zero, lo, hi) = if dtype == Dtype::U8 { (r.within(0, 255) as i32, 0, 255) } else { (0, -32767, 32767) };
         let t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..map(dtype, size, channels) };
         let mut values = random_map(r, &t);
-        // Pixels that hardly vary are the hard ones.
+        // Pixels with little variance are the difficult ones.
         let divisor = r.pick(&[1, 1, 1000, 40000]);
         values.iter_mut().for_each(|v| *v /= divisor);
         let input = draft.made(t);
         let small = (size.0 / merge, size.1 / merge);
         let out_t = Tensor { zero: 128, lo: 1, hi: 255, margin: r.size(0, 2), ring: r.size(1, small.0), ..map(Dtype::U8, small, wide) };
         let out = draft.place(out_t);
-        // y * gain / 2^shift in code steps: up to 40 a standard deviation.
+        // y * gain / 2^shift in code steps: up to 40 per standard deviation.
         let shift = 40;
         let step = 1i64 << (shift - 16);
         let gains: Vec<i64> = r.list(wide, -40 * step, 40 * step);

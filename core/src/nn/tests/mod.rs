@@ -1,4 +1,4 @@
-//! Programs of a few operators, made by hand, against naive twins.
+//! Compares hand-made programs of a few operators with simple implementations.
 
 mod attention;
 mod conv;

@@ -1,10 +1,10 @@
-//! What [`Model`] refuses of a single operator, beyond what mutated files of whole networks reach.
+//! Refusals of [`Model`] for a single operator that mutated files of whole networks do not reach.
 
 use super::draft::{Draft, map};
 use crate::nn::file::{Conv, Dtype, Edge, Operator, OperatorFault, Tensor};
 use crate::nn::{Model, ModelError, required};
 
-/// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` spoils the convolution or its tensors.
+/// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` makes the convolution or its tensors illegal.
 fn validate(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
     let mut draft = Draft::new((8, 8));
     (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
@@ -70,7 +70,8 @@ fn every_field_of_a_convolution_is_validated() {
 
 #[test]
 fn weights_are_validated_one_by_one() {
-    // Three groups of four per kernel row would be two samples of filling in the last; here: three samples, one of filling.
+    // Three groups of four per kernel row would have two filling samples in the last group. Here there are three samples and one of
+    // filling.
     let weights = 3 * 8 * 4; // kernel rows, channels of the panel, samples with filling
     for byte in 0..weights {
         let (channel, sample) = (byte / 4 % 8, byte % 4);
@@ -83,7 +84,7 @@ fn weights_are_validated_one_by_one() {
 
 #[test]
 fn sums_that_leave_32_bits_are_refused_to_the_last_step() {
-    // One weight of 127 and codes up to 255: the bias may take the rest.
+    // With one weight of 127 and codes up to 255, the bias may use the rest.
     let room = i32::MAX - 127 * 255;
     let with = |bias: i32| {
         validate(|c, d| {

@@ -1,4 +1,4 @@
-//! Records as bytes and back.
+//! Encodes and decodes records.
 
 use super::Random;
 use super::draft::map;
@@ -113,7 +113,7 @@ proptest! {
 
     #[test]
     fn any_record_is_a_tensor_within_its_limits_or_none(seed in any::<u64>()) {
-        // Legal records with one word exchanged.
+        // Legal records with one word replaced.
         let mut r = Random::new(seed);
         let mut record = legal_tensor(&mut r).encode();
         let at = 4 * r.size(0, 12);
@@ -181,7 +181,7 @@ fn any_flipped_bit_breaks_the_seal() {
     }
 }
 
-/// Asks `refused` of a record with every one of its bits flipped.
+/// Calls `refused` for a record with each of its bits flipped.
 fn flips<const N: usize>(record: [u8; N], refused: impl Fn(&[u8]) -> bool) {
     assert!(!refused(&record));
     for bit in 0..8 * N {

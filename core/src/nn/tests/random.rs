@@ -1,4 +1,4 @@
-//! Numbers for tests: reproducible, and rich in extremes.
+//! Reproducible random numbers for tests, with many extreme values.
 
 /// A generator of pseudo-random numbers (xorshift64*).
 #[derive(Debug, Clone)]
@@ -6,7 +6,7 @@ pub(crate) struct Random(u64);
 
 impl Random {
     pub(crate) fn new(seed: u64) -> Self {
-        // Neighbouring seeds must not give neighbouring numbers, and 0 would stay 0.
+        // Neighbouring seeds must not give neighbouring numbers, and a state of 0 would stay 0.
         let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
         (0..4).for_each(|_| _ = random.next());
         random
@@ -19,17 +19,17 @@ impl Random {
         self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
     }
 
-    /// One of `low..=high`.
+    /// Returns a number of `low..=high`.
     pub(crate) fn within(&mut self, low: i64, high: i64) -> i64 {
         low + ((self.next() >> 11) % (high - low + 1) as u64) as i64
     }
 
-    /// One of `low..=high`, sizes and counts.
+    /// Returns a size or count of `low..=high`.
     pub(crate) fn size(&mut self, low: usize, high: usize) -> usize {
         self.within(low as i64, high as i64) as usize
     }
 
-    /// Whether something happens that happens once in `n` times.
+    /// Returns `true` once in `n` times.
     pub(crate) fn one_in(&mut self, n: u64) -> bool {
         (self.next() >> 11).is_multiple_of(n)
     }
@@ -38,7 +38,7 @@ impl Random {
         from[self.size(0, from.len() - 1)]
     }
 
-    /// `count` numbers of `low..=high`: anything, or only the two ends.
+    /// Returns `count` numbers of `low..=high`: any of them, or only the two ends.
     pub(crate) fn list(&mut self, count: usize, low: i64, high: i64) -> Vec<i64> {
         let ends = self.one_in(3);
         (0..count).map(|_| if ends { self.pick(&[low, high]) } else { self.within(low, high) }).collect()

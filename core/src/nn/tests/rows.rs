@@ -1,4 +1,4 @@
-//! Which rows operators make and read, against the definitions.
+//! Compares the rows that operators write and read with the definitions.
 
 use super::conv::phases;
 use super::draft::{EMPTY, map};
@@ -15,7 +15,7 @@ fn phases_read_what_an_upsampled_patch_needs() {
             let correction = found.correction.map(|(number, at)| (number, vec![at as isize]));
             let all: Vec<_> = std::iter::once((found.filter, read.clone())).chain(correction).collect();
             assert_eq!(all, phases(index, len), "output {index} of {len}");
-            // The five samples of the upsampled map lie between these of the small map; those in the padding have a correction.
+            // The five samples of the upsampled map lie between these samples of the small map; samples in the padding have a correction.
             let seen = index as isize - 2..=index as isize + 2;
             let centres = seen.clone().map(|at| (at as f64 + 0.5) / 2.0 - 0.5);
             let needed: BTreeSet<isize> = centres.flat_map(|c| [c.floor() as isize, c.ceil() as isize]).collect();
@@ -48,7 +48,7 @@ fn attention(window: usize, shift_rows: usize) -> Attention {
 fn pieces_are_the_windows_of_the_cyclic_shift_without_the_masked_part() {
     for window in 1..9usize {
         for (len, shift) in (1..30usize).flat_map(|len| (0..window.min(len)).map(move |shift| (len, shift))) {
-            // The filled-up axis, shifted: places with the same window and the same side of the seam belong together.
+            // On the extended and shifted axis, places with the same window and the same side of the seam belong together.
             let whole = len.div_ceil(window) * window;
             let mut together = std::collections::BTreeMap::<(usize, bool), BTreeSet<usize>>::new();
             for at in 0..whole {
@@ -76,7 +76,7 @@ fn pieces_are_the_windows_of_the_cyclic_shift_without_the_masked_part() {
     }
 }
 
-/// Smallest range that holds all of `rows`; empty ones are all alike.
+/// Returns the smallest range that contains all of `rows`; `None` if `rows` is empty.
 fn span(rows: impl Iterator<Item = usize>) -> Option<(usize, usize)> {
     let rows: BTreeSet<usize> = rows.collect();
     Some((*rows.first()?, rows.last()? + 1))

@@ -1,4 +1,4 @@
-//! Schedules: legal ones run, and whatever reads rows that are not there is refused.
+//! Schedules: legal ones run, and reads of missing rows are refused.
 
 use super::Random;
 use super::draft::{Draft, map};
@@ -17,7 +17,7 @@ struct Chain {
     sum: usize,
 }
 
-/// Operators of [`Chain`], in the order of the list.
+/// Indices of the operators of [`Chain`].
 const A: usize = 0;
 const B: usize = 1;
 const C: usize = 2;
@@ -59,7 +59,7 @@ fn chain() -> Chain {
     Chain { draft, a, b, c, sum }
 }
 
-/// The runner's validation, after the shadow's has been seen to be the same.
+/// Returns the runner's validation, after a check that the shadow's agrees.
 fn validate(draft: &Draft) -> Result<(), ModelError> {
     let found = Model::new(&draft.file()).map(|_| ());
     assert_eq!(found.is_ok(), shadow::play(draft).is_ok(), "{found:?}, {:?}", shadow::play(draft));
@@ -70,7 +70,7 @@ fn validate(draft: &Draft) -> Result<(), ModelError> {
 fn rings_as_short_as_the_kernels_reach_are_legal_and_run() {
     let mut chain = chain();
     assert_eq!(validate(&chain.draft), Ok(()));
-    // The sum takes the place of what is added; both need one row only.
+    // The sum overwrites the added tensor; both need one row only.
     chain.draft.tensors[chain.c].ring = 1;
     chain.draft.tensors[chain.sum].ring = 1;
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
@@ -165,12 +165,12 @@ fn a_sum_may_not_take_a_place_that_is_still_read() {
     let mut chain = chain();
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
     assert_eq!(validate(&chain.draft), Ok(()), "in place");
-    // The output reads c instead of the sum: by then the sum is there.
+    // The output reads c instead of the sum, which has overwritten c by then.
     let Operator::Conv(mut out) = chain.draft.operators[OUT] else { panic!() };
     out.first = chain.c as u32;
     chain.draft.operators[OUT] = Operator::Conv(out);
     assert!(validate(&chain.draft).is_err());
-    // A convolution over what is added, in its place.
+    // A convolution over the added tensor, in the same place.
     let mut chain = self::chain();
     chain.draft.tensors[chain.sum].offset = chain.draft.tensors[chain.c].offset;
     let Operator::Conv(mut sum) = chain.draft.operators[SUM] else { panic!() };
@@ -194,7 +194,7 @@ fn tensors_alive_together_may_not_share_bytes() {
 
 #[test]
 fn tensors_may_share_bytes_one_after_the_other() {
-    // Whole operators one by one: a is dead when the sum is born.
+    // Whole operators one by one: a is no longer needed when the sum is first written.
     let mut chain = chain();
     for t in [chain.a, chain.b, chain.c, chain.sum] {
         chain.draft.tensors[t].ring = ROWS;
@@ -206,13 +206,13 @@ fn tensors_may_share_bytes_one_after_the_other() {
 
 #[test]
 fn the_output_may_take_the_place_of_the_image_row_by_row() {
-    // Row r of the output covers row r - 1 of the image, which is not read any more.
+    // Row r of the output overwrites row r - 1 of the image, which is not read any more.
     let mut chain = chain();
     lay_on(&mut chain.draft, 0, 5, 24);
     let size = chain.draft.tensors[0].size_bytes();
     assert_eq!(validate(&chain.draft), Ok(()));
     assert!(size > 8 * ROWS, "rows lie apart");
-    // Row r itself: c has read it last, before the output's row. Row r + 1 is still to be read.
+    // On row r itself: c reads it last, before the output's row is written. Row r + 1 is still to be read.
     lay_on(&mut chain.draft, 0, 5, 16);
     assert_eq!(validate(&chain.draft), Ok(()));
     chain.draft.tensors[0].offset -= 24;
@@ -245,7 +245,7 @@ fn whatever_is_accepted_reads_what_it_should() {
             draft.tensors[sum].offset = draft.tensors[c].offset;
         }
         if r.one_in(2) {
-            // The output's rows end where those of a map that is kept whole begin.
+            // The output's rows end where the rows of a map that is kept whole begin.
             let (on, out) = (r.pick(&[0, a, c]), draft.tensors.len() - 1);
             draft.tensors[on].ring = ROWS;
             lay_on(&mut draft, on, out, 24);
@@ -265,7 +265,7 @@ fn whatever_is_accepted_reads_what_it_should() {
     assert!(accepted > rounds as usize / 20 && accepted < clean, "{accepted} accepted, {clean} clean");
 }
 
-/// Puts rows of `one` among those of `other`, in one pitch and `skew` bytes behind the latter's beginning.
+/// Places rows of `one` between rows of `other`, with one pitch, `skew` bytes behind the start of `other`.
 fn lay_on(draft: &mut Draft, one: usize, other: usize, skew: usize) {
     let pitch = draft.tensors[one].pitch.max(draft.tensors[other].pitch);
     draft.tensors[one].offset = draft.tensors[other].offset + skew;
@@ -337,7 +337,7 @@ fn whatever_program_is_accepted_reads_what_it_should() {
     assert!(shared > rounds as usize / 100, "{shared}");
 }
 
-/// Convolutions of any earlier maps, in any order of steps that makes rows before they are read, on tensors that lie anywhere.
+/// Returns convolutions of any earlier maps, in any order of steps that writes rows before they are read, with tensors at any place.
 fn random_program(r: &mut Random) -> Draft {
     let mut draft = Draft::new((ROWS, 6));
     let pitch = r.pick(&[16, 24, 24, 32, 48]);
@@ -367,7 +367,7 @@ fn random_program(r: &mut Random) -> Draft {
     draft
 }
 
-/// Runs operators in any order: each step as soon as its rows are made, or later.
+/// Orders the steps of operators at random: each step as soon as its rows are written, or later.
 fn order(r: &mut Random, draft: &mut Draft) {
     let mut done = vec![0; draft.operators.len()];
     let mut favourite = 0;

@@ -1,11 +1,11 @@
-//! A memory that remembers which row of which tensor each byte holds: it plays a schedule byte by byte, and complains where a
-//! row is read that is not there. Slow, simple, and ignorant of rings, heirs and lives.
+//! A memory that stores for each byte which row of which tensor it holds. It simulates a schedule byte by byte and reports reads of missing
+//! rows. It is slow and simple, and has no notion of rings, heirs and lifetimes.
 
 use super::draft::Draft;
 use crate::nn::file::Operator;
 use std::ops::Range;
 
-/// The first read of something that is not there, or what a schedule leaves undone.
+/// Returns the first read of a missing row, or the work that a schedule leaves undone.
 pub(super) fn play(draft: &Draft) -> Result<(), String> {
     let end = draft.tensors.iter().map(|t| t.offset + t.size_bytes()).max().unwrap_or(0);
     let mut memory: Vec<Option<(usize, usize)>> = vec![None; end];
@@ -39,8 +39,8 @@ pub(super) fn play(draft: &Draft) -> Result<(), String> {
                     if memory[range.clone()].iter().any(|byte| *byte != Some((input, row))) {
                         return Err(format!("entry {number}, step {step}: row {row} of tensor {input} is not there"));
                     }
-                    // Channels and pixels are made one after the other: what a step writes must not be what it still reads. An
-                    // added row may become the sum.
+                    // Channels and pixels are computed one after the other, so a step must not write what it still reads. An added row may
+                    // become the sum.
                     let adds = slot == 2 && matches!(operator, Operator::Conv(_));
                     let meets = |other: usize| {
                         let to = place(out, other);

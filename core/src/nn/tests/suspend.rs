@@ -1,10 +1,10 @@
-//! Runs put aside after every unit of work and taken up again, and places that no run has.
+//! Runs that are suspended and resumed after every unit of work, and positions that no run has.
 
 use super::draft::{Draft, map};
 use crate::nn::file::{Dtype, Tensor, word};
 use crate::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, Suspended, Verdict, required};
 
-/// Three operators over a small tile, with panels and steps enough to stop between.
+/// Three operators over a small tile, with several panels and steps as points of suspension.
 fn file() -> Vec<u8> {
     let tile = (12, 10);
     let mut draft = Draft::new(tile);

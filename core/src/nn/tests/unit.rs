@@ -1,4 +1,4 @@
-//! One operator at work in an arena full of rubbish, with every kernel.
+//! Runs one operator with every kernel, in an arena filled with random bytes.
 
 use super::Random;
 use super::draft::Draft;
@@ -9,7 +9,7 @@ use crate::nn::{Kernel, Model, required};
 /// Values of a map (zero points removed; with F32 the bits), `[rows][cols][channels]`.
 pub(super) type Map = Vec<i64>;
 
-/// Random codes for a tensor, as values.
+/// Returns random codes for a tensor, as values.
 pub(super) fn random_map(random: &mut Random, t: &Tensor) -> Map {
     let codes = random.list(t.len(), t.lo as i64, t.hi as i64);
     codes.into_iter().map(|code| code - t.zero as i64).collect()
@@ -39,7 +39,7 @@ pub(super) fn fill(bytes: &mut [u8], t: &Tensor, values: &[i64]) {
     }
 }
 
-/// One row of a tensor, with margins: `[margin + cols + margin][channels]`.
+/// Returns one row of a tensor, with margins: `[margin + cols + margin][channels]`.
 fn row_now(bytes: &[u8], t: &Tensor, row: usize) -> Map {
     let samples = (t.cols + 2 * t.margin) * t.channels;
     let start = t.offset + row % t.ring * t.pitch;
@@ -51,15 +51,15 @@ fn row_now(bytes: &[u8], t: &Tensor, row: usize) -> Map {
     (0..samples).map(sample).collect()
 }
 
-/// What an operator is expected to make.
+/// The expected result of an operator.
 pub(super) struct Expected {
     pub(super) map: Map,
-    /// Results cut to their tensor's range; `None` where no twin counts them.
+    /// Results cut to their tensor's range; `None` if the simple implementation does not count them.
     pub(super) cut: Option<u64>,
 }
 
-/// Runs operator `index` of a draft step by step with every kernel, its inputs holding `inputs`. Every row must come out within
-/// `tolerance` of the expected one, margins included, and no other byte of the tensors may change. Returns the results.
+/// Runs operator `index` of a draft step by step with every kernel on `inputs`. Every row must be within `tolerance` of the expected one,
+/// margins included, and no other byte of the tensors may change. Returns the results.
 pub(super) fn check(draft: &Draft, index: usize, inputs: &[(u32, &Map)], expected: &Expected, tolerance: i64) -> Map {
     let file = draft.file();
     let model = Model::new(&file).unwrap_or_else(|e| panic!("{e}: {:?}", draft.operators[index]));
@@ -78,7 +78,7 @@ pub(super) fn check(draft: &Draft, index: usize, inputs: &[(u32, &Map)], expecte
         for (i, (a, b)) in found.0.iter().zip(&expected.map).enumerate() {
             assert!((a - b).abs() <= tolerance, "{kernel:?}, sample {i}: {a}, expected {b}: {operator:?}");
         }
-        // Kernels agree to the bit, whatever the twin's tolerance.
+        // Kernels agree in every bit, whatever the tolerance.
         assert!(*results.get_or_insert_with(|| found.clone()) == found, "{kernel:?}: {operator:?}");
     }
     results.map_or(Vec::new(), |r| r.0)

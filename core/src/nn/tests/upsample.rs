@@ -1,4 +1,4 @@
-//! Upsamplings against bilinear interpolation.
+//! Compares upsamplings with bilinear interpolation.
 
 use super::Random;
 use super::draft::{Draft, map};

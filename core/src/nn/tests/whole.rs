@@ -1,5 +1,5 @@
-//! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (such a part fails a test of
-//! this crate, see [`crate::part`]).
+//! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (a missing part fails a test
+//! of this crate, see [`crate::part`]).
 
 use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Light;
@@ -7,7 +7,7 @@ use crate::tile::Shape;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// This crate's model file, and the repository's, which are absent where this crate stands alone.
+/// Returns this crate's model file and the repository's files, which are absent if this crate is alone.
 fn files() -> Vec<PathBuf> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let own = here.join("fixtures/tile-v4.eld");
@@ -16,7 +16,7 @@ fn files() -> Vec<PathBuf> {
     let others = golden.into_iter().chain(["host-train/models/nano.eld".into()]).map(|file| here.join("..").join(file));
     let (found, absent): (Vec<_>, Vec<_>) = others.partition(|file| file.is_file());
     if !absent.is_empty() {
-        // Not by `eprintln!`: the test runner keeps its text of tests that pass.
+        // Not `eprintln!`, because the test runner hides its text for tests that pass.
         let _ = writeln!(std::io::stderr(), "SKIPPED: whole models: this crate stands alone, without {absent:?}");
     }
     std::iter::once(own).chain(found).collect()
@@ -26,7 +26,7 @@ fn finish(runner: &mut Runner<'_, '_>) {
     while runner.step(1 << 24).unwrap() == Progress::Running {}
 }
 
-/// A self test and a tile in metres, which is what flies, with and without looking for changed memory.
+/// Runs a self test and a tile in metres, as in flight, with and without protection of memory.
 fn run(kernel: Kernel, model: Model<'_>, protect: bool) {
     let Shape { rows, cols } = model.tile();
     let mut arena = vec![0; required(&model)];

@@ -1,4 +1,4 @@
-//! Strips put aside after every step, and models that change while a tile is at work.
+//! Strips that are paused after every step, and models that change during a tile.
 
 use super::rig::{Blocks, Scene, TILE, assert_same, file, run, settings, take};
 use crate::nn::{Kernel, Model, RunError, Runner};
@@ -8,8 +8,7 @@ const ROWS: usize = 31;
 const COLS: usize = 17;
 const BUDGET: u64 = 900;
 
-/// Runs a strip that is put aside after every call; in between, `between` may do what it likes to the model's bytes, being told how many
-/// steps there were.
+/// Runs a strip that is paused after every call. In between, `between` gets the number of steps and may change the model's bytes.
 fn run_in_pieces(
     mut bytes: Vec<u8>,
     scene: &Scene,
@@ -25,7 +24,7 @@ fn run_in_pieces(
     };
     let (mut found, mut row, mut steps) = (vec![], 0, 0);
     loop {
-        // A header that changed would not open: what is tested lies behind it.
+        // A model whose header changed would not open; the tested bytes are behind the header.
         let model = Model::reopen(&bytes, &verdict).unwrap();
         let (arena, memory) = blocks.lend();
         let runner = Runner::resume(Kernel::SCALAR, model, arena, &paused.runner).unwrap();
@@ -65,7 +64,7 @@ fn a_strip_resumed_after_every_call_is_the_same_strip() {
     assert!(steps > 8 * 6, "{steps}");
 }
 
-/// A byte of the model's constants, which are the last of the file.
+/// Returns the offset of a byte of the model's constants, which are the last of the file.
 fn constant(file: &[u8]) -> usize {
     file.len() - Model::new(file).unwrap().constants_bytes()
 }
@@ -74,7 +73,7 @@ fn constant(file: &[u8]) -> usize {
 fn a_tile_that_finds_the_model_changed_is_begun_again() {
     let (file, scene) = (file(), Scene::new(ROWS, COLS));
     let expected = scene.heights_m(&file, &settings(COLS, 40));
-    // Changed in the middle of a tile, and mended before it is begun again.
+    // Changed in the middle of a tile, and repaired before the tile begins again.
     let mut hits = 0;
     for at in 0..40 {
         let mut was = None;
@@ -104,7 +103,7 @@ fn a_tile_that_fails_twice_keeps_its_coarse_heights() {
     let expected = scene.heights_m(&file, &settings(COLS, 40));
     let spoilt = constant(&file);
     let (found, counters) = run_in_pieces(file.clone(), &scene, |steps, bytes| {
-        // Past the first tile, and for good.
+        // After the first tile, and permanently.
         if steps == 30 {
             bytes[spoilt] ^= 0x10;
         }

@@ -1,4 +1,4 @@
-//! Strips of every length and width around the tiles' borders, rings and budgets of every kind.
+//! Strips of all lengths and widths around the tiles' borders, with rings and budgets of every kind.
 
 use super::rig::{Scene, TILE, assert_same, file, run, settings};
 use crate::strip::StripSettings;

@@ -1,4 +1,4 @@
-//! Strips of a tiny model, against the whole scene at once.
+//! Compares strips of a tiny model with the computation of the whole scene at once.
 
 mod faults;
 mod lengths;

@@ -1,4 +1,4 @@
-//! What a strip asks for.
+//! Requirements of a strip.
 
 use super::rig::{TILE, file, settings};
 use crate::nn::Model;
@@ -13,7 +13,7 @@ fn memory_grows_by_what_a_line_and_a_column_hold() {
     assert_eq!(StripPlan::least_lines(&model), TILE.rows + 1);
     let (least, longer, wider) = (plan(100, 13), plan(100, 14), plan(101, 13));
     assert_eq!(longer.bytes() - least.bytes(), 2 * 4 * 100, "image and coarse heights of a line");
-    // Beside them, weighted heights for a tile's rows, and one sum of weights.
+    // In addition to the lines, weighted heights for a tile's rows, and one sum of weights.
     assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.rows + 8);
     let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), 4 * least.queue_len()];
     assert_eq!(least.bytes(), parts.iter().sum());
@@ -50,7 +50,7 @@ fn a_light_is_decided_for_a_model_that_wants_one() {
     file[4 * word::ILLUMINATION..][..4].copy_from_slice(&1u32.to_le_bytes());
     seal_file(&mut file);
     let model = Model::new(&file).unwrap();
-    // Nobody decided.
+    // The light was not decided.
     assert_eq!(StripPlan::new(&model, settings(25, 20)), Err(StripError::Light));
     let with = |azimuth_deg, source| {
         let sun = KnownSun { azimuth_deg, elevation_deg: None };
@@ -59,6 +59,6 @@ fn a_light_is_decided_for_a_model_that_wants_one() {
         StripPlan::new(&model, StripSettings { light, ..settings(25, 20) }).unwrap()
     };
     with(Some(120.0), LightSource::Given);
-    // Without a Sun one is assumed, and the plan says so.
+    // Without a known Sun one is assumed, and the plan says so.
     assert_eq!(with(None, LightSource::Assumed).settings().light.source, LightSource::Assumed);
 }

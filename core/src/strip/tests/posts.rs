@@ -1,10 +1,10 @@
-//! Posts row by row, against the whole grid at once.
+//! Compares posts pushed row by row with the whole grid at once.
 
 use crate::error::LengthError;
 use crate::strip::{PostGrid, Posts, StripError};
 use proptest::prelude::*;
 
-/// The whole grid, continued by two samples on every side, and Keys' kernel by distance; bilinear where a sample is missing.
+/// Interpolates the whole grid, continued by two samples on every side, with Keys' kernel by distance; bilinear if a sample is missing.
 fn naive(posts: &[f32], grid: &PostGrid, line: usize, px: usize) -> f64 {
     let (rows, cols) = ((posts.len() / grid.cols) as isize, grid.cols as isize);
     let (r, c) = (grid.row0 + line as f64 * grid.rows_per_line, grid.col0 + px as f64 * grid.cols_per_px);
@@ -46,7 +46,7 @@ fn naive(posts: &[f32], grid: &PostGrid, line: usize, px: usize) -> f64 {
     if cubic.is_finite() { cubic } else { sum(&tent, 1) }
 }
 
-/// All lines, rows being pushed only when they are wanted, or as early as they are taken.
+/// Returns all lines; rows are pushed only when they are needed, or as early as they are accepted.
 fn lines(posts: &[f32], grid: PostGrid, count: usize, px: usize, early: bool) -> Vec<f32> {
     let mut memory = vec![f32::INFINITY; Posts::memory_len(grid.cols)];
     let mut made = Posts::new(grid, &mut memory).unwrap();
@@ -83,7 +83,7 @@ proptest! {
             prop_assert!(a.to_bits() == b.to_bits());
             let expected = naive(&posts, &grid, i / 30, i % 30);
             prop_assert_eq!(a.is_nan(), expected.is_nan(), "{}: {} {}", i, a, expected);
-            // Some 60 roundings of numbers below 500 (continued over two posts).
+            // About 60 roundings of numbers below 500 (continued over two posts).
             prop_assert!(a.is_nan() || (f64::from(*a) - expected).abs() < 3e-3, "{}: {} {}", i, a, expected);
         }
     }

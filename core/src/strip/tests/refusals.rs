@@ -1,4 +1,4 @@
-//! Lines that cannot be taken, and lines that nobody takes.
+//! Lines that cannot be pushed, and lines that are not taken.
 
 use super::rig::{Blocks, Scene, TILE, assert_same, file, settings, take};
 use crate::error::LengthError;
@@ -27,7 +27,7 @@ fn a_full_ring_refuses_lines_and_loses_none() {
     };
     push(&mut strip, &mut row);
     assert_eq!((row, strip.wants(), strip.ready()), (16, Next::Step, 0), "as many lines as are kept");
-    // Nobody takes lines: the next row of tiles is made, but not added, and the ring fills up again.
+    // Lines are not taken: the next row of tiles is computed, but not added, and the ring fills up again.
     while strip.step(1000) != Next::Take {
         push(&mut strip, &mut row);
     }

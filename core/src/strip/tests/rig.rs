@@ -1,4 +1,4 @@
-//! A tiny model, scenes, memory with guards, and the twin that sees all of a scene.
+//! A tiny model, scenes, memory with guards, and a simple implementation that has the whole scene.
 
 use crate::fill::fill_gaps;
 use crate::mask::is_real;
@@ -12,7 +12,7 @@ use crate::tile::{Shape, Tiling};
 
 pub(super) const TILE: Shape = Shape::new(12, 10);
 
-/// A model whose heights are its image, with a layer before that only takes time.
+/// Returns a model whose heights are its image, with an additional layer that only takes time.
 pub(super) fn file() -> Vec<u8> {
     let mut draft = Draft::new((TILE.rows, TILE.cols));
     draft.tensors[0].scale = 1.0 / 255.0;
@@ -37,7 +37,7 @@ pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
     }
 }
 
-/// A scene with gaps of all kinds in both maps.
+/// A scene with voids of all kinds in both maps.
 pub(super) struct Scene {
     pub(super) rows: usize,
     pub(super) cols: usize,
@@ -65,7 +65,7 @@ impl Scene {
         (&self.image[row * self.cols..][..self.cols], &self.coarse_m[row * self.cols..][..self.cols])
     }
 
-    /// Heights of the whole scene: every tile by itself, all sums at once.
+    /// Returns the heights of the whole scene: every tile separately, all sums at once.
     pub(super) fn heights_m(&self, file: &[u8], settings: &StripSettings) -> Vec<f32> {
         let (rows, cols) = (self.rows, self.cols);
         let tiling =
@@ -96,7 +96,7 @@ impl Scene {
     }
 }
 
-/// Heights of one tile, its gaps not closed yet; `None` without a pixel that both maps have.
+/// Returns the heights of one tile whose voids are not filled yet; `None` without a pixel that is real in both maps.
 fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) -> Option<Vec<f32>> {
     if !image.iter().zip(coarse_m).any(|(v, z)| v.is_finite() && z.is_finite()) {
         return None;
@@ -122,10 +122,10 @@ fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) 
     Some(heights_m)
 }
 
-/// Values behind each block that nobody may touch.
+/// Number of values behind each block that must not change.
 const GUARDS: usize = 8;
 
-/// The blocks of a plan, exactly as long as it says, with guards behind them.
+/// The blocks of a plan, with exactly its lengths and guards behind them.
 pub(super) struct Blocks {
     arena: Vec<u8>,
     samples: Vec<f32>,
@@ -143,7 +143,7 @@ impl Blocks {
         }
     }
 
-    /// What a strip is lent of them.
+    /// Lends the blocks without their guards.
     pub(super) fn lend(&mut self) -> (&mut [u8], StripMemory<'_>) {
         let Self { arena, samples, sums, queue } = self;
         let lent = [arena.len(), samples.len(), sums.len(), queue.len()].map(|len| len - GUARDS);
@@ -160,7 +160,7 @@ impl Blocks {
     }
 }
 
-/// Takes all finished lines, which must come in order.
+/// Takes all finished lines and checks that they come in order.
 pub(super) fn take(strip: &mut Strip<'_, '_>, cols: usize, found: &mut Vec<f32>) {
     let mut line = vec![0.0; cols];
     while let Some(row) = strip.take_line(&mut line).unwrap() {
@@ -169,7 +169,8 @@ pub(super) fn take(strip: &mut Strip<'_, '_>, cols: usize, found: &mut Vec<f32>)
     }
 }
 
-/// Runs a scene through a strip, steps of `budget_macs`; `eager` steps as long as it can after every line, otherwise only when it must.
+/// Runs a scene through a strip with steps of `budget_macs`. With `eager` it steps as long as possible after every line, otherwise only
+/// when necessary.
 pub(super) fn run(file: &[u8], scene: &Scene, settings: StripSettings, budget_macs: u64, eager: bool) -> Vec<f32> {
     let model = Model::new(file).unwrap();
     let plan = StripPlan::new(&model, settings).unwrap();
@@ -202,7 +203,7 @@ pub(super) fn run(file: &[u8], scene: &Scene, settings: StripSettings, budget_ma
     found
 }
 
-/// Equal bit for bit, gaps being gaps.
+/// Checks that all values are equal bit for bit; voids equal voids.
 pub(super) fn assert_same(found: &[f32], expected: &[f32], what: &str) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let same = |a: &f32, b: &f32| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();

@@ -1,4 +1,4 @@
-//! Terrain maps line by line, as the lines of a DTM come: nothing but the lines under one footprint is kept.
+//! Terrain maps line by line, as the lines of a DTM arrive. Only the lines under one footprint are kept.
 
 use super::footprint::{self, MAX_RADIUS_PX, MAX_SIDE};
 use super::hillshade::{Light, Sun};
@@ -8,10 +8,10 @@ use crate::error::{LengthError, same_length};
 use crate::part::{copy, head, head_mut, item, part, part_mut};
 use crate::terrain::TerrainError;
 
-/// What is computed of a DTM's lines.
+/// Settings of the maps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineOptions {
-    /// Samples of a line, at least 1.
+    /// Number of samples of a line, at least 1.
     pub cols: usize,
     /// Size of a pixel on the ground.
     pub pixel: PixelSize,
@@ -19,12 +19,12 @@ pub struct LineOptions {
     pub radius_px: usize,
     /// Light of the hillshade.
     pub sun: Sun,
-    /// What the vehicle bears.
+    /// Limits of the vehicle.
     pub limits: HazardLimits,
 }
 
 impl LineOptions {
-    /// Samples of memory to lend: the 2r + 1 lines under a footprint. Too many to exist (`usize::MAX`) if that overflows.
+    /// Number of samples of memory to lend: the 2r + 1 lines under a footprint; `usize::MAX` if the product overflows.
     #[must_use]
     pub fn memory_len(&self) -> usize {
         self.side().saturating_mul(self.cols)
@@ -50,19 +50,19 @@ impl LineOptions {
     }
 }
 
-/// Where the maps of one line go. Each slice has the line's number of samples, or is empty: then that map is not wanted, and not computed
-/// unless another one rests on it.
+/// The output maps of one line. Each slice has the line's number of samples, or is empty. An empty map is not written, and is computed only
+/// if another map depends on it.
 #[derive(Debug, Default)]
 pub struct LineMaps<'o> {
-    /// Horn slope of the pixel, degrees, NaN where there is none: as [`super::slope_deg`].
+    /// Horn slope of the pixel, degrees, NaN without a value: as [`super::slope_deg`].
     pub slope_deg: &'o mut [f32],
-    /// Shaded relief, 0 where there is none: as [`super::hillshade()`].
+    /// Shaded relief, 0 without a value: as [`super::hillshade()`].
     pub hillshade: &'o mut [u8],
-    /// Slope of the least-squares plane of the footprint, degrees, NaN where there is none.
+    /// Slope of the least-squares plane of the footprint, degrees, NaN without a value.
     pub footprint_slope_deg: &'o mut [f32],
-    /// Largest distance of a pixel of the footprint from that plane, up or down, metres along the vertical; NaN where there is none.
+    /// Largest distance of a pixel of the footprint from that plane, up or down, metres along the vertical; NaN without a value.
     ///
-    /// Our choice: what a lander's clearance is compared with. A plane has a roughness of 0 whatever its tilt; a single boulder of height h
+    /// Our choice, for the comparison with a lander's clearance. A plane has a roughness of 0 for every tilt. A single boulder of height h
     /// on flat ground, at the centre of n pixels, has h (n − 1)/n.
     pub roughness_m: &'o mut [f32],
     /// Bits of [`super::hazard`]; 0 is safe.
@@ -70,7 +70,7 @@ pub struct LineMaps<'o> {
 }
 
 impl LineMaps<'_> {
-    /// Every map has `cols` samples or none.
+    /// Validates that every map has `cols` samples or none.
     fn check(&self, cols: usize) -> Result<(), LengthError> {
         let floats = [&self.slope_deg, &self.footprint_slope_deg, &self.roughness_m].map(|map| map.len());
         let bytes = [&self.hillshade, &self.hazard].map(|map| map.len());
@@ -78,11 +78,11 @@ impl LineMaps<'_> {
     }
 }
 
-/// Terrain maps of a DTM whose lines come one at a time, north first; as many lines go out as went in.
+/// Terrain maps of a DTM whose lines come one at a time, north first. It returns as many lines as it takes.
 ///
-/// A line goes out r lines after it went in, the last ones by [`Self::finish`]. Edges follow the rule of the whole-grid functions: where a
-/// window leaves the grid, there is no value. The work per line is bounded: about 2 (2r + 1)² multiplications and additions per pixel,
-/// less only where there is no value.
+/// A line is returned r lines after it was pushed, the last ones by [`Self::finish`]. Edges follow the rule of the whole-grid functions:
+/// there is no value where a window leaves the grid. The work per line is bounded: about 2 (2r + 1)² multiplications and additions per
+/// pixel, less only for pixels without a value.
 ///
 /// ```
 /// use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines, hazard};
@@ -115,16 +115,16 @@ impl LineMaps<'_> {
 pub struct TerrainLines<'m> {
     options: LineOptions,
     light: Light,
-    /// The last 2r + 1 lines; line k lies in place k mod (2r + 1).
+    /// The last 2r + 1 lines; line k is in place k mod (2r + 1).
     memory: &'m mut [f32],
-    /// Lines that went in, and out.
+    /// Number of lines pushed, and number of lines returned.
     taken: u64,
     given: u64,
     finishing: bool,
 }
 
 impl<'m> TerrainLines<'m> {
-    /// Takes [`LineOptions::memory_len`] samples of `memory`; what they hold does not matter, and more do no harm.
+    /// Takes [`LineOptions::memory_len`] samples of `memory`, which may be longer and may have any contents.
     ///
     /// # Errors
     /// [`TerrainError::Radius`], [`TerrainError::Pixel`], or [`TerrainError::Length`] if there are no columns or too little memory.
@@ -138,12 +138,12 @@ impl<'m> TerrainLines<'m> {
         Ok(Self { options, light: Light::of(options.sun), memory, taken: 0, given: 0, finishing: false })
     }
 
-    /// Takes the next line: `cols` heights in metres, NaN or a special of [`crate::mask`] where there is no value. Fills `maps` once there is
-    /// a line whose window is complete, and says which one it is, counted from 0; else `maps` stay as they are.
+    /// Takes the next line: `cols` heights in metres, NaN or a special value of [`crate::mask`] for voids. If there is a line whose window
+    /// is complete, fills `maps` with it and returns its number, counted from 0. Otherwise `maps` stay unchanged.
     ///
     /// # Errors
-    /// [`TerrainError::Length`] for a line or a map of another length, [`TerrainError::Unfinished`] between [`Self::finish`]'s first line and
-    /// its last; then nothing has happened.
+    /// [`TerrainError::Length`] for a line or a map of another length, [`TerrainError::Unfinished`] between the first and the last line of
+    /// [`Self::finish`]; nothing is changed then.
     pub fn push(&mut self, line_m: &[f32], maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
         if self.finishing && self.given < self.taken {
             return Err(TerrainError::Unfinished { lines: self.taken - self.given });
@@ -162,10 +162,10 @@ impl<'m> TerrainLines<'m> {
         Ok(Some(self.give(maps)))
     }
 
-    /// The lines that are still to come, one per call, when no more go in; `None` when all are out. Then the next grid may begin.
+    /// Returns the remaining lines, one per call, after the last push; `None` when all were returned. Then the next grid may begin.
     ///
     /// # Errors
-    /// [`TerrainError::Length`] for a map of another length; then nothing has happened.
+    /// [`TerrainError::Length`] for a map of another length; nothing is changed then.
     pub fn finish(&mut self, maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
         maps.check(self.options.cols)?;
         self.finishing = self.given < self.taken;
@@ -180,12 +180,12 @@ impl<'m> TerrainLines<'m> {
         (self.taken, self.given, self.finishing) = (0, 0, false);
     }
 
-    /// First sample in memory of a line.
+    /// Returns the index in memory of a line's first sample.
     fn place(&self, line: u64) -> usize {
         (line % self.options.side() as u64) as usize * self.options.cols
     }
 
-    /// The next line to go out.
+    /// Writes the maps of the next line to be returned, and returns its number.
     fn give(&mut self, maps: &mut LineMaps<'_>) -> u64 {
         let (row, radius_px) = (self.given, self.options.radius_px);
         let mut lines: [&[f32]; MAX_SIDE] = [&[]; MAX_SIDE];
@@ -199,7 +199,7 @@ impl<'m> TerrainLines<'m> {
         row
     }
 
-    /// The maps of the middle one of 2r + 1 lines.
+    /// Writes the maps of the middle one of 2r + 1 lines.
     fn fill(&self, lines: &[&[f32]], maps: &mut LineMaps<'_>) {
         let LineOptions { cols, pixel, radius_px, limits, .. } = self.options;
         let around = [radius_px.wrapping_sub(1), radius_px, radius_px + 1].map(|i| item(lines, i));
@@ -221,7 +221,7 @@ impl<'m> TerrainLines<'m> {
     }
 }
 
-/// Writes a pixel of a map, if the map is wanted: else it is empty.
+/// Writes a pixel of a map; does nothing if the map is empty.
 fn give<T>(map: &mut [T], col: usize, value: T) {
     if let Some(pixel) = map.get_mut(col) {
         *pixel = value;

@@ -1,4 +1,4 @@
-//! Lines against whole grids bit for bit, and footprints against a plane fitted in the dullest way.
+//! Compares lines with whole grids bit for bit, and footprints with a plane fitted by another method.
 
 use super::*;
 use crate::grid::GridView;
@@ -27,7 +27,7 @@ impl Maps {
         }
     }
 
-    /// The maps of one line.
+    /// Returns the maps of one line.
     fn line(&mut self, row: u64, cols: usize) -> LineMaps<'_> {
         let range = row as usize * cols..(row as usize + 1) * cols;
         LineMaps {
@@ -40,7 +40,7 @@ impl Maps {
     }
 }
 
-/// Sends a grid through; lines must come in order, and all of them.
+/// Pushes a grid line by line; all lines must be returned, in order.
 fn run(lines: &mut TerrainLines<'_>, heights_m: &[f32]) -> Maps {
     let cols = lines.options.cols;
     let (rows, mut maps, mut next) = ((heights_m.len() / cols) as u64, Maps::new(heights_m.len()), 0);
@@ -72,7 +72,8 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }
 
-/// Slope and roughness by the normal equations of z = p x + q y + c over ground coordinates from the grid's corner, all nine sums, Cramer's rule.
+/// Returns slope and roughness by the normal equations of z = p x + q y + c over ground coordinates from the grid's corner, with all nine
+/// sums and Cramer's rule.
 fn naive(heights_m: &[f32], cols: usize, (row, col): (usize, usize), r: usize, pixel: PixelSize) -> Option<(f64, f64)> {
     let rows = heights_m.len() / cols;
     if row < r || col < r || row + r >= rows || col + r >= cols {
@@ -98,8 +99,8 @@ fn naive(heights_m: &[f32], cols: usize, (row, col): (usize, usize), r: usize, p
     Some((p.hypot(q).atan().to_degrees(), roughness_m))
 }
 
-/// Cramer's determinants cancel: products of some 1e13 leave some 1e6, 1e-9 of the 1e-16 of a double at worst, over heights of 10 m and
-/// slopes per 1 m. The maps are `f32` besides.
+/// Cramer's determinants cancel: products of about 1e13 leave about 1e6, with a relative error of 1e-9 (1e-16 of a double) at worst, over
+/// heights of 10 m and slopes per 1 m. The maps are `f32`, too.
 const TWIN: f64 = 1e-5;
 
 proptest! {
@@ -134,7 +135,7 @@ proptest! {
 
     #[test]
     fn a_plane_has_no_roughness_and_its_own_slope(east in -64i32..64, south in -64i32..64, radius_px in 1usize..=MAX_RADIUS_PX) {
-        // Sixteenths of a metre: every height is exact.
+        // Sixteenths of a metre, so that every height is exact.
         let side = 2 * radius_px + 1;
         let heights_m: Vec<f32> = (0..side * side)
             .map(|i| (east * (i % side) as i32 + south * (i / side) as i32) as f32 / 16.0 - 1900.0)
@@ -156,7 +157,7 @@ fn a_boulder_sticks_out_by_what_the_plane_leaves_of_it() {
     let (n, squares) = (25.0, 50.0);
     for row in 2..7usize {
         for col in 2..7usize {
-            // The plane takes its leverage of the boulder's height: 1/n + (x² + y²)/Σx².
+            // The plane takes up a share of the boulder's height, its leverage: 1/n + (x² + y²)/Σx².
             let (x, y) = (col.abs_diff(4) as f64, row.abs_diff(4) as f64);
             let expected = f64::from(height_m) * (1.0 - 1.0 / n - (x * x + y * y) / squares);
             let roughness_m = f64::from(found.roughness_m[row * side + col]);
@@ -234,7 +235,7 @@ fn wrong_calls_are_refused_and_change_nothing() {
     let refused = lines.push(&[1.0; 4], &mut LineMaps::default());
     assert_eq!(refused, Err(TerrainError::Unfinished { lines: 1 }));
     assert_eq!(lines.finish(&mut LineMaps::default()), Ok(Some(1)));
-    // All are out: the next grid may begin, asked for the end or not.
+    // All lines are returned: the next grid may begin, with or without a further call of `finish`.
     assert_eq!(lines.push(&[1.0; 4], &mut LineMaps::default()), Ok(None));
     assert_eq!(lines.finish(&mut LineMaps::default()), Ok(Some(0)));
 }

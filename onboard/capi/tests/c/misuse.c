@@ -1,6 +1,6 @@
-/* What a C caller may get wrong without a model: every one has a status. C99 and C++17. */
+/* Errors of a C caller that need no model; each one has a status. C99 and C++17. */
 #include "elunar.h"
-#include "elunar.h" /* twice does no harm */
+#include "elunar.h" /* a second inclusion is harmless */
 
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-/* The platform of the guides on a host: two tiles from files, memory that is harmed on purpose. By environment: ELUNAR_MODEL, ELUNAR_FOLDER,
- * ELUNAR_OUT (heights and validity of every tile, one behind the other), ELUNAR_HARM (cycle at which a bit of the model flips; 0: never). */
+/* The platform of the guides on a host: two tiles from files, and faults on purpose. Environment: ELUNAR_MODEL, ELUNAR_FOLDER,
+ * ELUNAR_OUT (heights and validity of every tile, one after the other), ELUNAR_HARM (cycle at which a bit of the model flips; 0: never). */
 #include "platform.h"
 
 #include "files.h"
@@ -67,7 +67,7 @@ void platform_kick_watchdog(void) {
 }
 
 int platform_goes_on(void) {
-    /* A while longer than the tiles, to scrub. */
+    /* More cycles than the tiles need, for scrubbing. */
     static unsigned more = 400;
     if (kicks > 20000) fail("cycles", "expected two tiles within 20000");
     if (taken < 2) return 1;

@@ -1,5 +1,5 @@
-/* The service under harm that the library alone cannot mend: service_harmed MODEL FOLDER OUT writes the heights of every case;
- * service_harmed MODEL FOLDER, with a model whose self test fails, sees that it is not used. */
+/* The service under faults that the library alone cannot repair: service_harmed MODEL FOLDER OUT writes the heights of every case;
+ * service_harmed MODEL FOLDER, with a model whose self test fails, checks that the model is not used. */
 #include "service.h"
 
 #include "files.h"
@@ -18,7 +18,7 @@ static void expect(const char *what, unsigned long found, unsigned long expected
     exit(1);
 }
 
-/* Bytes of a copy of the context: the second begins as the first does. */
+/* Returns the bytes of a copy of the context; both copies begin with the same bytes. */
 static size_t copy_bytes(void) {
     size_t at;
     for (at = 1; at < 64; at++) {
@@ -35,7 +35,7 @@ static void harm_context(void) {
     bytes[copy + 30] ^= 1;
 }
 
-/* Cycles until a state is reached; 0 if it is not. */
+/* Returns the number of cycles until a state is reached; 0 if it is not reached. */
 static unsigned cycles_to(service_state_t state) {
     unsigned cycles = 0;
     while (service.state != state && cycles < 10000) {
@@ -62,7 +62,7 @@ static void distrust(const eld_tile_t *tile) {
     if (!cycles_to(SERVICE_WANTS_MODEL)) fail("self test", eld_status_text(service.status));
     expect("status", service.status, ELD_FAULT_SELF_TEST);
     expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
-    /* Loaded again, and no better. */
+    /* Loaded again, and the self test fails again. */
     expect("reloaded", service_model_reloaded(&service), ELD_OK);
     if (!cycles_to(SERVICE_FAILED)) fail("self test again", eld_status_text(service.status));
     expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
@@ -89,7 +89,7 @@ int main(int argc, char **argv) {
     if (out == NULL) fail(argv[3], "cannot be written");
     boot();
 
-    /* Both copies of the context: down, started anew, the tile again. */
+    /* Both copies of the context are damaged: the service goes down and starts again, and the tile begins again. */
     expect("give", service_give(&service, &tile), ELD_OK);
     service_cycle(&service, info.largest_unit_macs, 0);
     harm_context();
@@ -100,7 +100,7 @@ int main(int argc, char **argv) {
     boot();
     take();
 
-    /* A validity bit of a finished tile: the tile is made again when it is taken, and can be taken then. */
+    /* A validity bit of a finished tile is damaged: the tile is computed again when it is taken, and can be taken then. */
     expect("give", service_give(&service, &tile), ELD_OK);
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
     ((uint8_t *)memory)[2 * copy_bytes() / 64 * 64 + 64 + 100] ^= 1;
@@ -109,7 +109,7 @@ int main(int argc, char **argv) {
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
     take();
 
-    /* A tile of no use is dropped, and the next one comes. */
+    /* A tile that is not usable is dropped, and the next one is taken. */
     one = (float *)malloc(px * sizeof(float));
     for (i = 0; i < px; i++) one[i] = 1.0f;
     dark = tile;
@@ -121,7 +121,7 @@ int main(int argc, char **argv) {
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
     take();
 
-    /* The model, found by scrubbing; not accepted as long as it is damaged. */
+    /* A damaged model, found by scrubbing, is not accepted as long as it is damaged. */
     model[4000000] ^= 16;
     if (!cycles_to(SERVICE_WANTS_MODEL)) fail("scrub", eld_status_text(service.status));
     expect("still damaged", ELD_SEVERITY(service_model_reloaded(&service)), ELD_REFUSED);

@@ -1,7 +1,7 @@
-/* Two tiles through two contexts, step by step in turn: tile MODEL FOLDER OUT
+/* Runs two tiles in two contexts, in turn step by step: tile MODEL FOLDER OUT
  *
- * FOLDER holds image.f32, coarse_m.f32 and valid.u8 (see tests/golden/flight_tile); OUT gets the heights of the first tile, then its
- * validity bytes, then the heights of the second, which is the first one upside down. C99 and C++17.
+ * FOLDER contains image.f32, coarse_m.f32 and valid.u8 (see tests/golden/flight_tile). OUT gets the heights of the first tile, then its
+ * validity bytes, then the heights of the second tile, which is the first one upside down. C99 and C++17.
  */
 #include "files.h"
 

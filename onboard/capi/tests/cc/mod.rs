@@ -1,14 +1,14 @@
-//! What the tests with C programs share: compilers, the archive, folders.
+//! Shared by the tests with C programs: compilers, the archive, folders.
 //!
-//! The archive is the example of this package (the functions with the host's panic handler), or the one that `ELUNAR_ARCHIVE` names:
+//! The archive is an example of this package (the functions with the host's panic handler), or the one that `ELUNAR_ARCHIVE` names:
 //! `libelunar.a` of `onboard/flight`, which needs no other library.
-#![allow(dead_code)] // each test file uses a part
+#![allow(dead_code)] // each test file uses only some functions
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The languages a caller may write in.
+/// The languages supported for callers.
 pub(crate) const LANGUAGES: [&str; 2] = ["c99", "c++17"];
 
 pub(crate) fn compiler(language: &str) -> Command {
@@ -20,7 +20,7 @@ pub(crate) fn compiler(language: &str) -> Command {
     command
 }
 
-/// Whether there is a compiler for this language; says so if not.
+/// Returns whether there is a compiler for this language; reports it if not.
 pub(crate) fn exists(language: &str) -> bool {
     let found = compiler(language).arg("--version").output().is_ok_and(|out| out.status.success());
     if !found {
@@ -30,18 +30,18 @@ pub(crate) fn exists(language: &str) -> bool {
 }
 
 pub(crate) fn target() -> PathBuf {
-    // .../target/debug/deps/c-0123: the folder cargo builds in, whatever its name.
+    // .../target/debug/deps/c-0123: cargo's target folder, whatever its name.
     std::env::current_exe().unwrap().ancestors().nth(3).unwrap().to_path_buf()
 }
 
-/// The archive, and what else a program needs to link.
+/// Returns the archive, and the other libraries that a program links.
 pub(crate) fn archive() -> &'static (PathBuf, Vec<&'static str>) {
     static ARCHIVE: OnceLock<(PathBuf, Vec<&'static str>)> = OnceLock::new();
     ARCHIVE.get_or_init(|| {
         if let Some(path) = std::env::var_os("ELUNAR_ARCHIVE") {
             return (path.into(), vec![]);
         }
-        // Cargo builds examples with some selections of tests only; where it has, this does nothing.
+        // Cargo builds examples with some selections of tests only. If the example is built already, this command does nothing.
         let built = Command::new(env!("CARGO"))
             .args(["build", "--locked", "--quiet", "--package", "elunar-capi", "--example", "elunar", "--target-dir"])
             .arg(target())
@@ -59,14 +59,14 @@ pub(crate) fn run(command: &mut Command) -> String {
     text(&out.stdout)
 }
 
-/// A folder for what a test makes; one per process.
+/// Returns a folder for the output of a test; one per process.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     folder
 }
 
-/// Compiles and links a program of these sources, the first of which names it.
+/// Compiles and links a program of these sources; the first source gives its name.
 pub(crate) fn build(sources: &[PathBuf], language: &str, folder: &Path) -> PathBuf {
     let (archive, libraries) = archive();
     let program = folder.join(format!("{}-{language}", sources[0].file_stem().unwrap().display()));

@@ -1,5 +1,5 @@
-//! What the tests of the C interface share: the shipped model, a tile of real size, lent memory, and the functions as C calls them.
-#![allow(dead_code, unsafe_code)] // each test file uses a part; C functions
+//! Shared by the tests of the C interface: the shipped model, a tile of real size, lent memory, and the functions as C calls them.
+#![allow(dead_code, unsafe_code)] // each test file uses only some functions; C functions
 
 use elunar_capi::ffi;
 use elunar_capi::status::*;
@@ -12,8 +12,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Reports that a program a test needs is absent: the check is skipped, or fails where `ELUNAR_REQUIRE_ORACLES` is 1. Not by `eprintln!`: the
-/// test runner keeps its text of tests that pass.
+/// Reports that a program for a test is absent: the check is skipped, or fails if `ELUNAR_REQUIRE_ORACLES` is 1. Does not use `eprintln!`,
+/// because the test runner hides its text for tests that pass.
 pub(crate) fn absent(why: &str) {
     let required = std::env::var("ELUNAR_REQUIRE_ORACLES").is_ok_and(|value| !value.is_empty() && value != "0");
     assert!(!required, "ELUNAR_REQUIRE_ORACLES=1, but {why}");
@@ -25,20 +25,20 @@ pub(crate) const ROWS: usize = 256;
 pub(crate) const COLS: usize = 320;
 pub(crate) const PX: usize = ROWS * COLS;
 
-/// A step of some milliseconds.
+/// Budget of a step of some milliseconds.
 pub(crate) const STEP_MACS: u64 = 20_000_000;
 
 pub(crate) fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The shipped model.
+/// Returns the shipped model.
 pub(crate) fn nano() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
     BYTES.get_or_init(|| std::fs::read(repository().join("host-train/models/nano.eld")).unwrap())
 }
 
-/// A tile of the caller's.
+/// A tile of the caller.
 #[derive(Clone)]
 pub(crate) struct Tile {
     pub(crate) image: Vec<f32>,
@@ -50,7 +50,7 @@ pub(crate) struct Tile {
 }
 
 impl Tile {
-    /// `tests/golden/flight_tile`.
+    /// Returns the tile of `tests/golden/flight_tile`.
     pub(crate) fn golden() -> Self {
         let folder = repository().join("tests/golden/flight_tile");
         let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
@@ -67,7 +67,7 @@ impl Tile {
         tile
     }
 
-    /// Another one: the same ground seen upside down, lit from elsewhere, without a mask.
+    /// Returns another tile: the same ground upside down, with the Sun in another place, without a mask.
     pub(crate) fn other() -> Self {
         let Self { mut image, mut coarse_m, .. } = Self::golden();
         image.reverse();
@@ -75,7 +75,7 @@ impl Tile {
         Self { image, coarse_m, valid: None, sun: [9.0, f32::NAN], ..Self::golden() }
     }
 
-    /// As C hands it over.
+    /// Returns the structure for C.
     pub(crate) fn c(&self) -> eld_tile_t {
         eld_tile_t {
             struct_bytes: size_of::<eld_tile_t>() as u32,
@@ -93,7 +93,7 @@ impl Tile {
         }
     }
 
-    /// Heights and validity as the core computes them without the C interface.
+    /// Returns heights and validity computed by the core without the C interface.
     pub(crate) fn expected(&self) -> (Vec<f32>, Vec<u8>) {
         let model = Model::new(nano()).unwrap();
         let mut arena = vec![0; required(&model)];
@@ -121,12 +121,12 @@ impl Tile {
     }
 }
 
-/// Bits of floats, to be compared as bytes.
+/// Returns the bits of floats, for exact comparison.
 pub(crate) fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }
 
-/// What the shipped model needs.
+/// Returns the requirements of a model.
 pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
     let mut info =
         eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..eld_model_info_t::default() };
@@ -135,20 +135,20 @@ pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
     if status == ELD_OK { Ok(info) } else { Err(status) }
 }
 
-/// A context with the memory it was lent.
+/// A context with its lent memory.
 pub(crate) struct Context {
     pub(crate) memory: Vec<u64>,
     pub(crate) handle: *mut eld_context_t,
 }
 
-// SAFETY: contexts are independent of threads; only their sharing is forbidden.
+// SAFETY: contexts do not depend on a thread; only sharing is forbidden.
 unsafe impl Send for Context {}
 
 impl Context {
-    /// A context in exactly as much memory as the model needs. The model must outlive it.
+    /// Makes a context in exactly as much memory as the model needs. The model must outlive it.
     pub(crate) fn new(model: &[u8]) -> Self {
         let needed = info(model).unwrap().memory_bytes as usize;
-        // Rubbish, as memory is found.
+        // The lent memory has any contents.
         let mut memory = vec![0xa5a5_a5a5_a5a5_a5a5; needed.div_ceil(8)];
         let mut handle = std::ptr::null_mut();
         // SAFETY: memory and model of our own.
@@ -179,7 +179,7 @@ impl Context {
         unsafe { ffi::eld_step(self.handle, budget_macs) }
     }
 
-    /// Steps until done.
+    /// Steps until the tile is done.
     pub(crate) fn finish(&mut self) {
         loop {
             match self.step(STEP_MACS) {
@@ -225,7 +225,7 @@ impl Context {
         (out, status)
     }
 
-    /// Bytes of both copies of the context: the second begins as the first does, and is as long.
+    /// Returns the number of bytes of both copies of the context. They begin with the same bytes and have the same length.
     pub(crate) fn head_bytes(&mut self) -> usize {
         let bytes = self.bytes();
         let magic: [u8; 8] = bytes[..8].try_into().unwrap();
@@ -233,12 +233,12 @@ impl Context {
     }
 }
 
-/// Word `index` of a model's header.
+/// Returns word `index` of a model's header.
 pub(crate) fn header(model: &[u8], index: usize) -> usize {
     u32::from_le_bytes(model[4 * index..4 * index + 4].try_into().unwrap()) as usize
 }
 
-/// The shipped model with changes, under valid checksums.
+/// Returns the shipped model with changes and valid checksums.
 pub(crate) fn changed(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     let mut model = nano().to_vec();
     change(&mut model);

@@ -1,4 +1,4 @@
-//! The C interface: functions, statuses and structures as the header has them.
+//! Compares the C interface in the page with the header: functions, statuses and structures.
 
 use crate::pages::{read, section, table};
 use crate::{number, page};
@@ -25,7 +25,7 @@ fn every_function_of_the_header_has_its_section_and_every_section_its_function()
         .map(|name| name.trim_matches('`'))
         .collect();
     assert_eq!(headings, functions);
-    // Each says when, how long, and what it answers.
+    // Each section gives the time of the call, its duration and its answers.
     for name in &functions {
         let heading = if *name == "eld_format_version" { "`eld_version`" } else { &format!("`{name}`") };
         let text = section(&page, heading);
@@ -63,7 +63,7 @@ fn every_status_is_listed_with_its_word_and_answered_by_some_function() {
     }
 }
 
-/// Fields of a structure with their offsets; leaving one out does not compile.
+/// Returns the fields of a structure with their offsets; it does not compile if a field is left out.
 macro_rules! layout {
     ($structure:ident { $($field:ident),* $(,)? }) => {{
         fn complete(it: $structure) { let $structure { $($field: _),* } = it; }
@@ -149,7 +149,7 @@ fn structures_are_laid_out_as_described() {
         valid_len,
     });
     compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
-    // With 32 bits all of its fields have four bytes.
+    // On 32 bits all its fields have four bytes.
     let narrow: Vec<u64> = table(section(&page(), "`eld_tile_t`")).iter().map(|row| number(&row[1])).collect();
     assert_eq!(narrow, (0..tile.len() as u64).map(|i| 4 * i).collect::<Vec<_>>());
     assert!(page().contains(&format!(

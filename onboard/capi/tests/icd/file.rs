@@ -1,4 +1,4 @@
-//! The model file: constants, header words and records as the code has them.
+//! Compares the model file in the page with the code: constants, header words and records.
 
 use crate::pages::{read, section, table};
 use crate::reader::entry_seal;
@@ -63,7 +63,7 @@ fn every_word_of_the_header_is_described_and_numbered_as_the_code_does() {
     assert_eq!(found, code);
 }
 
-/// Compares a table of fields with a record in which every field has a value of its own; words without a row must be 0.
+/// Compares a table of fields with a record in which every field has a different value; words without a row must be 0.
 fn compare_record(heading: &str, record: &[u8], last: &str, fields: &[(&str, u32)]) {
     let mut rows = numbered(heading);
     if last == "kind" {
@@ -169,7 +169,7 @@ fn convolution_records_are_as_described() {
         ("block", 220),
     ];
     compare_record("1.7 Convolution: kind 1", &Operator::Conv(conv).encode(), "kind", &fields);
-    // "None" is the number of the page.
+    // "None" has the number of the page.
     let none = Operator::Conv(Conv { second: None, add: None, table: None, ..conv }).encode();
     for word in [3, 13, 16] {
         assert_eq!(file::u32_at(&none, 4 * word), file::NONE, "word {word}");
@@ -178,7 +178,7 @@ fn convolution_records_are_as_described() {
 
 #[test]
 fn other_operator_records_are_as_described() {
-    // The page gives the long number by its first word; the second is checked here and left out of the comparison.
+    // The page gives the long number by its first word. The second is checked here and left out of the comparison.
     let norm =
         LayerNorm { out: 301, input: 302, merge: 303, gains: 304, biases: 305, shift: 306, epsilon: 307 << 32 | 308 };
     let mut record = Operator::LayerNorm(norm).encode();

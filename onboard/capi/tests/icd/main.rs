@@ -1,4 +1,4 @@
-//! `onboard/docs/icd.md` says what the code does: its tables are compared, and a reader made of nothing but its numbers reads the shipped model.
+//! Compares the tables of `onboard/docs/icd.md` with the code. A reader that uses only the numbers of the page reads the shipped model.
 
 mod abi;
 mod file;
@@ -16,7 +16,7 @@ pub(crate) fn number(text: &str) -> u64 {
     text.parse().unwrap_or_else(|_| panic!("expected a number, found '{text}'"))
 }
 
-/// A table whose first column is a number and whose second is a name.
+/// Returns a table whose first column is a number and whose second is a name.
 pub(crate) fn numbered(heading: &str) -> Vec<(u64, String)> {
     let rows = table(section(&page(), heading));
     rows.iter().map(|row| (number(&row[0]), row[1].clone())).collect()

@@ -1,4 +1,4 @@
-//! A reader made of the page: what it takes from elsewhere is the magic and, at the end, what the code has found.
+//! A reader made from the page alone, except for the magic and, at the end, the results of the code.
 
 use crate::pages::{repository, section, table};
 use crate::{number, numbered, page};
@@ -6,14 +6,14 @@ use elunar_core::nn::Model;
 use elunar_core::nn::file::MAGIC;
 use std::collections::BTreeMap;
 
-/// CRC32C, bit by bit, with the polynomial of section 1.4.
+/// Computes CRC32C, bit by bit, with the polynomial of section 1.4.
 fn crc(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0u32, |crc, byte| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0x82f6_3b78 } else { 0 })
     })
 }
 
-/// `seal` of section 1.4.
+/// Computes `seal` of section 1.4.
 fn seal(words: &[u32]) -> u32 {
     words.iter().fold(0x9e37_79b1, |h, word| {
         let h = (h ^ word).wrapping_mul(0x9e37_79b1);
@@ -21,13 +21,13 @@ fn seal(words: &[u32]) -> u32 {
     })
 }
 
-/// The fourth number of an entry, of section 1.4.
+/// Computes the fourth number of an entry, of section 1.4.
 pub(crate) fn entry_seal(halves: [u16; 3]) -> u16 {
     let s = seal(&halves.map(u32::from));
     (s ^ s >> 16) as u16
 }
 
-/// The quick checksum of section 1.4.
+/// Computes the quick checksum of section 1.4.
 fn quick(bytes: &[u8]) -> u32 {
     let mut lanes = [0u32; 16];
     for block in bytes.chunks(64) {
@@ -42,7 +42,7 @@ fn quick(bytes: &[u8]) -> u32 {
     seal(&words)
 }
 
-/// A file read by the page's numbers alone.
+/// A file that is read with the page's numbers alone.
 struct Reader<'a> {
     bytes: &'a [u8],
     words: BTreeMap<String, u64>,
@@ -69,14 +69,14 @@ impl<'a> Reader<'a> {
         self.constants[name] as usize
     }
 
-    /// Records of a section, as words.
+    /// Returns the records of a section, as words.
     fn records(&self, name: &str, size: &str) -> Vec<Vec<u32>> {
         let (start, count, size) = (self.word(name), self.word(&format!("{name} + 1")), self.constant(size));
         let record = |i: usize| (0..size / 4).map(|w| self.u32_at(start + i * size + 4 * w)).collect();
         (0..count).map(record).collect()
     }
 
-    /// Steps 1 and 2 of section 1.13; the number of chunks.
+    /// Runs steps 1 and 2 of section 1.13; returns the number of chunks.
     fn integrity(&self) -> Result<usize, &'static str> {
         let holds = |holds: bool, what: &'static str| if holds { Ok(()) } else { Err(what) };
         let (header, chunk) = (self.constant("HEADER_BYTES"), self.constant("CHUNK_BYTES"));
@@ -142,7 +142,7 @@ fn a_reader_made_of_the_page_reads_the_shipped_model() {
     let text = &bytes[reader.word("TEXT")..][..reader.word("TEXT + 1")];
     assert_eq!(text[0], b'{');
 
-    // The code finds the same.
+    // The code gets the same results.
     let model = Model::new(&bytes).unwrap();
     assert_eq!((model.raw().chunks() as usize, model.sum_count()), (chunks, sums as usize));
     assert_eq!(

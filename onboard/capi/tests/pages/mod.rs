@@ -1,5 +1,5 @@
-//! Reading the pages of `onboard/docs`, for the tests that hold them against the code.
-#![allow(dead_code)] // each test file uses a part
+//! Reads the pages of `onboard/docs`, for the tests that compare them with the code.
+#![allow(dead_code)] // each test file uses only some functions
 
 use std::path::{Path, PathBuf};
 
@@ -7,12 +7,12 @@ pub(crate) fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A file of the repository.
+/// Reads a file of the repository.
 pub(crate) fn read(path: &str) -> String {
     std::fs::read_to_string(repository().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// What stands under a heading, up to the next heading of any level; `heading` is what it begins with, behind the hashes.
+/// Returns the text below a heading, up to the next heading of any level. `heading` is the start of the heading's text, after the hashes.
 pub(crate) fn section<'p>(page: &'p str, heading: &str) -> &'p str {
     let is_heading = |line: &str| line.starts_with('#') && line.trim_start_matches('#').starts_with(' ');
     let mut at = 0;
@@ -31,7 +31,7 @@ pub(crate) fn section<'p>(page: &'p str, heading: &str) -> &'p str {
     &page[start.unwrap_or_else(|| panic!("no heading '{heading}'"))..]
 }
 
-/// Cells of the first table of a section, below its head, without back quotes.
+/// Returns the cells of the first table of a section, without its head and without back quotes.
 pub(crate) fn table(section: &str) -> Vec<Vec<String>> {
     let lines = section.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
     let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect();

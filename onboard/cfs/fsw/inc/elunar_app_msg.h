@@ -1,22 +1,22 @@
-/* Commands and the housekeeping packet of ELUNAR_APP. Packets are structures of this machine, as in every cFS application. */
+/* Commands and the housekeeping packet of ELUNAR_APP. Packets are structures in this machine's layout, as in every cFS application. */
 #ifndef ELUNAR_APP_MSG_H
 #define ELUNAR_APP_MSG_H
 
 #include "cfe.h"
 #include "elunar_app_platform_cfg.h"
 
-#define ELUNAR_APP_NOOP_CC 0           /* counts, and tells versions */
-#define ELUNAR_APP_RESET_COUNTERS_CC 1 /* both counters of commands to 0; those of the library stay */
+#define ELUNAR_APP_NOOP_CC 0           /* counts, and reports versions */
+#define ELUNAR_APP_RESET_COUNTERS_CC 1 /* sets both command counters to 0; counters of the library stay */
 #define ELUNAR_APP_SELF_TEST_CC 2      /* begins the self test */
 #define ELUNAR_APP_PROCESS_TILE_CC 3   /* begins a tile from files */
-#define ELUNAR_APP_SCRUB_CC 4          /* looks over some bytes of the model at once */
+#define ELUNAR_APP_SCRUB_CC 4          /* scrubs some bytes of the model at once */
 
 /* A message without payload: NOOP, RESET_COUNTERS, SELF_TEST, housekeeping request, wakeup. */
 typedef struct {
     CFE_MSG_CommandHeader_t CommandHeader;
 } ELUNAR_APP_PlainCmd_t;
 
-/* Files hold this machine's f32 in rows, first row first; OutputFile gets the heights in metres, then a byte 1 or 0 a pixel. */
+/* Input files: f32 of this machine, row by row, first row first. OutputFile: heights in metres, then one byte, 1 or 0, per pixel. */
 typedef struct {
     char  ImageFile[ELUNAR_APP_PATH_LEN];
     char  CoarseFile[ELUNAR_APP_PATH_LEN];
@@ -51,11 +51,11 @@ typedef struct {
     uint32 LastStatus;
     uint32 LastFault;
     uint32 ModelCrc;     /* CRC32C of the model's header: its identity */
-    uint32 ValidPx;      /* of the tile at work */
+    uint32 ValidPx;      /* of the current tile */
     uint32 TilesWritten;
     uint32 TilesDropped; /* by this application */
     uint32 ClassifiedPx;     /* of the latest tile: pixels whose height and four neighbours are valid */
-    uint32 HazardPx;     /* of those: too steep or too rough */
+    uint32 HazardPx;     /* classified pixels that are too steep or too rough */
     uint64 Calls;
     uint64 Faults;
     uint64 ContextRepairs;

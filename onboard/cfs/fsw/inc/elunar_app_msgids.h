@@ -1,4 +1,4 @@
-/* Message ids of ELUNAR_APP. Values are the mission's: these are free in the sample mission; define others on the command line. */
+/* Message ids of ELUNAR_APP. The mission assigns the values: these are free in the sample mission; define others on the command line. */
 #ifndef ELUNAR_APP_MSGIDS_H
 #define ELUNAR_APP_MSGIDS_H
 
@@ -6,10 +6,10 @@
 #define ELUNAR_APP_CMD_MID 0x18C0 /* commands */
 #endif
 #ifndef ELUNAR_APP_SEND_HK_MID
-#define ELUNAR_APP_SEND_HK_MID 0x18C1 /* housekeeping wanted */
+#define ELUNAR_APP_SEND_HK_MID 0x18C1 /* request for housekeeping */
 #endif
 #ifndef ELUNAR_APP_WAKEUP_MID
-#define ELUNAR_APP_WAKEUP_MID 0x18C2 /* one bounded piece of work */
+#define ELUNAR_APP_WAKEUP_MID 0x18C2 /* request for one bounded piece of work */
 #endif
 #ifndef ELUNAR_APP_HK_TLM_MID
 #define ELUNAR_APP_HK_TLM_MID 0x08C0 /* housekeeping packet */

@@ -1,4 +1,4 @@
-/* Sizes and places of ELUNAR_APP; may be defined otherwise on the command line. */
+/* Sizes and paths of ELUNAR_APP; other values may be defined on the command line. */
 #ifndef ELUNAR_APP_PLATFORM_CFG_H
 #define ELUNAR_APP_PLATFORM_CFG_H
 
@@ -12,7 +12,7 @@
 #ifndef ELUNAR_APP_MODEL_FILE
 #define ELUNAR_APP_MODEL_FILE "/cf/nano.eld"
 #endif
-/* Bytes of the largest model, of the largest context, and pixels of the largest tile: onboard/docs/budgets.md has nano's. */
+/* Bytes of the largest model and of the largest context, and pixels of the largest tile: onboard/docs/budgets.md has those of nano. */
 #ifndef ELUNAR_APP_MODEL_BYTES
 #define ELUNAR_APP_MODEL_BYTES (6u << 20)
 #endif
@@ -22,9 +22,9 @@
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)
 #endif
-/* Most bytes of one SCRUB command. */
+/* Largest number of bytes of one SCRUB command. */
 #define ELUNAR_APP_SCRUB_BYTES 65536u
-/* Characters of a path in a command, its end included. */
+/* Characters of a path in a command, with the terminating NUL. */
 #define ELUNAR_APP_PATH_LEN 64
 
 #endif

@@ -6,11 +6,11 @@
 ELUNAR_APP_Data_t ELUNAR_APP_Data;
 
 static bool InLimits(float Value, float Low, float High) {
-    /* False for NaN, too. */
+    /* False for NaN. */
     return Value >= Low && Value <= High;
 }
 
-/* What table services ask before a load becomes active. */
+/* Validates a table before table services activate it. */
 static int32 ValidateTable(void *TblPtr) {
     const ELUNAR_APP_Table_t *Table = TblPtr;
     bool                      Good  = Table->StepBudgetMacs > 0 && Table->ScrubBytes > 0 && InLimits(Table->MaxSlope, 1e-3f, 100.0f) &&
@@ -27,7 +27,7 @@ bool ELUNAR_APP_RefreshLimits(void) {
     CFE_Status_t Status;
     CFE_TBL_Manage(ELUNAR_APP_Data.TableHandle);
     Status = CFE_TBL_GetAddress(&Address, ELUNAR_APP_Data.TableHandle);
-    /* Updated is no error; never loaded is. */
+    /* An updated table is not an error; a table that was never loaded is one. */
     if (Status != CFE_SUCCESS && Status != CFE_TBL_INFO_UPDATED) {
         CFE_EVS_SendEvent(ELUNAR_APP_TBL_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: no table, RC = 0x%08lX", (unsigned long)Status);
         return false;
@@ -60,7 +60,7 @@ static CFE_Status_t InitBus(void) {
 }
 
 static CFE_Status_t Init(void) {
-    /* What a damaged model could repeat at every wakeup is told some times, and counted in housekeeping. */
+    /* Events that a damaged model could repeat at every wakeup are sent 16 times, and counted in housekeeping. */
     static const CFE_EVS_BinFilter_t Filters[] = {
         {ELUNAR_APP_STATUS_ERR_EID, CFE_EVS_FIRST_16_STOP},
         {ELUNAR_APP_FILE_ERR_EID, CFE_EVS_FIRST_16_STOP},
@@ -86,7 +86,7 @@ static CFE_Status_t Init(void) {
         CFE_ES_WriteToSysLog("ELUNAR_APP: library version 0x%06lX, header 0x%06lX\n", (unsigned long)eld_version(), (unsigned long)ELD_VERSION);
         return -1;
     }
-    /* A model that is missing or damaged does not end the application: housekeeping tells, and every wakeup tries again. */
+    /* A missing or damaged model does not end the application: housekeeping reports it, and every wakeup tries again. */
     ELUNAR_APP_StartService();
     CFE_EVS_SendEvent(ELUNAR_APP_STARTUP_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: initialised, library 0x%06lX, model 0x%08lX, %lu bytes",
                       (unsigned long)eld_version(), (unsigned long)ELUNAR_APP_Data.Service.info.header_crc,

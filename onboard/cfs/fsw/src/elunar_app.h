@@ -1,4 +1,4 @@
-/* ELUNAR_APP, inside. */
+/* ELUNAR_APP, internal declarations. */
 #ifndef ELUNAR_APP_H
 #define ELUNAR_APP_H
 
@@ -16,7 +16,7 @@ typedef struct {
     uint32           RunStatus;
     CFE_SB_PipeId_t  Pipe;
     CFE_TBL_Handle_t TableHandle;
-    /* A copy, so that no address of the table is held from one wakeup to the next. */
+    /* A copy, so that no address of the table is kept from one wakeup to the next. */
     ELUNAR_APP_Table_t Limits;
     ELUNAR_APP_HkTlm_t Hk;
     uint8              CommandCounter;
@@ -30,27 +30,27 @@ typedef struct {
 
 extern ELUNAR_APP_Data_t ELUNAR_APP_Data;
 
-/* elunar_app.c: the entry point, named in the startup script. */
+/* elunar_app.c: the entry point that the startup script names. */
 void ELUNAR_APP_Main(void);
-/* Copies the table if there is another; false, with an event, if there is none. */
+/* Copies the table if there is a new one; returns false, with an event, if there is none. */
 bool ELUNAR_APP_RefreshLimits(void);
 
 /* elunar_app_dispatch.c */
 void ELUNAR_APP_Dispatch(const CFE_SB_Buffer_t *Buffer);
 
-/* elunar_app_work.c: the model, tiles, and the one cycle of a wakeup. */
+/* elunar_app_work.c: the model, tiles, and the work of a wakeup. */
 bool ELUNAR_APP_LoadModel(void);
 void ELUNAR_APP_StartService(void);
 void ELUNAR_APP_Wakeup(void);
 bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile);
-/* Tells a status that is more than "go on"; false if it is no good. */
+/* Reports a status other than "continue"; returns false for a refusal or a fault. */
 bool ELUNAR_APP_Tell(eld_status_t Status);
 
-/* elunar_app_files.c: false, with an event, if a file is not as long as it should be; of a file that cannot be written nothing is left. */
+/* elunar_app_files.c: return false, with an event, if a file has a wrong length; a file that cannot be written completely is removed. */
 bool ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *Bytes);
 bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes, const void *Second, size_t SecondBytes);
 
-/* elunar_app_hazard.c: pixels whose height and four neighbours are valid, and how many of them are too steep or too rough. */
+/* elunar_app_hazard.c: counts the pixels whose height and four neighbours are valid, and those of them that are too steep or too rough. */
 void ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
                              float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx);
 

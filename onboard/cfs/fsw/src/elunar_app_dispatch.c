@@ -9,7 +9,7 @@ static void Count(bool Worked) {
     }
 }
 
-/* Whether a message is as long as its structure; tells if not. */
+/* Returns whether a message has the length of its structure; sends an event if not. */
 static bool HasLength(const CFE_MSG_Message_t *Msg, size_t Expected) {
     CFE_MSG_Size_t    Found = 0;
     CFE_MSG_FcnCode_t Code  = 0;
@@ -47,7 +47,7 @@ static bool SelfTest(void) {
 }
 
 static bool Scrub(const ELUNAR_APP_Scrub_Payload_t *Payload) {
-    /* One portion: a command must not hold up the bus. */
+    /* One portion only, so that a command does not delay the bus. */
     if (Payload->Bytes == 0 || Payload->Bytes > ELUNAR_APP_SCRUB_BYTES) {
         CFE_EVS_SendEvent(ELUNAR_APP_LEN_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: expected 1 to %lu bytes to scrub, found %lu",
                           (unsigned long)ELUNAR_APP_SCRUB_BYTES, (unsigned long)Payload->Bytes);
@@ -104,7 +104,7 @@ static void SendHousekeeping(void) {
     Hk->State               = (uint8)Service->state;
     Hk->LastStatus          = Service->status;
     Hk->TilesDropped        = Service->drops;
-    /* Works while the model is damaged; not while the context is lost: the last known counters are sent then. */
+    /* Works with a damaged model. Without a context, the last known counters are sent. */
     if (Service->context != NULL && ELD_WORKED(eld_telemetry(Service->context, &Counters))) {
         Hk->Phase          = (uint8)Counters.phase;
         Hk->Entry          = Counters.entry;
@@ -128,7 +128,7 @@ static void SendHousekeeping(void) {
     }
     CFE_SB_TimeStampMsg(CFE_MSG_PTR(ELUNAR_APP_Data.Hk.TelemetryHeader));
     CFE_SB_TransmitMsg(CFE_MSG_PTR(ELUNAR_APP_Data.Hk.TelemetryHeader), true);
-    /* Loads of the table wait for a moment like this. */
+    /* Table updates take effect here. */
     ELUNAR_APP_RefreshLimits();
 }
 

@@ -18,7 +18,7 @@ bool ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *By
         *Bytes += (size_t)Got;
         Got = *Bytes < MaxBytes ? OS_read(File, (uint8 *)To + *Bytes, MaxBytes - *Bytes) : 0;
     } while (Got > 0);
-    /* A byte more than there is room for shows a longer file. */
+    /* One more byte than expected shows that the file is longer. */
     if (Got == 0 && *Bytes == MaxBytes) {
         Got = OS_read(File, &More, 1);
     }

@@ -3,7 +3,8 @@
  *     slope      = |((right - left), (below - above))| / (2 pixel)        compared as squares
  *     roughness  = |height - (left + right + above + below) / 4|
  *
- * A pixel at the edge, or next to an invalid height, is not classified. This is an example of what a lander does with heights, no method of ours. */
+ * A pixel at the edge, or next to an invalid height, is not classified. This is an example of the use of heights by a lander, not a
+ * proposed method. */
 #include "elunar_app.h"
 
 static bool Hazard(const ELUNAR_APP_Table_t *Limits, const float *At, uint32 Cols, float PixelM) {

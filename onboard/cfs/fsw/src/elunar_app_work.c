@@ -1,9 +1,9 @@
-/* ELUNAR_APP: the model, tiles, and the one cycle of a wakeup. */
+/* ELUNAR_APP: the model, tiles, and the work of a wakeup. */
 #include "elunar_app.h"
 
 #include <string.h>
 
-/* Static: their places and sizes are known when the application is loaded. */
+/* Static memory: addresses and sizes are fixed when the application is loaded. */
 static uint64_t Memory[(ELUNAR_APP_MEMORY_BYTES + 7u) / 8u];
 static uint8    Model[ELUNAR_APP_MODEL_BYTES];
 static float    Image[ELUNAR_APP_TILE_PX];
@@ -22,7 +22,7 @@ bool ELUNAR_APP_Tell(eld_status_t Status) {
     return Worked;
 }
 
-/* Tells what has become of the service since it was last looked at. */
+/* Sends events for changes of the service since the last call. */
 static void TellState(void) {
     const service_t *Service = &ELUNAR_APP_Data.Service;
     if (Service->drops != ELUNAR_APP_Data.DropsTold) {
@@ -71,7 +71,7 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
         CFE_EVS_SendEvent(ELUNAR_APP_FILE_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: a path of the command has no end");
         return false;
     }
-    /* NaN, an unknown Sun, is within all limits: the library finds or assumes the light, and tells. */
+    /* NaN, an unknown Sun, is within all limits: the library fits or assumes the light, and reports it. */
     if (Tile->SunElevationDeg < ELUNAR_APP_Data.Limits.MinSunElevationDeg || Tile->SunElevationDeg > ELUNAR_APP_Data.Limits.MaxSunElevationDeg) {
         CFE_EVS_SendEvent(ELUNAR_APP_SUN_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: Sun at %.2f degrees, expected %.2f to %.2f",
                           (double)Tile->SunElevationDeg, (double)ELUNAR_APP_Data.Limits.MinSunElevationDeg,
@@ -92,7 +92,7 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
     Given.coarse_m          = CoarseM;
     Given.coarse_len        = Found[1] / sizeof(float);
     memcpy(ELUNAR_APP_Data.OutputFile, Tile->OutputFile, sizeof ELUNAR_APP_Data.OutputFile);
-    /* Lengths other than the tile's are refused by the library. */
+    /* The library refuses other lengths than the tile's. */
     if (!ELUNAR_APP_Tell(service_give(Service, &Given))) {
         TellState();
         return false;
@@ -102,7 +102,7 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
     return true;
 }
 
-/* Takes the heights of a tile that is done, counts hazards, writes the file. */
+/* Takes the heights of a finished tile, counts hazards, writes the file. */
 static void Take(void) {
     service_t                  *Service = &ELUNAR_APP_Data.Service;
     ELUNAR_APP_HkTlm_Payload_t *Hk      = &ELUNAR_APP_Data.Hk.Payload;
@@ -127,7 +127,7 @@ void ELUNAR_APP_Wakeup(void) {
             ELUNAR_APP_StartService();
             break;
         case SERVICE_WANTS_MODEL:
-            /* At the same place. */
+            /* At the same address. */
             if (ELUNAR_APP_LoadModel() && ELUNAR_APP_Tell(service_model_reloaded(Service))) {
                 CFE_EVS_SendEvent(ELUNAR_APP_MODEL_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: %s loaded again", ELUNAR_APP_MODEL_FILE);
             }

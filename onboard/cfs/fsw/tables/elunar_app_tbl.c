@@ -1,4 +1,4 @@
-/* The limits that fly unless others are loaded. Slope and roughness are examples: a lander's are its own. */
+/* The default limits. Slope and roughness are examples; every lander has its own. */
 #include "cfe_tbl_filedef.h"
 #include "elunar_app_tbl.h"
 

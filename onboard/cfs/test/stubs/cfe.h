@@ -1,5 +1,5 @@
-/* A STUB for tests, not cFE: declarations that the application uses, written from cFE's public documentation (Caelum, Draco). Types that
- * cFE keeps opaque are opaque here in another way, so that code which looks into them does not compile. */
+/* A STUB for tests, not cFE: the declarations that the application uses, from cFE's public documentation (Caelum, Draco). Types that
+ * cFE keeps opaque are opaque here in another way, so that code which accesses their fields does not compile. */
 #ifndef STUB_CFE_H
 #define STUB_CFE_H
 

@@ -1,4 +1,4 @@
-/* A STUB for tests: see common_types.h beside it. The macro that describes a table to the tool which makes a file of it. */
+/* A STUB for tests: see common_types.h beside it. The macro that describes a table for the tool that makes its file. */
 #ifndef STUB_CFE_TBL_FILEDEF_H
 #define STUB_CFE_TBL_FILEDEF_H
 

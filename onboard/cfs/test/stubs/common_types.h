@@ -1,4 +1,4 @@
-/* A STUB for tests: what the application takes from cFS' common_types.h, written from its public documentation. */
+/* A STUB for tests: the types of cFS' common_types.h that the application uses, from its public documentation. */
 #ifndef STUB_COMMON_TYPES_H
 #define STUB_COMMON_TYPES_H
 
@@ -13,7 +13,7 @@ typedef uint16_t uint16;
 typedef uint32_t uint32;
 typedef uint64_t uint64;
 
-/* Of a type of its own in cFS, too: no number. */
+/* A type of its own, not a number, as in cFS. */
 typedef struct {
     uint32 Value;
 } osal_id_t;

@@ -3,12 +3,12 @@
  *   cc -O2 -shared -fPIC -DAPI=1 -o instructions.so instructions.c
  *   qemu-system-... -plugin ./instructions.so,start=0x1234,stop=0x5678,out=counts.txt
  *
- * start, stop: addresses of functions; whenever the second is entered, a line with the number of instructions executed since
- * the first was entered goes to `out`. Counted are translated blocks times their length, so a block that a trap leaves early
- * counts whole (on SPARC: some instructions per spilled register window). One processor is counted: the one that runs.
+ * start, stop: addresses of functions. Whenever the second is entered, a line with the number of instructions executed since
+ * the first was entered is written to `out`. The count is the sum of the lengths of executed translated blocks, so a block that
+ * a trap leaves early counts whole (on SPARC: some instructions per spilled register window). Only the running processor is counted.
  *
- * API is QEMU's plugin interface version: 1 up to QEMU 8, 2 from QEMU 9. Only functions that are the same in both are used, and
- * declared here, since not every distribution packages the header. */
+ * API is QEMU's plugin interface version: 1 up to QEMU 8, 2 from QEMU 9. Only functions that are the same in both are used. They
+ * are declared here, because not every distribution packages the header. */
 #include <inttypes.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -54,7 +54,7 @@ static void stop(unsigned cpu, void *instructions)
     fprintf(out, "%" PRIu64 "\n", count);
 }
 
-/* A called function begins a block of its own, so looking at the first address of each block is enough. */
+/* A called function begins a new block, so only the first address of each block is checked. */
 static void translated(plugin_id id, struct qemu_plugin_tb *block)
 {
     (void)id;

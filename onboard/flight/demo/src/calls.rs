@@ -1,9 +1,9 @@
-//! The library's functions as the demo calls them: never inlined and under names of their own, so that the tools in
-//! `../../proofs` find in the linked program what each of them needs and does.
+//! The demo's calls of the library: never inlined and under their own names, so that the tools in `../../proofs` can analyse each of them
+//! in the linked program.
 
 use elunar_core::nn::{Model, ModelError, Progress, RunError, Runner};
 
-/// The model at the start of `memory`: its header, which has a checksum of its own, says how long it is.
+/// Opens the model at the start of `memory`; its header, which has its own checksum, contains its length.
 #[inline(never)]
 #[unsafe(no_mangle)]
 pub(crate) fn elunar_call_open(memory: &[u8]) -> Result<Model<'_>, ModelError> {

@@ -1,4 +1,4 @@
-//! The same report as an ordinary program: model from a file, arena from the heap.
+//! The same report as an ordinary program, with the model from a file and the arena on the heap.
 
 use crate::report;
 use elunar_core::nn::{Model, required};
@@ -15,9 +15,9 @@ impl fmt::Write for Console {
     }
 }
 
-/// An operating system's stack grows by itself and is not measured.
+/// The stack of an operating system grows automatically and is not measured.
 pub(crate) mod stack {
-    /// Runs `call`; how much stack that took is not known here.
+    /// Runs `call`; its stack depth is unknown here.
     pub(crate) fn depth(call: impl FnOnce()) -> Option<usize> {
         call();
         None

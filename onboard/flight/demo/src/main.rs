@@ -1,12 +1,12 @@
-//! The runner on a bare board: finds a model file in memory, runs its built-in self test in a lent arena, and says whether
-//! the output is, byte for byte, what the exporting host computed.
+//! The runner on a bare board: finds a model file in memory, runs its built-in self test in a lent arena, and reports whether the output
+//! equals that of the exporting host byte for byte.
 //!
-//! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` says where things lie.
+//! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` is the memory map.
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
-//! 3. [`calls`] are the library's functions as it calls them, and [`mark`] the two places an instruction counter watches: names
-//!    for the tools in `../../proofs` and `../../boards`.
+//! 3. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
+//!    `../../proofs` and `../../boards`.
 //!
-//! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program: the reference to compare with.
+//! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program, whose output is the reference.
 #![cfg_attr(bare, no_std, no_main)]
 #![cfg_attr(all(bare, target_arch = "sparc"), feature(asm_experimental_arch))]
 

@@ -1,17 +1,17 @@
-//! Two functions that do nothing: `boards/counter/instructions.c` counts what is executed between a call of the first and a
-//! call of the second.
+//! Two functions that do nothing: `boards/counter/instructions.c` counts the instructions between a call of the first and a call of the
+//! second.
 
 use core::hint::black_box;
 
-/// Counting begins.
+/// Begins the count.
 #[inline(never)]
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn elunar_count_start() {
-    // Bodies that differ, lest the two become one.
+    // Different bodies, so that the two functions are not merged.
     black_box(1u8);
 }
 
-/// Counting ends; the counter reports what was counted since the last call of [`elunar_count_start`].
+/// Ends the count; the counter reports the instructions since the last call of [`elunar_count_start`].
 #[inline(never)]
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn elunar_count_stop() {

@@ -1,4 +1,4 @@
-//! What the demo does and prints, on every machine the same.
+//! The work and the output of the demo, the same on every machine.
 
 use crate::calls::{elunar_call_begin, elunar_call_check, elunar_call_open, elunar_call_step};
 use crate::mark::{elunar_count_start, elunar_count_stop};
@@ -7,11 +7,11 @@ use core::fmt::Write;
 use elunar_core::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, required};
 use elunar_core::tile::Shape;
 
-/// Multiply-accumulates per step: large beside the cost of a call; or one, so that a step never reaches into the next operator.
+/// Multiply-accumulates per step: large relative to the cost of a call; or one, so that a step never continues into the next operator.
 const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };
 
-/// Opens the model at the start of `memory` (which may be longer than the file), runs its self test with the fastest kernel
-/// and, if that is another one, with the specification; prints a line per run, and PASS or FAIL.
+/// Opens the model at the start of `memory` (which may be longer than the file), and runs its self test with the fastest kernel and, if
+/// that is another one, with the specification. Prints a line per run, and PASS or FAIL.
 pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> bool {
     let mut opened = Err(ModelError::Header);
     let stack = depth(|| opened = elunar_call_open(memory));
@@ -26,7 +26,7 @@ pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> 
     passed
 }
 
-/// The stack that a call took, where it is known.
+/// Prints the stack of a call, if it is known.
 fn print_stack(console: &mut impl Write, call: &str, bytes: Option<usize>) {
     if let Some(bytes) = bytes {
         let _ = writeln!(console, "stack {call} {bytes} bytes");
@@ -52,7 +52,7 @@ fn both(model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> bool {
     passed
 }
 
-/// One tile with one kernel.
+/// Runs one tile with one kernel.
 fn one(kernel: Kernel, model: Model<'_>, arena: &mut [u8], console: &mut impl Write) -> bool {
     let _ = writeln!(console, "run {}", kernel.name());
     match tile(kernel, model, arena, console) {
@@ -110,7 +110,7 @@ fn work(runner: &mut Runner<'_, '_>) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Prints the operator and the multiply-accumulates of every entry of the schedule, outside of what is counted.
+/// Prints the operator and the multiply-accumulates of every entry of the schedule, outside of the counted calls.
 fn work_by_entries(runner: &mut Runner<'_, '_>, console: &mut impl Write) -> Result<(), RunError> {
     let mut macs = 0;
     loop {

@@ -1,5 +1,5 @@
-//! Whether work depends on data: a tile of other numbers beside the self test's, and marks around every step, so that the counter
-//! reports each of them.
+//! Checks whether work depends on data: runs another tile beside the self test's, with marks around every step, so that the counter reports
+//! each step.
 
 use crate::calls::elunar_call_step;
 use crate::mark::{elunar_count_start, elunar_count_stop};
@@ -7,7 +7,7 @@ use core::fmt::Write;
 use elunar_core::nn::{Progress, RunError, Runner};
 use elunar_core::tile::Shape;
 
-/// Begins a tile of numbers across the legal range and beyond it, without the order that a landscape has; `values` is memory for them.
+/// Begins a tile of random numbers inside and outside the legal range; `values` is memory for them.
 pub(crate) fn begin_other(runner: &mut Runner<'_, '_>, values: &mut [f32]) -> Result<(), RunError> {
     let (Shape { rows, cols }, maps, nr) = (runner.model().tile(), runner.model().image_maps(), runner.model().nr());
     let (image, rest) = values.split_at_mut(values.len().min(maps * rows * cols));
@@ -15,7 +15,7 @@ pub(crate) fn begin_other(runner: &mut Runner<'_, '_>, values: &mut [f32]) -> Re
     let coarse = &mut rest[..coarse_samples];
     let mut state = 1u32;
     let mut next = || {
-        // A linear congruence (Numerical Recipes): its upper bits are random enough to be unlike a landscape.
+        // A linear congruence (Numerical Recipes), whose upper bits are random enough to differ from a landscape.
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (state >> 8) as f32 / (1 << 24) as f32
     };
@@ -24,7 +24,7 @@ pub(crate) fn begin_other(runner: &mut Runner<'_, '_>, values: &mut [f32]) -> Re
     runner.begin(image, coarse)
 }
 
-/// Steps until the tile is done; prints at which operator each step began, how many steps there were and how many results were cut.
+/// Steps until the tile is done; prints the operator at which each step began, the number of steps and the number of cut results.
 pub(crate) fn steps(
     runner: &mut Runner<'_, '_>,
     macs: u64,

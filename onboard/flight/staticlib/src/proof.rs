@@ -1,5 +1,5 @@
-//! What `../../proofs` links to show that no panic is reachable: a handler that cannot be linked, and Rust interfaces as roots beside the C
-//! functions: the runner's, the slots', the terrain maps'. Never part of an archive that flies.
+//! The program that `../../proofs` links to prove that no panic is reachable: a panic handler that cannot be linked, and roots for the Rust
+//! interfaces of the runner, the slots and the terrain maps beside the C functions. Never part of a flight archive.
 #![allow(unsafe_code)]
 
 use elunar_capi::elunar_core::nn::slots::{
@@ -15,18 +15,18 @@ use elunar_capi::elunar_core::terrain::TerrainError;
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
 
 unsafe extern "C" {
-    /// Nowhere defined: a program that refers to it does not link. It is handed what says where the panic is, so that this stays in the
-    /// program for `panic_sites.py`.
+    /// Not defined anywhere: a program that refers to it does not link. Its argument is the panic's location, so that the location stays in
+    /// the program for `panic_sites.py`.
     fn elunar_a_panic_is_reachable(info: *const ()) -> !;
 }
 
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
-    // SAFETY: never executed, since never linked.
+    // SAFETY: never executed, because it never links.
     unsafe { elunar_a_panic_is_reachable((&raw const *info).cast()) }
 }
 
-/// Storage that is plain memory.
+/// Storage in plain memory.
 struct Memory {
     regions: [&'static mut [u8]; 4],
     sector_bytes: usize,
@@ -72,7 +72,7 @@ impl Storage for Memory {
     }
 }
 
-/// A function as a symbol of its own.
+/// Defines a function with its own symbol.
 macro_rules! root {
     ($($name:ident($($argument:ident: $type:ty),*) -> $result:ty { $body:expr })*) => { $(
         #[unsafe(no_mangle)]

@@ -22,7 +22,7 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
     let (input, out) = (job.input, job.out);
     let (m, part, channels) = (job.merge, input.channels, out.channels);
     let (gains, biases) = (job.gains, job.biases);
-    // Behind the last sample of each row that is read or written.
+    // End of the samples of each row that are read or written.
     let end = (col + pixels) * m * part;
     let fits = part % 8 == 0
         && pixels <= PIXELS
@@ -45,7 +45,7 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
     }
     let half = _mm512_set1_epi64(1 << (job.shift.max(1) - 1));
     let shift = _mm_cvtsi64_si128((job.shift & 63) as i64);
-    // Far beyond any code, and far from the ends of 32 bits.
+    // Limits far beyond any code, and far from the ends of 32 bits.
     let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
     let (zero, count) = (_mm512_set1_epi32(out.zero), _mm512_set1_epi32(channels as i32));
     let (lo, hi) = (_mm512_set1_epi32(out.lo), _mm512_set1_epi32(out.hi));
@@ -56,7 +56,7 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
         for first in (0..part).step_by(LANES) {
             let (channel, lanes) = (place * part + first, (part - first).min(LANES));
             let mask = (0xffffu32 >> (LANES - lanes)) as u16;
-            // SAFETY: as above; what lies behind the last channel is masked.
+            // SAFETY: as above; lanes behind the last channel are masked.
             unsafe {
                 let gain = _mm512_maskz_loadu_epi32(mask, gains.as_ptr().add(4 * channel).cast());
                 let gain_odd = _mm512_srli_epi64::<32>(gain);
@@ -101,10 +101,10 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
     _mm512_reduce_add_epi32(cuts) as u64
 }
 
-/// Sums of a pixel's samples, at most 8192 of them, and of their squares.
+/// Returns the sum of a pixel's samples, at most 8192 of them, and the sum of their squares.
 ///
 /// # Safety
-/// AVX-512; the pixel's samples can be read.
+/// The processor has AVX-512; the pixel's samples are readable.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn statistics(job: &Job<'_>, at: *const u8, col: usize) -> (i32, i64) {
     let (m, part) = (job.merge, job.input.channels);
@@ -113,24 +113,24 @@ unsafe fn statistics(job: &Job<'_>, at: *const u8, col: usize) -> (i32, i64) {
         let row = job.rows[place % m];
         for first in (0..part).step_by(LANES) {
             let mask = (0xffffu32 >> (LANES - (part - first).min(LANES))) as u16;
-            // SAFETY: as the caller says.
+            // SAFETY: guaranteed by the caller.
             let x = unsafe { values(at.add(row.at + (col * m + place / m) * part + first), row.high, mask) };
             sums = _mm256_add_epi32(sums, _mm256_madd_epi16(x, _mm256_set1_epi16(1)));
-            // Two squares of 15 bits: an i32.
+            // The sum of two squares of 15 bits fits into an i32.
             squares = _mm512_add_epi64(squares, _mm512_cvtepu32_epi64(_mm256_madd_epi16(x, x)));
         }
     }
     (_mm512_reduce_add_epi32(_mm512_zextsi256_si512(sums)), _mm512_reduce_add_epi64(squares))
 }
 
-/// Sixteen 16-bit samples from their two planes, or eight, by the mask; the rest is 0.
+/// Reads sixteen or eight 16-bit samples from their two planes, as the mask says; the rest is 0.
 ///
 /// # Safety
-/// AVX-512; readable bytes at `low` and at `low + high` where the mask says so.
+/// The processor has AVX-512; the bytes at `low` and at `low + high` are readable where the mask is set.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn values(low: *const u8, high: usize, mask: u16) -> __m256i {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let (low, high) =
         unsafe { (_mm_maskz_loadu_epi8(mask, low.cast()), _mm_maskz_loadu_epi8(mask, low.add(high).cast())) };
     let high = _mm256_slli_epi16::<8>(_mm256_cvtepu8_epi16(high));
@@ -138,13 +138,13 @@ unsafe fn values(low: *const u8, high: usize, mask: u16) -> __m256i {
     _mm256_maskz_mov_epi16(mask, _mm256_xor_si256(joined, _mm256_set1_epi16(i16::MIN)))
 }
 
-/// Sixteen or eight bytes.
+/// Stores sixteen or eight bytes.
 ///
 /// # Safety
-/// AVX-512; as many writable bytes.
+/// The processor has AVX-512; as many bytes are writable.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn store(to: *mut u8, lanes: usize, codes: __m128i) {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { if lanes == LANES { _mm_storeu_si128(to.cast(), codes) } else { _mm_storel_epi64(to.cast(), codes) } }
 }

@@ -8,9 +8,10 @@
 //!         x = four codes of the pixel, in all lanes  a broadcast load
 //!         sum[p] = vpdpbusd(sum[p], x, w)
 //! ```
-//! A single pixel has several sums instead, of every fourth group each. A panel of 8 channels uses half vectors (AVX-512VL), of which this hardware does two at a time.
+//! A single pixel has several sums instead, each for every fourth group. A panel of 8 channels uses half vectors (AVX-512VL), of which this
+//! hardware processes two at a time.
 #![allow(unsafe_code)]
-// Whatever is called instead of inlined keeps the sums in memory: plain loops.
+// Functions that are called instead of inlined would keep the sums in memory, so these are plain loops.
 #![allow(clippy::needless_range_loop)]
 
 mod layer_norm;
@@ -23,7 +24,7 @@ use super::softmax::Softmax;
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 
-/// AVX-512 F, BW, DQ, VL, VNNI; `VBMI` looks up bytes in registers.
+/// AVX-512 F, BW, DQ, VL, VNNI. With `VBMI` tables of bytes are read from registers.
 pub(crate) struct Avx512<const VBMI: bool>;
 
 impl<const VBMI: bool> Isa for Avx512<VBMI> {
@@ -66,10 +67,10 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
     }
 }
 
-/// The product, added to what `acc` holds or (`ADD` false) in its place.
+/// Computes the product and adds it to `acc`, or (`ADD` false) replaces `acc` by it.
 ///
 /// # Safety
-/// AVX-512.
+/// The processor has AVX-512.
 #[inline(always)]
 unsafe fn product<const ADD: bool>(
     acc: &mut Accumulators,
@@ -96,10 +97,10 @@ unsafe fn product<const ADD: bool>(
 }
 
 /// # Safety
-/// AVX-512; [`Patch::fits`].
+/// The processor has AVX-512; [`Patch::fits`].
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn wide<const ADD: bool>(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
-    // SAFETY: handed on.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         match left {
             9 => two_vectors::<9, ADD>(acc, first, patch, weights),
@@ -117,7 +118,7 @@ unsafe fn wide<const ADD: bool>(acc: *mut i32, first: usize, left: usize, patch:
 }
 
 /// # Safety
-/// AVX-512; [`Patch::fits`].
+/// The processor has AVX-512; [`Patch::fits`].
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn single<const HALF: bool, const ADD: bool>(
     acc: *mut i32,
@@ -126,7 +127,7 @@ unsafe fn single<const HALF: bool, const ADD: bool>(
     patch: &Patch<'_>,
     weights: &[u8],
 ) -> usize {
-    // SAFETY: handed on.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         match left {
             19 => one_vector::<19, HALF, ADD>(acc, first, patch, weights),
@@ -154,18 +155,18 @@ unsafe fn single<const HALF: bool, const ADD: bool>(
     }
 }
 
-/// Four codes as one number.
+/// Reads four codes as one number.
 ///
 /// # Safety
-/// Four readable bytes.
+/// Four bytes at `at` are readable.
 #[inline(always)]
 unsafe fn codes(at: *const u8) -> i32 {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { at.cast::<i32>().read_unaligned() }
 }
 
 /// # Safety
-/// AVX-512; [`Patch::fits`] for `first + P` pixels.
+/// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn two_vectors<const P: usize, const ADD: bool>(
     acc: *mut i32,
@@ -205,10 +206,10 @@ unsafe fn two_vectors<const P: usize, const ADD: bool>(
     P
 }
 
-/// One vector of 16 channels, or with `HALF` of 8.
+/// Computes with one vector of 16 channels, or with `HALF` of 8.
 ///
 /// # Safety
-/// AVX-512; [`Patch::fits`] for `first + P` pixels.
+/// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn one_vector<const P: usize, const HALF: bool, const ADD: bool>(
     acc: *mut i32,
@@ -267,11 +268,11 @@ unsafe fn one_vector<const P: usize, const HALF: bool, const ADD: bool>(
     P
 }
 
-/// One pixel against `V` vectors of 16 channels. An instruction waits four cycles for the sum of the one before it, so groups take
-/// turns with four sums each.
+/// Computes one pixel against `V` vectors of 16 channels. An instruction waits four cycles for the sum of the one before it. Therefore
+/// there are four sums, and consecutive groups use them in turn.
 ///
 /// # Safety
-/// AVX-512; [`Patch::fits`] for `first + 1` pixels.
+/// The processor has AVX-512; [`Patch::fits`] for `first + 1` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 unsafe fn one_pixel<const V: usize, const ADD: bool>(
     acc: *mut i32,

@@ -16,13 +16,14 @@ use crate::nn::tensor::{Dtype, Tensor};
 use core::arch::x86_64::*;
 
 const LANES: usize = 16;
-/// Which results count as cut: none (a table goes on as it ends), those above the largest code (a ReLU), or on both sides.
+/// Which results count as cut: none (the table continues with its end values), those above the largest code (a ReLU), or those on both
+/// sides.
 const NOTHING: u8 = 0;
 const ABOVE: u8 = 1;
 const BOTH: u8 = 2;
 
 /// # Safety
-/// AVX-512 with VBMI.
+/// The processor has AVX-512 with VBMI.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi")]
 pub(super) unsafe fn run_vbmi(
     requantise: &Requantise<'_>,
@@ -47,16 +48,16 @@ pub(super) unsafe fn run_vbmi(
         let high = _mm512_permutex2var_epi8(tables[2], at, tables[3]);
         _mm512_castsi512_si128(_mm512_mask_blend_epi8(_mm512_movepi8_mask(at), low, high))
     };
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let cut = unsafe { any(requantise, bytes, acc, target, look_up) };
     cut.unwrap_or_else(|| requantise.portable(bytes, acc, target))
 }
 
 /// # Safety
-/// AVX-512.
+/// The processor has AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 pub(super) unsafe fn run(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let Some(cut) = (unsafe { any(requantise, bytes, acc, target, |codes| codes) }) else {
         return requantise.portable(bytes, acc, target);
     };
@@ -71,10 +72,10 @@ pub(super) unsafe fn run(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Ac
     cut
 }
 
-/// The loop without what an operator does not need. `None` if this is not for it.
+/// The loop without the parts that an operator does not need. `None` if it cannot compute this operator.
 ///
 /// # Safety
-/// AVX-512.
+/// The processor has AVX-512.
 #[inline(always)]
 unsafe fn any(
     requantise: &Requantise<'_>,
@@ -83,7 +84,7 @@ unsafe fn any(
     target: &Target,
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
-    // Up to 53, the zero code fits beside sums of 2^61, their multiplied additions of 2^60 and half before the shift.
+    // With a shift of up to 53, the zero code can be added before the shift to sums of 2^61, added products of 2^60 and half.
     if requantise.shift > 53 {
         return None;
     }
@@ -92,7 +93,7 @@ unsafe fn any(
         (false, true) => ABOVE,
         _ => BOTH,
     };
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         match (requantise.add.is_some(), requantise.shift < 32, count) {
             (false, false, NOTHING) => round::<false, false, NOTHING>(requantise, bytes, acc, target, look_up),
@@ -104,16 +105,16 @@ unsafe fn any(
             (true, false, BOTH) => round::<true, false, BOTH>(requantise, bytes, acc, target, look_up),
             (true, true, ABOVE) => round::<true, true, ABOVE>(requantise, bytes, acc, target, look_up),
             (true, true, BOTH) => round::<true, true, BOTH>(requantise, bytes, acc, target, look_up),
-            // No network has a sum through a table, or a table behind so short a shift.
+            // No network adds a tensor and maps through a table, or has a table after so short a shift.
             (_, _, _) => None,
         }
     }
 }
 
-/// With a shift of 32 or more results have 31 bits; with less (`LONG`) they may have more, and are cut in 64 bits first.
+/// With a shift of 32 or more results have 31 bits. With less (`LONG`) they may have more, and are clamped in 64 bits first.
 ///
 /// # Safety
-/// AVX-512.
+/// The processor has AVX-512.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     requantise: &Requantise<'_>,
@@ -141,7 +142,7 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
         let half = _mm512_set1_epi64(requantise.half + (requantise.zero << requantise.shift));
         let (lo, hi) = (_mm512_set1_epi32(requantise.lo as i32), _mm512_set1_epi32(requantise.hi as i32));
         let shift = _mm_cvtsi64_si128(requantise.shift as i64);
-        // Leaves odd lanes where they are wanted, in the upper half.
+        // Moves results of odd lanes into the upper half, where they belong.
         let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(requantise.shift as i64 - 32) };
         let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
         let add_shift = _mm_cvtsi64_si128(requantise.add_shift as i64);
@@ -152,7 +153,7 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
         while first < requantise.channels {
             let channels = (requantise.channels - first).min(LANES / together);
             let mask = ((1u32 << channels) - 1) as u16;
-            // Lists have 32 entries and `first` is 0 or 16; the rest is bounded above and by masks.
+            // Lists have 32 entries and `first` is 0 or 16; the other accesses are bounded above and by masks.
             {
                 let bias = list(&requantise.bias, first, together);
                 let multiplier = list(&requantise.multiplier, first, together);
@@ -163,7 +164,7 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
                 while p < target.pixels {
                     let now = (target.pixels - p).min(together);
                     let there = if now == 2 { mask | mask << 8 } else { mask };
-                    // Loaded in the sizes in which the matrix product has stored them: others would wait for the cache.
+                    // Loads have the size of the matrix product's stores; loads of another size would wait for the cache.
                     let from = acc.as_ptr().add(p * requantise.width + first);
                     let mut v = if together == 1 {
                         _mm512_loadu_si512(from.cast())
@@ -212,10 +213,10 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     }
 }
 
-/// Constants of 16 lanes.
+/// Reads constants of 16 lanes.
 ///
 /// # Safety
-/// AVX-512; `first` is 0 or 16.
+/// The processor has AVX-512; `first` is 0 or 16.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn list(values: &[i32; PANEL], first: usize, together: usize) -> __m512i {
     // SAFETY: 16 of 32 entries; the caller has the instructions.
@@ -225,13 +226,13 @@ unsafe fn list(values: &[i32; PANEL], first: usize, together: usize) -> __m512i 
     }
 }
 
-/// Values of the added map for one or two pixels.
+/// Reads the values of the added map for one or two pixels.
 ///
 /// # Safety
-/// AVX-512; readable bytes where the mask says so.
+/// The processor has AVX-512; bytes are readable where the mask is set.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m512i {
-    // SAFETY: handed on.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let low = _mm512_cvtepu8_epi32(load(from, pitch, mask, pixels));
         if add.dtype == Dtype::U8 {
@@ -243,10 +244,10 @@ unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels:
 }
 
 /// # Safety
-/// AVX-512; readable bytes where the mask says so.
+/// The processor has AVX-512; bytes are readable where the mask is set.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m128i {
-    // SAFETY: handed on.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let first = _mm_maskz_loadu_epi8(mask, from.cast());
         if pixels == 1 {
@@ -256,13 +257,13 @@ unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m12
     }
 }
 
-/// Masked stores of bytes are slow on some processors: whole halves and words instead.
+/// Stores whole halves and words, because masked stores of bytes are slow on some processors.
 ///
 /// # Safety
-/// AVX-512; `channels` writable bytes per pixel.
+/// The processor has AVX-512; `channels` bytes per pixel are writable.
 #[inline(always)] // Into functions that have the target features.
 unsafe fn store(to: *mut u8, pitch: usize, channels: usize, pixels: usize, codes: __m128i) {
-    // SAFETY: handed on.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         match channels {
             16 => _mm_storeu_si128(to.cast(), codes),

@@ -1,11 +1,11 @@
-//! Softmax of one query: logits by rows of up to eight keys, then the exponential of 32 keys at a time, as both of its tables
-//! fit into registers (`vpermw` looks up 32 entries, `vpmulhrsw` is the rounded product).
+//! Softmax of one query: logits by rows of up to eight keys, then the exponential of 32 keys at a time. Both tables of the exponential fit
+//! into registers (`vpermw` reads 32 entries, `vpmulhrsw` is the rounded product).
 
 use crate::nn::kernels::softmax::{LOGIT_LIMIT, MAX_TOKENS, Softmax};
 use core::arch::x86_64::*;
 
 /// # Safety
-/// AVX-512.
+/// The processor has AVX-512.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
     const LANES: usize = 8;
@@ -21,10 +21,10 @@ pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u
     if !fits {
         return s.portable(low, high);
     }
-    // Room for the eight lanes of the last row of keys.
+    // Space for the eight lanes of the last row of keys.
     let mut logits = [i32::MIN; MAX_TOKENS + LANES];
     let mask = (0xffu32 >> (LANES - width)) as u8;
-    // SAFETY: every address is within the bounds that `fits` has asked for, or masked.
+    // SAFETY: every address is within the bounds that `fits` has checked, or masked.
     unsafe {
         let multiplier = _mm512_set1_epi64(s.multiplier as i64);
         let half = _mm512_set1_epi64(1 << (s.shift.max(1) - 1));
@@ -49,7 +49,7 @@ pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u
             if first >= low.len() {
                 break;
             }
-            // Beyond 2048 the result is 0; distances of absent keys wrap to anything and are masked.
+            // From 2048 on the result is 0; distances of missing keys may have wrapped and are masked.
             let near = |at: usize| {
                 let distance = _mm512_sub_epi32(largest, _mm512_loadu_si512(logits.as_ptr().add(at).cast()));
                 _mm512_cvtepi32_epi16(_mm512_min_epu32(distance, _mm512_set1_epi32(2048)))
@@ -61,7 +61,7 @@ pub(super) unsafe fn exponentials(s: &Softmax<'_>, low: &mut [u8], high: &mut [u
             let kept = _mm512_mask_cmplt_epu16_mask(there, d, _mm512_set1_epi16(2048));
             let e = _mm512_maskz_mov_epi16(kept, e);
             sums = _mm512_add_epi32(sums, _mm512_madd_epi16(e, _mm512_set1_epi16(1)));
-            // Words: masked stores of bytes are slow on some processors.
+            // Stores words, because masked stores of bytes are slow on some processors.
             let words = ((1u32 << ((low.len() - first) / 4).min(8)) - 1) as u8;
             _mm256_mask_storeu_epi32(low.as_mut_ptr().add(first).cast(), words, _mm512_cvtepi16_epi8(e));
             let e = _mm512_cvtepi16_epi8(_mm512_srli_epi16::<8>(e));

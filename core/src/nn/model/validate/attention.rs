@@ -1,4 +1,4 @@
-//! Window attention.
+//! Validation of window attention.
 
 use crate::nn::file::{Attention, MAX_EXTENT, MAX_WINDOW, OperatorFault};
 use crate::nn::model::Model;
@@ -12,7 +12,7 @@ impl Model<'_> {
         if !(1..=MAX_WINDOW).contains(&a.window) || a.heads == 0 || shifts.iter().any(|s| *s >= a.window) {
             return Err(OperatorFault::Parameter);
         }
-        // Codes from 1 on: -128 is no weight.
+        // Codes begin at 1, because kernels read them as i8 weights, which are never -128.
         if input.dtype != Dtype::U8 || input.zero != 128 || input.lo < 1 || out.dtype == Dtype::F32 {
             return Err(OperatorFault::Type);
         }
@@ -29,7 +29,7 @@ impl Model<'_> {
         self.check_multipliers(a.multipliers, a.heads, a.shift)?;
         self.constant_slice(a.position_bias, a.heads, 2 * (2 * a.window - 1) * (2 * a.window - 1))?;
         let exp = self.constant_slice(a.exp_table, EXP_COARSE + EXP_FINE, 2)?.as_chunks::<2>().0;
-        // The first entries are met by every row's maximum: they keep the sum above 2^13.
+        // The maximum of every row reads the first entries: they keep the sum at 2^13 or above.
         let first = |i: usize| exp.get(i).is_some_and(|&e| i16::from_le_bytes(e) >= 1 << 14);
         if !first(0) || !first(EXP_COARSE) || exp.iter().any(|&e| i16::from_le_bytes(e) < 0) {
             return Err(OperatorFault::Constants);

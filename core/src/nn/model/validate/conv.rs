@@ -1,4 +1,4 @@
-//! Convolutions: parameters, shapes, requantisation.
+//! Validation of convolutions: parameters, shapes, requantisation.
 
 use crate::nn::file::{Conv, MAX_ADD_SHIFT, MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, OperatorFault};
 use crate::nn::model::Model;
@@ -41,12 +41,12 @@ impl Model<'_> {
         self.check_conv_weights(conv, &out)
     }
 
-    /// Requantisation, addition and table of a convolution.
+    /// Validates requantisation, addition and table of a convolution.
     fn check_conv_finish(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
         let float = out.dtype == Dtype::F32;
         if let Some(add) = conv.add {
             let add = self.tensor(add);
-            // The output may hold several columns as channels.
+            // The channels of a pixel of the output may be several columns.
             let row = |t: &Tensor| (t.rows, t.cols * t.channels);
             let alike = row(&add) == row(out) && (float || add.channels == out.channels);
             if !alike {

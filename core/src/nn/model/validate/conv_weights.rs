@@ -1,4 +1,4 @@
-//! Convolutions: with the weights as they are, no finished sum leaves i32.
+//! Validation of convolutions: with the stored weights, no finished sum can overflow i32.
 
 use crate::nn::file::{Conv, OperatorFault, VARIANT_KINDS};
 use crate::nn::model::Model;
@@ -7,15 +7,15 @@ use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::item;
 
 impl Model<'_> {
-    /// The K limit: with the weights as they are, no finished sum can leave i32. Filling must be 0.
+    /// Validates that no finished sum can overflow i32 with the stored weights (the K limit), and that filling is 0.
     pub(super) fn check_conv_weights(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
         let bias = self.constant_slice(conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
         let mut at = conv.weights;
         for (first, width) in panels(out.channels) {
-            // Largest sum of each kind; a pixel at a corner adds one of every kind.
+            // Largest sum of each kind; a pixel at a corner adds one variant of every kind.
             let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
             for variant in 0..conv.variants() {
-                // Largest sum of products, and what zero codes contribute.
+                // Largest sum of products, and the contribution of zero codes.
                 let (mut sums, mut zeros) = ([0u64; PANEL], [0i64; PANEL]);
                 for source in conv.sources() {
                     let t = self.tensor(source);
@@ -44,7 +44,7 @@ impl Model<'_> {
         Ok(())
     }
 
-    /// Adds a set of filters of one source and one panel; returns its bytes.
+    /// Adds the largest sums of a set of filters of one source and one panel; returns its bytes.
     fn add_weights(
         &self,
         (rows, cols): (usize, usize),

@@ -1,4 +1,4 @@
-//! Layer norms.
+//! Validation of layer norms.
 
 use crate::nn::file::{LayerNorm, MAX_NORM_CHANNELS, OperatorFault};
 use crate::nn::model::Model;

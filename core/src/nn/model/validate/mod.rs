@@ -1,4 +1,4 @@
-//! What makes a file legal: header, tensors and operators one by one, then all of them together (`schedule.rs`).
+//! Validation of a file: header, tensors and operators one by one, then all of them together (`schedule.rs`).
 
 mod attention;
 mod conv;
@@ -15,7 +15,7 @@ use crate::part::part;
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 use crate::tile::Shape;
 
-/// Validates a model whose sections are found, and works out what running it takes.
+/// Validates a model whose sections are found, and computes the memory and the work that a run needs.
 pub(super) fn validate(model: &mut Model<'_>) -> Result<(), ModelError> {
     model.check_tensors()?;
     model.check_inputs()?;
@@ -87,7 +87,7 @@ impl<'a> Model<'a> {
             return Err(ModelError::Header);
         }
         let t = self.tensor(output);
-        // Several columns may be channels of one pixel: the same bytes.
+        // The channels of a pixel may be several columns, with the same bytes.
         let fits = (t.rows, t.cols * t.channels, t.ring) == (rows, cols, rows) && t.dtype == Dtype::F32;
         if fits { Ok(()) } else { Err(ModelError::Header) }
     }

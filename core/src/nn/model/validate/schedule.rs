@@ -1,4 +1,4 @@
-//! Validates the schedule by playing it through: every row is made before it is read, and read before it is overwritten.
+//! Validates the schedule by simulating it: every row is written before it is read, and read before it is overwritten.
 
 use crate::nn::file::{MAX_RECORDS, ModelError, NONE, Operator};
 use crate::nn::model::Model;
@@ -6,10 +6,10 @@ use crate::nn::tensor::Tensor;
 use crate::part::{item, put};
 use core::ops::Range;
 
-/// "None" in the lists below.
+/// Stands for "none" in the lists below.
 const NOBODY: u16 = u16::MAX;
 
-/// A number for every tensor or operator.
+/// A number for every tensor or every operator.
 #[derive(Clone, Copy)]
 struct List([u16; MAX_RECORDS]);
 
@@ -23,23 +23,23 @@ impl List {
     }
 }
 
-/// What is known of every tensor and operator while playing.
+/// The state of every tensor and operator during the simulation.
 struct Play<'a, 'm> {
     model: &'a Model<'m>,
     /// The operator that writes a tensor.
     writer: List,
-    /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that touches it.
+    /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that reads or writes it.
     born: List,
     dies: List,
-    /// The tensor that takes this one's place row by row: bytes of a row are this one's until the heir's row is made.
+    /// The tensor that overwrites this one row by row. A row's bytes belong to this tensor until the heir's row is written.
     heir: List,
-    /// The tensor whose place this one takes.
+    /// The tensor that this one overwrites.
     elder: List,
-    /// Steps of each operator that are done.
+    /// Number of finished steps of each operator.
     done: List,
 }
 
-/// Plays the schedule of a model whose operators are legal by themselves.
+/// Simulates the schedule of a model whose operators are legal alone.
 pub(super) fn check(model: &Model<'_>) -> Result<(), ModelError> {
     let (all, none) = (List([NOBODY; MAX_RECORDS]), List([0; MAX_RECORDS]));
     let mut play = Play { model, writer: all, born: all, dies: none, heir: all, elder: all, done: none };
@@ -76,7 +76,7 @@ impl Play<'_, '_> {
             let entry = self.model.entry(number as usize).ok_or(refuse)?;
             let operator = self.model.operator(entry.operator).ok_or(refuse)?;
             let out = operator.output() as usize;
-            // Entries count from 1: inputs are born at 0.
+            // Entries count from 1, because inputs exist at 0.
             self.born.set(out, self.born.at(out).min(number + 1));
             for tensor in operator.inputs().into_iter().flatten().chain([operator.output()]) {
                 self.dies.set(tensor as usize, number + 1);
@@ -86,7 +86,7 @@ impl Play<'_, '_> {
         Ok(())
     }
 
-    /// Tensors that share bytes must live one after the other, or row by row.
+    /// Finds the heir of every tensor. Tensors that share bytes must follow each other, either as a whole or row by row.
     fn find_heirs(&mut self) -> Result<(), ModelError> {
         for a in 0..self.model.tensor_count() {
             for b in 0..a {
@@ -104,9 +104,9 @@ impl Play<'_, '_> {
                     matches!(self.model.operator(index as usize), Some(Operator::Conv(c)) if c.add == Some(old as u32)
                         && c.first != old as u32 && c.second != Some(old as u32))
                 };
-                // A sum takes the place of what is added sample by sample; a map that is kept whole may give way to any other
-                // row by row, but for the output. All that share bytes must be linked in this way, at once or through others:
-                // `find_lines`.
+                // A sum overwrites the added tensor sample by sample. A map that is kept whole may be overwritten row by row by any other
+                // map; the output may not be overwritten. All tensors that share bytes must be linked in this way, directly or through
+                // others: see `find_lines`.
                 let sum = first.coincides(&second) && adds(self.writer.at(new)) && self.elder.at(new) == NOBODY;
                 let (before, after) = if old == a { (first, second) } else { (second, first) };
                 let kept = old == self.model.output_tensor() as usize;
@@ -121,7 +121,7 @@ impl Play<'_, '_> {
         Ok(())
     }
 
-    /// Tensors alive together in one place are one line of heirs.
+    /// Validates that tensors that exist at the same time in the same place are one line of heirs.
     fn find_lines(&self) -> Result<(), ModelError> {
         for a in 0..self.model.tensor_count() {
             for b in 0..a {
@@ -154,7 +154,7 @@ impl Play<'_, '_> {
         false
     }
 
-    /// Rows of a tensor that have been made.
+    /// Number of rows of a tensor that have been written.
     fn made(&self, tensor: usize, t: &Tensor) -> usize {
         match self.writer.at(tensor) {
             NOBODY => t.rows * (self.born.at(tensor) == 0) as usize,
@@ -183,7 +183,7 @@ impl Play<'_, '_> {
                     let Some(tensor) = tensor else { continue };
                     let t = self.model.tensor(tensor);
                     let rows = operator.rows_read(&out, slot, t.rows, step);
-                    // What this step writes must not touch what it reads, but for sums, made sample by sample.
+                    // A step must not write bytes that it reads, except for sums, which are computed sample by sample.
                     let sum = slot == 2 && t.coincides(&out);
                     let making =
                         if sum { None } else { Some((operator.output(), operator.rows_after(&out, step + 1))) };
@@ -191,7 +191,7 @@ impl Play<'_, '_> {
                         return Err(refuse);
                     }
                 }
-                // Nor may it touch rows that have taken the place of what it writes.
+                // Nor may it write to rows that have overwritten the tensor it writes.
                 let written = operator.rows_after(&out, step);
                 if !self.untouched(operator.output() as usize, &out, written, None) {
                     return Err(refuse);
@@ -207,13 +207,13 @@ impl Play<'_, '_> {
         if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
     }
 
-    /// Whether rows are made, and overwritten neither by later ones of the ring nor by the heir; `making`: a tensor that is about
-    /// to have so many rows.
+    /// Returns whether rows are written, and overwritten neither by later rows of the ring nor by the heir. `making` is a tensor that is
+    /// about to have this number of rows.
     fn readable(&self, tensor: usize, t: &Tensor, rows: Range<usize>, making: Option<(u32, usize)>) -> bool {
         if rows.is_empty() {
             return true;
         }
-        // The first of a line of sums is the furthest ahead in the ring.
+        // The first tensor of a line of sums is the furthest ahead in the ring.
         let made = self.made(tensor, t);
         let (mut ahead, mut at) = (made, tensor);
         for _ in 0..self.model.tensor_count() {
@@ -226,7 +226,7 @@ impl Play<'_, '_> {
         self.untouched(tensor, t, rows.start, making) && rows.end <= made && ahead <= rows.start + t.ring
     }
 
-    /// Whether no row from `first` on has been taken by the heir, its heir, and so on.
+    /// Returns whether no row from `first` on has been overwritten by the heir, its heir, and so on.
     fn untouched(&self, tensor: usize, t: &Tensor, first: usize, making: Option<(u32, usize)>) -> bool {
         let mut at = tensor;
         for _ in 0..self.model.tensor_count() {

@@ -1,4 +1,4 @@
-//! Upsamplings.
+//! Validation of upsamplings.
 
 use crate::nn::file::{OperatorFault, Upsample2};
 use crate::nn::model::Model;

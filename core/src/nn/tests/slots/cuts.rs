@@ -1,10 +1,10 @@
-//! Power goes after every single byte that an update writes or erases.
+//! Cuts power after every byte that an update writes or erases.
 
 use super::flash::{Cut, Flash};
 use super::*;
 use crate::nn::tests::Random;
 
-/// Flight software that wants `new`: starts, uploads what is not running yet, resets, starts. Says whether it came to the end.
+/// Flight software that installs `new`: starts, uploads the model if it does not run yet, resets, starts. Returns whether it finished.
 fn update(flash: &mut Flash, new: &[u8]) -> bool {
     let mut slots = Slots::new(&mut *flash);
     let done = start(&mut slots).and_then(|()| {
@@ -18,7 +18,7 @@ fn update(flash: &mut Flash, new: &[u8]) -> bool {
     !flash.dead()
 }
 
-/// After a cut: a model is there that runs, and it is one of these.
+/// After a cut, checks that a model runs and that it is one of these.
 fn runs_one_of(flash: &Flash, models: [&[u8]; 2]) {
     let mut slots = Slots::new(Flash { power: None, ..flash.clone() });
     let boot = slots.boot().expect("a slot that runs");
@@ -29,8 +29,8 @@ fn runs_one_of(flash: &Flash, models: [&[u8]; 2]) {
     }
 }
 
-/// Cuts an update from `old` in `slot` to `new` after each byte, and another time on the way back. `end` is the model that runs when all is
-/// done. Returns the number of first cuts.
+/// Cuts an update from `old` in `slot` to `new` after each byte, and a second time during recovery. `end` is the model that runs at the
+/// end. Returns the number of first cuts.
 fn cut_everywhere(old: &[u8], slot: Slot, new: &[u8], end: &[u8], cut: Cut) -> usize {
     let third = model(7, 40);
     let flash = commissioned(old, slot, &third);
@@ -42,7 +42,7 @@ fn cut_everywhere(old: &[u8], slot: Slot, new: &[u8], end: &[u8], cut: Cut) -> u
         let noise = Random::new(at as u64);
         let mut flash = Flash { power: Some(at), cut, noise, traffic: 0, ..flash.clone() };
         assert!(!update(&mut flash, new), "cut after {at} bytes");
-        // The confirmed model is as it was; and so it is after the model that was tried.
+        // The confirmed model is unchanged, also after the other model was tried.
         let confirmed = |flash: &Flash| flash.bytes(Region::Model(slot))[..old.len()] == *old;
         assert!(confirmed(&flash), "cut after {at} bytes");
         runs_one_of(&flash, [old, new]);
@@ -57,7 +57,7 @@ fn cut_everywhere(old: &[u8], slot: Slot, new: &[u8], end: &[u8], cut: Cut) -> u
     traffic
 }
 
-/// With power again, the update comes to its end.
+/// With power restored, the update finishes.
 fn finish(mut flash: Flash, new: &[u8], end: &[u8]) {
     flash.power = None;
     assert!(update(&mut flash, new));
@@ -109,7 +109,7 @@ fn power_may_go_after_any_byte_of_the_first_confirmation() {
 
 #[test]
 fn an_upload_goes_on_at_the_sector_whose_bytes_are_not_all_there() {
-    // Three chunks under checksums and a bit, in sectors of 4 KiB.
+    // Three chunks under checksums and a part of one, in sectors of 4 KiB.
     let (old, new) = (model(1, 0), model(2, 50_000));
     let sector = 4096;
     let mut flash = Flash::new(new.len(), sector);
@@ -124,7 +124,7 @@ fn an_upload_goes_on_at_the_sector_whose_bytes_are_not_all_there() {
         assert_eq!(slots.begin_upload(ModelId::of(&new)), Ok(0), "another model");
         slots.write(0, &new[..sent]).unwrap();
         slots.boot().unwrap();
-        // Whole chunks are known to be there, and of those whole sectors are kept.
+        // The bytes of whole chunks count as written, and of these whole sectors are kept.
         let whole = if sent < body { 0 } else { body + (sent - body) / 16_384 * 16_384 };
         let expected = if sent == new.len() { sent } else { whole / sector * sector };
         let mut there = slots.begin_upload(ModelId::of(&new)).unwrap();

@@ -1,4 +1,4 @@
-//! Bits that flip in what is kept.
+//! Bit flips in stored data.
 
 use super::*;
 use crate::nn::slots::SlotError as E;
@@ -36,11 +36,11 @@ fn without_a_record_any_model_that_passes_its_self_test_is_run_and_confirmed() {
         flip(&mut flash, Region::RecordCopy, 17);
         flash
     };
-    // Both would do: the first is taken, whichever was confirmed.
+    // Both models would run: the first is taken, whichever was confirmed.
     assert_eq!(boot(&lost(&old, Slot::B, &new)), (Ok((Slot::A, Standing::Salvaged)), 0));
-    // Only one would.
+    // Only one model would run.
     assert_eq!(boot(&lost(&old, Slot::B, &[])).0, Ok((Slot::B, Standing::Salvaged)));
-    // The first one is accepted, and fails its self test.
+    // The first model is accepted, and fails its self test.
     let mut slots = Slots::new(lost(&old, Slot::B, &failing));
     assert_eq!(slots.boot().map(|b| (b.slot, b.standing)), Ok((Slot::A, Standing::Salvaged)));
     assert_eq!(slots.begin_upload(ModelId::of(&new)), Err(E::Unconfirmed));
@@ -55,11 +55,11 @@ fn without_a_record_any_model_that_passes_its_self_test_is_run_and_confirmed() {
 fn a_damaged_model_is_not_run() {
     let (old, new) = (model(1, 0), model(2, 0));
     for bit in (0..8 * old.len()).step_by(37) {
-        // The confirmed one: the other is found, and has to pass its self test.
+        // A flip in the confirmed model: the other model is found, and must pass its self test.
         let mut flash = commissioned(&old, Slot::A, &new);
         flip(&mut flash, Region::Model(Slot::A), bit);
         assert_eq!(boot(&flash), (Ok((Slot::B, Standing::Salvaged)), 2), "bit {bit}");
-        // One that is to be tried: rolled back at once.
+        // A flip in a model that is to be tried: it is rolled back at once.
         let mut slots = Slots::new(commissioned(&old, Slot::A, &[]));
         slots.boot().unwrap();
         upload(&mut slots, &new).unwrap();
@@ -72,7 +72,7 @@ fn a_damaged_model_is_not_run() {
 #[test]
 fn when_nothing_runs_a_model_can_be_uploaded() {
     let new = model(2, 0);
-    // Never used; or the confirmed one damaged.
+    // Storage that was never used, or with the confirmed model damaged.
     let blank = Flash::new(new.len(), 128);
     let mut damaged = commissioned(&model(1, 0), Slot::A, &[]);
     flip(&mut damaged, Region::Model(Slot::A), 8 * 150);
@@ -86,7 +86,7 @@ fn when_nothing_runs_a_model_can_be_uploaded() {
         slots.confirm(passed).unwrap();
         assert_eq!(boot(slots.storage()), (Ok((slot, Standing::Confirmed)), 2));
     }
-    // One that fails leaves nothing again.
+    // After a model that fails, again no model runs.
     let mut slots = Slots::new(Flash::new(new.len(), 128));
     assert!(slots.boot().is_err());
     upload(&mut slots, &failing_model(3)).unwrap();

@@ -1,4 +1,4 @@
-//! Storage in which power goes after any byte written or erased.
+//! Storage whose power fails after any byte written or erased.
 
 use crate::nn::slots::{RECORD_BYTES, Region, Slot, Storage, StorageError};
 use crate::nn::tests::Random;
@@ -6,35 +6,35 @@ use crate::nn::tests::Random;
 pub(super) const REGIONS: [Region; 4] =
     [Region::Model(Slot::A), Region::Model(Slot::B), Region::Record, Region::RecordCopy];
 
-/// What a cut leaves.
+/// The state that a cut leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cut {
-    /// What was done so far.
+    /// All bytes before the cut are done.
     Clean,
-    /// Besides, noise in the byte at work.
+    /// As `Clean`, with noise in the current byte.
     Garbage,
-    /// Besides, noise in all of a sector that was being erased.
+    /// As `Garbage`, with noise in the whole sector that was being erased.
     Torn,
 }
 
-/// NOR flash: erased before it is written, each byte once.
+/// NOR flash: bytes are erased before they are written, and written once.
 #[derive(Debug, Clone)]
 pub(super) struct Flash {
     pub(super) regions: [Vec<u8>; 4],
     pub(super) sector_bytes: usize,
-    /// Bytes that may still be written or erased before power goes.
+    /// Number of bytes that may still be written or erased before power fails.
     pub(super) power: Option<usize>,
     pub(super) cut: Cut,
     pub(super) noise: Random,
-    /// Bytes written and erased so far.
+    /// Number of bytes written and erased so far.
     pub(super) traffic: usize,
-    /// Regions that do as if they wrote, and ones that refuse.
+    /// Regions that report success without writing, and regions that refuse.
     pub(super) lies: Vec<Region>,
     pub(super) refuses: Vec<Region>,
 }
 
 impl Flash {
-    /// Blank; sectors of the records are as long as those of the models, at least.
+    /// Makes blank storage; sectors of the records are at least as long as those of the models.
     pub(super) fn new(slot_bytes: usize, sector_bytes: usize) -> Self {
         let slot = vec![0xff; slot_bytes.next_multiple_of(sector_bytes)];
         let record = vec![0xff; RECORD_BYTES.next_multiple_of(sector_bytes)];
@@ -58,7 +58,7 @@ impl Flash {
         self.power == Some(0)
     }
 
-    /// Power for one more byte; `false` when it goes.
+    /// Spends power for one more byte; returns `false` when it fails.
     fn byte(&mut self) -> bool {
         match &mut self.power {
             Some(0) => false,

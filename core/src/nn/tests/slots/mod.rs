@@ -11,7 +11,7 @@ use crate::nn::slots::*;
 use crate::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use flash::Flash;
 
-/// A model whose output is the image's codes times `weight`, with `filling` bytes of constants that nobody reads.
+/// Returns a model whose output is the image's codes times `weight`, with `filling` bytes of unused constants.
 fn model(weight: u8, filling: usize) -> Vec<u8> {
     let mut draft = Draft::new((4, 4));
     draft.tensors[0].scale = 1.0 / 255.0;
@@ -28,7 +28,7 @@ fn model(weight: u8, filling: usize) -> Vec<u8> {
     file
 }
 
-/// A valid file whose self test fails.
+/// Returns a valid file whose self test fails.
 fn failing_model(weight: u8) -> Vec<u8> {
     let mut file = model(weight, 0);
     let wrong = test_crc(&file) ^ 1;
@@ -50,7 +50,7 @@ fn test_crc(file: &[u8]) -> u32 {
     runner.output_crc().unwrap()
 }
 
-/// The self test of the model that runs.
+/// Runs the self test of the model that runs.
 fn self_test(slots: &Slots<impl Storage>) -> Result<SelfTestPassed, RunError> {
     let model = slots.model().unwrap();
     let mut arena = vec![0; required(&model)];
@@ -60,7 +60,7 @@ fn self_test(slots: &Slots<impl Storage>) -> Result<SelfTestPassed, RunError> {
     SelfTestPassed::of(&mut runner)
 }
 
-/// What flight software does after a reset: a model that is confirmed, in the end.
+/// The work of flight software after a reset; at the end a model is confirmed.
 fn start(slots: &mut Slots<impl Storage>) -> Result<(), SlotError> {
     let mut boot = slots.boot()?;
     while boot.standing != Standing::Confirmed {
@@ -75,7 +75,7 @@ fn start(slots: &mut Slots<impl Storage>) -> Result<(), SlotError> {
     Ok(())
 }
 
-/// Uploads a model in chunks of a length that fits nothing, and puts it on trial.
+/// Uploads a model in chunks of a length that divides no sector, and puts it on trial.
 fn upload(slots: &mut Slots<impl Storage>, file: &[u8]) -> Result<(), SlotError> {
     let mut there = slots.begin_upload(ModelId::of(file))?;
     while there < file.len() {
@@ -84,12 +84,12 @@ fn upload(slots: &mut Slots<impl Storage>, file: &[u8]) -> Result<(), SlotError>
     slots.start_trial(1)
 }
 
-/// The bytes of the model that runs.
+/// Returns the bytes of the model that runs.
 fn running(slots: &Slots<impl Storage>) -> &[u8] {
     slots.model().unwrap().raw().bytes()
 }
 
-/// Storage with a confirmed model in that slot, and another one in the other.
+/// Returns storage with a confirmed model in this slot, and another model in the other slot.
 fn commissioned(confirmed: &[u8], slot: Slot, other: &[u8]) -> Flash {
     let mut flash = Flash::new(confirmed.len().max(other.len()) + 100, 128);
     flash.region(Region::Model(slot))[..confirmed.len()].copy_from_slice(confirmed);
@@ -117,7 +117,7 @@ fn an_update_from_the_first_model_to_the_third() {
     let mut flash = Flash::new(models[0].len(), 128);
     flash.region(Region::Model(Slot::A))[..models[0].len()].copy_from_slice(&models[0]);
     let mut slots = Slots::new(&mut flash);
-    // Delivered with the hardware: found without a record.
+    // Delivered with the hardware: the model is found without a record.
     assert_eq!(slots.boot().map(|b| (b.slot, b.standing)), Ok((Slot::A, Standing::Salvaged)));
     let passed = self_test(&slots).unwrap();
     slots.confirm(passed).unwrap();
@@ -134,7 +134,7 @@ fn an_update_from_the_first_model_to_the_third() {
         assert_eq!(slots.boot().map(|b| (b.slot, b.standing)), Ok((slot, Standing::Confirmed)));
         assert_eq!((slots.record_copies(), slots.record().unwrap().rollbacks), (2, 0));
     }
-    // Back to the model before, which is still there: nothing is written but records.
+    // Back to the previous model, which is still in its slot: only records are written.
     assert_eq!(slots.begin_upload(ModelId::of(&models[1])), Ok(models[1].len()));
     slots.start_trial(1).unwrap();
     start(&mut slots).unwrap();

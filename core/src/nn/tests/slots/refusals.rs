@@ -1,11 +1,11 @@
-//! Calls out of order and uploads that are none: one clear error, and the model that runs is untouched.
+//! Calls out of order and invalid uploads: each gives one clear error, and the model that runs is unchanged.
 
 use super::*;
 use crate::nn::ModelError;
 use crate::nn::file::{HEADER_BYTES, VERSION};
 use crate::nn::slots::SlotError as E;
 
-/// Uploads `file` as whatever `id` says; the model that runs must not notice.
+/// Uploads `file` under the identity `id`; the model that runs must not change.
 fn refused(id: ModelId, file: &[u8]) -> SlotError {
     let old = model(1, 0);
     let mut slots = Slots::new(commissioned(&old, Slot::A, &[]));
@@ -41,7 +41,7 @@ fn uploads_that_are_no_models_are_refused() {
     let announced = ModelId { file_bytes: short.len() as u32, ..id };
     let (expected, found) = (new.len() as u64, short.len() as u64);
     assert_eq!(refused(announced, short), E::Model(ModelError::Length { expected, found }));
-    // Sound checksums, and nonsense under them.
+    // Correct checksums over illegal contents.
     let mut nonsense = new.clone();
     set(&mut nonsense, word::OUTPUT, 77);
     assert_eq!(as_it_says(&nonsense), E::Model(ModelError::Header));
@@ -119,7 +119,7 @@ fn what_the_storage_refuses_or_forgets_is_reported() {
     // The copy is written first; if that fails, nothing has changed.
     assert_eq!(with(&[], &[Region::RecordCopy]), (refusal, confirmed, 2));
     assert_eq!(with(&[Region::RecordCopy], &[]), (Err(E::NotWritten { offset_bytes: 0 }), confirmed, 1));
-    // The trial is written once, and can then not be counted over the only whole copy: it is not run.
+    // The trial is written to one copy only. Then its boot cannot be counted over the only intact copy, so it is not run.
     assert_eq!(with(&[], &[Region::Record]).0, Ok(()));
     assert_eq!(with(&[], &[Region::Record]).1, confirmed);
 }

@@ -1,4 +1,4 @@
-/* A STUB for tests: declarations written from FreeRTOS's public documentation, as few as the guide needs. Nothing here runs. */
+/* A STUB for tests: the declarations that the guide needs, from FreeRTOS's public documentation. It has no code. */
 #ifndef STUB_FREERTOS_H
 #define STUB_FREERTOS_H
 

@@ -1,4 +1,4 @@
-/* A STUB for tests: declarations written from the public documentation of RTEMS' classic API, as few as the guide needs. Nothing here runs. */
+/* A STUB for tests: the declarations that the guide needs, from the public documentation of RTEMS' classic API. It has no code. */
 #ifndef STUB_RTEMS_H
 #define STUB_RTEMS_H
 

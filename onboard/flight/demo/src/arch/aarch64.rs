@@ -2,8 +2,8 @@
 
 use core::arch::global_asm;
 
-// With the memory management unit off, all memory counts as device memory, and unaligned accesses fault: so an identity map of
-// 4 GiB, the lower 2 GiB as cached memory (DDR), the upper 2 GiB as devices. One table of four blocks.
+// With the memory management unit off, all memory is device memory, and unaligned accesses fault. Therefore there is an identity map of 4
+// GiB: the lower 2 GiB as cached memory (DDR), the upper 2 GiB as devices, in one table of four blocks.
 global_asm!(
     r#"
     .section .text._start, "ax", %progbits

@@ -2,8 +2,8 @@
 
 use core::arch::global_asm;
 
-// Exceptions share one handler: the demo can only report them. A processor of the R profile has its vectors at address 0, where
-// its memory map puts this section; the A profile is told below.
+// Exceptions share one handler, because the demo can only report them. A processor of the R profile has its vectors at address 0, where its
+// memory map puts this section; the A profile gets the address below.
 global_asm!(
     r#"
     .section .vectors, "ax", %progbits
@@ -65,8 +65,8 @@ armv7_fault:                      @ r0: the vector's number
 "#
 );
 
-// With the memory management unit off, all memory counts as device memory, and unaligned accesses fault: so an identity map of
-// 4096 sections of 1 MiB, the first GiB (DDR) as cached memory, the rest as devices. The boot ROM leaves the caches invalidated.
+// With the memory management unit off, all memory is device memory, and unaligned accesses fault. Therefore there is an identity map of
+// 4096 sections of 1 MiB: the first GiB (DDR) as cached memory, the rest as devices. The boot ROM leaves the caches invalidated.
 #[cfg(target_feature = "aclass")]
 global_asm!(
     r#"

@@ -1,9 +1,8 @@
-//! Cortex-M: the vector table and what it leads to.
+//! Cortex-M: the vector table and its handlers.
 
 use core::arch::global_asm;
 
-// Coprocessors 10 and 11 are the floating-point unit and, on the M55, Helium: without access to them the first vector
-// instruction faults.
+// Coprocessors 10 and 11 are the floating-point unit and, on the M55, Helium. Without access to them the first vector instruction faults.
 global_asm!(
     r#"
     .section .vectors, "a", %progbits

@@ -6,7 +6,7 @@ use core::ptr::write_volatile;
 
 global_asm!(include_str!("e500.s"));
 
-/// The transmitter of the first DUART; QEMU's takes a byte at any time.
+/// Transmitter of the first DUART; QEMU's accepts a byte at any time.
 const UART_DATA: *mut u8 = 0xe000_4500 as *mut u8;
 /// Reset control of the "global utilities", and its request for a hard reset.
 const RESET_CONTROL: *mut u32 = 0xe00e_00b0 as *mut u32;
@@ -20,10 +20,9 @@ pub(super) fn write(bytes: &[u8]) {
     }
 }
 
-/// Ends the run by asking for a reset, on which QEMU stops. No status can be handed over: the last line on the console is the
-/// verdict.
+/// Ends the run by a reset request, on which QEMU stops. It cannot pass a status: the last line on the console is the result.
 pub(super) fn exit(_status: usize) -> ! {
-    // SAFETY: a register of the device; does not come back.
+    // SAFETY: a register of the device; the function does not return.
     unsafe { write_volatile(RESET_CONTROL, HARD_RESET) };
     loop {
         spin_loop();

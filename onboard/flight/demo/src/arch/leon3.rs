@@ -5,7 +5,7 @@ use core::ptr::{read_volatile, write_volatile};
 
 global_asm!(include_str!("leon3.s"));
 
-// APBUART of GRLIB, at its usual place.
+// APBUART of GRLIB, at its usual address.
 const UART_DATA: *mut u32 = 0x8000_0100 as *mut u32;
 const UART_STATUS: *const u32 = 0x8000_0104 as *const u32;
 const UART_CONTROL: *mut u32 = 0x8000_0108 as *mut u32;
@@ -24,9 +24,9 @@ pub(super) fn write(bytes: &[u8]) {
     }
 }
 
-/// Ends the run: a trap while traps are disabled stops the processor in error mode. No status can be handed over: the last
-/// line on the console is the verdict.
+/// Ends the run: a trap while traps are disabled stops the processor in error mode. It cannot pass a status: the last line on the console
+/// is the result.
 pub(super) fn exit(_status: usize) -> ! {
-    // SAFETY: does not come back. Supervisor state, traps disabled; three instructions until that holds.
+    // SAFETY: does not return. Supervisor state, traps disabled, which takes effect after three instructions.
     unsafe { asm!("wr %g0, 0xc0, %psr", "nop", "nop", "nop", "ta 0", options(noreturn)) }
 }

@@ -1,7 +1,8 @@
-//! Starting, writing and ending on bare processors: the only unsafe code of the demo.
+//! Start, output and end on bare processors: the only unsafe code of the demo.
 //!
-//! A module per processor family gives a `_start` (stack, zeroed memory, floating point and vectors enabled, traps led to an
-//! error message) that calls [`elunar_main`], and `write` and `exit`. Processors that have it use semihosting for both.
+//! The module of each processor family has a `_start` (stack, zeroed memory, floating point and vectors enabled, a handler for traps that
+//! prints an error) that calls [`elunar_main`], and the functions `write` and `exit`. Processors with semihosting use it for both
+//! functions.
 
 #[cfg(target_arch = "aarch64")]
 mod aarch64;
@@ -29,7 +30,7 @@ use semihosting::{exit, write};
 use core::fmt::{self, Write};
 
 unsafe extern "C" {
-    // From memory.x: the first byte of the model file and the end of the memory kept for it; the arena likewise.
+    // From memory.x: first byte of the model file, and end of the memory for it; the same for the arena.
     static __model_start: u8;
     static __model_end: u8;
     static mut __arena_start: u8;
@@ -46,20 +47,20 @@ impl Write for Console {
     }
 }
 
-/// `bytes` as numbers, whatever they are, as far as they are aligned.
+/// Returns the aligned part of `bytes` as numbers of any value.
 #[cfg(feature = "two_tiles")]
 pub(crate) fn floats(bytes: &mut [u8]) -> &mut [f32] {
     // SAFETY: every pattern of bits is a number, and `align_to_mut` leaves out what is not aligned.
     unsafe { bytes.align_to_mut().1 }
 }
 
-/// Where `_start` arrives, once, with a stack and zeroed statics.
+/// The entry from `_start`, called once, with a stack and zeroed statics.
 #[unsafe(no_mangle)]
 extern "C" fn elunar_main() -> ! {
     let (model, arena) = (&raw const __model_start, &raw mut __arena_start);
     let model_bytes = &raw const __model_end as usize - model as usize;
     let arena_bytes = &raw mut __arena_end as usize - arena as usize;
-    // SAFETY: the memory map keeps both ranges free of everything else, they do not overlap, and this runs once.
+    // SAFETY: the memory map reserves both ranges, they do not overlap, and this runs once.
     let (model, arena) = unsafe {
         (core::slice::from_raw_parts(model, model_bytes), core::slice::from_raw_parts_mut(arena, arena_bytes))
     };
@@ -67,7 +68,7 @@ extern "C" fn elunar_main() -> ! {
     exit(if passed { 0 } else { 1 })
 }
 
-/// Where processor faults arrive: `cause` and `address` are the processor's own words for them.
+/// Reports a processor fault; `cause` and `address` are the processor's own values.
 #[unsafe(no_mangle)]
 extern "C" fn elunar_fault(cause: usize, address: usize) -> ! {
     let _ = writeln!(Console, "ERROR: processor fault, cause {cause:#x} at {address:#x}\nFAIL");

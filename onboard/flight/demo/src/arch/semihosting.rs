@@ -1,4 +1,4 @@
-//! Console and exit status through the debugger's door, as Arm and RISC-V define it (Arm IHI 0059; RISC-V semihosting 1.0).
+//! Console and exit status through the debugger, as Arm and RISC-V define it (Arm IHI 0059; RISC-V semihosting 1.0).
 
 use core::arch::asm;
 
@@ -6,9 +6,9 @@ const SYS_WRITEC: usize = 0x03;
 const SYS_EXIT_EXTENDED: usize = 0x20;
 const APPLICATION_EXIT: usize = 0x20026;
 
-/// Asks the debugger to do `operation` with what `argument` points to.
+/// Requests `operation` from the debugger, with the data at `argument`.
 fn call(operation: usize, argument: *const usize) {
-    // SAFETY: these operations read what `argument` points to, which the callers keep alive, and return in one register.
+    // SAFETY: these operations read the data at `argument`, which the callers keep alive, and return in one register.
     unsafe {
         #[cfg(all(target_arch = "arm", target_feature = "mclass"))]
         asm!("bkpt 0xab", inout("r0") operation => _, in("r1") argument, options(nostack));
@@ -17,7 +17,7 @@ fn call(operation: usize, argument: *const usize) {
         asm!("svc 0x123456", inout("r0") operation => _, in("r1") argument, out("lr") _, options(nostack));
         #[cfg(target_arch = "aarch64")]
         asm!("hlt 0xf000", inout("x0") operation => _, in("x1") argument, options(nostack));
-        // The three words must lie in one page and be uncompressed: that is how they are recognised.
+        // The debugger recognises the three words only in one page and uncompressed.
         #[cfg(any(target_arch = "riscv32", target_arch = "riscv64"))]
         asm!(
             ".option push", ".option norvc", ".balign 16",

@@ -1,4 +1,4 @@
-//! How deep a call goes: the unused stack is painted before, and what is no longer painted after was used.
+//! Measures the stack depth of a call: the unused stack is painted before the call, and words without paint after it were used.
 
 use core::hint::black_box;
 use core::ptr::{read_volatile, write_volatile};
@@ -9,11 +9,11 @@ unsafe extern "C" {
 }
 
 const PAINT: u32 = 0xc5a3_c5a3;
-/// Left unpainted below the painter's own local variable: the rest of its frame, which on SPARC holds 96 bytes by convention.
+/// Bytes left unpainted below the painter's own local variable: the rest of its frame, which on SPARC contains 96 bytes by convention.
 const OWN_BYTES: usize = 128;
 
-/// Runs `call` and says how many bytes of stack it took, counted from this function's own frame. The painter itself takes about 200,
-/// so less than that reads as 200.
+/// Runs `call` and returns the bytes of stack that it used, counted from this function's own frame. The painter itself uses about 200, so
+/// smaller values read as 200.
 #[inline(never)]
 pub(crate) fn depth(call: impl FnOnce()) -> Option<usize> {
     let here = 0u32;
@@ -23,14 +23,14 @@ pub(crate) fn depth(call: impl FnOnce()) -> Option<usize> {
     Some(top - lowest_used())
 }
 
-/// Paints from the stack's end up to here.
+/// Paints from the stack's end up to this frame.
 #[inline(never)]
 fn paint() {
     let here = 0u32;
     let end = black_box(&raw const here) as usize - OWN_BYTES;
     let mut at = &raw mut __stack_limit;
     while (at as usize) < end {
-        // SAFETY: between the stack's end and the frames in use lies memory that nobody has, aligned as the linker script says.
+        // SAFETY: the memory between the stack's end and the used frames is unused, and aligned by the linker script.
         unsafe {
             write_volatile(at, PAINT);
             at = at.add(1);
@@ -38,11 +38,11 @@ fn paint() {
     }
 }
 
-/// Address of the lowest word that lost its paint.
+/// Returns the address of the lowest word that lost its paint.
 #[inline(never)]
 fn lowest_used() -> usize {
     let mut at = &raw const __stack_limit;
-    // SAFETY: ends at the latest where the stack is in use: below this frame lies no word but of the stack.
+    // SAFETY: the loop ends at the used part of the stack at the latest; all words below this frame belong to the stack.
     unsafe {
         while read_volatile(at) == PAINT {
             at = at.add(1);
