@@ -98,8 +98,8 @@ impl Header {
 /// Opens a `.npy` file. Samples are returned unchanged; special pixels become NaN as in every other format.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if header and file size disagree, [`Error::Unsupported`] for Fortran order, other axes
-/// and other samples than real numbers and integers up to 32 bits.
+/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if header and file size disagree, [`Error::Unsupported`] for Fortran order,
+/// other axes, and samples other than real numbers and integers up to 32 bits.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     let mut file = File::open(path).map_err(Error::io(path))?;
     let file_bytes = file.metadata().map_err(Error::io(path))?.len();

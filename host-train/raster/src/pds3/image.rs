@@ -60,8 +60,8 @@ pub(super) struct Description {
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; [`Error::Broken`] for defects of the label, and if label and file disagree in size;
-/// [`Error::Unsupported`] for several bands, packed images, VAX reals and map projections unknown here; [`Error::Usage`] if the file the label names is
-/// not there.
+/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Usage`] if the file that
+/// the label names does not exist.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     let label = read_label(path)?;
     let description = describe(&label).map_err(|refusal| refusal.of(path))?;
