@@ -1,4 +1,4 @@
-//! `host-train report`: one page of what suites, experiments and training runs found.
+//! `host-train report`: writes one page about suites, experiments and training runs.
 
 use crate::report;
 use elunar::cli::output;
@@ -13,7 +13,7 @@ The page contains its tables and pictures: one file to send and to open anywhere
 Example:
   host-train report out/suite out/experiments runs/nano -o report.html")]
 pub struct Args {
-    /// Folders that `suite`, `experiment` or `train` wrote into.
+    /// Folders that `suite`, `experiment` or `train` has written.
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
     /// Page to write.
@@ -24,7 +24,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If a folder holds nothing to report, or the page cannot be written.
+/// If a folder holds no results, or the page cannot be written.
 pub fn run(args: Args) -> Result<()> {
     output::check(&args.output, &[])?;
     report::write(&args.folders, &args.output)?;

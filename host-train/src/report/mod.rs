@@ -1,5 +1,4 @@
-//! One page of what suites, experiments and training runs left in their folders: tables, hillshades, error maps, curves, with every
-//! picture inside.
+//! One page about the folders of suites, experiments and training runs: tables, hillshades, error maps, curves, with all pictures inside.
 
 pub(crate) mod html;
 mod sections;
@@ -11,10 +10,11 @@ use elunar_raster::{Error, Result, atomic_write};
 use html::escaped;
 use std::path::{Path, PathBuf};
 
-/// Writes the page of `folders`, each of which a suite, a comparison of experiments or a training run was written into, in their order.
+/// Writes the page about `folders`, in their order. Each is the folder of a suite, a comparison of experiments or a training run.
 ///
 /// # Errors
-/// [`Error::Usage`] naming a folder that holds none of them; if a file of one is missing or malformed, or the page cannot be written.
+/// [`Error::Usage`] with the name of a folder of another kind; if a file of a folder is missing or malformed, or the page cannot be
+/// written.
 pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
     let mut body = String::from("<h1>How good the models are</h1>\n");
     for folder in folders {
@@ -66,9 +66,9 @@ mod tests {
         ] {
             assert!(text.contains(expected), "{expected} in {text}");
         }
-        // Nothing is fetched from elsewhere.
+        // The page loads no other file.
         assert!(!text.contains("http") && !text.contains("src=\"one"), "{text}");
-        // The best of a group of scenes, not of the column: the coarse DTM of one kind is never best of another.
+        // The best cell is per group of scenes, not per column: the coarse DTM of one kind does not compete with another kind.
         assert!(!text.contains("<td class=\"best\">3.00</td>"));
     }
 
