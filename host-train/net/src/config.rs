@@ -66,7 +66,7 @@ pub struct Switches {
     /// Which DTM's range normalises the truth [default: own; `train` with tiny or nano: pixel].
     #[cfg_attr(feature = "clap", arg(long, value_parser = crate::names::truth_range()))]
     pub target_range: Option<TruthRange>,
-    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
+    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, otherwise 0].
     #[cfg_attr(feature = "clap", arg(long))]
     pub range_margin: Option<f32>,
     /// Upper end of the normalised range; 1 is the paper's max-min ablation [default: 50].

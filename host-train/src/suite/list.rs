@@ -40,7 +40,7 @@ pub struct Entry {
     pub synth: Option<SynthEntry>,
     /// Orbiter image.
     pub image: Option<PathBuf>,
-    /// Coarse DTM on a grid of its own, metres.
+    /// Coarse DTM on its own grid, metres.
     pub coarse: Option<PathBuf>,
     /// True DTM, metres.
     pub truth: Option<PathBuf>,

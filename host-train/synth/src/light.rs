@@ -227,7 +227,7 @@ mod tests {
         }
     }
 
-    /// Direct computation: small steps from each pixel towards the Sun, with bilinear heights.
+    /// Computes visibility directly: small steps from each pixel towards the Sun, with bilinear heights.
     fn naive_visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<bool> {
         let [east, south, up] = sun.direction();
         let level = east.hypot(south);

@@ -20,7 +20,7 @@ pub(super) struct Crew {
 }
 
 impl Crew {
-    /// Makes a crew of these devices, which compute gradients.
+    /// Makes a crew of these devices. Each device must support gradients.
     ///
     /// # Errors
     /// If threads cannot be created.

@@ -116,8 +116,8 @@ impl Plan {
         Ok(())
     }
 
-    /// On a grid around the sphere, a column has several numbers. The number nearest to the first position's is taken, so that a piece
-    /// across the seam is contiguous.
+    /// Brings columns on a grid around the sphere near to each other. There a column has several numbers, and the number nearest to the
+    /// first position's is taken, so that a piece across the seam is contiguous.
     fn unwind(&self, positions: &mut [(f64, f64)]) {
         if !self.cyclic {
             return;
@@ -241,7 +241,8 @@ fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): 
     Err(Error::usage(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
 }
 
-/// An affine map differs most from the identity at a corner. Other maps never count as the identity.
+/// Returns whether the map is the identity. An affine map differs most from the identity at a corner. Other maps never count as the
+/// identity.
 fn is_identity(map: &Map, (rows, cols): (usize, usize)) -> bool {
     let (last_row, last_col) = (rows.saturating_sub(1) as f64, cols.saturating_sub(1) as f64);
     matches!(map, Map::Affine(_))

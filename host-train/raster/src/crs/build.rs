@@ -20,26 +20,27 @@ impl Axes {
 }
 
 impl Crs {
-    /// Equirectangular on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
+    /// Makes an equirectangular system on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
     #[must_use]
     pub fn moon_equirectangular(lat_ts_deg: f64, lon0_deg: f64) -> Self {
         Self::equirectangular(MOON_RADIUS_M, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
     }
 
-    /// Polar stereographic on the Moon's sphere, tangent at the pole, metres. Longitude 0 points downwards (south: upwards).
+    /// Makes a polar stereographic system on the Moon's sphere, tangent at the pole, metres. Longitude 0 points downwards (south: upwards).
     #[must_use]
     pub fn moon_polar(south: bool) -> Self {
         Self::polar_stereographic(MOON_RADIUS_M, if south { -90.0 } else { 90.0 }, 1.0, 0.0, Axes::PLAIN)
     }
 
-    /// Longitude and latitude in degrees on a sphere.
+    /// Makes a system of longitude and latitude in degrees on a sphere.
     #[must_use]
     pub fn geographic(radius_m: f64) -> Self {
         let name = body(radius_m);
         Builder::new(code::GEOGRAPHIC, &name, &name, radius_m).crs
     }
 
-    /// Equirectangular on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central meridian).
+    /// Makes an equirectangular system on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central
+    /// meridian).
     #[must_use]
     pub fn equirectangular(radius_m: f64, lat_ts_deg: f64, origin_deg: (f64, f64), axes: Axes) -> Self {
         let name = body(radius_m);
@@ -49,8 +50,8 @@ impl Crs {
         keys.crs
     }
 
-    /// Polar stereographic on a sphere. `lat_ts_deg` is the latitude of true scale; its sign gives the pole. At ±90, `scale` is the scale
-    /// at the pole; otherwise it must be 1. `lon0_deg` points downwards in the north, upwards in the south.
+    /// Makes a polar stereographic system on a sphere. `lat_ts_deg` is the latitude of true scale; its sign gives the pole. At ±90, `scale`
+    /// is the scale at the pole; otherwise it must be 1. `lon0_deg` points downwards in the north, upwards in the south.
     #[must_use]
     pub fn polar_stereographic(radius_m: f64, lat_ts_deg: f64, scale: f64, lon0_deg: f64, axes: Axes) -> Self {
         let name = body(radius_m);

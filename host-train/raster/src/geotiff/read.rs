@@ -92,7 +92,7 @@ impl GeoTiff {
             return data.and_then(|data| self.rule.samples(&data)).ok_or_else(|| file.unsupported(&layout.format));
         }
         let mut data = DecodingResult::U8(vec![]);
-        // Whole rows of the tile, padding included. If told to drop the padding, the decoder loses its position in LZW tiles.
+        // Whole rows of the tile, with padding. If the decoder drops the padding, it loses its position in LZW tiles.
         let decoded = file.tiff.read_chunk_to_buffer(&mut data, chunk as u32, layout.chunk_cols * layout.sample_bytes);
         let part = |what: String| file.broken(format!("part {} of {}: {what}", chunk + 1, layout.chunks));
         file.check(decoded).map_err(|error| match error {

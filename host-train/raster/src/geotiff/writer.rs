@@ -90,7 +90,7 @@ impl Writer {
         self.push(0, samples, self.rows_given == rows).map_err(Error::io(&self.path))
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and renames it to its path.
     ///
     /// # Errors
     /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the file cannot be named.

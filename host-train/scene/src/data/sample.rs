@@ -25,7 +25,7 @@ pub struct RawTile {
     pub truth_m: Vec<f32>,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// What is known of the Sun.
+    /// The known parts of the Sun's direction.
     pub sun: KnownSun,
 }
 

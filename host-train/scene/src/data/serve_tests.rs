@@ -28,7 +28,7 @@ struct Recorder {
     seen: Mutex<Vec<(Vec<f32>, Vec<f32>)>>,
 }
 
-/// The recorder's output at a pixel. It does not depend on the input.
+/// Returns the recorder's output at a pixel. It does not depend on the input.
 fn answer(pixel: usize) -> f32 {
     (pixel % 97) as f32 * 0.3
 }
@@ -87,7 +87,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
     (Scene::new(open("image"), open("coarse")).unwrap(), tile)
 }
 
-/// Relief under an image that does not fit it: in every direction of the light, bright and dark slopes are equally many.
+/// Returns relief under an image that does not fit it: in every direction of the light, bright and dark slopes are equally many.
 fn lightless() -> (Scene, RawTile) {
     let georef = |origin: (f64, f64), pixel_m: f64| GeoRef {
         transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m],

@@ -25,13 +25,14 @@ pub struct Candidate<'a> {
 }
 
 impl<'a> Candidate<'a> {
-    /// A DTM of about the truth's resolution. Interpolation is bilinear; a pixel is invalid where a sample is missing.
+    /// Makes a candidate from a DTM of about the truth's resolution. Interpolation is bilinear; a pixel is invalid where a sample is
+    /// missing.
     #[must_use]
     pub fn fine(name: &'a str, dtm: &'a Raster) -> Self {
         Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bilinear }
     }
 
-    /// A coarse DTM on its own grid. Interpolation is bicubic, as for the network's input.
+    /// Makes a candidate from a coarse DTM on its own grid. Interpolation is bicubic, as for the network's input.
     #[must_use]
     pub fn coarse(name: &'a str, dtm: &'a Raster) -> Self {
         Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bicubic }

@@ -8,7 +8,7 @@ use elunar_raster::{Error, GeoRef, Projection, Result};
 /// Steps per pixel of the search. The paper moves by half a pixel.
 const STEPS_PER_PX: usize = 2;
 
-/// Greatest number of shifts along one axis, enough for 20 m either way at 0.2 m per pixel.
+/// Greatest shift along one axis, either way, in steps. It is enough for 20 m at 0.2 m per pixel.
 const MOST_STEPS: usize = 200;
 
 /// A DTM prepared for the comparison with tracks.

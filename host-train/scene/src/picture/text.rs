@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 use std::sync::Once;
 
-/// Name under which plotters knows the font.
+/// Name of the font in plotters.
 pub const FONT: &str = "sans-serif";
 
 /// Registers the font; later calls do nothing.

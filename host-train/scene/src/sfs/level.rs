@@ -218,7 +218,7 @@ impl Model {
     }
 }
 
-/// One row of [`Model::scatter`]. `out` holds the row above, the row itself and the row below.
+/// Computes one row of [`Model::scatter`]. `out` holds the row above, the row itself and the row below.
 fn scatter_row(across: &[f64], down: &[f64], values: &[f64], out: &mut [f64], cols: usize) {
     let (above, rest) = out.split_at_mut(cols);
     let (middle, below) = rest.split_at_mut(cols);

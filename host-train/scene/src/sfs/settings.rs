@@ -17,7 +17,7 @@ pub const DEM_CONSTRAINT_PER_PX: f64 = 0.06;
 pub struct Settings {
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
     pub sun_azimuth_deg: f64,
-    /// Elevation of the Sun above the horizontal, degrees, above 0 and at most 90.
+    /// Elevation of the Sun above the horizon, degrees, above 0 and at most 90.
     pub sun_elevation_deg: f64,
     /// Weight of the heights' second derivatives (per metre) against brightness (relative to the tile's mean), metres.
     pub smoothness_weight_m: f64,

@@ -65,7 +65,7 @@ fn coarse() -> Raster {
     })
 }
 
-/// The hills have one albedo and little noise, so the weight of the coarse DTM is lower than the default.
+/// Returns settings with a lower weight of the coarse DTM than the default, because the hills have one albedo and little noise.
 fn settings() -> Settings {
     let default = Settings::new(SUN.0, SUN.1, PIXEL_M);
     Settings { tile: (64, 80), overlap_px: 24, threads: 2, dem_constraint_weight_per_m: 0.01, ..default }

@@ -35,8 +35,8 @@ use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
 #[cfg(feature = "flex")]
 use extension::{convolutions, norms, takes};
 
-/// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to `[B, O, (H + 2 p - kh) / stride + 1, (W + 2 p - kw) / stride
-/// + 1]`, with p = `padding` zeros around `x`.
+/// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
+/// `[B, O, (H + 2 p - kh) / stride + 1, (W + 2 p - kw) / stride + 1]`, with p = `padding` zeros around `x`.
 pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) -> Tensor<4> {
     #[cfg(feature = "flex")]
     if takes(&[&x, &weight]) {

@@ -30,8 +30,8 @@ struct Place {
 }
 
 impl Place {
-    /// Output `index` depends on five samples of the upsampled map, continued beyond its border. The number and the side of the samples in
-    /// the padding give the number of the correction.
+    /// Returns all filters and corrections for output `index`. The output depends on five samples of the upsampled map, continued beyond
+    /// its border. The number and the side of the samples in the padding determine the number of the correction.
     fn all_of(index: usize, len: usize) -> Vec<Self> {
         let seen = (index as isize - 2)..=(index as isize + 2);
         let before = seen.clone().filter(|p| *p < 0).count();
