@@ -112,7 +112,7 @@ fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
     atomic_write(&folder.join("profile.md"), text.as_bytes())
 }
 
-/// Returns the number of trainable numbers: all but the running statistics.
+/// Returns the number of trainable parameters: all numbers except the running statistics.
 fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
     let trainable = shapes.iter().filter(|(name, _)| !name.contains(".running_"));
     trainable.map(|(_, shape)| shape.iter().product::<usize>()).sum()

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 /// The network that is shipped with this program.
 pub const SHIPPED_MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.safetensors");
 
-/// Start of the training.
+/// Initial weights of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Start {
     /// Float weights with their configuration.
@@ -38,7 +38,7 @@ pub enum Start {
 pub struct Settings {
     /// Folder to write into; created if absent.
     pub out: PathBuf,
-    /// Start of the training.
+    /// Initial weights of the training.
     pub start: Start,
     /// Seed of the tour. Each seed has another scene, other training tiles and other calibration tiles. Below [`Settings::SEEDS`].
     pub seed: u64,

@@ -21,9 +21,9 @@ const SUN_SPREAD_DEG: f64 = 5.0;
 
 /// Result of the training.
 pub(super) struct Tuned {
-    /// Number of trainable numbers of the network.
+    /// Number of trainable parameters of the network.
     pub parameters: usize,
-    /// Start of the training.
+    /// Origin of the initial weights.
     pub started_from: String,
     /// Sun elevations of the tiles, degrees.
     pub sun_deg: (f64, f64),

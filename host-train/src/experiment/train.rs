@@ -23,7 +23,7 @@ const FINISHED: &str = "experiment.json";
 pub struct Trained {
     /// The experiment.
     pub experiment: Experiment,
-    /// Number of trainable numbers of the network.
+    /// Number of trainable parameters of the network.
     pub parameters: usize,
     /// Scores of its best weights on the validation tiles, against the unchanged truth, whatever the recipe's target.
     pub validation: Validation,
