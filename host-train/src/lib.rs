@@ -1,7 +1,7 @@
-//! The program with every command: what `elunar` has, and training, the float network, and what is built on it.
+//! The program with every command: those of `elunar`, training, the float network, and commands that need it.
 //!
-//! [`demo`] does all of it once, with a report; [`suite`] compares models on test scenes, [`experiment`] trains and compares, [`report`] makes a page
-//! of the results; [`faults`] flips bits under the int8 runner.
+//! [`demo`] runs all steps once and writes a report. [`suite`] compares models on test scenes. [`experiment`] trains and compares
+//! experiments. [`report`] makes a page of the results. [`faults`] flips bits in the int8 runner's memory.
 
 pub mod cli;
 pub mod demo;

@@ -1,4 +1,4 @@
-//! Parse, dispatch, print errors, end with the reader; nothing else.
+//! Main function: parses the arguments, runs the command, prints errors.
 
 use clap::FromArgMatches;
 use elunar::program::finish;

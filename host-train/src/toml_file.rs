@@ -1,4 +1,4 @@
-//! Settings in TOML files: refused with one line that names file, line and what is wrong there.
+//! Settings in TOML files. An error is one line with file, line and reason.
 
 use elunar_raster::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -7,15 +7,15 @@ use std::path::Path;
 /// Reads a file.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read, else those of [`parse`].
+/// [`Error::Io`] if the file cannot be read, otherwise as [`parse`].
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     parse(path, &std::fs::read_to_string(path).map_err(Error::io(path))?)
 }
 
-/// Understands `text`, the contents of `path`.
+/// Parses `text`, the contents of `path`.
 ///
 /// # Errors
-/// [`Error::Broken`] naming the line: not TOML, a key unknown, missing or of another type.
+/// [`Error::Broken`] with the line: not TOML, or a key that is unknown, missing or of another type.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|e| {
         let message = e.message().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -26,7 +26,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     })
 }
 
-/// The error that something is wrong at byte `offset` of `text`.
+/// Returns the error about byte `offset` of `text`.
 #[must_use]
 pub fn at_line(path: &Path, text: &str, offset: usize, what: &str) -> Error {
     let line = text.bytes().take(offset).filter(|b| *b == b'\n').count() + 1;

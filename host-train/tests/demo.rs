@@ -1,4 +1,4 @@
-//! The whole tour, small.
+//! The whole tour in a small size.
 
 use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::run::Record;
@@ -8,7 +8,7 @@ use elunar_scene::evaluate::{Candidate, compare};
 use host_train::demo::{Settings, Start, run};
 use std::path::Path;
 
-/// A narrow network, one tile, two steps.
+/// Returns settings with a narrow network, one tile and two steps.
 fn small(out: &Path, steps: usize) -> Settings {
     let network = NetConfig {
         embed: 8,
@@ -31,7 +31,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The bytes of every picture inside a page.
+/// Returns the bytes of every picture inside a page.
 fn embedded(page: &str) -> Vec<Vec<u8>> {
     use base64::Engine;
     let data = page.split("data:image/png;base64,").skip(1).map(|rest| rest.split('"').next().unwrap());
@@ -56,7 +56,7 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     ] {
         assert!(page.contains(needed), "{needed}");
     }
-    // Encoded pictures may hold any letters.
+    // Encoded pictures may contain any letters.
     let text: String =
         page.split("data:image/png;base64,").map(|part| part.split_once('"').map_or(part, |p| p.1)).collect();
     for unwanted in ["<script", "http", "NaN"] {
@@ -82,7 +82,7 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
         assert!(image::load_from_memory(picture).is_ok(), "{name}");
     }
 
-    // The page's table holds what `evaluate` finds in the files.
+    // The page's table holds the figures that `evaluate` computes from the files.
     let figures: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.path().join("figures.json")).unwrap()).unwrap();
     let (truth, int8) =

@@ -1,4 +1,4 @@
-//! A short fault campaign on the shipped model; the long one is a command: docs of the flight library.
+//! A short fault campaign on the shipped model. For the long one, there is a command; see the documents of the flight library.
 
 use elunar_scene::predict::int8;
 use host_train::faults::{Campaign, Moments, Outcome, Results, Target, markdown, run};
@@ -31,7 +31,7 @@ fn what_is_protected_is_never_silently_wrong() {
         }
     }
     assert!(results.of(Target::Maps).of(Outcome::Recovered) > 0, "maps that are still wanted are found changed");
-    // The same seed, the same injections, whoever makes them.
+    // The same seed gives the same injections, with any number of threads.
     assert_eq!(markdown(&campaign(true, 1)), markdown(&results));
 }
 

@@ -1,6 +1,6 @@
-//! The recipe for a NAC site (docs/nac-site.md), on small twins of the archives' products: an orthoimage with an attached PDS3 label, an
-//! SLDEM2015 tile (kilometres, another central meridian, OFFSET = radius), a stereo DTM as TIFF behind a detached label, and a table of
-//! laser points. What comes out is what comes out of plain GeoTIFFs.
+//! The recipe for a NAC site (docs/nac-site.md), on small imitations of the archives' products: an orthoimage with an attached PDS3 label,
+//! an SLDEM2015 tile (kilometres, another central meridian, OFFSET = radius), a stereo DTM as TIFF with a detached label, and a table of
+//! laser points. The result is the same as with plain GeoTIFFs.
 
 use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
 use elunar_raster::{Crs, MOON_RADIUS_M, Raster};
@@ -10,7 +10,7 @@ use support::Shell;
 mod support;
 
 const PIXEL_M: f64 = 2.0;
-/// Of SLDEM2015 at 512 pixels a degree.
+/// Pixel of SLDEM2015 at 512 pixels per degree, metres.
 const COARSE_M: f64 = 59.225_293_8;
 /// Upper left corner of the image and of the coarse DTM, metres east and north of (0, 0).
 const IMAGE_AT: (f64, f64) = (12_000.0, 40_000.0);
@@ -20,7 +20,7 @@ fn hills(x: f64, y: f64) -> f64 {
     -2600.0 + 25.0 * (x / 180.0).sin() * (y / 140.0).cos() + 2.0 * (x / 31.0 + y / 23.0).sin()
 }
 
-/// Lambert, Sun in the north-west, as whole numbers.
+/// Returns Lambert brightness with the Sun in the north-west, as integers.
 fn brightness(x: f64, y: f64) -> f64 {
     let (dx, dy) = ((hills(x + 1.0, y) - hills(x - 1.0, y)) / 2.0, (hills(x, y + 1.0) - hills(x, y - 1.0)) / 2.0);
     (8000.0 * (0.57 + 0.58 * dx - 0.58 * dy).max(0.0) / (1.0 + dx * dx + dy * dy).sqrt()).round() + 50.0
@@ -30,7 +30,7 @@ fn raster(rows: usize, cols: usize, at: (f64, f64), pixel_m: f64, value: impl Fn
     support::raster((rows, cols), at, pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
 }
 
-/// IMAGE_MAP_PROJECTION of a grid whose corner lies at `at`, seen from a central meridian of `lon0_deg`.
+/// Returns the IMAGE_MAP_PROJECTION of a grid with its corner at `at`, for a central meridian of `lon0_deg`.
 fn projection(name: &str, rows: usize, cols: usize, at: (f64, f64), pixel_m: f64, lon0_deg: f64) -> String {
     let east = at.0 - lon0_deg.to_radians() * MOON_RADIUS_M;
     let (sample, line) = (-east / pixel_m - 0.5, at.1 / pixel_m - 0.5);
@@ -48,11 +48,11 @@ fn projection(name: &str, rows: usize, cols: usize, at: (f64, f64), pixel_m: f64
     )
 }
 
-/// The archives' products in a folder.
+/// A folder with the archives' products.
 struct Site(Shell);
 
 impl Site {
-    /// An orthoimage: 16-bit integers behind a label of one record.
+    /// Writes an orthoimage: 16-bit integers behind a label of one record.
     fn orthoimage(&self, name: &str, image: &Raster) {
         let (rows, cols) = (image.rows, image.cols);
         let record = 2 * cols;
@@ -73,7 +73,7 @@ impl Site {
         std::fs::write(self.0.path(name), bytes).unwrap();
     }
 
-    /// A coarse DTM in kilometres, its label and its image apart.
+    /// Writes a coarse DTM in kilometres, with label and image in separate files.
     fn sldem(&self, name: &str, coarse: &Raster) {
         let (rows, cols) = (coarse.rows, coarse.cols);
         let label = format!(
@@ -89,7 +89,7 @@ impl Site {
         std::fs::write(self.0.path(&format!("{name}.IMG")), bytes).unwrap();
     }
 
-    /// A pass from south to north over the middle of the image, every 20 m.
+    /// Writes a pass from south to north over the middle of the image, with a point every 20 m.
     fn track(&self, name: &str) {
         let mut text = String::from("Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\n");
         for i in 0..25 {
@@ -132,7 +132,7 @@ fn the_archives_products_go_in_and_a_hillshade_comes_out() {
     };
     predict("image.tif", "coarse.tif", "plain.tif");
     predict("ORTHO_2M.IMG", "SLDEM2015_FLOAT.LBL", "dtm.tif");
-    // Heights in kilometres as f32 are good to 0.1 mm here, and places to rounding: int8 may turn that into a step now and then.
+    // Heights in kilometres as f32 are exact to 0.1 mm here, and positions to rounding. In int8 this may rarely become a step.
     let apart = largest_difference(&site.0.path("plain.tif"), &site.0.path("dtm.tif"));
     assert!(apart < 0.1, "{apart} m apart");
 

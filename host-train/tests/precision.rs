@@ -1,4 +1,4 @@
-//! What precision costs, where a model's bytes and time go: measured on the narrow network of the golden case.
+//! Effects of precision, and a model's bytes and time, measured on the narrow network of the golden case.
 
 use elunar::picture::{arena, costs};
 use elunar_core::nn::{Kernel, Model, required};
@@ -29,7 +29,7 @@ struct Bench {
     options: Options,
 }
 
-/// The golden network, calibrated on the tiles it is scored by: nothing lies beyond its codes.
+/// Returns the golden network, calibrated on the tiles it is scored on, so that no sample lies beyond its codes.
 fn bench() -> Bench {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();
@@ -41,7 +41,7 @@ fn bench() -> Bench {
     Bench { config, graph, ranges, tiles, options }
 }
 
-/// Waves, noise on the image, and a truth that no network will meet.
+/// Returns a tile of waves, with noise on the image, and a truth that no network reaches.
 fn tile(nr: f32, seed: usize) -> CalibrationTile {
     let (rows, cols) = TILE;
     let wave = |i: usize, step: f32| {
@@ -80,8 +80,8 @@ fn every_rounding_is_measured_and_their_sum_foretells_the_runner() {
                 assert!(sixteen.rmse_m <= eight.rmse_m && eight.cut_ppm == 0.0, "{layer:?}");
             }
         }
-        // All at once, in integers: neither half nor twice of what independent roundings would do. A wrong rounding of one
-        // layer, or one that is missing, shows as more.
+        // All at once, in integers: between half and twice the effect of independent roundings. A wrong or missing rounding of one layer
+        // would exceed this.
         let ground = compare(&bench.export(&wide), &bench.tiles, |_| {}).unwrap().ground.unwrap();
         let ratios = [found.predicted.rmse_m / ground.rmse_m, found.predicted.slope_rmse_deg / ground.slope_rmse_deg];
         assert!(ratios.iter().all(|r| (0.5..2.0).contains(r)), "{precision:?}: {ratios:?} {ground:?}");
@@ -103,7 +103,7 @@ fn maps_are_chosen_until_the_bound_holds() {
     let order = found.by_gain();
     let mut wide = vec![false; graph.nodes.len()];
     order[..2].iter().for_each(|id| wide[*id] = true);
-    // A bound that just two maps can be the first to meet, if they are: then these, and none after them.
+    // The bound is the growth with the first two maps. At most these two are chosen.
     let bound = growth(&bench.export(&wide));
     let some = choose(&job, &found, bound, |_| {}).unwrap();
     assert!(some.trials.len() <= 3 && growth(&some.export) <= bound, "{:?}", some.trials);
@@ -167,7 +167,7 @@ fn memory_is_drawn_where_it_lies() {
     let plan = model::Plan::of(&Model::new(&made.bytes).unwrap());
     let drawn = arena(&plan).unwrap();
     let of = |colour: [u8; 3]| drawn.pixels().filter(|pixel| pixel.0 == colour).count() as f64;
-    // The output's rectangle as a share of the plot, which is about 1299 x 701 pixels and 1.12 arenas high; less the line on it.
+    // The output's rectangle as a share of the plot, which is about 1299 x 701 pixels and 1.12 arenas high, minus the line on it.
     let output = plan.tensors.iter().find(|t| t.name == "output").unwrap();
     let wide = (output.last_mac - output.first_mac) as f64 / plan.macs as f64;
     let expected = 1299.0 * 701.0 * wide * output.bytes as f64 / (1.12 * plan.arena_bytes as f64);

@@ -1,4 +1,4 @@
-//! The commands as a user meets them: files in, files out, one line for every mistake.
+//! The commands as users run them: on files, with a one-line error for every mistake.
 
 use elunar_learn::model::init::initial_weights;
 use elunar_net::config::{NetConfig, Preset};
@@ -14,7 +14,7 @@ fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster
     support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
 }
 
-/// A folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
+/// Returns a folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
 fn bench() -> Shell {
     let bench = Shell::new();
     let truth = terrain(300, 340, (1000.0, 5000.0), 2.0);
@@ -111,7 +111,7 @@ fn a_killed_prediction_goes_on_where_it_was() {
     assert!(whole.status.success());
     let arguments = predict("image.tif", "coarse.tif", "net.safetensors", "killed.tif");
     let mut child = bench.command(&arguments).args(["--threads", "1"]).spawn().unwrap();
-    // The first rows are on disk when the file has more than its header; the second row of tiles is still to come.
+    // The first rows are on disk when the file is longer than its header. The second row of tiles is not done then.
     let part = bench.path("killed.tif.part");
     while std::fs::metadata(&part).map_or(0, |found| found.len()) <= 32 {
         assert!(child.try_wait().unwrap().is_none(), "ended before it could be killed");

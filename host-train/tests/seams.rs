@@ -1,4 +1,4 @@
-//! Where tiles join, nobody must see it.
+//! The seams of tiles must be invisible.
 
 use elunar_core::tile::{Shape, Tiling};
 use elunar_learn::float::open_any;
@@ -18,19 +18,19 @@ fn raster(rows: usize, cols: usize, pixel_m: f64, value: impl Fn(f64, f64) -> f6
     support::raster((rows, cols), (0.0, 0.0), pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
 }
 
-/// Smooth hills, 100 m and more from crest to crest.
+/// Returns smooth hills, 100 m and more from crest to crest.
 fn hills(x: f64, y: f64) -> f64 {
     20.0 * (x / 180.0).sin() * (y / 140.0).cos() + 3.0 * (x / 31.0 + y / 53.0).sin() + 2.0 * (y / 24.0 - x / 47.0).cos()
 }
 
-/// Lambert, Sun in the north-west, 35 degrees high.
+/// Returns Lambert brightness with the Sun in the north-west, 35 degrees high.
 fn brightness(x: f64, y: f64) -> f64 {
     let (dx, dy) = ((hills(x + 1.0, y) - hills(x - 1.0, y)) / 2.0, (hills(x, y + 1.0) - hills(x, y - 1.0)) / 2.0);
     let (up, side) = (35_f64.to_radians().sin(), 35_f64.to_radians().cos() / 2_f64.sqrt());
     1000.0 * (up + side * dx - side * dy).max(0.0) / (1.0 + dx * dx + dy * dy).sqrt()
 }
 
-/// How far the step over the line between `i` and `i + 1` departs from those beside it.
+/// Returns the difference between the step over the line from `i` to `i + 1` and the steps beside it.
 fn step(z: impl Fn(usize) -> f32, i: usize) -> f32 {
     let slope = |i: usize| z(i + 1) - z(i);
     (slope(i) - (slope(i - 1) + slope(i + 1)) / 2.0).abs()
@@ -53,7 +53,7 @@ fn seams_are_no_steps() {
         edges.dedup();
         edges
     };
-    // The last pixel before each first row or column of a tile, and the last one of each tile.
+    // The last pixel before the first row or column of each tile, and the last pixel of each tile.
     let (rows, cols) = (edges(|w| [w.row, w.row + w.rows], ROWS), edges(|w| [w.col, w.col + w.cols], COLS));
     assert!(rows.len() >= 2 && cols.len() >= 4, "{rows:?} {cols:?}");
     let across = rows.iter().flat_map(|&r| (0..COLS).map(move |c| (r, c))).map(|(r, c)| step(|i| at(i, c), r - 1));
@@ -70,7 +70,7 @@ fn seams_are_no_steps() {
         "relief {relief:.1} m; step at seams: mean {seam:.4} m, worst {worst:.3} m; elsewhere: mean {elsewhere:.4} m"
     );
     assert!(worst < 0.02 * relief, "worst step {worst} m of {relief} m relief");
-    // Invisible in a hillshade (Sun 45 degrees high): what a step adds to its surroundings is below half a grey level.
+    // Invisible in a hillshade (Sun 45 degrees high): the additional step is below half a grey level.
     let grey = (seam - elsewhere) / 2.0 * 254.0 * std::f32::consts::FRAC_1_SQRT_2;
     assert!(grey < 0.5, "steps of {seam} m at seams, {elsewhere} m elsewhere: {grey} grey levels");
 }

@@ -1,4 +1,4 @@
-//! Test suites from the command line: shipped model and other DTMs, tables, a page.
+//! Test suites from the command line: shipped model, other DTMs, tables, a page.
 
 mod support;
 
@@ -20,7 +20,7 @@ fn a_model_and_another_programs_dtms_end_in_tables_and_on_a_page() {
     let table = std::fs::read_to_string(shell.path("out/scenes/scenes.csv")).unwrap();
     assert_eq!(table, "name,sun_azimuth_deg,sun_elevation_deg\na,300.000,30.000\n");
 
-    // The other program knows the truth.
+    // The other program returns the truth.
     std::fs::create_dir(shell.path("known")).unwrap();
     let against = ["suite", "--suite", "list.toml", "--out", "out", "--model", MODEL, "--against", "oracle=known"];
     let refused = shell.refused(&against);
@@ -90,7 +90,7 @@ fn every_shipped_model_is_on_its_card_and_finds_slopes() {
     let rows = std::fs::read_to_string(shell.path("out/sums.csv")).unwrap();
     for (name, _) in runners {
         let row = rows.lines().find(|row| row.contains(&name)).unwrap();
-        // Behind scenes, method, number, three shares, MAE, RMSE and its ratio, slope MAE and slope vector error.
+        // The column after scenes, method, number, three shares, MAE, RMSE and its ratio, slope MAE and slope vector error.
         let ratio: f64 = row.split(',').nth(11).unwrap().parse().unwrap();
         println!("{name}: slope-vector error {ratio} of the coarse DTM's");
         assert!(ratio < 0.7, "{name}: {ratio} of the coarse DTM's slope error");

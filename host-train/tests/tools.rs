@@ -1,4 +1,4 @@
-//! `hillshade`, `diff`, `mosaic` and `prepare` as a user meets them: files in, files out, one line for every mistake.
+//! `hillshade`, `diff`, `mosaic` and `prepare` as users run them: on files, with a one-line error for every mistake.
 
 use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
 use elunar_raster::{Crs, Raster};
@@ -13,7 +13,7 @@ fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64, offset_m:
     support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
 }
 
-/// A folder with two overlapping DTMs, `left.tif` and `right.tif`, 3 m apart in height.
+/// Returns a folder with two overlapping DTMs, `left.tif` and `right.tif`, 3 m apart in height.
 fn bench() -> Shell {
     let bench = Shell::new();
     let mut left = terrain(60, 80, (1000.0, 5000.0), 2.0, 0.0);
@@ -205,7 +205,7 @@ fn a_mosaic_in_another_system_lies_where_its_dtms_lie() {
     bench.made(&["mosaic", "degrees.tif", "-o", "back.tif", "--t_srs", "IAU_2015:30135", "--tr", "2"]);
     let degrees = read(bench.path("degrees.tif")).unwrap();
     assert!(!degrees.georef.as_ref().unwrap().crs.is_projected());
-    // There and back is two bilinear interpolations of waves 180 m long and more.
+    // Two bilinear interpolations of waves at least 180 m long.
     let found = bench.made(&["diff", "back.tif", "left.tif", "--json"]);
     let found: serde_json::Value = serde_json::from_str(&found).unwrap();
     assert!(found["rmse_m"].as_f64().unwrap() < 0.03, "{found:#}");

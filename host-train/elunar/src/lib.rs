@@ -1,4 +1,4 @@
-//! The commands that need no training framework, for the programs `elunar` and `host-train`, which share them.
+//! The commands that need no training framework. The programs `elunar` and `host-train` share them.
 
 pub mod cli;
 pub mod picture;

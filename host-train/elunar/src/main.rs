@@ -1,4 +1,4 @@
-//! The program without a training framework: everything but training, float networks and what is built on them.
+//! The program without a training framework: all commands except training, float networks and commands that need them.
 
 use clap::Parser;
 use elunar::cli::{Cli, run};

@@ -1,9 +1,9 @@
-//! How a program ends.
+//! The end of a program.
 
 use elunar_raster::Result;
 use std::process::ExitCode;
 
-/// Runs a program: an error is one line on stderr, and nobody is told that nobody reads on.
+/// Runs a program. An error is one line on stderr. A closed standard output ends the program without a message.
 pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
     end_with_the_reader();
     match run() {
@@ -15,8 +15,8 @@ pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
     }
 }
 
-/// Where nobody reads on, as behind `| head`, `println!` panics: end as other programs do then, without a word, with the status of a
-/// broken pipe.
+/// Ends the program without a message if its standard output is closed, as behind `| head`. `println!` would panic. The exit status is that
+/// of a broken pipe, as in other programs.
 fn end_with_the_reader() {
     const BROKEN_PIPE: i32 = 128 + 13;
     let hook = std::panic::take_hook();

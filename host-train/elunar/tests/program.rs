@@ -1,4 +1,4 @@
-//! The program as a user runs it: from files to files, without a training framework.
+//! The program as users run it, on files, without a training framework.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -9,14 +9,14 @@ fn elunar(folder: &Path, words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_elunar")).current_dir(folder).args(words).output().unwrap()
 }
 
-/// What a command that must succeed prints.
+/// Returns the output of a command that must succeed.
 fn made(folder: &Path, words: &[&str]) -> String {
     let out = elunar(folder, words);
     assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
     String::from_utf8_lossy(&out.stdout).into_owned()
 }
 
-/// The one line of a command that must fail.
+/// Returns the one-line error of a command that must fail.
 fn refused(folder: &Path, words: &[&str]) -> String {
     let out = elunar(folder, words);
     let text = String::from_utf8_lossy(&out.stderr).into_owned();

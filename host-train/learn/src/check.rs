@@ -1,4 +1,4 @@
-//! The network against a golden file, map by map.
+//! Compares the network with a golden file, map by map.
 
 mod kinks;
 
@@ -18,9 +18,9 @@ use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Largest accepted relative error of a map, the output or a loss term.
+/// Greatest accepted relative error of a map, the output or a loss term.
 pub const MAP_TOLERANCE: f64 = 1e-4;
-/// Largest accepted relative error of a metric.
+/// Greatest accepted relative error of a metric.
 pub const METRIC_TOLERANCE: f64 = 1e-5;
 
 /// One compared quantity.
@@ -28,11 +28,11 @@ pub const METRIC_TOLERANCE: f64 = 1e-5;
 pub struct Line {
     /// Map, term or metric.
     pub name: String,
-    /// Relative error: maximum difference over the maximum magnitude expected.
+    /// Relative error: greatest difference over the greatest expected magnitude.
     pub error: f64,
-    /// What is accepted.
+    /// Greatest accepted error.
     pub tolerance: f64,
-    /// How it was compared, where that needs a word; else empty.
+    /// Remark on the comparison; may be empty.
     pub note: String,
 }
 
@@ -42,10 +42,10 @@ impl Line {
     }
 }
 
-/// Runs the network of a golden file on its inputs and compares everything the file holds.
+/// Runs the network of a golden file on its inputs and compares all contents of the file.
 ///
 /// # Errors
-/// If the file is unreadable, broken or incomplete.
+/// If the file cannot be read, is broken or incomplete.
 pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
     let golden = Weights::read(path)?;
     let config = config_of(&golden, path)?;
@@ -73,7 +73,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
     Ok(lines)
 }
 
-/// The metrics (Eq. 11–17) of the golden output against the golden truth.
+/// Compares the metrics (Eq. 11–17) of the golden output against the golden truth.
 fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LengthError| Error::broken(path, format!("truth against output: {e}"));
@@ -108,8 +108,8 @@ fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
         .collect()
 }
 
-/// Automatic differentiation of the hybrid loss against the analytic gradient on plain slices, at the golden output. At kinks of the loss
-/// ([`Kinks`]) the two may differ by as much as the derivative jumps there.
+/// Compares automatic differentiation of the hybrid loss with the analytic gradient on plain slices, at the golden output. At kinks of the
+/// loss ([`Kinks`]) the two may differ by as much as the derivative jumps there.
 fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Line> {
     let (found, shape) = automatic_gradient(golden, path, device)?;
     let expected = analytic_gradient(golden, path, shape)?;
@@ -123,7 +123,7 @@ fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Li
     Ok(line)
 }
 
-/// The gradient of the paper's loss at the golden output by automatic differentiation, and its rows and columns.
+/// Returns the gradient of the paper's loss at the golden output by automatic differentiation, and its shape.
 fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<(Vec<f32>, Shape)> {
     let device = device.clone().autodiff();
     let prediction = tensor(golden, "output", path, &device)?.require_grad();
@@ -135,7 +135,7 @@ fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<
     Ok((found, Shape::new(rows, cols)))
 }
 
-/// The same by `core`.
+/// Returns the same gradient, computed by `core`.
 fn analytic_gradient(golden: &Weights, path: &Path, shape: Shape) -> Result<Vec<f32>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LossError| Error::broken(path, format!("truth against output: {e}"));
@@ -145,7 +145,7 @@ fn analytic_gradient(golden: &Weights, path: &Path, shape: Shape) -> Result<Vec<
     Ok(gradient)
 }
 
-/// The largest magnitude.
+/// Returns the greatest magnitude.
 fn peak(values: &[f32]) -> f64 {
     values.iter().fold(0.0, |m, v| m.max(f64::from(v.abs())))
 }
@@ -166,7 +166,7 @@ fn json<T: serde::de::DeserializeOwned>(golden: &Weights, key: &str, path: &Path
     serde_json::from_str(text).map_err(|e| Error::broken(path, format!("metadata `{key}`: {e}")))
 }
 
-/// Maximum difference over the maximum magnitude expected; `None` if shapes differ.
+/// Returns the greatest difference over the greatest expected magnitude; `None` if shapes differ.
 fn relative_error(expected: &Option<&Array>, found: &Tensor<4>) -> Option<f64> {
     let expected = (*expected)?;
     if expected.shape != found.dims() {
@@ -174,7 +174,7 @@ fn relative_error(expected: &Option<&Array>, found: &Tensor<4>) -> Option<f64> {
     }
     let found = found.to_data().try_to_vec::<f32>().ok()?;
     let worst = expected.data.iter().zip(&found).map(|(e, f)| f64::from((e - f).abs()));
-    // A NaN must not pass as "no difference".
+    // A NaN must not count as "no difference".
     Some(worst.fold(0.0, |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) }) / peak(&expected.data))
 }
 
@@ -183,7 +183,7 @@ mod tests {
     use super::*;
     use crate::model::backend::Backend;
 
-    /// The golden case of windows of 5, with a truth that has the output's slopes in three pixels, as arithmetic without rounding sees it.
+    /// Returns the golden case with windows of 5. Its truth has the output's slopes in three pixels, in exact arithmetic.
     fn touching() -> Weights {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/mini/case.safetensors");
         let mut golden = Weights::read(&path).unwrap();
@@ -212,7 +212,7 @@ mod tests {
         let (found, _) = automatic_gradient(&golden, path, &device).unwrap();
         let apart = strict.difference(&gradient, &found) / peak(&gradient);
         assert!(apart > 100.0 * MAP_TOLERANCE, "both fall on the same side, so the case shows nothing: {apart}");
-        // No more is excused than that, and nothing elsewhere.
+        // Larger differences, and differences elsewhere, are errors.
         let error = |at: usize, by: f64| {
             let mut found = gradient.clone();
             found[at] += by as f32;
@@ -228,7 +228,7 @@ mod tests {
 
     #[test]
     fn what_goes_through_the_mean_is_the_same_everywhere() {
-        // Equal maps touch in every pixel.
+        // Equal maps have a kink in every pixel.
         let (truth, prediction) = ([2.0f32; 12], [2.0f32; 12]);
         let kinks = Kinks::find(&truth, &prediction, Shape::new(3, 4), &LossWeights::PAPER);
         assert_eq!((kinks.count, kinks.of), (36, 36));

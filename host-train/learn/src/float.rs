@@ -1,4 +1,4 @@
-//! Float weights as a model the tile loop can run.
+//! Float weights as a model for the tile loop.
 
 use crate::model::backend::Backend;
 use crate::model::elunar::ELunarDtmNet;
@@ -15,10 +15,10 @@ use elunar_scene::predict::int8;
 use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;
 
-/// Opens a model of either kind: `.safetensors` is a float network, run on `backend`; `.eld` an exported one for the int8 runner.
+/// Opens a model of either kind: a `.safetensors` file is a float network, run on `backend`; an `.eld` file is a model for the int8 runner.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for another extension; else as [`open`] and [`int8::open`].
+/// [`Error::Unsupported`] for another extension; otherwise as [`open`] and [`int8::open`].
 pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => Ok(Box::new(open(path, backend)?)),
@@ -27,7 +27,7 @@ pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
     }
 }
 
-/// Whether a file is called float weights.
+/// Returns whether a file has the extension of float weights.
 #[must_use]
 pub fn is_float(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "safetensors")
@@ -44,7 +44,7 @@ pub struct FloatModel {
 /// Opens float weights on a backend.
 ///
 /// # Errors
-/// If the file cannot be read, is broken, holds no configuration, or its tensors do not fit it.
+/// If the file cannot be read, is broken, has no configuration, or its tensors do not fit it.
 pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let hash = sha256_hex(&bytes);

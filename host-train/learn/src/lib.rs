@@ -1,4 +1,4 @@
-//! The float network in Burn, the only package that knows Burn: [`model`] is the network, [`train`] teaches it, [`float`] runs it over a scene.
+//! The float network in Burn. No other package uses Burn. [`model`] is the network, [`train`] trains it, [`float`] runs it on a scene.
 
 pub mod check;
 pub mod float;

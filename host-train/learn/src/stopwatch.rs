@@ -1,16 +1,16 @@
-//! Where the time of training goes: parts of a step, and operators inside them, added up while somebody wants to know.
+//! Times of training: parts of a step, and the operators within them. They are summed while the stopwatch runs.
 //!
-//! One stopwatch per process, since the network's operators are called from inside Burn, where nothing of ours can be handed through.
-//! Parts lie side by side; operators lie inside forward and backward passes.
+//! There is one stopwatch per process, since Burn calls the network's operators, and no object of ours can be passed through Burn. Parts do
+//! not overlap. Operators are within forward and backward passes.
 
 use std::fmt::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What is timed.
+/// A part of the training time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The training loop waits for the thread that makes tiles.
+    /// The training loop waits for the thread of the tiles.
     Tiles,
     /// Samples become tensors.
     Tensors,
@@ -30,12 +30,12 @@ pub enum Part {
     BatchNorm(Pass),
 }
 
-/// Which way.
+/// Direction of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pass {
     /// From inputs to the output.
     Forward,
-    /// From the output's gradient to those of the inputs.
+    /// From the output's gradient to the inputs' gradients.
     Backward,
 }
 
@@ -91,13 +91,13 @@ impl Part {
     }
 }
 
-/// Sets all sums to nothing and adds up from now on.
+/// Resets all sums and starts the stopwatch.
 pub fn start() {
     NANOSECONDS.iter().for_each(|sum| sum.store(0, Ordering::Relaxed));
     RUNS.store(true, Ordering::Relaxed);
 }
 
-/// Does `work`, and adds its time to a part's if the stopwatch runs.
+/// Runs `work`, and adds its time to a part if the stopwatch runs.
 pub fn time<T>(part: Part, work: impl FnOnce() -> T) -> T {
     if !RUNS.load(Ordering::Relaxed) {
         return work();
@@ -108,7 +108,7 @@ pub fn time<T>(part: Part, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Does `work` without adding anything of it up.
+/// Runs `work` without adding any of its time.
 pub fn pause<T>(work: impl FnOnce() -> T) -> T {
     let ran = RUNS.swap(false, Ordering::Relaxed);
     let done = work();
@@ -116,8 +116,8 @@ pub fn pause<T>(work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Milliseconds per step and shares of `wall`, which `steps` took in all. What no operator's line names is in "the rest": of the forward and
-/// backward passes attention, matrix products, activations and copies; of the whole validation, checkpoints and the journal.
+/// Returns milliseconds per step and shares of `wall`, the time of all `steps`. "The rest" is the time without its own line. In forward and
+/// backward passes it is attention, matrix products, activations and copies; in the whole it is validation, checkpoints and the journal.
 #[must_use]
 pub fn table(steps: usize, wall: Duration) -> String {
     let mut text = String::from("| part | ms per step | share |\n|---|---|---|\n");
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn time_is_added_while_the_stopwatch_runs() {
-        // Other tests of this process may add theirs.
+        // Other tests of this process may add their times.
         start();
         let nap = Duration::from_millis(20);
         assert_eq!(

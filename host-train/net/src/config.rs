@@ -1,4 +1,4 @@
-//! Every width, depth and switch of the network, with the paper's value or "our choice".
+//! Configuration of the network: every width, depth and switch, with the paper's value or "our choice".
 
 use crate::names::{IlluminationName, TruthRangeName};
 use crate::weights::Weights;
@@ -15,7 +15,7 @@ use std::path::Path;
 pub enum Head {
     /// 3x3 convolution and ReLU: absolute normalised elevation (the paper's).
     Relu,
-    /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: converges in minutes).
+    /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: training converges in minutes).
     Residual,
 }
 
@@ -30,14 +30,14 @@ pub enum ImageEncoderKind {
     Resnet,
 }
 
-/// Decoder blocks 2 to 5.
+/// Blocks 2 to 5 of the decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum DecoderKind {
-    /// The shortcut sees the previous decoder output only (the paper's).
+    /// The shortcut reads the previous decoder output only (the paper's).
     Residual,
-    /// Up-projection block: the shortcut sees skip and previous output (the paper's ablation).
+    /// Up-projection block: the shortcut reads skip and previous output (the paper's ablation).
     Upb,
 }
 
@@ -50,23 +50,23 @@ pub enum Preset {
     Paper,
     /// Half the width.
     Small,
-    /// A quarter.
+    /// A quarter of the width.
     Tiny,
-    /// An eighth, 2.8 M parameters: trains on a laptop, flies on a microcontroller.
+    /// An eighth of the width, 2.8 M parameters. A laptop can train it, and a microcontroller can run it.
     Nano,
 }
 
-/// Departures from the paper's network, as command-line options.
+/// Changes to the paper's network, as command-line options.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "clap", derive(clap::Args))]
 pub struct Switches {
     /// Output head [default: relu; `train` with tiny or nano: residual].
     #[cfg_attr(feature = "clap", arg(long))]
     pub head: Option<Head>,
-    /// Whose range normalises the truth [default: own; `train` with tiny or nano: pixel].
+    /// Which DTM's range normalises the truth [default: own; `train` with tiny or nano: pixel].
     #[cfg_attr(feature = "clap", arg(long, value_parser = crate::names::truth_range()))]
     pub target_range: Option<TruthRange>,
-    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, else 0].
+    /// Share of the coarse relief added below and above the range [default: 0.1 with `reference`, otherwise 0].
     #[cfg_attr(feature = "clap", arg(long))]
     pub range_margin: Option<f32>,
     /// Upper end of the normalised range; 1 is the paper's max-min ablation [default: 50].
@@ -78,7 +78,7 @@ pub struct Switches {
     /// Decoder blocks [default: residual].
     #[cfg_attr(feature = "clap", arg(long))]
     pub decoder_kind: Option<DecoderKind>,
-    /// Which light the network knows [default: any; `train` with tiny or nano: given].
+    /// Light for which the network is trained [default: any; `train` with tiny or nano: given].
     #[cfg_attr(feature = "clap", arg(long, value_parser = crate::names::illumination()))]
     pub illumination: Option<Illumination>,
     /// Share of a batch in the running statistics of batch normalisation [default: 0.1, as in PyTorch; `train` with tiny or
@@ -88,24 +88,25 @@ pub struct Switches {
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[cfg_attr(feature = "clap", arg(long))]
     pub no_coarse: bool,
-    /// Give the coarse DTM as one more channel of the image instead of a branch of its own (as single-branch rivals do).
+    /// Pass the coarse DTM as one more channel of the image instead of a separate branch (as in other published networks with a single
+    /// branch).
     #[cfg_attr(feature = "clap", arg(long))]
     pub coarse_channel: bool,
 }
 
-/// Blocks per stage of [`ImageEncoderKind::Resnet`], as in the 18-layer network (our choice: the paper does not name the depth of its
+/// Blocks per stage of [`ImageEncoderKind::Resnet`], as in the 18-layer network (our choice: the paper does not state the depth of its
 /// ablation).
 pub const RESNET_BLOCKS: usize = 2;
 
 /// Kernel sides of the coarse-DTM encoder's five units (Fig. 5).
 pub const DTM_KERNELS: [usize; 5] = [11, 9, 7, 5, 3];
 
-/// Default of [`NetConfig::range_margin`] with [`TruthRange::Reference`] (our choice: fine relief exceeds the coarse one by 6
-/// to 10 %, so a tenth on both sides keeps nearly all truth inside [0, NR]).
+/// Default of [`NetConfig::range_margin`] with [`TruthRange::Reference`] (our choice). The fine relief exceeds the coarse one by 6 to 10 %,
+/// so a tenth on both sides keeps nearly all truth inside [0, NR].
 pub const REFERENCE_MARGIN: f32 = 0.1;
 
 impl Switches {
-    /// `config` with the given switches set.
+    /// Returns `config` with the given switches set.
     ///
     /// # Errors
     /// [`Error::Usage`] if they contradict each other.
@@ -128,7 +129,7 @@ impl Switches {
     }
 }
 
-/// The network's shape. The first seven fields carry the reference implementation's names.
+/// The configuration of a network. The first seven fields have the reference implementation's names.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NetConfig {
     /// Swin channels C after patch embedding; stage i has `embed << i`.
@@ -148,7 +149,7 @@ pub struct NetConfig {
     /// Output head.
     #[serde(default = "relu")]
     pub head: Head,
-    /// Whose range normalises the truth.
+    /// Which DTM's range normalises the truth.
     #[serde(default = "own", with = "TruthRangeName")]
     pub target_range: TruthRange,
     /// With [`TruthRange::Reference`]: the coarse relief is widened by this share below and above (0 with `own`).
@@ -163,17 +164,17 @@ pub struct NetConfig {
     /// Decoder blocks.
     #[serde(default = "residual_decoder")]
     pub decoder_kind: DecoderKind,
-    /// Which light the network knows.
+    /// Light for which the network is trained.
     #[serde(default = "any", with = "IlluminationName")]
     pub illumination: Illumination,
-    /// Share of a batch in the running statistics of batch normalisation; PyTorch's default is 0.1. Matters in training only.
+    /// Share of a batch in the running statistics of batch normalisation. PyTorch's default is 0.1. Only training uses it.
     #[serde(default = "bn_momentum")]
     pub bn_momentum: f64,
     /// Whether the coarse-DTM branch exists (`false`: the paper's ablation).
     #[serde(default = "yes")]
     pub use_coarse: bool,
-    /// Whether the coarse DTM is one more channel of the image, divided by NR, instead of a branch of its own: the single-branch design
-    /// of rivals. Not exported.
+    /// Whether the coarse DTM is one more channel of the image, divided by NR, instead of a separate branch. Other published networks with
+    /// a single branch do so. Not exported.
     #[serde(default)]
     pub coarse_channel: bool,
 }
@@ -204,7 +205,7 @@ fn yes() -> bool {
 }
 
 impl NetConfig {
-    /// The reference configuration of a preset, with the paper's switches.
+    /// Returns the reference configuration of a preset, with the paper's switches.
     pub fn preset(preset: Preset) -> Self {
         let (embed, depths, heads, window, stem, dtm, decoder) = match preset {
             Preset::Paper => {
@@ -235,36 +236,36 @@ impl NetConfig {
         }
     }
 
-    /// Maps of which the image consists: brightness, or a guide's four.
+    /// Returns the number of the image's maps: 1 for brightness, 4 for a guide.
     pub fn image_maps(&self) -> usize {
         self.illumination.image_maps()
     }
 
-    /// How its tiles are normalised, as `core` says it.
+    /// Returns the rules by which tiles are normalised, in the form of `core`.
     pub fn input_rules(&self) -> InputRules {
         let Self { nr, range_margin, target_range: truth_range, illumination, .. } = *self;
         InputRules { nr, range_margin, truth_range, illumination }
     }
 
-    /// Channels that the image encoder reads.
+    /// Returns the number of channels that the image encoder reads.
     pub fn encoder_channels(&self) -> usize {
         self.image_maps() + usize::from(self.coarse_channel)
     }
 
-    /// Largest magnitude of a normalised coarse height that the runner must represent.
+    /// Returns the largest magnitude of a normalised coarse height that the runner must represent.
     pub fn coarse_limit(&self) -> f32 {
         match self.target_range {
-            // A tile of 320 pixels about its mean: 45 degrees from end to end stay inside.
+            // A tile of 320 pixels, relative to its mean. A slope of 45 degrees from end to end stays inside.
             TruthRange::Pixel => 4.0 * self.nr,
-            // A little beyond [0, NR] on both sides: rounding must not clamp.
+            // Slightly beyond [0, NR] on both sides, so that rounding does not clamp.
             _ => 1.02 * self.nr,
         }
     }
 
-    /// Whether a network can be built: positive widths, heads that divide, and switches that do not contradict.
+    /// Checks that a network can be built: positive widths, divisible heads, and switches that do not contradict each other.
     ///
     /// # Errors
-    /// One line naming the first field that does not fit, with what was expected and found.
+    /// One line with the first field that is wrong, what was expected and what was found.
     pub fn check(&self) -> std::result::Result<(), String> {
         let sizes = [self.embed, self.window, self.stem].into_iter().chain(self.depths).chain(self.heads);
         let sizes = sizes.chain(self.dtm).chain(self.decoder);
@@ -304,7 +305,7 @@ impl NetConfig {
     }
 }
 
-/// The configuration stored beside the weights.
+/// Reads the configuration stored beside the weights.
 ///
 /// # Errors
 /// [`Error::Broken`] if it is missing or malformed.
@@ -319,8 +320,8 @@ pub fn config_of(weights: &Weights, path: &Path) -> Result<NetConfig> {
     Ok(config)
 }
 
-/// The network a preset trains by default: the paper's for `paper` and `small`; for `tiny` and `nano` slopes in and corrections of
-/// the coarse DTM out, which converge in minutes (our choice).
+/// Returns the network that a preset trains by default: the paper's for `paper` and `small`. For `tiny` and `nano`, slopes are inputs and
+/// corrections of the coarse DTM are the output, which converges in minutes (our choice).
 pub fn trained_network(preset: Preset) -> NetConfig {
     let config = NetConfig::preset(preset);
     match preset {
@@ -329,14 +330,14 @@ pub fn trained_network(preset: Preset) -> NetConfig {
             head: Head::Residual,
             target_range: TruthRange::Pixel,
             illumination: Illumination::Given,
-            // Small batches of very different tiles: at 0.1 the running statistics, and with them validation, jump about.
+            // Batches are small and their tiles differ much. At 0.1, running statistics and validation results vary strongly.
             bn_momentum: 0.02,
             ..config
         },
     }
 }
 
-/// A network small enough to train in a test, with every part of the shipped ones.
+/// Returns a network that is small enough to train in a test, with every part of the shipped networks.
 pub fn miniature_network() -> NetConfig {
     NetConfig {
         embed: 8,

@@ -1,15 +1,15 @@
-//! Whether weights are those of a configuration.
+//! Check that weights fit a configuration.
 
 use crate::weights::Weights;
 use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Fails unless `found` holds every tensor of `expected` in its shape, finite numbers in all of them, and no other tensor; `path` names
-/// the file in messages.
+/// Checks that `found` holds every tensor of `expected` in its shape, that all numbers are finite, and that there is no other tensor.
+/// Messages call the file `path`.
 ///
 /// # Errors
-/// [`Error::Broken`] that lists every misfit.
+/// [`Error::Broken`] with a list of all misfits.
 pub fn check_fit(expected: &BTreeMap<String, Vec<usize>>, found: &Weights, path: &Path) -> Result<()> {
     let mut misfits = Vec::new();
     for (name, shape) in expected {
@@ -33,7 +33,7 @@ pub fn check_fit(expected: &BTreeMap<String, Vec<usize>>, found: &Weights, path:
     Err(Error::broken(path, what))
 }
 
-/// Names in weight files that are not parameters: golden files carry their inputs and outputs beside the weights.
+/// Returns whether a name is not a parameter. Golden files hold their inputs and outputs beside the weights.
 fn is_payload(name: &str) -> bool {
     name.starts_with("input.") || name.starts_with("trace.") || name == "output" || name == "truth"
 }

@@ -1,17 +1,16 @@
-//! From where the Sun shines, and how a scene is mirrored so that it shines from where the network expects it.
+//! The light of a scene, and the mirror that brings it to the quadrant that the network expects.
 //!
-//! One image does not tell a bump lit from the left from a hollow lit from the right. The paper's network must find the Sun
-//! within every tile; ours may be trained with the Sun in the north-west quadrant of the grid only, and a scene is mirrored
-//! left–right and up–down to make that so (our choice: the shading of small relief then has one sign per axis, and training is
-//! shorter by far). Mirroring turns light and shape together, so nothing is lost, and the result is mirrored back. With
-//! `given` light the network is also told how brightness answers to slope ([`Light`]). Which light that is: [`Lighting`], whose rule flight
-//! shares.
+//! From one image, a bump lit from the left cannot be distinguished from a hollow lit from the right. The paper's network must find the Sun
+//! within every tile. Our networks may be trained with the Sun in the north-west quadrant of the grid only. A scene is then mirrored
+//! left–right and up–down, so that its Sun is there (our choice: the shading of small relief then has one sign per axis, and training is
+//! much shorter). The mirror acts on light and shape together, so nothing is lost, and the result is mirrored back. With `given` light, the
+//! change of brightness with slope is a further input ([`Light`]). [`Lighting`] chooses the light; flight uses the same rule.
 
 pub use elunar_core::nn::{KnownSun, LightSource, Lighting};
 pub use elunar_core::norm::{Light, Mirror};
 use elunar_core::tile::Shape;
 
-/// A row-major map of `cols` pixels a row, mirrored.
+/// Returns a row-major map of `cols` pixels per row, mirrored.
 pub fn mirrored<T: Copy>(mirror: Mirror, map: &[T], cols: usize) -> Vec<T> {
     let shape = Shape::new(map.len() / cols.max(1), cols);
     (0..map.len()).map(|i| map[mirror.source(i, shape)]).collect()

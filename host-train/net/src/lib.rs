@@ -1,7 +1,8 @@
-//! The network as data: what it is ([`config`]), its numbers ([`weights`], from elsewhere: [`published`]), which light it knows ([`illumination`]), and
-//! the compiler that turns both into the model file of the int8 runner ([`export`]), which [`inspect`] reads again.
+//! The network as data. [`config`] is its configuration and [`weights`] are its weights; [`published`] reads those of other projects.
+//! [`illumination`] is the light for which it is trained. [`export`] compiles configuration and weights into the model file of the int8
+//! runner, and [`inspect`] reads that file.
 //!
-//! Its arithmetic is elsewhere: in `elunar-learn` on floats, in `elunar-core` on integers.
+//! The arithmetic is in `elunar-learn` on floats, in `elunar-core` on integers.
 
 pub mod config;
 pub mod digest;

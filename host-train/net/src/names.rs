@@ -1,32 +1,33 @@
-//! What files and command lines call two enums of `core`, which knows neither.
+//! Names of two enums of `core` in files and on command lines. `core` itself has no such names.
 
 use elunar_core::nn::{Illumination, TruthRange};
 use serde::{Deserialize, Serialize};
 
-/// Whose minimum and relief normalise the true DTM.
+/// Which DTM's minimum and relief normalise the true DTM.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(remote = "TruthRange", rename_all = "lowercase")]
 pub(crate) enum TruthRangeName {
-    /// The truth's own (Sec. III-A1). Recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
+    /// The truth's own (Sec. III-A1). Scale recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
     Own,
-    /// The coarse tile's, widened by the range margin on both sides, for both DTMs: recovery is exact (our choice).
+    /// The coarse tile's, widened by the range margin on both sides, for both DTMs. Scale recovery is exact (our choice).
     Reference,
-    /// None: both DTMs are counted in pixels of the image about the mean of the coarse one, so that slopes are slopes (our choice).
+    /// None. Both DTMs are in pixels of the image, relative to the mean of the coarse DTM, so that their slopes are true slopes (our
+    /// choice).
     Pixel,
 }
 
-/// Which light the network knows.
+/// Light for which the network is trained.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(remote = "Illumination", rename_all = "lowercase")]
 pub(crate) enum IlluminationName {
-    /// The Sun anywhere (the paper's).
+    /// The Sun in any direction (the paper's).
     Any,
-    /// The Sun in the north-west quadrant of the grid; scenes are mirrored to make that so (our choice).
+    /// The Sun in the north-west quadrant of the grid. Scenes are mirrored accordingly (our choice).
     Northwest,
-    /// As northwest, and the change of brightness with slope is given: linear photoclinometry makes a first estimate, which the network
-    /// corrects (our choice).
+    /// As northwest. In addition, the change of brightness with slope is given. Linear photoclinometry makes a first estimate, and the
+    /// network corrects it (our choice).
     Given,
 }
 
@@ -35,7 +36,7 @@ mod options {
     use super::{Illumination, IlluminationName, TruthRange, TruthRangeName};
     use clap::builder::{EnumValueParser, TypedValueParser};
 
-    /// Reads an option's value.
+    /// Returns the parser of the option's value.
     pub(crate) fn truth_range() -> impl TypedValueParser<Value = TruthRange> {
         EnumValueParser::<TruthRangeName>::new().map(|name| match name {
             TruthRangeName::Own => TruthRange::Own,
@@ -44,7 +45,7 @@ mod options {
         })
     }
 
-    /// Reads an option's value.
+    /// Returns the parser of the option's value.
     pub(crate) fn illumination() -> impl TypedValueParser<Value = Illumination> {
         EnumValueParser::<IlluminationName>::new().map(|name| match name {
             IlluminationName::Any => Illumination::Any,

@@ -1,8 +1,8 @@
-//! Published Swin checkpoints into the image encoder.
+//! Published Swin checkpoints as weights of the image encoder.
 //!
-//! Both namings are understood: timm's (patch merging opens a stage: `layers.1.downsample`) and the original one (it closes
-//! the stage before: `layers.0.downsample`). Classifier heads and index buffers are left out. An RGB patch embedding is summed
-//! to one channel, which is what feeding the same grey value three times computes.
+//! Two namings are supported: timm's (patch merging begins a stage: `layers.1.downsample`) and the original one (patch merging ends the
+//! stage before: `layers.0.downsample`). Classifier heads and index buffers are left out. An RGB patch embedding is summed to one channel,
+//! which equals an input of the same grey value three times.
 
 use crate::weights::{Array, Weights};
 use elunar_raster::{Error, Result};
@@ -10,11 +10,11 @@ use std::path::Path;
 
 const PREFIX: &str = "image_encoder.swin.";
 
-/// Copies every Swin tensor of `published` into `weights`; `path` names the checkpoint in messages.
+/// Copies every Swin tensor of `published` into `weights`. Messages call the checkpoint `path`.
 ///
 /// # Errors
-/// [`Error::Broken`] if a tensor the encoder needs is absent or has another shape; all misfits are listed. Layer norms on the
-/// four outputs are not part of classification checkpoints and keep their values.
+/// [`Error::Broken`], with a list of all misfits, if a tensor that the encoder needs is absent or has another shape. Classification
+/// checkpoints have no layer norms on the four outputs; these keep their values.
 pub fn load_swin(weights: &mut Weights, published: &Weights, path: &Path) -> Result<()> {
     let original = published.tensors.contains_key("layers.0.downsample.reduction.weight");
     let mut misfits = Vec::new();
@@ -35,7 +35,7 @@ pub fn load_swin(weights: &mut Weights, published: &Weights, path: &Path) -> Res
     Err(Error::broken(path, what))
 }
 
-/// `norm0`..`norm3`, but not the norms inside blocks.
+/// Returns whether the name is `norm0`..`norm3`, but not a norm inside a block.
 fn is_output_norm(local: &str) -> bool {
     local.starts_with("norm") && !local.starts_with("norm.")
 }
@@ -48,7 +48,7 @@ fn published_name(local: &str, original: bool) -> String {
     }
 }
 
-/// `[C, in, 4, 4]` summed over `in`.
+/// Sums `[C, in, 4, 4]` over `in`.
 fn one_channel(a: &Array) -> Array {
     let [out, input, kh, kw] = a.shape[..] else { return a.clone() };
     let taps = kh * kw;

@@ -1,4 +1,4 @@
-//! Named float tensors as a file holds them: the meeting point of the Burn network, the checker and the exporter.
+//! Named float tensors as in a file. The Burn network, the checker and the exporter exchange weights in this form.
 
 use elunar_raster::{Error, Result};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -8,9 +8,9 @@ use std::path::Path;
 /// One tensor, row-major, in the reference's (PyTorch) layout: linear `[out, in]`, convolution `[out, in, kh, kw]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {
-    /// Extents, slowest first.
+    /// Extents, slowest axis first.
     pub shape: Vec<usize>,
-    /// Samples; `shape.iter().product()` of them.
+    /// Samples. Their number is `shape.iter().product()`.
     pub data: Vec<f32>,
 }
 
@@ -33,7 +33,7 @@ impl Weights {
         Self::from_bytes(path, &bytes)
     }
 
-    /// As [`Self::read`], from memory; `path` only names the source in messages.
+    /// Reads the file from memory, as [`Self::read`]. Messages call it `path`.
     ///
     /// # Errors
     /// As [`Self::read`].
@@ -57,10 +57,10 @@ impl Weights {
         Ok(Self { tensors, metadata })
     }
 
-    /// Adds another file's numbers, tensor by tensor; the metadata stay.
+    /// Adds the numbers of another file, tensor by tensor. The metadata stay.
     ///
     /// # Errors
-    /// What was expected, if names or shapes differ; some tensors may have been added by then.
+    /// A text with what was expected, if names or shapes differ. Some tensors may already have been added.
     pub fn add(&mut self, other: &Self) -> std::result::Result<(), String> {
         if let Some(name) = other.tensors.keys().find(|name| !self.tensors.contains_key(*name)) {
             return Err(format!("{name}: expected no such tensor"));
@@ -73,7 +73,7 @@ impl Weights {
         Ok(())
     }
 
-    /// The file's bytes.
+    /// Returns the bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let raw: Vec<(&String, Vec<usize>, Vec<u8>)> = self
             .tensors
@@ -87,7 +87,7 @@ impl Weights {
         safetensors::serialize(views, Some(metadata)).expect("names and shapes are plain")
     }
 
-    /// Writes a safetensors file, whole or not at all (a sibling temporary file is renamed into place).
+    /// Writes a safetensors file, whole or not at all. A temporary file beside it is written, then renamed.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.

@@ -1,4 +1,4 @@
-//! Raw samples in a file, row after row: what PDS3 images and `.npy` files hold behind their headers.
+//! Raw samples in a file, row after row, as in PDS3 images and `.npy` files behind their headers.
 
 use super::source::{Info, Source, check_window};
 use crate::{Error, Result};
@@ -9,7 +9,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// How one sample is stored.
+/// Type of a stored sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sample {
     U8,
@@ -50,21 +50,21 @@ impl Sample {
     }
 }
 
-/// Where the samples lie in the file.
+/// Position of the samples in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) sample: Sample,
     pub(super) big_endian: bool,
     pub(super) rows: usize,
     pub(super) cols: usize,
-    /// First byte of the first sample.
+    /// Offset of the first sample, bytes.
     pub(super) start: u64,
-    /// Bytes from one row's first sample to the next row's.
+    /// Distance from one row's first sample to the next row's, bytes.
     pub(super) row_bytes: u64,
 }
 
 impl Layout {
-    /// First byte behind the last sample; `None` beyond 2^64.
+    /// Returns the offset behind the last sample; `None` beyond 2^64.
     pub(super) fn end(&self) -> Option<u64> {
         let last = (self.rows as u64).checked_sub(1)?.checked_mul(self.row_bytes)?;
         let row = (self.cols as u64).checked_mul(self.sample.bytes() as u64)?;
@@ -72,10 +72,10 @@ impl Layout {
     }
 }
 
-/// What the stored numbers mean.
+/// Meaning of the stored numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Meaning {
-    /// Stored numbers that stand for "no measurement", beyond those every file has.
+    /// Stored numbers that mean "no measurement", in addition to the special pixels of every format.
     pub(super) missing: Vec<f64>,
     /// Sample = stored * scale + offset.
     pub(super) scale: f64,
@@ -97,7 +97,7 @@ impl Meaning {
         if sample.is_finite() { sample } else { f32::NAN }
     }
 
-    /// Floats are special at or below [`FLOAT_SPECIAL_MAX`], as everywhere.
+    /// Floats at or below [`FLOAT_SPECIAL_MAX`] are special, as in every format.
     pub(super) fn apply_float(&self, stored: f64) -> f32 {
         if stored > f64::from(FLOAT_SPECIAL_MAX) { self.apply(stored) } else { f32::NAN }
     }
@@ -114,7 +114,7 @@ pub(super) struct Binary {
 }
 
 impl Binary {
-    /// Takes a file that is known to be long enough for `layout`.
+    /// Makes a reader of a file that is long enough for `layout`.
     pub(super) fn new(path: PathBuf, file: File, layout: Layout, meaning: Meaning, info: Info) -> Self {
         Self { path, file: Mutex::new(file), layout, meaning, info }
     }
@@ -158,7 +158,7 @@ impl Source for Binary {
             return Ok(out);
         }
         let mut line = vec![0; window.cols * sample.bytes()];
-        // A reader that panicked leaves nothing half done here: every read seeks first.
+        // A reader that panicked leaves no bad state, because every read seeks first.
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         for row in window.row..window.row + window.rows {
             let at = start + row as u64 * row_bytes + (window.col * sample.bytes()) as u64;

@@ -9,13 +9,13 @@ use super::Projection;
 use std::collections::BTreeMap;
 use tiff::tags::Tag;
 
-/// Radius of the Moon's reference sphere, metres: all heights of this project are above it.
+/// Radius of the Moon's reference sphere, metres. All heights of this project are above it.
 pub const MOON_RADIUS_M: f64 = 1_737_400.0;
 
-/// What a key names for its tag if its value stands in the key itself.
+/// Tag of a key whose value is stored in the key itself.
 const INLINE: Tag = Tag::Unknown(0);
 
-/// A coordinate reference system as GeoTIFF keys carry it. Kept verbatim, so that what comes in goes out.
+/// A coordinate reference system in GeoTIFF keys. The keys are stored verbatim, so that they are written as they were read.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Crs {
     /// GeoKeyDirectoryTag (34735), header included.
@@ -84,25 +84,25 @@ enum Value {
 }
 
 impl Crs {
-    /// True if the file named no system at all.
+    /// Returns whether the file names no system.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.directory.is_empty()
     }
 
-    /// True for systems with map coordinates in a length unit, false for longitude and latitude.
+    /// Returns true for systems with map coordinates in a length unit, false for longitude and latitude.
     #[must_use]
     pub fn is_projected(&self) -> bool {
         self.number(key::MODEL_TYPE) == Some(f64::from(code::PROJECTED))
     }
 
-    /// True if (0, 0) of the file's own coordinates means the centre of the first pixel (`AREA_OR_POINT=Point`).
+    /// Returns whether (0, 0) of the file's own coordinates means the centre of the first pixel (`AREA_OR_POINT=Point`).
     #[must_use]
     pub fn pixel_is_point(&self) -> bool {
         self.number(key::RASTER_TYPE) == Some(2.0)
     }
 
-    /// Metres per map unit of a projected system; `None` for geographic systems and unknown units.
+    /// Returns metres per map unit of a projected system; `None` for geographic systems and unknown units.
     #[must_use]
     pub fn metres_per_unit(&self) -> Option<f64> {
         if !self.is_projected() {
@@ -118,15 +118,15 @@ impl Crs {
         }
     }
 
-    /// Radius of the reference body, metres, if the keys give a sphere.
+    /// Returns the radius of the reference body, metres, if the keys give a sphere.
     #[must_use]
     pub fn sphere_radius_m(&self) -> Option<f64> {
         let (major, minor) = self.axes_m()?;
         (major == minor).then_some(major)
     }
 
-    /// True if both mean the same system. Where both are understood, their [`Projection`]s are compared. Otherwise keys and values
-    /// are, with the standard's defaults filled in and the synonymous keys of other writers folded together; citation text and the
+    /// Returns whether both mean the same system. If both are supported, their [`Projection`]s are compared. Otherwise keys and values are
+    /// compared. For this, defaults of the standard are filled in and synonymous keys of other writers are unified; citation text and the
     /// pixel-is-area flag are left out.
     #[must_use]
     pub fn same_as(&self, other: &Crs) -> bool {
@@ -144,7 +144,7 @@ impl Crs {
             && a.iter().zip(&b).all(|((ka, va), (kb, vb))| ka == kb && equal(va, vb))
     }
 
-    /// One line for messages: the projection method, its parameters and the sphere.
+    /// Returns one line for messages: the projection method, its parameters and the sphere.
     #[must_use]
     pub fn summary(&self) -> String {
         if self.is_empty() {
@@ -175,7 +175,7 @@ impl Crs {
         format!("{method}, lat {} deg, lon {} deg, {axes}", lat0.unwrap_or(0.0), lon0.unwrap_or(0.0))
     }
 
-    /// Why the key tags contradict each other, if they do.
+    /// Returns how the key tags contradict each other, if they do.
     pub(super) fn defect(&self) -> Option<String> {
         let Some(header) = self.directory.first_chunk::<4>() else {
             return (!self.directory.is_empty())
@@ -202,7 +202,7 @@ impl Crs {
         self.directory.get(4..).unwrap_or(&[]).as_chunks::<4>().0.iter().take(count).copied()
     }
 
-    /// The first number of a key.
+    /// Returns the first number of a key.
     pub(super) fn number(&self, key: u16) -> Option<f64> {
         match self.values().remove(&key)? {
             Value::Numbers(numbers) => numbers.first().copied(),
@@ -230,7 +230,7 @@ impl Crs {
         values
     }
 
-    /// Semi-axes of the body, metres.
+    /// Returns the semi-axes of the body, metres.
     fn axes_m(&self) -> Option<(f64, f64)> {
         let major = self.number(key::SEMI_MAJOR)?;
         let minor = self.number(key::SEMI_MINOR).or_else(|| {
@@ -240,7 +240,7 @@ impl Crs {
         Some((major, minor.unwrap_or(major)))
     }
 
-    /// Keys and values with defaults dropped and synonyms folded, for [`Crs::same_as`].
+    /// Returns keys and values without defaults and with unified synonyms, for [`Crs::same_as`].
     fn meaning(&self) -> BTreeMap<u16, Value> {
         let mut meaning = BTreeMap::new();
         for (key, value) in self.values() {
@@ -325,7 +325,7 @@ mod tests {
     fn synonyms_and_defaults_are_folded() {
         let a = Crs::moon_equirectangular(0.0, 25.0);
         let mut b = a.clone();
-        // Entry of the central meridian: its key becomes that of other writers, and the zeros are left to their defaults.
+        // Entry of the central meridian. Its key becomes the synonym of other writers, and the zeros are left to their defaults.
         let at = b.directory[4..].chunks(4).position(|entry| entry[0] == key::CENTRE_LON).unwrap() * 4 + 4;
         b.directory[at] = key::NAT_ORIGIN_LON;
         let kept: Vec<u16> = b.directory[4..]

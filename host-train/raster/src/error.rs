@@ -1,55 +1,55 @@
-//! The one error type of the ground programs: every message names the thing, what was expected and what was found.
+//! The error type of all ground programs. Every message names the thing, what was expected and what was found.
 
 use std::path::{Path, PathBuf};
 
-/// Short for a result that fails with [`Error`].
+/// Short form of a result with [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, in the four kinds a user can act on.
+/// An error, of one of four kinds.
 #[derive(Debug)]
 pub enum Error {
-    /// The file does not hold what its format promises (truncated, bit-flipped, contradictory).
+    /// The content of the file is not valid in its format (truncated, bit-flipped, contradictory).
     Broken {
         /// The file.
         path: PathBuf,
         /// What was expected and what was found.
         what: String,
     },
-    /// The file is sound, but uses something this program does not read.
+    /// The file is valid, but uses something that this program does not read.
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What was found, and what would be read.
+        /// What was found, and what is supported.
         what: String,
     },
     /// The request cannot be met: wrong sizes, no overlap, impossible options.
     Usage(String),
-    /// The operating system refused.
+    /// The operating system reported an error.
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// The refusal.
+        /// The system's error.
         source: std::io::Error,
     },
 }
 
 impl Error {
-    /// A [`Error::Broken`] about `path`.
+    /// Makes an [`Error::Broken`] about `path`.
     pub fn broken(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
         Self::Broken { path: path.as_ref().into(), what: what.into() }
     }
 
-    /// A [`Error::Unsupported`] about `path`.
+    /// Makes an [`Error::Unsupported`] about `path`.
     pub fn unsupported(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
         Self::Unsupported { path: path.as_ref().into(), what: what.into() }
     }
 
-    /// A [`Error::Usage`].
+    /// Makes an [`Error::Usage`].
     pub fn usage(what: impl Into<String>) -> Self {
         Self::Usage(what.into())
     }
 
-    /// An [`Error::Io`] about `path`; made for `map_err`.
+    /// Makes an [`Error::Io`] about `path`, for `map_err`.
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_path_buf();
         move |source| Self::Io { path, source }

@@ -1,4 +1,4 @@
-//! What kind of file this is, by its first bytes.
+//! File formats, recognised by the first bytes.
 
 use super::{npy, pds3};
 use crate::{Error, Result};
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Enough to find the first keyword of a label behind a long comment.
+/// Number of bytes to read. They contain the first keyword of a label, even behind a long comment.
 const HEAD_BYTES: u64 = 4096;
 
 /// A kind of raster file.
@@ -18,14 +18,14 @@ pub enum Format {
     Pds3,
     /// NumPy array.
     Npy,
-    /// Known, and read by GDAL, but not here; what it is, in words.
+    /// Known, and readable by GDAL, but not by this program; its description.
     Convertible(&'static str),
-    /// None of these; the first bytes.
+    /// Any other format; the first bytes.
     Unknown(Vec<u8>),
 }
 
 impl Format {
-    /// Looks into the file.
+    /// Reads the first bytes of the file and returns its format.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be read, [`Error::Usage`] if it is a folder, [`Error::Broken`] if it is empty.
@@ -33,7 +33,7 @@ impl Format {
         Ok(Self::of_head(&head(path)?))
     }
 
-    /// Tells the format from the first bytes of a file.
+    /// Returns the format for the first bytes of a file.
     #[must_use]
     pub fn of_head(head: &[u8]) -> Self {
         let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();
@@ -59,14 +59,14 @@ impl Format {
     }
 }
 
-/// `Object = IsisCube`, in any case and spacing.
+/// Returns whether the text begins with `Object = IsisCube`, in any case and spacing.
 fn is_cube(text: &[u8]) -> bool {
     let line = text.split(|&b| b == b'\n').next().unwrap_or(&[]);
     let line: Vec<u8> = line.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
     line.starts_with(b"OBJECT=ISISCUBE") || line.starts_with(b"OBJECT=QUBE")
 }
 
-/// The first bytes of a file, at least one.
+/// Reads the first bytes of a file, at least one.
 ///
 /// # Errors
 /// As [`Format::of`].
@@ -83,7 +83,7 @@ pub fn head(path: &Path) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// First bytes in words, for messages: text where they are text, hexadecimal otherwise.
+/// Describes the first bytes for messages: as text if they are text, otherwise hexadecimal.
 pub(super) fn describe(head: &[u8]) -> String {
     match std::str::from_utf8(head) {
         Ok(text) if text.chars().all(|c| !c.is_control() || c.is_ascii_whitespace()) => {

@@ -1,4 +1,4 @@
-//! Pixel to map and back.
+//! Transforms from pixel to map and back.
 
 use super::Crs;
 
@@ -6,17 +6,17 @@ use super::Crs;
 /// corner of the first pixel. Map units are metres for projected systems, degrees for geographic ones.
 pub type GeoTransform = [f64; 6];
 
-/// Where a raster lies: its transform and its coordinate reference system.
+/// Georeference of a raster: its transform and its coordinate reference system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GeoRef {
     /// Pixel-to-map transform.
     pub transform: GeoTransform,
-    /// Coordinate reference system; empty when the file names none.
+    /// Coordinate reference system; empty if the file names none.
     pub crs: Crs,
 }
 
 impl GeoRef {
-    /// Map coordinates (x, y) of the centre of pixel (row, column).
+    /// Returns the map coordinates (x, y) of the centre of pixel (row, column).
     #[must_use]
     pub fn centre(&self, row: f64, col: f64) -> (f64, f64) {
         let t = &self.transform;
@@ -24,8 +24,8 @@ impl GeoRef {
         (t[0] + col * t[1] + row * t[2], t[3] + col * t[4] + row * t[5])
     }
 
-    /// Row and column spacing in metres at the centre of a raster of `rows` x `cols` pixels. Projected systems give the spacing
-    /// on the map; geographic ones the spacing on their sphere. `None` if the system's unit is unknown.
+    /// Returns row and column spacing in metres at the centre of a raster of `rows` x `cols` pixels. For projected systems it is the
+    /// spacing on the map, for geographic ones the spacing on their sphere. `None` if the system's unit is unknown.
     #[must_use]
     pub fn pixel_m(&self, rows: usize, cols: usize) -> Option<(f64, f64)> {
         let t = &self.transform;
@@ -57,7 +57,7 @@ mod tests {
     fn degrees_become_metres_on_their_sphere() {
         let directory = vec![1, 1, 0, 3, 1024, 0, 1, 2, 2057, 34736, 1, 0, 2058, 34736, 1, 0];
         let crs = Crs { directory, doubles: vec![1_737_400.0], ascii: String::new() };
-        // One pixel of a tenth of a degree with its centre at 60 degrees north.
+        // One pixel of a tenth of a degree, with its centre at 60 degrees north.
         let georef = GeoRef { transform: [10.0, 0.1, 0.0, 60.05, 0.0, -0.1], crs };
         let (row_m, col_m) = georef.pixel_m(1, 1).unwrap();
         let degree_m = 1_737_400.0 * std::f64::consts::PI / 180.0;

@@ -1,4 +1,4 @@
-//! Rasters with a place on a sphere, and the files they live in.
+//! Rasters with a georeference on a sphere, and their file formats.
 
 pub mod align;
 mod binary;
@@ -23,7 +23,7 @@ pub use projection::Projection;
 use std::io::Write;
 use std::path::Path;
 
-/// One band of samples with its place, mask and unit.
+/// One band of samples with its georeference. Invalid samples are NaN.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
     /// Rows (north to south in a north-up raster).
@@ -32,18 +32,18 @@ pub struct Raster {
     pub cols: usize,
     /// Row-major samples; metres above the sphere for heights, relative brightness for images. Invalid samples hold NaN.
     pub samples: Vec<f32>,
-    /// Where the raster lies; `None` when the file has no transform.
+    /// Georeference; `None` if the file has no transform.
     pub georef: Option<GeoRef>,
 }
 
 impl Raster {
-    /// How many samples are real numbers.
+    /// Returns the number of finite samples.
     #[must_use]
     pub fn valid_count(&self) -> usize {
         self.samples.iter().filter(|v| v.is_finite()).count()
     }
 
-    /// Smallest and largest valid sample; `None` if there is none.
+    /// Returns the smallest and largest valid sample; `None` if there is none.
     #[must_use]
     pub fn range(&self) -> Option<(f32, f32)> {
         self.samples.iter().filter(|v| v.is_finite()).fold(None, |range, &v| match range {
@@ -52,27 +52,28 @@ impl Raster {
         })
     }
 
-    /// Pixel size on the ground as (row spacing, column spacing) in metres, at the raster's centre; `None` without a place.
+    /// Returns the pixel size on the ground as (row spacing, column spacing) in metres, at the raster's centre; `None` without a
+    /// georeference.
     #[must_use]
     pub fn pixel_m(&self) -> Option<(f64, f64)> {
         self.georef.as_ref()?.pixel_m(self.rows, self.cols)
     }
 }
 
-/// The folder a file lies in: its parent, or `.` for a bare name.
+/// Returns the folder of a file: its parent, or `.` for a bare name.
 #[must_use]
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Writes `bytes` to `path` whole or not at all: a temporary sibling is filled, synced and renamed into place.
+/// Writes `bytes` to `path` whole or not at all. A temporary file beside it is written, synced and renamed.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder or file cannot be written.
 pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     let folder = folder_of(path);
     let mut builder = tempfile::Builder::new();
-    // Readable as the user's umask says; a temporary file is private by default.
+    // Permissions follow the user's umask. A temporary file is private by default.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder).map_err(Error::io(path))?;

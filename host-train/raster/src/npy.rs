@@ -1,4 +1,4 @@
-//! NumPy's `.npy` arrays (format versions 1 to 3, NEP 1): rows x columns without a place.
+//! NumPy's `.npy` arrays (format versions 1 to 3, NEP 1): rows x columns without a georeference.
 
 use super::binary::{Binary, Layout, Meaning, Sample};
 use super::source::{Info, Source};
@@ -10,10 +10,10 @@ use std::path::Path;
 /// First bytes of every `.npy` file.
 pub const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Headers are a few hundred bytes; versions 2 and 3 could claim four gigabytes.
+/// Headers have a few hundred bytes. In versions 2 and 3 they could claim four gigabytes.
 const MOST_HEADER_BYTES: u32 = 1 << 16;
 
-/// What the header says.
+/// Contents of the header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Header {
     /// NumPy's name of the samples: `<f4`.
@@ -28,7 +28,7 @@ impl Header {
     /// Reads the text of a header: a Python dictionary with exactly three entries.
     ///
     /// # Errors
-    /// What was expected and what was found.
+    /// A text with what was expected and what was found.
     pub fn parse(text: &str) -> std::result::Result<Self, String> {
         let refuse = || format!("a header with descr, fortran_order and shape expected, found {:?}", head(text));
         let value = |key: &str| {
@@ -56,7 +56,7 @@ impl Header {
         Ok(Self { descr, fortran_order, shape: shape.map_err(|_| refuse())? })
     }
 
-    /// Where the samples lie behind a header of `start` bytes: two axes, or three of which the first has one entry.
+    /// Returns the layout behind a header of `start` bytes. There are two axes, or three of which the first has one entry.
     fn layout(&self, start: u64) -> std::result::Result<Layout, String> {
         let (rows, cols) = match self.shape[..] {
             [rows, cols] | [1, rows, cols] => (rows, cols),
@@ -95,11 +95,11 @@ impl Header {
     }
 }
 
-/// Opens a `.npy` file. Samples are handed out as they are; special pixels become NaN as in every other format.
+/// Opens a `.npy` file. Samples are returned unchanged; special pixels become NaN as in every other format.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if header and file size disagree, [`Error::Unsupported`] for Fortran order, other axes
-/// and other samples than real numbers and integers up to 32 bits.
+/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if header and file size disagree, [`Error::Unsupported`] for Fortran order,
+/// other axes, and samples other than real numbers and integers up to 32 bits.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     let mut file = File::open(path).map_err(Error::io(path))?;
     let file_bytes = file.metadata().map_err(Error::io(path))?.len();
@@ -118,7 +118,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     Ok(Box::new(Binary::new(path.into(), file, layout, Meaning::default(), info)))
 }
 
-/// The header's text, and where the samples begin.
+/// Returns the header's text, and the offset of the samples.
 fn header(path: &Path, file: &mut File) -> Result<(String, u64)> {
     let short = |_| Error::broken(path, "a NumPy header expected, found the end of the file");
     let mut fixed = [0; 8];

@@ -1,13 +1,13 @@
-//! From longitude and latitude to map coordinates and back, on a sphere.
+//! Conversion between longitude and latitude and map coordinates, on a sphere.
 //!
 //! The formulas are Snyder's (*Map Projections: A Working Manual*, USGS 1395, 1987): 12-1 and 12-2 with the standard parallel for the
-//! equirectangular, 21-5 to 21-14 for the polar stereographic projection. Tests hold them to PROJ.
+//! equirectangular, 21-5 to 21-14 for the polar stereographic projection. Tests compare them with PROJ.
 
 use super::Crs;
 use super::crs::{code, key};
 use std::f64::consts::FRAC_PI_4;
 
-/// A system whose coordinates this program can compute: longitude and latitude, equirectangular, or polar stereographic, on a sphere.
+/// A supported system: longitude and latitude, equirectangular, or polar stereographic, on a sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     radius_m: f64,
@@ -26,7 +26,7 @@ enum Method {
         lat0_deg: f64,
         lon0_deg: f64,
     },
-    /// `scale` is that at the pole; `sign` is -1 in the south.
+    /// `scale` is the scale at the pole; `sign` is -1 in the south.
     PolarStereographic {
         sign: f64,
         scale: f64,
@@ -35,7 +35,7 @@ enum Method {
 }
 
 impl Projection {
-    /// What the keys of `crs` mean; `None` for other projections, for ellipsoids, and for meridians that are not the body's own.
+    /// Returns the projection of `crs`; `None` for other projections, for ellipsoids, and for prime meridians other than the body's own.
     #[must_use]
     pub fn of(crs: &Crs) -> Option<Self> {
         let number = |key| crs.number(key);
@@ -58,7 +58,7 @@ impl Projection {
             let cos_lat_ts = or(0.0, &[key::STD_PARALLEL_1]).to_radians().cos();
             Method::Equirectangular { cos_lat_ts, lat0_deg, lon0_deg }
         } else if is(code::POLAR_STEREOGRAPHIC) && lat0_deg != 0.0 {
-            // The latitude is that of true scale, as GDAL writes and reads this key; at the pole itself the scale is stated.
+            // The latitude is that of true scale, as GDAL writes and reads this key. At the pole itself, the scale is stated.
             let true_scale = 0.5 * (1.0 + lat0_deg.abs().to_radians().sin());
             Method::PolarStereographic { sign: lat0_deg.signum(), scale: scale * true_scale, lon0_deg }
         } else if is(code::STEREOGRAPHIC) && lat0_deg.abs() == 90.0 {
@@ -71,13 +71,13 @@ impl Projection {
         projection.is_usable().then_some(projection)
     }
 
-    /// Radius of the sphere, metres.
+    /// Returns the radius of the sphere, metres.
     #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.radius_m
     }
 
-    /// How far apart, in map units, two x of the same meridian may lie: 360 degrees in geographic and equirectangular maps.
+    /// Returns the period of x in map units: 360 degrees in geographic and equirectangular maps; `None` in polar maps.
     #[must_use]
     pub fn period(&self) -> Option<f64> {
         match self.method {
@@ -89,8 +89,9 @@ impl Projection {
         }
     }
 
-    /// Map coordinates of a point. Longitudes are taken to within 180 degrees of an equirectangular map's central meridian, as PROJ
-    /// does; geographic maps keep them as they are. NaN for latitudes beyond a pole, and for the pole a polar map cannot show.
+    /// Returns the map coordinates of a point. In equirectangular maps, longitudes are brought to within 180 degrees of the central
+    /// meridian, as in PROJ; geographic maps leave them unchanged. NaN for latitudes beyond a pole, and for the pole that a polar map
+    /// cannot show.
     #[must_use]
     pub fn forward(&self, lon_deg: f64, lat_deg: f64) -> (f64, f64) {
         if lat_deg.is_nan() || lat_deg.abs() > 90.0 {
@@ -114,7 +115,7 @@ impl Projection {
         (x_m / self.unit_m + self.false_origin.0, y_m / self.unit_m + self.false_origin.1)
     }
 
-    /// Longitude and latitude, degrees, of map coordinates: the longitude within -180 and 180 for projected maps, as it stands for
+    /// Returns longitude and latitude, degrees, of map coordinates. The longitude is within -180 and 180 for projected maps, unchanged for
     /// geographic ones. NaN where no such point exists.
     #[must_use]
     pub fn inverse(&self, x: f64, y: f64) -> (f64, f64) {
@@ -127,12 +128,12 @@ impl Projection {
             }
             Method::PolarStereographic { sign, scale, lon0_deg } => {
                 let rho = x_m.hypot(y_m) / (2.0 * self.radius_m * scale);
-                // At the pole every longitude is right: the central one is taken.
+                // At the pole every longitude is valid. The central one is taken.
                 let lon_deg = if rho == 0.0 { lon0_deg } else { lon0_deg + x_m.atan2(-sign * y_m).to_degrees() };
                 (wrapped(lon_deg), sign * (90.0 - 2.0 * rho.atan().to_degrees()))
             }
         };
-        // Rounding may put the pole's own row a hair beyond it.
+        // By rounding, the row of the pole may lie slightly beyond it.
         let beyond = lat_deg.abs() - 90.0;
         if beyond > 1e-9 || !lon_deg.is_finite() || !lat_deg.is_finite() {
             return (f64::NAN, f64::NAN);
@@ -140,7 +141,7 @@ impl Projection {
         (lon_deg, lat_deg.clamp(-90.0, 90.0))
     }
 
-    /// True if both give the same coordinates (to 1e-9 of a degree or of the sphere).
+    /// Returns whether both give the same coordinates (to 1e-9 of a degree or of the sphere).
     #[must_use]
     pub fn same_as(&self, other: &Self) -> bool {
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs()).max(1.0);
@@ -164,7 +165,7 @@ impl Projection {
             && near(self.false_origin.1, other.false_origin.1)
     }
 
-    /// Numbers a broken file may hold that would make every coordinate meaningless.
+    /// Returns whether the numbers are valid. A broken file may hold numbers that make every coordinate meaningless.
     fn is_usable(&self) -> bool {
         let sound = match self.method {
             Method::Geographic => true,
@@ -179,7 +180,7 @@ impl Projection {
     }
 }
 
-/// Into -180..=180, PROJ's range: what lies there already is left alone, bit for bit.
+/// Brings a longitude into -180..=180, PROJ's range. A longitude within the range stays unchanged, bit for bit.
 fn wrapped(lon_deg: f64) -> f64 {
     if lon_deg.abs() <= 180.0 { lon_deg } else { (lon_deg + 180.0).rem_euclid(360.0) - 180.0 }
 }
@@ -221,7 +222,7 @@ mod tests {
             for (lon, lat) in points() {
                 let (x, y) = projection.forward(lon, lat);
                 if text.contains("stere") && (lat.abs() == 90.0 || x.hypot(y) > 1e9) {
-                    continue; // The poles have no longitude, the far one no place.
+                    continue; // The poles have no longitude, and the far one has no position.
                 }
                 let (lon2, lat2) = projection.inverse(x, y);
                 assert!(
@@ -236,7 +237,7 @@ mod tests {
 
     #[test]
     fn known_places() {
-        // A quarter of the equator; a pole seen from the other; the scale at the standard parallel.
+        // A quarter of the equator; a pole in the map of the other; the scale at the standard parallel.
         assert_eq!(of("+proj=eqc +R=1737400").forward(90.0, 0.0), (1_737_400.0 * std::f64::consts::FRAC_PI_2, 0.0));
         let south = of("+proj=stere +lat_0=-90 +R=1737400");
         assert_eq!(south.forward(0.0, -90.0), (0.0, 0.0));
@@ -280,7 +281,7 @@ mod tests {
         assert!(Projection::of(&Crs::default()).is_none());
     }
 
-    /// PROJ, through rasterio: forward, inverse, and what GDAL makes of our keys.
+    /// Comparison with PROJ through rasterio: forward, inverse, and our keys as GDAL reads them.
     #[test]
     fn proj_agrees_to_a_tenth_of_a_millimetre() {
         let folder = tempfile::tempdir().unwrap();
@@ -295,7 +296,7 @@ mod tests {
             let raster = crate::Raster { rows: 1, cols: 1, samples: vec![1.0], georef: Some(georef) };
             let options = crate::geotiff::WriteOptions::heights("x");
             crate::geotiff::write(&folder.path().join("keys.tif"), &raster, &options).unwrap();
-            // The keys as GDAL reads them decide, not the text: that tests the writing, too. Then back from GDAL's own keys.
+            // The keys as GDAL reads them decide, not the text, so that writing is tested too. Then the same with GDAL's own keys.
             let script = format!(
                 "
 from rasterio.warp import transform
@@ -324,7 +325,7 @@ with rasterio.open('gdal.tif', 'w', driver='GTiff', width=1, height=1, count=1, 
                 let at_seam = ours.period().is_some_and(|period| ((x - n[0]).abs() - period).abs() * unit_m < 1e-3);
                 for (px, py) in [(n[0], n[1]), (n[2], n[3])] {
                     let off_m = if at_seam { (y - py).abs() } else { (x - px).hypot(y - py) } * unit_m;
-                    // Far from the pole a stereographic map has few digits left: a part in 1e12 of the distance.
+                    // Far from the pole, a stereographic map has few digits left: 1e-12 of the distance.
                     assert!(
                         off_m <= 1e-4_f64.max(1e-12 * x.hypot(y) * unit_m),
                         "{text}: {lon} {lat}: {x} {y}, PROJ {px} {py}"

@@ -1,7 +1,7 @@
 //! Medians and percentiles.
 
-/// The value below which `share` (0–1) of all lie, linear between neighbours in order (numpy's default); reorders `values`.
-/// `None` if there are none.
+/// Returns the value below which `share` (0–1) of the values lie, linear between neighbours in order (numpy's default). Reorders `values`.
+/// Returns `None` if there are none.
 pub fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
     let position = share.clamp(0.0, 1.0) * last as f64;
@@ -11,8 +11,8 @@ pub fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     Some(if fraction == 0.0 { lower } else { lower + fraction * (upper - lower) })
 }
 
-/// The value nearest to the place `share` (0–1) of the way through all in order: always one of `values`, which are reordered.
-/// `None` if there are none.
+/// Returns the value at the position nearest to `share` (0–1) in the order of the values. The result is always one of `values`, which are
+/// reordered. Returns `None` if there are none.
 pub fn nearest_rank(values: &mut [f32], share: f64) -> Option<f32> {
     let last = values.len().checked_sub(1)?;
     let rank = (share.clamp(0.0, 1.0) * last as f64).round() as usize;

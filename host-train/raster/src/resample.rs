@@ -1,17 +1,17 @@
-//! Bringing a coarse grid onto a fine one: interpolating bicubic, through an affine map between pixel centres.
+//! Resampling of a coarse grid on a fine one: interpolating bicubic, through an affine map between pixel centres.
 //!
-//! The same function serves the synthetic Moon, training and prediction, so that all three see the coarse DTM alike.
+//! The synthetic Moon, training and prediction use the same function, so that the coarse DTM is the same in all three.
 //!
-//! The arithmetic is [`elunar_core::resample`]'s. Catmull–Rom is our choice: it passes through the nodes (0.22 m rms
-//! against thin-plate splines where GDAL's approximating B-spline leaves 1.43 m), and, unlike the prefiltered spline (0.19 m),
-//! it is local, so a hole in the coarse DTM spoils only its own neighbourhood.
+//! [`elunar_core::resample`] does the arithmetic. Catmull–Rom is our choice. It passes through the nodes. Against thin-plate splines its
+//! error is 0.22 m rms, that of GDAL's approximating B-spline 1.43 m. Unlike the prefiltered spline (0.19 m) it is local, so a hole in the
+//! coarse DTM changes only its neighbourhood.
 
 use super::GeoTransform;
 use elunar_core::resample::{EDGE_PX, bicubic, continued};
 use rayon::prelude::*;
 
-/// Where the centre of output pixel (row, col) lies on the source grid, in source pixels with (0, 0) the *centre* of the
-/// first source pixel: `source_row = row0 + row·row_per_row + col·row_per_col`, likewise for the column.
+/// Map from the centre of output pixel (row, col) to the source grid, in source pixels. (0, 0) is the *centre* of the first source pixel:
+/// `source_row = row0 + row·row_per_row + col·row_per_col`, likewise for the column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelMap {
     /// Source row of output pixel (0, 0).
@@ -29,13 +29,13 @@ pub struct PixelMap {
 }
 
 impl PixelMap {
-    /// The map between two rasters of one coordinate system; `None` if `source` cannot be inverted.
+    /// Returns the map between two rasters of one coordinate system; `None` if `source` cannot be inverted.
     pub fn between(output: &GeoTransform, source: &GeoTransform) -> Option<Self> {
         let det = source[1] * source[5] - source[2] * source[4];
         if !det.is_finite() || det == 0.0 {
             return None;
         }
-        // Map coordinates of a corner-based (col, row) on the output grid, then the inverse of the source transform.
+        // From corner-based (col, row) on the output grid to map coordinates, then through the inverse of the source transform.
         let to_source = |col: f64, row: f64| {
             let dx = (output[0] - source[0]) + col * output[1] + row * output[2];
             let dy = (output[3] - source[3]) + col * output[4] + row * output[5];
@@ -54,7 +54,7 @@ impl PixelMap {
         })
     }
 
-    /// The source position (row, col) of the centre of output pixel (`row`, `col`).
+    /// Returns the source position (row, col) of the centre of output pixel (`row`, `col`).
     pub fn apply(&self, row: f64, col: f64) -> (f64, f64) {
         (
             self.row0 + row * self.row_per_row + col * self.row_per_col,
@@ -62,7 +62,7 @@ impl PixelMap {
         )
     }
 
-    /// The same map for an output window whose first pixel is (`row`, `col`) of this one's.
+    /// Returns the map for an output window whose first pixel is (`row`, `col`) of this map's output.
     pub fn window(&self, row: usize, col: usize) -> Self {
         let (row0, col0) = self.apply(row as f64, col as f64);
         Self { row0, col0, ..*self }
@@ -71,9 +71,9 @@ impl PixelMap {
 
 /// Interpolates `source` (row-major `src_rows` × `src_cols`, NaN = invalid) at the `rows` × `cols` output pixels of `map`.
 ///
-/// Beyond the outermost centres, up to the outer edge of the outermost pixels, the grid is continued in a straight line from
-/// its last two samples; further out the result is NaN. Where one of the sixteen samples is invalid the four nearest decide
-/// by bilinear interpolation, and where one of those is invalid too (and has any weight), the result is NaN.
+/// Beyond the outermost centres, up to the outer edge of the outermost pixels, the grid is extrapolated linearly from its last two samples.
+/// Further out the result is NaN. If one of the sixteen samples is invalid, the four nearest are interpolated bilinearly. If one of these
+/// is invalid too, and has weight, the result is NaN.
 ///
 /// # Panics
 /// If `source` does not hold `src_rows · src_cols` samples.
@@ -100,10 +100,10 @@ pub fn resample_bicubic(
     out
 }
 
-/// Ghost samples around the source, so that the inner loop needs no edge cases.
+/// Number of extrapolated samples on each side of the source, so that the inner loop needs no edge cases.
 const RING: usize = 2;
 
-/// The source with [`RING`] linearly continued samples on every side.
+/// The source with [`RING`] linearly extrapolated samples on every side.
 pub(super) struct Padded {
     samples: Vec<f32>,
     rows: usize,
@@ -126,7 +126,7 @@ impl Padded {
         Self { samples, rows, cols, stride }
     }
 
-    /// The value at source position (`r`, `c`); NaN outside the outer pixel edges.
+    /// Returns the value at source position (`r`, `c`); NaN outside the outer pixel edges.
     pub(super) fn sample(&self, r: f64, c: f64) -> f32 {
         if !(r >= -EDGE_PX
             && c >= -EDGE_PX
@@ -136,7 +136,7 @@ impl Padded {
             return f32::NAN;
         }
         let (row, col) = (r.floor(), c.floor());
-        // The first of the 4 x 4 samples is one before the floor; the slack may put the floor at -1 at the least.
+        // The first of the 4 x 4 samples is one before the floor. With the tolerance the floor may be -1, but not less.
         let first =
             (row as isize - 1 + RING as isize) as usize * self.stride + (col as isize - 1 + RING as isize) as usize;
         let around = std::array::from_fn(|k| {
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     fn scale(factor: f64) -> PixelMap {
-        // Output pixels `factor` times finer than the source, both grids sharing their outer corner.
+        // Output pixels are `factor` times finer than the source; both grids share their outer corner.
         let step = 1.0 / factor;
         let origin = 0.5 * step - 0.5;
         PixelMap {
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn matches_the_cubic_formula_written_out() {
-        // Keys' kernel with a = -1/2, evaluated naively by distance.
+        // Keys' kernel with a = -1/2, evaluated by distance.
         let keys = |x: f64| {
             let x = x.abs();
             if x < 1.0 {

@@ -1,4 +1,4 @@
-//! Rasters read on demand, window by window: a strip of 5,000 x 50,000 pixels is never whole in memory.
+//! Rasters read on demand, window by window. A strip of 5,000 x 50,000 pixels is never whole in memory.
 
 use super::format::{Format, describe};
 use super::{GeoRef, Raster, geotiff, npy, pds3};
@@ -6,23 +6,23 @@ use crate::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::Path;
 
-/// What a file says of itself.
+/// Properties of a raster file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Info {
     /// Rows (north to south in a north-up raster).
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// Where the raster lies; `None` when the file has no transform.
+    /// Georeference; `None` if the file has no transform.
     pub georef: Option<GeoRef>,
-    /// Unit of the samples as they are handed out: `m` for heights; `None` where the file names none.
+    /// Unit of the samples as returned: `m` for heights; `None` if the file names none.
     pub unit: Option<String>,
-    /// How the file was understood, in a few words: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
+    /// Short description of the format: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
     pub format: String,
 }
 
 impl Info {
-    /// The raster's place, which must be complete. Messages call the raster `name`.
+    /// Returns the georeference, which must be complete. Messages call the raster `name`.
     ///
     /// # Errors
     /// [`Error::Usage`] if the geotransform or the reference system is missing.
@@ -32,10 +32,10 @@ impl Info {
         if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
     }
 
-    /// Side of a pixel on the ground, metres: the root of its area at the raster's centre.
+    /// Returns the side of a pixel on the ground, metres: the square root of its area at the raster's centre.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is unknown.
+    /// [`Error::Usage`] if the pixel size is unknown.
     pub fn side_m(&self, name: &str) -> Result<f64> {
         let size = self.georef.as_ref().and_then(|georef| georef.pixel_m(self.rows, self.cols));
         let side_m = size.map(|(row_m, col_m)| (row_m * col_m).sqrt());
@@ -45,23 +45,23 @@ impl Info {
 
 /// A raster open for reading.
 pub trait Source: Send + Sync {
-    /// What the file says of itself.
+    /// Returns the properties of the file.
     fn info(&self) -> &Info;
 
-    /// Samples of a window that lies within the raster, row-major. Heights are in metres above the sphere, images in relative
-    /// brightness; invalid samples are NaN.
+    /// Reads the samples of a window that lies within the raster, row-major. Heights are in metres above the sphere, images in relative
+    /// brightness. Invalid samples are NaN.
     ///
     /// # Errors
-    /// If the window leaves the raster, or the file cannot be read there.
+    /// If the window exceeds the raster, or the file cannot be read there.
     fn read(&self, window: Window) -> Result<Vec<f32>>;
 }
 
-/// Opens a raster file of any format known here; the content decides, not the name. A PDS3 image may be named by its label or, where
-/// a label lies beside it, by the image file itself.
+/// Opens a raster file of any supported format. The content decides, not the name. The path of a PDS3 image may be its label or, if a label
+/// lies beside it, the image file itself.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for formats and
-/// variants unknown here, with the command that converts them where there is one.
+/// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for unsupported formats and
+/// variants, with the command that converts them, if there is one.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     match Format::of(path)? {
         Format::Tiff => geotiff::open(path),
@@ -82,7 +82,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     }
 }
 
-/// All of a file at once.
+/// Reads a whole file.
 ///
 /// # Errors
 /// As [`open`] and [`Source::read`].
@@ -90,7 +90,7 @@ pub fn read(path: &Path) -> Result<Raster> {
     read_all(open(path)?.as_ref())
 }
 
-/// All of a source at once.
+/// Reads a whole source.
 ///
 /// # Errors
 /// As [`Source::read`].
@@ -100,10 +100,10 @@ pub fn read_all(source: &dyn Source) -> Result<Raster> {
     Ok(Raster { rows, cols, samples, georef })
 }
 
-/// Refuses a window that leaves a raster of `rows` x `cols`.
+/// Refuses a window that exceeds a raster of `rows` x `cols`.
 ///
 /// # Errors
-/// [`Error::Usage`] naming both.
+/// [`Error::Usage`] with both sizes.
 pub fn check_window(window: Window, rows: usize, cols: usize) -> Result<()> {
     let inside = |first: usize, count: usize, all: usize| first.checked_add(count).is_some_and(|end| end <= all);
     if inside(window.row, window.rows, rows) && inside(window.col, window.cols, cols) {
@@ -120,7 +120,7 @@ pub struct InMemory {
 }
 
 impl InMemory {
-    /// Takes `raster`; `unit` and `format` as in [`Info`].
+    /// Wraps `raster`; `unit` and `format` as in [`Info`].
     #[must_use]
     pub fn new(raster: Raster, unit: Option<String>, format: impl Into<String>) -> Self {
         let Raster { rows, cols, samples, georef } = raster;

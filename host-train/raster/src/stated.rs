@@ -1,11 +1,11 @@
-//! What a user knows of a file and the file does not say: its reference system, the unit of its heights.
+//! The user's statements about a file that does not state its reference system or the unit of its heights.
 
 use super::source::{Info, Source};
 use super::{Crs, GeoRef};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
 
-/// Unit of heights, as a user states it.
+/// Unit of heights, as the user states it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum HeightUnit {
@@ -18,7 +18,7 @@ pub enum HeightUnit {
 impl std::str::FromStr for HeightUnit {
     type Err = String;
 
-    /// The name that command lines use: m or km.
+    /// Reads the name as on command lines: m or km.
     fn from_str(name: &str) -> std::result::Result<Self, String> {
         match name {
             "m" => Ok(Self::M),
@@ -28,20 +28,20 @@ impl std::str::FromStr for HeightUnit {
     }
 }
 
-/// A user's statements about a raster. A stated system wins over the file's own.
+/// A user's statements about a raster. A stated system replaces the file's own.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Statements {
-    /// Reference system of its map coordinates.
+    /// Reference system of the map coordinates.
     pub srs: Option<Crs>,
-    /// Unit of its samples.
+    /// Unit of the samples.
     pub unit: Option<HeightUnit>,
 }
 
 impl Statements {
-    /// `source`, which messages call `name`, as stated: in the stated system, with samples in metres.
+    /// Applies the statements to `source`: it gets the stated system, and samples in metres. Messages call the source `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the file names a unit itself, and the stated one is another.
+    /// [`Error::Usage`] if the file names a different unit.
     pub fn of(self, name: &str, source: Box<dyn Source>) -> Result<Box<dyn Source>> {
         if self == Self::default() {
             return Ok(source);

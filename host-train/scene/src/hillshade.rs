@@ -1,4 +1,4 @@
-//! The hillshade of any raster source, band by band, as `gdaldem hillshade` makes it (Horn).
+//! The hillshade of any raster source, band by band. The result is that of `gdaldem hillshade` (Horn).
 
 use elunar_core::grid::GridView;
 use elunar_core::terrain::{PixelSize, Sun, hillshade};
@@ -8,17 +8,17 @@ use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// How a hillshade is made.
+/// Options of a hillshade.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Shading {
-    /// Where the light comes from; the default is `gdaldem`'s.
+    /// Direction to the Sun. The default is `gdaldem`'s.
     pub sun: Sun,
-    /// Shades also the outermost pixels and those beside gaps, from what neighbours they have (`gdaldem -compute_edges`).
+    /// Whether the outermost pixels and those beside gaps are shaded, from the neighbours that exist (`gdaldem -compute_edges`).
     pub compute_edges: bool,
 }
 
-/// Size of the source's pixels with the signs of its transform: negative where rows go north or columns go west. Geographic
-/// rasters get metres on their sphere, at their centre.
+/// Returns the size of the source's pixels with the signs of its transform: negative where rows go north or columns go west. For geographic
+/// rasters the size is in metres on their sphere, at the raster's centre.
 ///
 /// # Errors
 /// [`Error::Usage`] if the source, called `name`, has no pixel size in metres.
@@ -33,13 +33,13 @@ pub fn pixel_of(source: &dyn Source, name: &str) -> Result<PixelSize> {
     Ok(PixelSize { row_m: -sign(transform[5]) * row_m, col_m: sign(transform[1]) * col_m })
 }
 
-/// Shades whole `rows` of the source: one byte per pixel, 0 where there is no value, else 1 to 255.
+/// Shades whole `rows` of the source. The result has one byte per pixel: 0 where there is no value, otherwise 1 to 255.
 ///
 /// # Errors
 /// As [`Source::read`].
 pub fn shade_rows(source: &dyn Source, rows: Range<usize>, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
     let (all_rows, cols) = (source.info().rows, source.info().cols);
-    // One row more on each side, where there is one.
+    // One more row on each side, where the raster has one.
     let read = rows.start.saturating_sub(1)..(rows.end + 1).min(all_rows);
     let heights_m = source.read(Window { row: read.start, col: 0, rows: read.len(), cols })?;
     let band = Band { heights_m, first: read.start, all_rows, cols };
@@ -50,9 +50,9 @@ pub fn shade_rows(source: &dyn Source, rows: Range<usize>, pixel: PixelSize, sha
 /// Consecutive rows of a raster.
 struct Band {
     heights_m: Vec<f32>,
-    /// Row of the raster that is the band's first.
+    /// Row of the raster at which the band begins.
     first: usize,
-    /// Rows of the raster.
+    /// Number of rows of the raster.
     all_rows: usize,
     cols: usize,
 }
@@ -82,8 +82,8 @@ impl Band {
         Ok(line)
     }
 
-    /// The 3 x 3 heights around a pixel as GDAL completes them: beyond the raster in a straight line from the last two rows or
-    /// columns, in gaps the height of the pixel itself.
+    /// Returns the 3 x 3 heights around a pixel, completed as in GDAL. Beyond the raster, the last two rows or columns are extrapolated
+    /// linearly. A gap gets the height of the centre pixel.
     fn surroundings(&self, row: usize, col: usize) -> [f32; 9] {
         let beyond = |edge: f32, inner: f32| 2.0 * edge - inner;
         let inner = |i: usize, count: usize| if i == 0 { 1.min(count - 1) } else { i - 1 };
@@ -91,7 +91,7 @@ impl Band {
         std::array::from_fn(|k| {
             let r = neighbour(row, k / 3, self.all_rows);
             let c = neighbour(col, k % 3, self.cols);
-            // In the first and last row a column beyond the raster repeats the last one.
+            // In the first and last row, a column beyond the raster repeats the last column.
             let c = if first_or_last { c.or(Some(col)) } else { c };
             let value = match (r, c) {
                 (Some(r), Some(c)) => self.at(r, c),
@@ -106,7 +106,7 @@ impl Band {
     }
 }
 
-/// The index `step` − 1 away from `index`; `None` beyond `0..count`.
+/// Returns `index` + `step` − 1, or `None` if that is not in `0..count`.
 fn neighbour(index: usize, step: usize, count: usize) -> Option<usize> {
     (index + step).checked_sub(1).filter(|&i| i < count)
 }
@@ -180,7 +180,7 @@ mod tests {
         assert!(pixel_of(&source, "x.npy").unwrap_err().to_string().contains("x.npy: a pixel size in metres expected"));
     }
 
-    /// Degrees on the sphere are the same metres as those of an equirectangular map at its standard parallel.
+    /// Degrees on the sphere give the same metres as an equirectangular map at its standard parallel.
     #[test]
     fn degrees_are_shaded_as_metres() {
         let metres = rough(30, 30, [0.0, 500.0, 0.0, 15.0 * 500.0, 0.0, -500.0]);

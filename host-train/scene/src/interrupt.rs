@@ -1,4 +1,4 @@
-//! Ctrl-C as a question a long loop asks, not as a sudden end.
+//! Ctrl-C as a flag that long loops read, so that the program does not end at once.
 
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 static ASKED: AtomicBool = AtomicBool::new(false);
 static HANDLER: Once = Once::new();
 
-/// From now on the first Ctrl-C (or SIGTERM) only sets the flag that [`requested`] reads; the second ends the program.
+/// Installs the handler. The first Ctrl-C (or SIGTERM) then sets the flag that [`requested`] reads; the second ends the program.
 pub fn listen() {
     HANDLER.call_once(|| {
         let installed = ctrlc::set_handler(|| {
@@ -21,7 +21,7 @@ pub fn listen() {
     });
 }
 
-/// Whether the user asked to stop.
+/// Returns whether the user has asked to stop.
 pub fn requested() -> bool {
     ASKED.load(Ordering::SeqCst)
 }

@@ -1,8 +1,8 @@
 //! Scenes and DTMs, without a training framework.
 //!
-//! In the order data meets the modules: [`predict`] puts image and coarse DTM on one grid and runs a network over the tiles ([`sfs`] needs none),
-//! [`mosaic`] joins them, [`evaluate`] compares the result with a truth and [`lola`] with laser tracks, [`diff`] and [`hillshade`] make rasters of it,
-//! [`picture`] shows it. [`prepare`] makes training sets, [`data`] hands out their tiles. [`inspect`] says what a file is.
+//! [`predict`] puts image and coarse DTM on one grid and runs a network on the tiles. [`sfs`] does this without a network. [`mosaic`] joins
+//! the tiles. [`evaluate`] compares the result with a truth, and [`lola`] compares it with laser tracks. [`diff`] and [`hillshade`] make
+//! rasters from it. [`picture`] draws it. [`prepare`] makes training sets, and [`data`] reads their tiles. [`inspect`] describes a file.
 
 pub mod data;
 pub mod diff;

@@ -1,20 +1,20 @@
-//! A tile as a network sees it, in buffers: one way for prediction, training and calibration.
+//! Buffers for the network's input, shared by prediction, training and calibration.
 
 use elunar_core::nn::{InputRules, TileError, TileInput, TileMaps, TileScale};
 use elunar_core::tile::Shape;
 
-/// A tile as a network sees it ([`TileMaps`]), and the way back; maps are row-major, mirrored as the scale says.
+/// The network's input for one tile ([`TileMaps`]) and its scale recovery. Maps are row-major and mirrored as `scale` says.
 pub(crate) struct Maps {
-    /// The image's maps side by side in every pixel.
+    /// The image's maps, side by side in every pixel.
     pub(crate) image: Vec<f32>,
     /// The coarse DTM, normalised.
     pub(crate) coarse: Vec<f32>,
-    /// From the network's output back to the ground.
+    /// Turns the network's output into metres.
     pub(crate) scale: TileScale,
 }
 
 impl Maps {
-    /// Of a tile of this shape; `scratch` grows as needed and may be used again.
+    /// Makes the maps of a tile of this shape. `scratch` grows as needed and can be used again.
     ///
     /// # Errors
     /// As [`TileMaps::new`].

@@ -1,8 +1,8 @@
-//! How long work says how far it is.
+//! Progress bars of long work.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A bar on stderr with rate and time left, and the message of the moment behind them; silent where stderr is no terminal.
+/// Returns a bar on stderr with rate, time left and a message. It is silent if stderr is not a terminal.
 #[must_use]
 pub fn bar(what: &str, len: u64, unit: &str) -> ProgressBar {
     let gap = if what.is_empty() { "" } else { " " };

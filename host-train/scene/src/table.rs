@@ -1,12 +1,12 @@
-//! Tables as text, one row a line: reading them with line numbers, writing them as CSV. The `csv` crate does both.
+//! Tables as text, one row per line. The `csv` crate reads them with line numbers and writes them as CSV.
 
 use csv::{ByteRecord, StringRecord, Terminator};
 use elunar_raster::{Error, Result};
 use std::io::{Chain, Read};
 use std::path::Path;
 
-/// The rows of a text, cells parted by commas. Empty lines and lines that begin with # are left out. There is no quoting: a quotation mark is a
-/// character like any other, so that a stray one does not swallow the lines behind it.
+/// The rows of a text, with cells between commas. Empty lines and lines that begin with # are left out. Quoting is off: a quotation mark is
+/// an ordinary character, so that a stray one does not join lines.
 pub(crate) struct Rows<'p, R> {
     path: &'p Path,
     most_line_bytes: usize,
@@ -14,24 +14,24 @@ pub(crate) struct Rows<'p, R> {
     record: ByteRecord,
 }
 
-/// A row that holds something.
+/// A row that is not empty.
 pub(crate) struct Row {
-    /// Its line in the text, counted from 1.
+    /// Number of its line in the text, counted from 1.
     pub(crate) line: usize,
     record: StringRecord,
 }
 
 impl<'p, R: Read> Rows<'p, R> {
-    /// The rows of `text`, which messages call `path`; lines of `most_line_bytes` are refused.
+    /// Makes a reader of the rows of `text`. Messages call the text `path`. Lines of `most_line_bytes` or more are refused.
     pub(crate) fn new(path: &'p Path, text: R, most_line_bytes: usize) -> Self {
         let mut builder = csv::ReaderBuilder::new();
         builder.has_headers(false).flexible(true).quoting(false).terminator(Terminator::Any(b'\n'));
-        // The reader numbers lines by their ends: now the last one has an end, too.
+        // The reader counts line ends. With this addition the last line has an end, too.
         let text = ShortLines { text, line_bytes: 0, most: most_line_bytes }.chain(&b"\n"[..]);
         Self { path, most_line_bytes, reader: builder.from_reader(text), record: ByteRecord::new() }
     }
 
-    /// The next row; `None` behind the last. Bytes that are no UTF-8 are replaced.
+    /// Returns the next row; `None` behind the last. Bytes that are not UTF-8 are replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if the text cannot be read, [`Error::Broken`] for a line too long.
@@ -59,14 +59,14 @@ impl<'p, R: Read> Rows<'p, R> {
 }
 
 impl Row {
-    /// The cells, without blanks around them.
+    /// Returns the cells without surrounding blanks.
     pub(crate) fn cells(&self) -> Vec<&str> {
-        // Texts that were joined have byte order marks inside.
+        // Texts that were joined may have byte order marks inside.
         let first = self.record.iter().take(1).map(|cell| cell.trim_start_matches('\u{feff}'));
         first.chain(self.record.iter().skip(1)).map(str::trim).collect()
     }
 
-    /// The whole line, without blanks around it.
+    /// Returns the whole line without surrounding blanks.
     pub(crate) fn text(&self) -> String {
         let line = self.record.iter().collect::<Vec<_>>().join(",");
         line.trim_start_matches('\u{feff}').trim().into()
@@ -78,7 +78,7 @@ impl Row {
     }
 }
 
-/// Hands a text on until a line has `most` bytes, its end included: memory is spent on rows, not on what claims to be one.
+/// Passes a text on until a line has `most` bytes, its end included. This bounds the memory for a row.
 struct ShortLines<R> {
     text: R,
     line_bytes: usize,
@@ -101,7 +101,7 @@ impl<R: Read> Read for ShortLines<R> {
         for (at, &byte) in out[..read].iter().enumerate() {
             self.line_bytes += 1;
             if self.is_over() {
-                // Nothing handed on would say that the text ends here.
+                // Passing on nothing would mean the end of the text.
                 return if at == 0 { Err(too_long()) } else { Ok(at) };
             }
             if byte == b'\n' {
@@ -112,7 +112,7 @@ impl<R: Read> Read for ShortLines<R> {
     }
 }
 
-/// A table as CSV: cells in quotes where they must be, lines that end with a line feed alone.
+/// Returns a table as CSV. Cells are quoted where necessary; lines end with a line feed alone.
 ///
 /// # Errors
 /// [`Error::Usage`] if rows differ in length.

@@ -1,4 +1,4 @@
-//! `host-train average`: the mean of several weight files.
+//! `host-train average`: takes the mean of several weight files.
 
 use elunar_net::config::config_of;
 use elunar_net::weights::Weights;
@@ -14,7 +14,7 @@ weights from different random starts is useless.
 Example:
   host-train average runs/a/best.safetensors runs/b/best.safetensors -o both.safetensors")]
 pub struct Args {
-    /// Weight files of one network, two or more.
+    /// Weight files of one network, at least two.
     #[arg(required = true, num_args = 2.., value_name = "W.safetensors")]
     pub weights: Vec<PathBuf>,
     /// File to write.
@@ -25,7 +25,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If a file cannot be read, is of another network than the first, or the mean cannot be written.
+/// If a file cannot be read, belongs to another network than the first, or the mean cannot be written.
 pub fn run(args: Args) -> Result<()> {
     let read = |path: &PathBuf| {
         let weights = Weights::read(path)?;

@@ -19,10 +19,10 @@ pub struct Args {
     /// Folder to write into [default: out].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Number of the tour: another scene, other training tiles [default: 0].
+    /// Seed of the tour. Each seed has another scene and other training tiles [default: 0].
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..Settings::SEEDS))]
     pub seed: Option<u64>,
-    /// Steps of training [default: 120, or 300 from scratch].
+    /// Number of training steps [default: 120, or 300 from scratch].
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
     /// Fine-tune these weights instead of the shipped ones.
@@ -31,7 +31,7 @@ pub struct Args {
     /// Train nano from random weights instead of fine-tuning.
     #[arg(long)]
     pub from_scratch: bool,
-    /// Threads of the prediction; 0 takes as many as the machine offers [default: 2].
+    /// Number of threads of the prediction; 0 takes as many as the machine offers [default: 2].
     #[arg(long)]
     pub threads: Option<usize>,
 }
@@ -39,7 +39,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// The tour's.
+/// Errors of the tour.
 pub fn run(args: Args) -> Result<()> {
     let start = match (args.from_scratch, args.model) {
         (true, _) => Settings::scratch(),

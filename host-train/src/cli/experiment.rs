@@ -1,4 +1,4 @@
-//! `host-train experiment`: experiments from their files to one table.
+//! `host-train experiment`: runs experiments and writes their comparison.
 
 use crate::experiment::{self, Experiment, Manner, table};
 use crate::suite::list::List;
@@ -18,22 +18,22 @@ Examples:
   host-train experiment host-train/experiments/*.toml --out out/experiments
   host-train experiment host-train/experiments/full.toml host-train/experiments/no-coarse.toml --steps 200 --out out/short")]
 pub struct Args {
-    /// Experiments.
+    /// Files of the experiments.
     #[arg(required = true, value_name = "FILE.toml")]
     pub files: Vec<PathBuf>,
-    /// Folder to write into; made if absent.
+    /// Folder to write into; created if absent.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Train so many steps instead of what the files say.
+    /// Number of training steps, instead of the number in the files.
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
-    /// Go on with experiments that were begun.
+    /// Continue experiments that were started.
     #[arg(long)]
     pub resume: bool,
     /// List of test scenes [default: built-in synthetic scenes].
     #[arg(long, value_name = "LIST.toml")]
     pub suite: Option<PathBuf>,
-    /// Threads for the test scenes; 0 takes as many as the machine offers.
+    /// Number of threads for the test scenes; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
 }
@@ -41,7 +41,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the files, training, testing and writing.
+/// If a file cannot be read, or training, testing or writing fails.
 pub fn run(args: Args) -> Result<()> {
     let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
     let read = |path: &PathBuf| {

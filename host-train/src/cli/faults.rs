@@ -1,4 +1,4 @@
-//! `host-train faults`: what flipped bits do to a tile.
+//! `host-train faults`: measures the effect of bit flips on a tile.
 
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
 use elunar_raster::{Error, Result};
@@ -21,19 +21,19 @@ pub struct Args {
     /// Model, `.eld`.
     #[arg(value_name = "MODEL.eld")]
     pub model: PathBuf,
-    /// Injections.
+    /// Number of injections.
     #[arg(long, default_value_t = 7_000, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
     pub injections: u64,
     /// Seed of the injections and of the tile.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Moments of the run at which bits flip; one more for every kind of operator that they miss.
+    /// Number of moments of the run at which bits flip. Kinds of operators without a moment get one more.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
     pub moments: u64,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
-    /// Let the runner trust its memory.
+    /// Run the runner without checks of its memory.
     #[arg(long)]
     pub unprotected: bool,
     /// Folder for the table and the picture.
@@ -44,7 +44,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If the model cannot be read; if a run hung or crashed.
+/// If the model cannot be read, or a run hung or crashed.
 pub fn run_command(args: &Args) -> Result<()> {
     interrupt::listen();
     let model = int8::open(&args.model)?;
@@ -62,9 +62,9 @@ pub fn run_command(args: &Args) -> Result<()> {
     let journal = journal.transpose()?;
     let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
     let bar = progress::bar("", args.injections, "injections").with_position(known);
-    // What an earlier run did says nothing about this one's rate.
+    // The work of an earlier run does not count for this run's rate.
     bar.reset_eta();
-    // Runs that panic are counted, not shown.
+    // Panics are counted, but not printed.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let results = run(&model, &moments, &campaign, journal.as_ref(), || bar.inc(1));

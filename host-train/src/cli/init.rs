@@ -1,4 +1,4 @@
-//! `host-train init`: freshly initialised weights.
+//! `host-train init`: writes new weights.
 
 use elunar_learn::model::init::initial_weights;
 use elunar_net::config::{NetConfig, Preset, Switches};
@@ -17,7 +17,7 @@ pub struct Args {
     /// Size of the network.
     #[arg(long, default_value = "nano")]
     pub preset: Preset,
-    /// Departures from the paper's network.
+    /// Changes to the paper's network.
     #[command(flatten)]
     pub switches: Switches,
     /// Seed of the random weights.

@@ -1,4 +1,4 @@
-//! `host-train latency`: how long a tile takes; `elunar`'s command, for float networks, too.
+//! `host-train latency`: measures the time of a tile. It is the command of `elunar`, extended to float networks.
 
 use elunar::cli::latency as shared;
 use elunar_learn::float::{is_float, open};
@@ -9,7 +9,7 @@ use elunar_raster::Result;
 #[derive(Debug, clap::Args)]
 #[command(after_help = shared::HELP)]
 pub struct Args {
-    /// What both programs take.
+    /// Options of both programs.
     #[command(flatten)]
     pub shared: shared::Args,
     /// Backend of a float network.

@@ -1,4 +1,4 @@
-//! The command line: one file per command, each with its `Args` and its `run`.
+//! The command line. Each command has a file with its `Args` and its `run`.
 
 pub mod average;
 pub mod check;
@@ -20,17 +20,17 @@ use elunar_raster::Result;
 #[derive(Debug, Parser)]
 #[command(name = "host-train", version, about, arg_required_else_help = false)]
 pub struct Cli {
-    /// What to do; without a command, the demo.
+    /// Command to run; without a command, the tour.
     #[command(subcommand)]
     pub command: Option<Command>,
 }
 
-/// The commands: those of `elunar`, and what needs the float network or is built on it.
+/// The commands: those of `elunar`, and those that need the float network.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Make a scene, train, export, predict and evaluate, with a report (the default).
     Demo(demo::Args),
-    /// Write freshly initialised weights.
+    /// Write new weights.
     Init(init::Args),
     /// Compare the network with a golden file, map by map.
     Check(check::Args),
@@ -38,24 +38,24 @@ pub enum Command {
     Train(Box<train::Args>),
     /// Take the mean of several weight files.
     Average(average::Args),
-    /// Train experiments from their files, test them, and put them side by side.
+    /// Train experiments from their files, test them, and compare them.
     Experiment(experiment::Args),
     /// Predict a DTM from an image and a coarse DTM.
     Predict(predict::Args),
     /// Score models on test scenes, with tables and pictures.
     Suite(suite::Args),
-    /// Make one page of test suites, experiments and training runs.
+    /// Write one page about test suites, experiments and training runs.
     Report(report::Args),
-    /// Flip bits while a tile is at work, and count what comes of it.
+    /// Flip bits while a tile runs, and count the outcomes.
     Faults(faults::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
-    /// The commands that `elunar` has, too.
+    /// The commands that `elunar` also has.
     #[command(flatten)]
     Shared(Shared),
 }
 
-/// The program's command line. Commands that are shared with `elunar` give examples of themselves under this program's name.
+/// Returns the program's command line. The examples of shared commands show this program's name.
 #[must_use]
 pub fn command_line() -> clap::Command {
     let named = |command: clap::Command| {
@@ -71,7 +71,7 @@ pub fn command_line() -> clap::Command {
 /// Runs the parsed command.
 ///
 /// # Errors
-/// The command's own.
+/// Errors of the command.
 pub fn run(cli: Cli) -> Result<()> {
     match cli.command {
         Some(Command::Demo(args)) => demo::run(args),

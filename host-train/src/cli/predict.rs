@@ -1,4 +1,4 @@
-//! `host-train predict`: an image and a coarse DTM in, a DTM out; `elunar`'s command, for float networks, too.
+//! `host-train predict`: makes a DTM from an image and a coarse DTM. It is the command of `elunar`, extended to float networks.
 
 use elunar::cli::predict as shared;
 use elunar_learn::float::open_any;
@@ -9,10 +9,10 @@ use elunar_raster::Result;
 #[derive(Debug, clap::Args)]
 #[command(after_help = shared::HELP)]
 pub struct Args {
-    /// What both programs take.
+    /// Options of both programs.
     #[command(flatten)]
     pub shared: shared::Args,
-    /// Where a float network runs.
+    /// Backend of a float network.
     #[arg(long, default_value = "flex")]
     pub backend: Backend,
 }
@@ -20,7 +20,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the inputs, opening the model, predicting and writing; no DTM is left behind then.
+/// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
     shared::run_with(args.shared, |path| open_any(path, args.backend))
 }

@@ -1,4 +1,4 @@
-//! `host-train report`: one page of what suites, experiments, training runs and benchmarks found.
+//! `host-train report`: writes one page about suites, experiments, training runs and records.
 
 use crate::report;
 use elunar::cli::output;
@@ -14,7 +14,7 @@ Example:
   host-train report out/suite out/experiments runs/nano -o report.html
   host-train report host-train/experiments/record -o record.html")]
 pub struct Args {
-    /// Folders that `suite`, `experiment` or `train` wrote into, or folders with CSV tables.
+    /// Folders that `suite`, `experiment` or `train` has written, or folders with CSV tables.
     #[arg(required = true, value_name = "DIR")]
     pub folders: Vec<PathBuf>,
     /// Page to write.
@@ -25,7 +25,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If a folder holds nothing to report, or the page cannot be written.
+/// If a folder holds no results, or the page cannot be written.
 pub fn run(args: Args) -> Result<()> {
     output::check(&args.output, &[])?;
     report::write(&args.folders, &args.output)?;

@@ -1,4 +1,4 @@
-//! `host-train suite`: models, and other programs' DTMs, on test scenes.
+//! `host-train suite`: compares models, and other programs' DTMs, on test scenes.
 
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
@@ -24,25 +24,25 @@ Examples:
   host-train suite --out out/sfs --scenes-only
   host-train suite --out out/suite --against sfs=out/sfs/dtm")]
 pub struct Args {
-    /// Folder to write into; made if absent.
+    /// Folder to write into; created if absent.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// List of scenes [default: built-in synthetic scenes].
     #[arg(long, value_name = "LIST.toml")]
     pub suite: Option<PathBuf>,
-    /// Model, .safetensors or .eld; NAME=FILE gives it a name; several times for several models [default: the shipped ones].
+    /// Model, .safetensors or .eld, optionally with a name (NAME=FILE). Repeat for several models [default: the shipped ones].
     #[arg(long, value_name = "[NAME=]FILE")]
     pub model: Vec<String>,
     /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.
     #[arg(long, value_name = "NAME=DIR")]
     pub against: Vec<String>,
-    /// Do not tell the models where the Sun stands: they estimate it.
+    /// Do not pass the Sun's direction to the models, so that it is estimated.
     #[arg(long)]
     pub hide_sun: bool,
-    /// Let the networks change the low frequencies of the coarse DTM too, as in the paper.
+    /// Take the low frequencies from the networks, not from the coarse DTM, as in the paper.
     #[arg(long)]
     pub no_anchor: bool,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
     /// Write the scenes' files and stop.
@@ -50,13 +50,13 @@ pub struct Args {
     pub scenes_only: bool,
 }
 
-/// Where the shipped models are.
+/// Folder of the shipped models.
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
 
 /// Runs the command.
 ///
 /// # Errors
-/// From reading lists, models and scenes, predicting and writing.
+/// If a list, a model or a scene cannot be read, or predicting or writing fails.
 pub fn run(args: Args) -> Result<()> {
     let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
     interrupt::listen();
@@ -70,7 +70,7 @@ pub fn run(args: Args) -> Result<()> {
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
     let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
-    // Scenes of weak truth have no sums.
+    // If all scenes have a weak truth, there are no summaries.
     let sums = tables::sums(&results);
     let shown = if sums.rows.is_empty() { tables::scenes(&results) } else { sums };
     print!("{}", shown.markdown());
@@ -107,7 +107,7 @@ fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Every model of the models' folder, in order of name, float before int8.
+/// Returns every model of the models' folder, in order of name, float before int8.
 fn shipped() -> Result<Vec<PathBuf>> {
     let folder = Path::new(SHIPPED);
     let hint = |e: std::io::Error| Error::usage(format!("{SHIPPED}: {e}; name a model with --model"));

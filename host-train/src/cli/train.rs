@@ -31,34 +31,34 @@ pub struct Args {
     /// Folder of the run: record, checkpoints, weights, curves.
     #[arg(long, value_name = "RUN")]
     pub out: PathBuf,
-    /// Go on from the folder's checkpoint; everything else comes from its record.
+    /// Continue from the folder's checkpoint. All other options come from its record.
     #[arg(long)]
     pub resume: bool,
-    /// Say where the time of the steps went, when they are done; also in the run's profile.md.
+    /// Print the time of each part of the steps at the end. It is also written to the run's profile.md.
     #[arg(long)]
     pub profile: bool,
-    /// What to train, and how.
+    /// Options of a new run.
     #[command(flatten)]
     pub start: Start,
 }
 
-/// What determines a new run.
+/// Options that determine a new run.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct Start {
     /// Size of the network, and its recipe [default: nano].
     #[arg(long)]
     pub preset: Option<Preset>,
-    /// `synth`, a folder written by `prepare`, or one of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
+    /// `synth`, a folder of `prepare`, or a folder of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
     #[arg(long, value_name = "DIR|synth")]
     pub data: Option<PathBuf>,
-    /// Tiles to validate on: `synth` (a Moon of another seed) or a folder [default: the validation tiles of a prepared folder, else
+    /// Tiles for validation: `synth` (a Moon of another seed) or a folder [default: the validation tiles of a prepared folder, otherwise
     /// synth].
     #[arg(long, value_name = "DIR|synth")]
     pub validation: Option<PathBuf>,
     /// Seed of weights, data and cropping [default: 0].
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Start from these weights instead of random ones; their configuration comes with them.
+    /// Start from these weights and their configuration, instead of random weights.
     #[arg(long, value_name = "W.safetensors")]
     pub start_from: Option<PathBuf>,
     /// Start the image encoder from a published Swin checkpoint (timm or original names).
@@ -67,10 +67,10 @@ pub struct Start {
     /// Backend [default: flex].
     #[arg(long)]
     pub backend: Option<Backend>,
-    /// Departures from the preset's recipe.
+    /// Changes to the preset's recipe.
     #[command(flatten)]
     pub recipe: RecipeFlags,
-    /// Departures from the preset's network.
+    /// Changes to the preset's network.
     #[command(flatten)]
     pub switches: Switches,
 }
@@ -112,7 +112,7 @@ fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
     atomic_write(&folder.join("profile.md"), text.as_bytes())
 }
 
-/// Trainable numbers: everything but the running statistics.
+/// Returns the number of trainable parameters: all numbers except the running statistics.
 fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
     let trainable = shapes.iter().filter(|(name, _)| !name.contains(".running_"));
     trainable.map(|(_, shape)| shape.iter().product::<usize>()).sum()
@@ -140,7 +140,7 @@ fn resume(args: &Args) -> Result<Run> {
     Ok(Run { folder: args.out.clone(), record, initial: None, training, validation, stop_after: None })
 }
 
-/// A new run as the options say.
+/// Makes a new run from the options.
 ///
 /// # Errors
 /// If options contradict each other, or data or weights cannot be read.
@@ -163,7 +163,7 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
         started_from += &format!(", image encoder {}", path.display());
     }
     let data = DataSpec::parse(start.data, seed, Split::Train)?;
-    // The validation Moon shares nothing with the training Moon but its statistics.
+    // The validation Moon and the training Moon share only their statistics.
     let validation_seed = seed.wrapping_add(VALIDATION_SEED);
     let validation_data = match start.validation {
         None => data.validation(validation_seed),

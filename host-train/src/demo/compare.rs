@@ -1,4 +1,4 @@
-//! Step 5: coarse input, float and int8 against the truth, on the same pixels.
+//! Step 5: compares the coarse DTM, float and int8 with the truth, on the same pixels.
 
 use super::console::say;
 use super::folder::Folder;
@@ -9,20 +9,20 @@ use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::{Candidate, Comparison, Scores, compare, table};
 use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
-/// Heights along the middle row.
+/// Picture of heights along the middle row.
 pub(super) const PROFILE: &str = "profile.png";
-/// What the candidates are called, in the order of the table.
+/// Names of the candidates, in the order of the table.
 pub(super) const NAMES: [&str; 3] = ["coarse DTM", "float", "int8"];
 
-/// What was found.
+/// Result of the comparison.
 pub(super) struct Verdict {
     /// Coarse DTM, float and int8 against the truth.
     pub against_truth: Comparison,
-    /// Int8 against float, on the whole scene.
+    /// Int8 compared with float, on the whole scene.
     pub int8_against_float: Scores,
 }
 
-/// Name of an error map: `coarse`, `float` or `int8`.
+/// Returns the name of an error map: `coarse`, `float` or `int8`.
 pub(super) fn error_file(name: &str) -> String {
     format!("error_{}.png", name.split(' ').next().unwrap_or(name))
 }
@@ -30,7 +30,7 @@ pub(super) fn error_file(name: &str) -> String {
 /// Compares, prints the table, and draws error maps and a profile.
 ///
 /// # Errors
-/// From comparing and writing.
+/// If comparing or writing fails.
 pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted; 2]) -> Result<Verdict> {
     let truth_name = scene.file("truth");
     let candidates = [
@@ -54,7 +54,7 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted
     Ok(Verdict { against_truth, int8_against_float })
 }
 
-/// Heights along the middle half of the middle row: long enough for hills, short enough for craters of a few pixels.
+/// Draws heights along the middle half of the middle row. It is long enough for hills and short enough for craters of a few pixels.
 fn profile(folder: &Folder, scene: &DemoScene, float: &Raster, int8: &Raster) -> Result<()> {
     let (row, cols) = (scene.truth.rows / 2, scene.truth.cols);
     let mean_m = {

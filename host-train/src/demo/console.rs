@@ -1,16 +1,16 @@
-//! What the newcomer sees: numbered steps with their times, and bars for what takes long.
+//! Output of the tour: numbered steps with their times, and progress bars for long work.
 
 use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
 use std::time::Instant;
 
-/// Announces and times the steps of a tour.
+/// Prints and times the steps of a tour.
 pub(super) struct Console {
     steps: usize,
     times: Vec<StepTime>,
 }
 
-/// How long a step took.
+/// Time of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct StepTime {
     /// The step's title.
@@ -20,7 +20,7 @@ pub(super) struct StepTime {
 }
 
 impl Console {
-    /// A tour of so many steps.
+    /// Makes a console for this number of steps.
     pub(super) fn new(steps: usize) -> Self {
         Self { steps, times: vec![] }
     }
@@ -28,7 +28,7 @@ impl Console {
     /// Runs one step.
     ///
     /// # Errors
-    /// The step's own, or that the user asked to stop.
+    /// Errors of the step, or that the user asked to stop.
     pub(super) fn step<T>(&mut self, title: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let number = self.times.len() + 1;
         println!("{number}/{}  {title}", self.steps);
@@ -47,23 +47,23 @@ impl Console {
         Ok(made)
     }
 
-    /// The steps so far.
+    /// Returns the steps so far.
     pub(super) fn times(&self) -> &[StepTime] {
         &self.times
     }
 
-    /// All steps together, seconds.
+    /// Returns the time of all steps together, seconds.
     pub(super) fn total_s(&self) -> f64 {
         self.times.iter().map(|step| step.seconds).sum()
     }
 }
 
-/// One line under the title of the step in progress.
+/// Prints one line under the title of the current step.
 pub(super) fn say(line: impl std::fmt::Display) {
     println!("     {line}");
 }
 
-/// `4.2 s` or `3 min 05 s`.
+/// Returns a time as `4.2 s` or `3 min 05 s`.
 pub(super) fn minutes(seconds: f64) -> String {
     if seconds < 59.95 {
         return format!("{seconds:.1} s");

@@ -1,4 +1,4 @@
-//! The folder of a tour: which files are its own, and what of an earlier tour has to go before a new one.
+//! The folder of a tour: its files, and the removal of an earlier tour's files.
 
 use elunar_learn::train::curves::CURVES;
 use elunar_learn::train::journal::{STEPS, VALIDATIONS};
@@ -6,30 +6,30 @@ use elunar_learn::train::run::{BEST, LAST, RECORD, Record};
 use elunar_raster::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// The report.
+/// File name of the report.
 pub(super) const REPORT: &str = "report.html";
-/// The report's figures, for programs.
+/// The report's figures as JSON.
 pub(super) const FIGURES: &str = "figures.json";
-/// The float network the tour ends with.
+/// File name of the final float network.
 pub(super) const FLOAT_MODEL: &str = "model.safetensors";
-/// The int8 network made of it.
+/// File name of the int8 network.
 pub(super) const INT8_MODEL: &str = "model.eld";
 /// Folder of the training run.
 pub(super) const RUN: &str = "training";
-/// How the record of a tour's training run says what it is.
+/// Beginning of the entry in the training record that marks a tour's run.
 pub(super) const STARTED_BY: &str = "tour, from ";
 
-/// A folder that a tour may write into.
+/// A folder for the files of a tour.
 pub(super) struct Folder {
     path: PathBuf,
 }
 
 impl Folder {
-    /// Makes the folder if need be and takes away what an earlier tour would leave contradictory: its report, its figures and its
-    /// training run. Everything else is overwritten when its turn comes; foreign files are never touched.
+    /// Creates the folder if needed. Removes the files of an earlier tour that would contradict the new ones: its report, its figures and
+    /// its training run. Its other files are overwritten later. Foreign files are never changed.
     ///
     /// # Errors
-    /// [`Error::Io`] if the folder cannot be written; [`Error::Usage`] if its `training` is somebody else's run.
+    /// [`Error::Io`] if the folder cannot be written; [`Error::Usage`] if its `training` is not a tour's run.
     pub(super) fn open(path: &Path) -> Result<Self> {
         std::fs::create_dir_all(path).map_err(Error::io(path))?;
         tempfile::NamedTempFile::new_in(path).map_err(Error::io(path))?;
@@ -41,12 +41,12 @@ impl Folder {
         Ok(folder)
     }
 
-    /// A file or folder in it.
+    /// Returns the path of a file or folder in it.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Its name for messages.
+    /// Returns its name for messages.
     pub(super) fn show(&self) -> String {
         self.path.display().to_string()
     }
@@ -66,7 +66,7 @@ impl Folder {
         for name in ["checkpoint", "checkpoint.old", "checkpoint.new"] {
             remove(&run.join(name), true)?;
         }
-        // Last: while it is there, a tour that was stopped in between is recognised.
+        // The record is removed last: with it, an interrupted tour is still recognised.
         remove(&run.join(RECORD), false)
     }
 }

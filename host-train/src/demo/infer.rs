@@ -1,4 +1,4 @@
-//! Step 4: the scene through both networks.
+//! Step 4: predicts the scene with both networks.
 
 use super::Settings;
 use super::console::{minutes, say};
@@ -18,21 +18,21 @@ use std::time::Instant;
 pub(super) struct Predicted {
     /// `float` or `int8`.
     pub name: &'static str,
-    /// The DTM, with the tiles it was joined of.
+    /// The DTM, and the number of its tiles by result.
     pub made: Prediction,
     /// The model, with the SHA-256 of its file.
     pub model: String,
-    /// Seconds from the first tile to the last.
+    /// Time from the first tile to the last, seconds.
     pub seconds: f64,
 }
 
 impl Predicted {
-    /// Name of the DTM's file.
+    /// Returns the name of the DTM's file.
     pub(super) fn file(&self) -> String {
         format!("dtm_{}.tif", self.name)
     }
 
-    /// Name of its hillshade.
+    /// Returns the name of its hillshade.
     pub(super) fn shade(&self) -> String {
         format!("dtm_{}_hillshade.png", self.name)
     }
@@ -41,7 +41,7 @@ impl Predicted {
 /// Predicts with float and int8, and writes both DTMs with their hillshades.
 ///
 /// # Errors
-/// From opening the models, predicting and writing.
+/// If a model cannot be opened, or predicting or writing fails.
 pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 2]> {
     let float = one(settings, folder, scene, "float", FLOAT_MODEL)?;
     Ok([float, one(settings, folder, scene, "int8", INT8_MODEL)?])
@@ -50,7 +50,7 @@ pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Re
 fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
     let model = open_any(&folder.file(file), Backend::Flex)?;
     let overlap_px = Options::overlap_for(model.tile());
-    // Archives tell the Sun's place in the sky for every image.
+    // Archives state the Sun's direction for every image.
     let (azimuth_deg, elevation_deg) = (scene.about.sun_azimuth_deg, scene.about.sun_elevation_deg);
     let sun = KnownSun { azimuth_deg: Some(azimuth_deg), elevation_deg: Some(elevation_deg) };
     let options = Options { overlap_px, threads: settings.threads, sun, ..Options::default() };

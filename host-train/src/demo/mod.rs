@@ -1,8 +1,8 @@
-//! The tour: everything this program does, once, on a scene nobody trained on, with a report at the end.
+//! The tour: a demonstration of all functions of this program, on a scene that no network was trained on, with a report at the end.
 //!
-//! [`scene`] makes the scene, [`tune`] fine-tunes the network for its light and ground, [`shrink`] exports the int8 model,
-//! [`infer`] predicts with both, [`compare`] compares them with the truth and with the coarse DTM, [`report`] writes it all down.
-//! Each is what the command of the same purpose does; [`console`] announces and times them.
+//! [`scene`] makes the scene. [`tune`] fine-tunes the network for its light and ground. [`shrink`] exports the int8 model. [`infer`]
+//! predicts with both. [`compare`] compares them with the truth and with the coarse DTM. [`report`] writes the report. Each step does the
+//! same as the command for this purpose. [`console`] prints and times them.
 
 mod compare;
 mod console;
@@ -21,10 +21,10 @@ use elunar_scene::interrupt;
 use folder::Folder;
 use std::path::PathBuf;
 
-/// The network that comes with this program.
+/// The network that is shipped with this program.
 pub const SHIPPED_MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.safetensors");
 
-/// What training starts from.
+/// Initial weights of the training.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Start {
     /// Float weights with their configuration.
@@ -33,25 +33,24 @@ pub enum Start {
     Scratch(NetConfig),
 }
 
-/// What the tour does. [`Settings::new`] is what a user gets; tests make it smaller.
+/// Settings of the tour. Users get [`Settings::new`]; tests use smaller values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Folder to write into; made if absent.
+    /// Folder to write into; created if absent.
     pub out: PathBuf,
-    /// What training starts from.
+    /// Initial weights of the training.
     pub start: Start,
-    /// Number of the tour: another one has another scene, other training tiles and other calibration tiles. Below
-    /// [`Settings::SEEDS`].
+    /// Seed of the tour. Each seed has another scene, other training tiles and other calibration tiles. Below [`Settings::SEEDS`].
     pub seed: u64,
     /// Rows and columns of the scene.
     pub scene_px: (usize, usize),
-    /// How the network is trained.
+    /// Recipe of the training.
     pub recipe: Recipe,
-    /// Tiles that measure the ranges of the network's maps before quantisation.
+    /// Number of tiles for measuring the ranges of the network's maps before quantisation.
     pub calibration_tiles: u64,
-    /// Tiles on which int8 is compared with float.
+    /// Number of tiles for comparing int8 with float.
     pub comparison_tiles: u64,
-    /// Threads of the prediction; 0 takes as many as the machine offers.
+    /// Number of threads of the prediction; 0 takes as many as the machine offers.
     pub threads: usize,
 }
 
@@ -59,17 +58,17 @@ impl Settings {
     /// One more than the greatest seed of a tour.
     pub const SEEDS: u64 = 1_000_000_000;
 
-    /// Steps of fine-tuning (our choice: one to two minutes on two cores).
+    /// Number of steps of fine-tuning (our choice: one to two minutes on two cores).
     pub const STEPS: usize = 120;
-    /// Steps of training from random weights (our choice: as many as the ten minutes of a tour allow).
+    /// Number of steps of training from random weights (our choice: as many as fit into the ten minutes of a tour).
     pub const SCRATCH_STEPS: usize = 300;
 
-    /// The tour a user gets.
+    /// Returns the settings that a user gets.
     #[must_use]
     pub fn new(out: PathBuf, start: Start, seed: u64, steps: Option<usize>) -> Self {
         let preset = Recipe::preset(Preset::Nano);
         let (usual, learning_rate) = match start {
-            // A thirtieth of the preset's rate, for a network that is already good (our choice).
+            // A thirtieth of the preset's learning rate, because the network is already trained (our choice).
             Start::Weights(_) => (Self::STEPS, preset.learning_rate / 30.0),
             Start::Scratch(_) => (Self::SCRATCH_STEPS, preset.learning_rate),
         };
@@ -87,15 +86,15 @@ impl Settings {
         Self { out, start, seed, scene_px, recipe, calibration_tiles: 8, comparison_tiles: 2, threads: 2 }
     }
 
-    /// The network that is trained from random weights.
+    /// Returns the network that is trained from random weights.
     #[must_use]
     pub fn scratch() -> Start {
         Start::Scratch(trained_network(Preset::Nano))
     }
 }
 
-/// The Moons of a tour. Their seeds lie far from those `train` uses by default (small numbers, and
-/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that nothing in a tour has been trained on before it.
+/// The Moons of a tour. Their seeds are far from the default seeds of `train` (small numbers, and
+/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that no network was trained on them before.
 #[derive(Debug, Clone, Copy)]
 struct Seeds {
     scene: u64,
@@ -111,11 +110,11 @@ impl Seeds {
     }
 }
 
-/// Runs the tour and returns the report's path. An earlier tour's files in the folder are replaced; other files are left alone.
+/// Runs the tour. Returns the report's path. Files of an earlier tour in the folder are replaced; other files are not changed.
 ///
 /// # Errors
-/// [`Error::Usage`] if a setting is out of range, the user stopped the tour, or the folder holds a training run that is not a
-/// tour's; the errors of the steps.
+/// [`Error::Usage`] if a setting is out of range, the user stopped the tour, or the folder holds a training run of another origin. Errors
+/// of the steps are passed on.
 pub fn run(settings: &Settings) -> Result<PathBuf> {
     if settings.seed >= Settings::SEEDS {
         let (limit, found) = (Settings::SEEDS, settings.seed);

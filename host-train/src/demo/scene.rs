@@ -1,4 +1,4 @@
-//! Step 1: a scene as files, as an orbiter's archive would hold them.
+//! Step 1: makes the files of a scene, as in an orbiter's archive.
 
 use super::console::say;
 use super::folder::Folder;
@@ -8,14 +8,14 @@ use elunar_scene::picture::{hillshade, stretch, write_png};
 use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions};
 
-/// The image as a viewer shows it.
+/// Picture of the image.
 pub(super) const IMAGE: &str = "image.png";
 /// Hillshade of the interpolated coarse DTM.
 pub(super) const COARSE_SHADE: &str = "coarse_hillshade.png";
 /// Hillshade of the truth.
 pub(super) const TRUTH_SHADE: &str = "truth_hillshade.png";
 
-/// The scene of a tour, read back from its files.
+/// The scene of a tour, read from its files.
 pub(super) struct DemoScene {
     /// Name, terrain and Sun.
     pub about: SceneEntry,
@@ -25,20 +25,20 @@ pub(super) struct DemoScene {
     pub coarse: Raster,
     /// True DTM.
     pub truth: Raster,
-    /// Image and coarse DTM on one grid: what the networks are given.
+    /// Image and coarse DTM on one grid, the input of the networks.
     pub input: Scene,
     /// The coarse DTM on the image's grid.
     pub interpolated: Raster,
 }
 
 impl DemoScene {
-    /// Name of one of its files: `image`, `coarse` or `truth`.
+    /// Returns the name of one of its files: `image`, `coarse` or `truth`.
     pub(super) fn file(&self, what: &str) -> String {
         format!("{}_{what}.tif", self.about.name)
     }
 }
 
-/// Makes scene 0 of the Moon of `seed`, writes it with pictures and a manifest, and reads it back.
+/// Makes scene 0 of the Moon of `seed`, writes it with pictures and a manifest, and reads it again.
 ///
 /// # Errors
 /// If a size is out of range or a file cannot be written or read.

@@ -1,4 +1,4 @@
-//! Step 3: float weights become the model file of the int8 runner.
+//! Step 3: makes the model file of the int8 runner from float weights.
 
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
@@ -14,7 +14,7 @@ use elunar_scene::data::calibration::calibration_tiles;
 use elunar_scene::progress::bar;
 use elunar_synth::SceneEntry;
 
-/// What the int8 model costs, and how far it is from float.
+/// Size of the int8 model, and its difference from float.
 pub(super) struct Shrunk {
     /// Size of the float weights' file, bytes.
     pub float_bytes: usize,
@@ -24,16 +24,16 @@ pub(super) struct Shrunk {
     pub arena_bytes: usize,
     /// Multiply-accumulates of one tile.
     pub macs: u64,
-    /// Operators of its program.
+    /// Number of operators of its program.
     pub operators: usize,
-    /// Against float, on tiles that calibration has not seen.
+    /// Comparison with float, on tiles that were not used for calibration.
     pub comparison: Comparison,
 }
 
 /// Calibrates, quantises, compares and writes.
 ///
 /// # Errors
-/// From reading weights and making tiles, or if the network does not fit the runner.
+/// If weights cannot be read, tiles cannot be made, or the network does not fit the runner.
 pub(super) fn run(settings: &Settings, folder: &Folder, seeds: Seeds, scene: &SceneEntry) -> Result<Shrunk> {
     let path = folder.file(FLOAT_MODEL);
     let weights = Weights::read(&path)?;

@@ -1,4 +1,4 @@
-//! Step 2: a short training run on other Moons with the scene's kind of ground and about its Sun, which are known of any image.
+//! Step 2: a short training run on other Moons with the scene's kind of ground and about its Sun. Both are known of any image.
 
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
@@ -16,14 +16,14 @@ use elunar_scene::data::source::DataSpec;
 use elunar_synth::{SceneEntry, SynthOptions};
 use std::path::{Path, PathBuf};
 
-/// The tiles' Sun stands at most this much lower or higher than the scene's, degrees (our choice).
+/// Greatest difference between the tiles' Sun elevation and the scene's, degrees (our choice).
 const SUN_SPREAD_DEG: f64 = 5.0;
 
-/// How training went.
+/// Result of the training.
 pub(super) struct Tuned {
-    /// Trainable numbers of the network.
+    /// Number of trainable parameters of the network.
     pub parameters: usize,
-    /// What training started from.
+    /// Origin of the initial weights.
     pub started_from: String,
     /// Sun elevations of the tiles, degrees.
     pub sun_deg: (f64, f64),
@@ -31,13 +31,13 @@ pub(super) struct Tuned {
     pub before: Validation,
     /// The best validation of the run.
     pub after: Validation,
-    /// Whether the run's best weights are the ones the tour goes on with, and not those it started from.
+    /// Whether the run's best weights are used from here on, and not those it started from.
     pub improved: bool,
     /// Steps per second, validation included.
     pub steps_per_s: f64,
 }
 
-/// The step's title.
+/// Returns the step's title.
 pub(super) fn title(settings: &Settings) -> &'static str {
     match settings.start {
         Start::Weights(_) => "Fine-tuning the float network",
@@ -45,7 +45,7 @@ pub(super) fn title(settings: &Settings) -> &'static str {
     }
 }
 
-/// Weights of step 0 and their network; read before anything is written.
+/// Reads the weights of step 0 and their network, before anything is written.
 ///
 /// # Errors
 /// If the file is absent, broken, or not a network.
@@ -59,14 +59,14 @@ pub(super) fn start(settings: &Settings) -> Result<(NetConfig, Weights)> {
         Start::Weights(path) => {
             let weights = Weights::read(path)?;
             let network = config_of(&weights, path)?;
-            // Also fails early if tensors are missing or do not fit.
+            // This also fails early if tensors are missing or do not fit.
             store::load(&network, &weights, path, &Backend::Flex.device()?)?;
             Ok((network, weights))
         }
     }
 }
 
-/// The synthetic Moon that training, validation and calibration draw from: the scene's ground and about its Sun.
+/// Returns the synthetic Moon for training, validation and calibration: the scene's ground, and about its Sun.
 pub(super) fn moon(seed: u64, scene: &SceneEntry) -> DataSpec {
     let options = SynthOptions { kind: Some(scene.kind), sun_elevation_deg: sun_deg(scene), ..SynthOptions::default() };
     DataSpec::Synth { seed, options }
@@ -80,7 +80,7 @@ fn sun_deg(scene: &SceneEntry) -> (f64, f64) {
 /// Trains, and writes the better of the old and the new weights.
 ///
 /// # Errors
-/// From making tiles, training and writing.
+/// If tiles cannot be made, or training or writing fails.
 pub(super) fn run(
     settings: &Settings,
     folder: &Folder,
@@ -128,7 +128,7 @@ pub(super) fn run(
     }
     let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
     say(figures("after ", &after));
-    // By metres, which is what the tour shows.
+    // The criterion is the RMSE in metres, which the tour reports.
     let improved = after.network.rmse_m < before.network.rmse_m;
     let weights = if improved { Weights::read(&run_folder.join(BEST))? } else { initial };
     weights.write(&folder.file(FLOAT_MODEL))?;
@@ -141,7 +141,7 @@ pub(super) fn run(
     Ok(Tuned { parameters, started_from, sun_deg, before, after, improved, steps_per_s: outcome.steps_per_s })
 }
 
-/// The run's curves, with the validation before the first step as their first point.
+/// Draws the run's curves, with the validation before the first step as their first point.
 fn draw_with_start(run: &Path, before: &Validation) -> Result<()> {
     let mut history = History::read(run)?;
     for (points, figure) in [
@@ -155,7 +155,7 @@ fn draw_with_start(run: &Path, before: &Validation) -> Result<()> {
     history.write(&curves(run))
 }
 
-/// The curves' path in a run's folder.
+/// Returns the path of the curves in a run's folder.
 pub(super) fn curves(run: &Path) -> PathBuf {
     run.join(CURVES)
 }

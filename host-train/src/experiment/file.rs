@@ -1,4 +1,4 @@
-//! An experiment as a TOML file: a preset or another experiment, and what differs from it.
+//! An experiment as a TOML file: a preset or another experiment, and the changes to it.
 
 use crate::suite::list::is_plain;
 use crate::suite::method::Usage;
@@ -15,16 +15,16 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// All that determines an experiment.
+/// Everything that determines an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
-    /// Its name; the file's, too.
+    /// Name of the experiment and of its file.
     pub name: String,
-    /// What it is to answer.
+    /// Question that the experiment answers.
     pub answers: String,
-    /// What it was derived from: `preset nano`, or another experiment.
+    /// Base of the experiment: `preset nano`, or another experiment.
     pub like: String,
-    /// What differs from that, as `network.nr = 1`.
+    /// Changes to the base, as `network.nr = 1`.
     pub changes: Vec<String>,
     /// Seed of initial weights and of cropping.
     pub seed: u64,
@@ -36,23 +36,23 @@ pub struct Experiment {
     pub data: DataSpec,
     /// Validation tiles.
     pub validation_data: DataSpec,
-    /// How the network is used on the test scenes.
+    /// Use of the network on the test scenes.
     pub evaluation: Evaluation,
 }
 
-/// How the trained network is used.
+/// Use of the trained network.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Whether every tile keeps the coarse DTM's low frequencies (ours; the paper leaves the network free).
+    /// Whether every tile keeps the coarse DTM's low frequencies (ours). Otherwise they come from the network (the paper).
     pub anchor: bool,
-    /// What happens to the finished DTM.
+    /// Co-alignment of the finished DTM.
     pub co_alignment: CoAlignment,
-    /// Whether the network is told where the Sun stands.
+    /// Whether the Sun's direction is given to the network.
     pub tell_sun: bool,
 }
 
 impl Evaluation {
-    /// The same for a method of a suite.
+    /// Returns the usage for a method of a suite.
     #[must_use]
     pub fn usage(self, threads: usize) -> Usage {
         let Self { anchor, co_alignment, tell_sun } = self;
@@ -60,11 +60,11 @@ impl Evaluation {
     }
 }
 
-/// Experiments that are derived from one another at most.
+/// Greatest number of experiments in a chain of derivations.
 const DEPTH: usize = 8;
 
 impl Experiment {
-    /// The paper's network and recipe of a preset, on the synthetic Moon.
+    /// Returns the paper's network and recipe of a preset, on the synthetic Moon.
     fn of_preset(preset: Preset) -> Self {
         let moon = |seed| DataSpec::Synth { seed, options: SynthOptions::default() };
         Self {
@@ -81,10 +81,10 @@ impl Experiment {
         }
     }
 
-    /// Reads an experiment, and those it is derived from.
+    /// Reads an experiment, and its bases.
     ///
     /// # Errors
-    /// [`Error::Io`] if a file cannot be read; [`Error::Broken`] naming file and line of what is not understood, or what does not fit
+    /// [`Error::Io`] if a file cannot be read; [`Error::Broken`], with file and line, for entries that are not understood or do not fit
     /// together.
     pub fn read(path: &Path) -> Result<Self> {
         Self::derived(path, DEPTH)
@@ -138,10 +138,10 @@ impl Experiment {
         self.recipe.check()
     }
 
-    /// The same, with another number of steps.
+    /// Replaces the number of steps.
     ///
     /// # Errors
-    /// [`Error::Usage`] if there are none.
+    /// [`Error::Usage`] if it is 0.
     pub fn with_steps(mut self, steps: usize) -> Result<Self> {
         let recipe = &mut self.recipe;
         recipe.steps = steps;
@@ -152,7 +152,7 @@ impl Experiment {
     }
 }
 
-/// Values of a file laid over an experiment, one by one: the first that does not fit is named with its line.
+/// Overlays the values of a file on an experiment, one by one. The error names the first bad value with its line.
 struct Overlay<'a> {
     path: &'a Path,
     text: &'a str,
@@ -165,7 +165,7 @@ impl Overlay<'_> {
     /// Sets `key` in the table at `place`.
     fn set(&mut self, place: &mut Vec<String>, key: &str, offset: usize, given: &Spanned<DeValue>) -> Result<()> {
         place.push(key.into());
-        // Data of another kind than the preset's: a value of that kind to lay the rest over.
+        // For data of another kind than the preset's, start from an empty value of that kind.
         if let (["data" | "validation_data"], Some(table)) = (parts(place).as_slice(), given.get_ref().as_table()) {
             let empty = [json!({"folder": {"path": ""}}), json!({"prepared": {"path": "", "split": "train"}})];
             let other = empty
@@ -198,7 +198,7 @@ impl Overlay<'_> {
         let old = std::mem::replace(slot, new.clone());
         self.experiment = serde_json::from_value(self.value.clone())
             .map_err(|e| at_line(self.path, self.text, offset, &format!("{dotted}: {e}")))?;
-        // As numbers: 1 and 1.0 are the same.
+        // Compared as numbers: 1 and 1.0 are equal.
         let same = old == new || old.as_f64().zip(new.as_f64()).is_some_and(|(old, new)| old == new);
         if !same && !["name", "answers"].contains(&dotted.as_str()) {
             self.changes.push(format!("{dotted} = {new}"));
@@ -215,7 +215,7 @@ fn parts(place: &[String]) -> Vec<&str> {
     place.iter().map(String::as_str).collect()
 }
 
-/// A TOML value as JSON; dates, which no setting takes, as text.
+/// Converts a TOML value to JSON. Dates, which no setting uses, become text.
 fn plain(value: &DeValue) -> Value {
     let text = |number: &str| number.replace('_', "").parse::<f64>();
     match value {
@@ -237,7 +237,7 @@ fn plain(value: &DeValue) -> Value {
     }
 }
 
-/// Every `.toml` file of a folder, in order of name.
+/// Returns every `.toml` file of a folder, in order of name.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read.

@@ -1,7 +1,7 @@
-//! Experiments as data: each file trained, validated and tested, and one table of them all.
+//! Experiments from files: each is trained, validated and tested, and one table compares them.
 //!
-//! A [`file`] says what; [`train`] trains it, once, and validates it (Table V); [`run`] then lets all of them work on the scenes of a
-//! suite (Table VI); [`table`] puts both side by side.
+//! A [`file`] describes an experiment. [`train`] trains it once and validates it (Table V). [`run`] tests all of them on the scenes of a
+//! suite (Table VI). [`table`] makes the tables.
 
 pub mod file;
 pub mod table;
@@ -17,22 +17,22 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 pub use train::Trained;
 
-/// The comparison, for programs and for `report`.
+/// File name of the comparison, which `report` reads.
 pub const COMPARISON: &str = "comparison.json";
-/// Folder of the suite's results in that of the comparison.
+/// Folder of the suite's results, within the comparison's folder.
 pub const TEST: &str = "test";
 
-/// What all experiments of a folder found.
+/// Results of all experiments of a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Every experiment as it was trained.
+    /// Every trained experiment.
     pub trained: Vec<Trained>,
-    /// All of them on the test scenes.
+    /// The results of all experiments on the test scenes.
     pub test: Results,
 }
 
 impl Comparison {
-    /// Reads that of a folder.
+    /// Reads the comparison of a folder.
     ///
     /// # Errors
     /// If the file is missing or malformed.
@@ -43,19 +43,19 @@ impl Comparison {
     }
 }
 
-/// How [`run`] goes about it.
+/// Options of [`run`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Manner {
-    /// Go on with experiments that were begun; else one that was begun and not finished is refused.
+    /// Continue experiments that were started. Otherwise an unfinished experiment is refused.
     pub resume: bool,
-    /// Threads for the test scenes; 0 takes as many as the machine offers.
+    /// Number of threads for the test scenes; 0 takes as many as the machine offers.
     pub threads: usize,
 }
 
-/// Trains what is not trained yet, tests all, and writes the comparison into `out`. `say` hears what is done.
+/// Trains experiments that are not trained yet, tests all, and writes the comparison into `out`. Calls `say` with messages about progress.
 ///
 /// # Errors
-/// If two experiments share a name; from training, testing and writing. An interrupted training is an error that says how to go on.
+/// If two experiments share a name, or training, testing or writing fails. After an interrupted training, the error says how to continue.
 pub fn run(
     experiments: &[Experiment],
     list: &List,
@@ -101,7 +101,7 @@ pub fn run(
     Ok(comparison)
 }
 
-/// Results of the same methods on the same scenes, if they are there. Models are compared by their hashes.
+/// Returns stored results of the same methods on the same scenes, if they exist. Models are compared by their hashes.
 fn known(folder: &Path, list: &List, methods: &[Method]) -> Option<Results> {
     if !folder.join(RESULTS).exists() {
         return None;

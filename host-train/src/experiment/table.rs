@@ -1,4 +1,4 @@
-//! All experiments side by side.
+//! Tables and curves of all experiments.
 
 use super::Comparison;
 use super::train::TRAINING;
@@ -8,13 +8,13 @@ use elunar_raster::Result;
 use elunar_scene::picture::{Chart, Series, curves as draw};
 use std::path::Path;
 
-/// The picture of all validations.
+/// File name of the picture of all validations.
 pub const CURVES: &str = "curves.png";
-/// Upper end of the range that normalised figures are given in: the paper's NR.
+/// Upper end of the range of normalised figures: the paper's NR.
 const RANGE: f64 = 50.0;
 
-/// The paper's Table V: the validation tiles in normalised units. Every network is scored in the range it was trained in, as in the
-/// paper, brought to [0, 50].
+/// Returns the paper's Table V: scores on the validation tiles in normalised units. As in the paper, every network is scored in the range
+/// it was trained in, scaled to [0, 50].
 #[must_use]
 pub fn validation(comparison: &Comparison) -> Table {
     let heading = [
@@ -48,7 +48,7 @@ pub fn validation(comparison: &Comparison) -> Table {
     Table { heading: heading.map(String::from).to_vec(), rows: rows.collect() }
 }
 
-/// The whole comparison in Markdown.
+/// Returns the whole comparison in Markdown.
 #[must_use]
 pub fn markdown(comparison: &Comparison) -> String {
     let answers: String = comparison
@@ -71,7 +71,7 @@ pub fn markdown(comparison: &Comparison) -> String {
     )
 }
 
-/// Draws the validations of all runs over their steps, by slope: the one figure whose unit all share.
+/// Draws the validations of all runs over their steps, by slope, because all networks have its unit in common.
 ///
 /// # Errors
 /// If a run's journal cannot be read or the picture cannot be written.

@@ -1,4 +1,4 @@
-//! Experiments on miniature networks and tiles, and one step of every experiment that ships.
+//! Experiments on miniature networks and tiles, and one step of every shipped experiment.
 
 use super::file::files;
 use super::*;
@@ -9,12 +9,12 @@ use elunar_scene::data::source::DataSpec;
 use elunar_synth::SynthOptions;
 use std::path::PathBuf;
 
-/// The experiments of this repository.
+/// Returns the experiments of this repository.
 fn shipped() -> Vec<PathBuf> {
     files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments")).unwrap()
 }
 
-/// The same experiment on tiles of 64 x 64 pixels, in `steps` steps.
+/// Returns the experiment on tiles of 64 x 64 pixels, in `steps` steps.
 fn small(experiment: Experiment, steps: usize) -> Experiment {
     let tiles = |data: &DataSpec| match data {
         DataSpec::Synth { seed, options } => {
@@ -34,7 +34,7 @@ fn small(experiment: Experiment, steps: usize) -> Experiment {
     made
 }
 
-/// As narrow as can be.
+/// Returns an experiment with the narrowest possible network.
 fn miniature(name: &str, steps: usize) -> Experiment {
     let full = Experiment::read(&shipped()[0].with_file_name("full.toml")).unwrap();
     let network = NetConfig {
@@ -75,7 +75,7 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
     let experiment = miniature("e", 3);
     let first = train::train(&experiment, &whole, false, &mut |_| {}).unwrap();
 
-    // Killed after the first step.
+    // The run was killed after the first step.
     let record = Record {
         network: experiment.network.clone(),
         recipe: experiment.recipe.clone(),
@@ -96,11 +96,11 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
     let [a, b] = [&whole, &parts].map(|at| std::fs::read(train::model(at)).unwrap());
     assert!(a == b, "weights differ");
 
-    // Finished: not trained again, even if its run is gone, and not mistaken for another.
+    // A finished experiment is not trained again, even if its run is removed, and is not confused with another.
     std::fs::remove_dir_all(parts.join(train::TRAINING)).unwrap();
     let mut said = vec![];
     let third = train::train(&experiment, &parts, false, &mut |line| said.push(line.to_string())).unwrap();
-    // JSON keeps all but the last digit.
+    // JSON keeps all digits but the last.
     assert!((third.validation.rmse / second.validation.rmse - 1.0).abs() < 1e-12);
     assert_eq!(third.experiment, second.experiment);
     assert_eq!(said, ["e: trained before"]);
@@ -136,7 +136,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let read = Comparison::read(&out).unwrap();
     assert_eq!([&again, &read].map(table::markdown), [text.as_str(), text.as_str()]);
 
-    // Another list is another test.
+    // Another list gives another test.
     let mut other = list.clone();
     other.scene.truncate(1);
     let found = run(&experiments[..1], &other, &out, Manner::default(), &mut |_| {}).unwrap();
@@ -146,6 +146,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let page = folder.path().join("page.html");
     crate::report::write(&[out.clone(), out.join(TEST), out.join("one").join(train::TRAINING)], &page).unwrap();
     let page = std::fs::read_to_string(page).unwrap();
-    // Of the comparison: two sheets a scene, one of the ground, one of all curves, one per run; then the suite's and the run's again.
+    // Of the comparison: two sheets per scene, one of the ground, one of all curves, one per run. Then the suite's and the run's pictures
+    // again.
     assert_eq!(page.matches("data:image/png").count(), (5 + 1 + 2) + 5 + 1);
 }

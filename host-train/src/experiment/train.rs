@@ -1,4 +1,4 @@
-//! One experiment from random weights to its figures on the validation tiles.
+//! Training of one experiment from random weights, and its scores on the validation tiles.
 
 use super::file::Experiment;
 use elunar_learn::model::backend::Backend;
@@ -13,37 +13,37 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Folder of the training run in the experiment's.
+/// Folder of the training run within the experiment's folder.
 pub const TRAINING: &str = "training";
-/// The experiment and its figures; written when it is finished.
+/// File name of the experiment and its scores; written when it is finished.
 const FINISHED: &str = "experiment.json";
 
 /// A finished experiment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trained {
-    /// What was done.
+    /// The experiment.
     pub experiment: Experiment,
-    /// Trainable numbers of the network.
+    /// Number of trainable parameters of the network.
     pub parameters: usize,
-    /// Its best weights on the validation tiles, scored by the truth as it is, whatever the recipe aims at.
+    /// Scores of its best weights on the validation tiles, against the unchanged truth, whatever the recipe's target.
     pub validation: Validation,
     /// Seconds of training since it was last started or resumed.
     pub seconds: f64,
-    /// Steps per second, likewise.
+    /// Steps per second in the same time.
     pub steps_per_s: f64,
 }
 
-/// The weights an experiment's folder ends with.
+/// Returns the path of the final weights in an experiment's folder.
 #[must_use]
 pub fn model(folder: &Path) -> PathBuf {
     folder.join(TRAINING).join(BEST)
 }
 
-/// Trains and validates, unless `folder` holds the finished experiment.
+/// Trains and validates, unless `folder` already holds the finished experiment.
 ///
 /// # Errors
-/// [`Error::Usage`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted; from
-/// training itself.
+/// [`Error::Usage`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted. Errors of
+/// the training are passed on.
 pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn FnMut(&str)) -> Result<Trained> {
     let name = &experiment.name;
     if let Some(found) = finished(folder)? {
@@ -116,7 +116,7 @@ fn finished(folder: &Path) -> Result<Option<Trained>> {
     serde_json::from_slice(&text).map(Some).map_err(|e| Error::broken(&path, format!("finished experiment: {e}")))
 }
 
-/// Whether training would be the same: words may change, and what is done with the trained network.
+/// Returns whether training would be the same. Descriptions, and the use of the trained network, may differ.
 fn same(a: &Experiment, b: &Experiment) -> bool {
     record(a) == record(b)
 }

@@ -1,4 +1,4 @@
-//! Where and when a bit flips.
+//! Place and time of a bit flip.
 
 use elunar_core::nn::file::{HEADER_BYTES, word};
 use elunar_core::nn::{Model, Suspended, required};
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What is hit.
+/// Target of a bit flip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
@@ -17,22 +17,22 @@ pub enum Target {
     Program,
     /// The model's header and list of checksums.
     Header,
-    /// Maps in the arena, whether or not they are still wanted.
+    /// Maps in the arena, in use or not.
     Maps,
-    /// Scratch memory of the operator at work, and the checksums of rows.
+    /// Scratch memory of the current operator, and the checksums of rows.
     Notes,
-    /// A bit of a map that cannot change any more.
+    /// A bit of a map that keeps one value.
     StuckBit,
-    /// What a caller keeps of the run between two steps, as plain numbers without a checksum of their own.
+    /// The state of a run that a caller keeps between two steps, as plain numbers without a checksum.
     Place,
 }
 
 impl Target {
-    /// All of them.
+    /// All targets.
     pub const ALL: [Self; 7] =
         [Self::Constants, Self::Program, Self::Header, Self::Maps, Self::Notes, Self::StuckBit, Self::Place];
 
-    /// As the tables have it.
+    /// Returns the name in the tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Constants => "constants (weights, biases, tables)",
@@ -45,18 +45,18 @@ impl Target {
         }
     }
 
-    /// Whether the model itself is hit, which begins no tile again undone.
+    /// Returns whether the target is in the model itself. Then a run of the tile from its beginning cannot repair the fault.
     pub const fn is_model(self) -> bool {
         matches!(self, Self::Constants | Self::Program | Self::Header)
     }
 
-    /// The bytes it may hit: of the model, of the arena, or of the place.
+    /// Returns the range of bytes that the target includes: of the model, of the arena, or of the place.
     fn bytes(self, model: &Model<'_>) -> Range<usize> {
         let word = |index: usize| model.raw().word(index) as usize;
         match self {
             Self::Constants => word(word::CONSTANTS)..word(word::CONSTANTS) + word(word::CONSTANTS + 1),
             Self::Program => word(word::TENSORS)..word(word::CONSTANTS),
-            // Not the magic and what says how long the file is: a loader reads them, a run does not.
+            // Without the magic and the length of the file. Only a loader reads them, not a run.
             Self::Header => 4 * word::TILE..model.raw().body_offset().max(HEADER_BYTES),
             Self::Maps | Self::StuckBit => 0..model.scratch_offset(),
             Self::Notes => model.scratch_offset()..required(model),
@@ -65,24 +65,25 @@ impl Target {
     }
 }
 
-/// Numbers of a place, four bytes each: phase, entry, step, unit.
+/// Size of the numbers of a place, four bytes each: phase, entry, step, unit.
 const PLACE_BYTES: usize = 16;
 
 /// Bits that flip together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Injection {
-    /// What is hit.
+    /// Target of the flips.
     pub target: Target,
-    /// After which of the moments.
+    /// Number of the moment after which the bits flip.
     pub moment: usize,
-    /// The bits, counted from the start of the model, the arena, or the place; the second may be the first again: then it is one.
+    /// The bits, counted from the start of the model, the arena, or the place. If both are the same, one bit flips.
     pub bits: [usize; 2],
-    /// Of a stuck bit: what it is from now on.
+    /// Value of a stuck bit from now on.
     pub stuck_at: bool,
 }
 
 impl Injection {
-    /// Number `index` of a seed: a third of all flip two bits, half of those side by side, the others anywhere in the target.
+    /// Returns injection `index` of a seed. A third of all injections flip two bits. Half of these are adjacent, the others anywhere in the
+    /// target.
     pub fn new(model: &Model<'_>, moments: usize, seed: u64, index: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(index);
@@ -101,19 +102,19 @@ impl Injection {
         Self { target, moment, bits: [first, second], stuck_at: rng.random() }
     }
 
-    /// How many bits flip.
+    /// Returns the number of bits that flip.
     pub fn count(&self) -> usize {
         1 + (self.bits[0] != self.bits[1]) as usize
     }
 
-    /// Flips them.
+    /// Flips the bits.
     pub fn flip(&self, bytes: &mut [u8]) {
         for &bit in &self.bits[..self.count()] {
             bytes[bit / 8] ^= 1 << (bit % 8);
         }
     }
 
-    /// Forces the stuck bit.
+    /// Sets the stuck bit to its value.
     pub fn stick(&self, bytes: &mut [u8]) {
         let [bit, _] = self.bits;
         let mask = 1 << (bit % 8);
@@ -124,7 +125,7 @@ impl Injection {
         }
     }
 
-    /// Flips them in a place.
+    /// Flips the bits of a place.
     pub fn flip_place(&self, place: &Suspended) -> Suspended {
         let numbers = [place.phase, place.entry, place.step, place.unit];
         let mut bytes: Vec<u8> = numbers.iter().flat_map(|n| n.to_le_bytes()).collect();

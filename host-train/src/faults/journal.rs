@@ -1,4 +1,4 @@
-//! A campaign's file: what it is, then one line per injection, so that a campaign that was stopped goes on where it was.
+//! The file of a campaign: its identity, then one line per injection, so that a stopped campaign can be continued.
 
 use super::injection::Target;
 use super::outcome::Outcome;
@@ -12,25 +12,25 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// The columns after the line that says which campaign it is.
+/// The columns, in the line after the campaign's identity.
 const COLUMNS: &str = "injection,hit,bits,operator,outcome";
 
-/// An injection that was made, and how it ended: a line of the journal.
+/// An injection and its outcome: a line of the journal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tried {
-    /// Its number.
+    /// Number of the injection.
     pub index: u64,
-    /// What was hit.
+    /// Target of the flips.
     pub target: Target,
-    /// How many bits flipped.
+    /// Number of bits that flipped.
     pub bits: usize,
-    /// Kind of operator at work.
+    /// Kind of the current operator.
     pub operator: String,
-    /// How it ended.
+    /// Outcome of the run.
     pub outcome: Outcome,
 }
 
-/// The lines of a campaign, on disk as soon as they are known.
+/// The lines of a campaign. Each is written to disk at once.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -40,10 +40,10 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal of the campaign that `identity` names, or begins one. A last line that was cut off is dropped.
+    /// Opens the journal of the campaign with this `identity`, or starts one. An incomplete last line is dropped.
     ///
     /// # Errors
-    /// If the file belongs to another campaign, or is none, or cannot be read or written.
+    /// If the file belongs to another campaign, is not a journal, or cannot be read or written.
     pub fn open(path: &Path, identity: &str) -> Result<Self> {
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
         let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
@@ -60,7 +60,7 @@ impl Journal {
                     }
                 }
             }
-            // Nothing, or a head that was cut off.
+            // The file is empty, or its head is incomplete.
             None if head.starts_with(text) => {
                 file.set_len(0).map_err(Error::io(path))?;
                 file.write_all(head.as_bytes()).map_err(Error::io(path))?;
@@ -76,13 +76,13 @@ impl Journal {
         Ok(Self { path: path.to_path_buf(), file: Mutex::new(file), known, results })
     }
 
-    /// Whether the file had this injection when it was opened.
+    /// Returns whether the file had this injection when it was opened.
     #[must_use]
     pub fn has(&self, index: u64) -> bool {
         self.known.contains(&index)
     }
 
-    /// How many injections below `limit` the file had when it was opened.
+    /// Returns the number of injections below `limit` that the file had when it was opened.
     #[must_use]
     pub fn count_below(&self, limit: u64) -> u64 {
         self.known.iter().filter(|&&index| index < limit).count() as u64
@@ -96,21 +96,21 @@ impl Journal {
         let mut line = csv::WriterBuilder::new().has_headers(false).from_writer(vec![]);
         line.serialize(tried).map_err(|e| Error::broken(&self.path, e.to_string()))?;
         let line = line.into_inner().map_err(|e| Error::broken(&self.path, e.to_string()))?;
-        // The whole line at once: what is cut off is the file's last line.
+        // The line is written at once, so that only the file's last line can be incomplete.
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(&line).map_err(Error::io(&self.path))
     }
 
-    /// What the file had when it was opened.
+    /// Returns the results that the file had when it was opened.
     #[must_use]
     pub fn results(&self) -> &Results {
         &self.results
     }
 }
 
-/// The injections of all lines behind the head.
+/// Returns the injections of all lines behind the head.
 fn parse(path: &Path, lines: &str) -> Result<Vec<Tried>> {
-    // No line has quotes. Read without quoting, a damaged line cannot swallow the next one.
+    // No line has quotes. Without quoting, a damaged line cannot include the next one.
     let mut reader =
         csv::ReaderBuilder::new().has_headers(false).flexible(true).quoting(false).from_reader(lines.as_bytes());
     let (mut row, mut all) = (StringRecord::new(), vec![]);
@@ -119,7 +119,7 @@ fn parse(path: &Path, lines: &str) -> Result<Vec<Tried>> {
     while reader.read_record(&mut row).map_err(|e| Error::broken(path, e.to_string()))? {
         let columns = row.len() == COLUMNS.split(',').count();
         let tried = if columns { row.deserialize(None).ok() } else { None };
-        // The reader stands on the next line already, and the head has two.
+        // The reader is already at the next line, and the head has two lines.
         let line = reader.position().line() + 1;
         all.push(tried.ok_or_else(|| broken(line, &row.iter().collect::<Vec<_>>().join(",")))?);
     }

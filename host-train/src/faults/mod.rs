@@ -1,13 +1,13 @@
-//! What a flipped bit does: bits are flipped in a model, in the memory of a tile at work and in what a caller keeps of the run, and every
-//! outcome is put into a class.
+//! The effect of bit flips. Bits are flipped in a model, in the memory of a running tile, and in the state that a caller keeps of the run.
+//! Every outcome is put into a class.
 //!
 //! ```text
 //! once      a tile is run; the memory is put aside at some moments, in every kind of operator           moments.rs
 //! often     one of these moments is taken up again, bits are flipped, the run goes on to its end      injection.rs, run.rs
 //!           outcome: what the runner says, and how far the heights are from those of the clean run     outcome.rs
 //! ```
-//! Injection number i of a seed is the same whatever the number of threads, so a campaign can be made in parts (journal.rs). Bits stay
-//! flipped in a model, as they would in a memory without correction; the arena is overwritten as the run goes on.
+//! Injection number i of a seed does not depend on the number of threads, so a campaign can be made in parts (journal.rs). Bits stay
+//! flipped in a model, as in a memory without correction. The arena is overwritten during the run.
 
 mod injection;
 mod journal;

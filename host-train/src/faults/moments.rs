@@ -12,16 +12,16 @@ use elunar_scene::predict::network::Model as _;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use std::collections::BTreeMap;
 
-/// Multiply-accumulates of a step.
+/// Multiply-accumulates per step.
 pub(super) const STEP_MACS: u64 = 20_000_000;
 
 /// The memory at a moment.
 pub struct Moment {
-    /// Where the run stood.
+    /// Position of the run.
     pub place: Suspended,
     /// The arena.
     pub arena: Vec<u8>,
-    /// Kind of operator at work.
+    /// Kind of the current operator.
     pub operator: &'static str,
 }
 
@@ -29,26 +29,26 @@ pub struct Moment {
 pub struct Moments {
     /// The moments: the even ones in order, then the others.
     pub moments: Vec<Moment>,
-    /// The way back to metres.
+    /// Scale recovery of the tile.
     pub scale: TileScale,
     /// Heights of the clean run, metres.
     pub heights_m: Vec<f32>,
-    /// What the model was found to be.
+    /// Result of the model's validation.
     pub verdict: Verdict,
-    /// Whether the runner distrusts its memory.
+    /// Whether the runner checks its memory.
     pub protected: bool,
 }
 
 impl Moments {
-    /// SHA-256 of the clean run's heights: a library that computes anything else makes another campaign.
+    /// Returns the SHA-256 of the clean run's heights. A library with other results makes another campaign.
     #[must_use]
     pub fn digest(&self) -> String {
         sha256_hex(&self.heights_m.iter().flat_map(|z| z.to_le_bytes()).collect::<Vec<_>>())
     }
 
-    /// Runs a tile of the synthetic Moon of `seed` and keeps its memory at `count` moments: just begun, and then in the middle of whatever
-    /// is at work, evenly spread over the multiply-accumulates; and one more in every kind of operator, and in the comparison of the
-    /// model, that none of these falls into.
+    /// Runs a tile of the synthetic Moon of `seed` and saves its memory at `count` moments. The first is directly after the start. The
+    /// others lie within operators, evenly spread over the multiply-accumulates. Every kind of operator without a moment gets one more, and
+    /// so does the comparison of the model.
     ///
     /// # Errors
     /// If the model cannot take such a tile.

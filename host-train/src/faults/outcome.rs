@@ -2,32 +2,32 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Heights further than this from those of the clean run are corrupt, metres.
+/// Heights that differ from the clean run by more than this are corrupt, metres.
 pub const LIMIT_M: f32 = 0.1;
 
-/// How a run with flipped bits ended.
+/// Outcome of a run with flipped bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// The runner said so; begun again, the tile came out right.
+    /// The runner reported an error. A second run from the beginning gives the right result.
     Recovered,
-    /// The runner said so, and says it again: what is hit has to be loaded anew.
+    /// The runner reported an error, and would report it again. The damaged memory must be loaded again.
     Reported,
-    /// No height is further than [`LIMIT_M`] from the clean one.
+    /// No height differs from the clean run by more than [`LIMIT_M`].
     Masked,
-    /// Heights are, and nobody said so.
+    /// Heights differ by more, and no error was reported.
     Silent,
-    /// The run took more work than a tile has.
+    /// The run needed more steps than a tile has.
     Hang,
     /// The run panicked.
     Crash,
 }
 
 impl Outcome {
-    /// All of them.
+    /// All outcomes.
     pub const ALL: [Self; 6] = [Self::Recovered, Self::Reported, Self::Masked, Self::Silent, Self::Hang, Self::Crash];
 
-    /// As the tables have it.
+    /// Returns the name in the tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Recovered => "detected, recovered",
@@ -40,32 +40,32 @@ impl Outcome {
     }
 }
 
-/// How often each outcome was seen.
+/// Number of runs with each outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts([u64; Outcome::ALL.len()]);
 
 impl Counts {
-    /// One more.
+    /// Adds one run.
     pub fn add(&mut self, outcome: Outcome) {
         self.0[outcome as usize] += 1;
     }
 
-    /// Those of another list, too.
+    /// Adds the counts of another list.
     pub fn merge(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(count, more)| *count += more);
     }
 
-    /// Of one outcome.
+    /// Returns the number of runs with one outcome.
     pub fn of(&self, outcome: Outcome) -> u64 {
         self.0[outcome as usize]
     }
 
-    /// Of all.
+    /// Returns the number of all runs.
     pub fn all(&self) -> u64 {
         self.0.iter().sum()
     }
 
-    /// Share of all, 0 to 1; 0 of none.
+    /// Returns the share of an outcome in all runs, 0 to 1; 0 without runs.
     pub fn share(&self, outcome: Outcome) -> f64 {
         self.of(outcome) as f64 / self.all().max(1) as f64
     }

@@ -1,4 +1,4 @@
-//! The injections, on several threads.
+//! The injections on several threads.
 
 use super::injection::{Injection, Target};
 use super::journal::{Journal, Tried};
@@ -12,29 +12,30 @@ use elunar_scene::predict::int8::Int8Model;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// One in so many tiles that were given up is begun again, to see that it comes out right.
+/// One in this many tiles with a reported error is run again, to check that its result is then right.
 const SECOND_TRY: u64 = 16;
 
-/// What to do.
+/// Settings of a campaign.
 #[derive(Debug, Clone, Copy)]
 pub struct Campaign {
-    /// Injections.
+    /// Number of injections.
     pub injections: u64,
-    /// Seed of all that is random.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
 }
 
-/// A runner's error as one of ours.
+/// Converts a runner's error.
 pub(super) fn fault(error: RunError) -> Error {
     Error::usage(format!("faults: {error}"))
 }
 
-/// Runs a campaign, but for what its journal has; `progress` is told of every injection. Stops early, with what there is, on Ctrl-C.
+/// Runs the injections of a campaign that its journal lacks. Calls `progress` after every injection. On Ctrl-C it stops early and returns
+/// the results so far.
 ///
 /// # Errors
-/// If a thread fails by itself, or the journal cannot be written.
+/// If a thread fails for another reason than an injection, or the journal cannot be written.
 pub fn run(
     model: &Int8Model,
     moments: &Moments,
@@ -73,7 +74,7 @@ pub fn run(
     })
 }
 
-/// A thread's own model and arena.
+/// The model and arena of a thread.
 struct Desk<'c> {
     moments: &'c Moments,
     kernel: Kernel,
@@ -114,14 +115,14 @@ impl<'c> Desk<'c> {
         outcome
     }
 
-    /// Goes on from a place, and sorts how it ends.
+    /// Continues a run from a place and classifies its outcome.
     fn outcome(&mut self, place: &Suspended, stuck: Option<&Injection>, target: Target, index: u64) -> Outcome {
         match catch_unwind(AssertUnwindSafe(|| self.finish(place, stuck))) {
             Err(_) => Outcome::Crash,
             Ok(Ended::Hanging) => Outcome::Hang,
             Ok(Ended::Done) => self.compare(),
             Ok(Ended::Refused) if target.is_model() => Outcome::Reported,
-            // A bit that is stuck is stuck again.
+            // A stuck bit would be stuck in a second run, too.
             Ok(Ended::Refused) if stuck.is_some() => Outcome::Reported,
             Ok(Ended::Refused) if !index.is_multiple_of(SECOND_TRY) => Outcome::Recovered,
             Ok(Ended::Refused) => self.again(),
@@ -152,15 +153,15 @@ impl<'c> Desk<'c> {
         }
     }
 
-    /// Whether heights are as they should be.
+    /// Compares the heights with those of the clean run.
     fn compare(&self) -> Outcome {
         let pairs = self.heights_m.iter().zip(&self.moments.heights_m);
-        // NaN is further away than anything.
+        // NaN counts as different.
         let near = pairs.into_iter().all(|(found, clean)| (found - clean).abs() <= LIMIT_M);
         if near { Outcome::Masked } else { Outcome::Silent }
     }
 
-    /// The tile from its beginning, in the arena as it was left.
+    /// Runs the tile again from its beginning, with the arena in its current state.
     fn again(&mut self) -> Outcome {
         let Some(first) = self.moments.moments.first() else { return Outcome::Recovered };
         self.arena.clone_from(&first.arena);
@@ -173,10 +174,10 @@ impl<'c> Desk<'c> {
     }
 }
 
-/// How a run ended.
+/// End of a run.
 enum Ended {
     Done,
-    /// With an error.
+    /// The run ended with an error.
     Refused,
     Hanging,
 }

@@ -1,4 +1,4 @@
-//! A campaign as tables and a picture.
+//! Tables and a picture of a campaign.
 
 use super::injection::Target;
 use super::journal::Tried;
@@ -9,7 +9,7 @@ use image::RgbImage;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// Outcomes by what was hit, how many bits, and what was at work.
+/// Outcomes by target, number of bits, and current operator.
 #[derive(Debug, Clone, Default)]
 pub struct Results {
     by_target: BTreeMap<(Target, usize), Counts>,
@@ -17,7 +17,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// One injection more.
+    /// Adds one injection.
     pub fn add(&mut self, tried: &Tried) {
         self.by_target.entry((tried.target, tried.bits)).or_default().add(tried.outcome);
         if !tried.target.is_model() && tried.target != Target::Place {
@@ -25,7 +25,7 @@ impl Results {
         }
     }
 
-    /// Those of another thread.
+    /// Adds the results of another thread.
     pub fn merge(&mut self, other: &Self) {
         for (key, counts) in &other.by_target {
             self.by_target.entry(*key).or_default().merge(counts);
@@ -35,14 +35,14 @@ impl Results {
         }
     }
 
-    /// All injections of a target.
+    /// Returns the counts of all injections into a target.
     pub fn of(&self, target: Target) -> Counts {
         let mut all = Counts::default();
         self.by_target.iter().filter(|((t, _), _)| *t == target).for_each(|(_, counts)| all.merge(counts));
         all
     }
 
-    /// All injections.
+    /// Returns the counts of all injections.
     pub fn all(&self) -> Counts {
         let mut all = Counts::default();
         self.by_target.values().for_each(|counts| all.merge(counts));
@@ -50,7 +50,7 @@ impl Results {
     }
 }
 
-/// The tables.
+/// Returns the tables.
 pub fn markdown(results: &Results) -> String {
     let mut text = String::new();
     head(&mut text, "hit | bits");
@@ -69,7 +69,7 @@ pub fn markdown(results: &Results) -> String {
 fn head(text: &mut String, first: &str) {
     let names = Outcome::ALL.map(Outcome::name).join(" | ");
     let columns = first.split('|').count() + Outcome::ALL.len() + 1;
-    // Writing to a String cannot fail.
+    // Writing to a String does not fail.
     let _ = writeln!(text, "| {first} | injections | {names} |\n|{}", "---|".repeat(columns));
 }
 
@@ -82,10 +82,10 @@ fn line(text: &mut String, name: &str, counts: &Counts) {
     text.push('\n');
 }
 
-/// Shares of detected, masked and silent by target, percent.
+/// Draws the shares of detected, masked and silent runs by target, percent.
 ///
 /// # Errors
-/// Without an injection.
+/// If there is no injection.
 pub fn picture(results: &Results) -> Result<RgbImage> {
     let share = |counts: &Counts, outcomes: &[Outcome]| {
         Some(100.0 * outcomes.iter().map(|&outcome| counts.share(outcome)).sum::<f64>())

@@ -1,18 +1,18 @@
-//! The few pieces of HTML a page is made of.
+//! HTML elements of a page.
 
 use base64::Engine;
 use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
-/// A picture of a page.
+/// A picture in a page.
 pub(crate) struct Picture {
     /// The PNG file.
     pub file: PathBuf,
-    /// What it shows.
+    /// Caption of the picture.
     pub caption: String,
 }
 
-/// A whole document, its style inside.
+/// Returns a whole document, with its style inside.
 pub(crate) fn document(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -23,12 +23,12 @@ pub(crate) fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// Text that may stand in an element or a quoted attribute.
+/// Escapes text for an element or a quoted attribute.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A picture with its caption, its bytes inside the page.
+/// Returns a picture with its caption. The page contains its bytes.
 ///
 /// # Errors
 /// [`Error::Io`] if the picture cannot be read.
@@ -41,7 +41,7 @@ pub(crate) fn figure(picture: &Picture) -> Result<String> {
     ))
 }
 
-/// A table; the first cell of a row is its heading. `best` cells are marked. It scrolls where the page is narrower.
+/// Returns a table. The first cell of a row is its heading. `best` cells are marked. The table scrolls if the page is narrower.
 pub(crate) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
     let head: String = heading.iter().map(|text| format!("<th>{}</th>", escaped(text))).collect();
     let body: String = rows
@@ -62,14 +62,14 @@ pub(crate) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
 
 /// One cell of a table.
 pub(crate) struct Cell {
-    /// What it says.
+    /// Text of the cell.
     pub text: String,
     /// Whether it is the best of its row.
     pub best: bool,
 }
 
 impl Cell {
-    /// A cell that is nothing special.
+    /// Makes a cell that is not the best of its row.
     pub(crate) fn plain(text: impl Into<String>) -> Self {
         Self { text: text.into(), best: false }
     }

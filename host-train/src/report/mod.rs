@@ -1,5 +1,4 @@
-//! One page of what suites, experiments, training runs and benchmarks left in their folders: tables, hillshades, error maps, curves, with every
-//! picture inside.
+//! One page about the folders of suites, experiments, training runs and records: tables, hillshades, error maps, curves, with all pictures inside.
 
 pub(crate) mod html;
 mod record;
@@ -16,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// with an optional text (`about.txt`) and pictures (PNG).
 ///
 /// # Errors
-/// [`Error::Usage`] naming a folder that holds none of them; if a file of one is missing or malformed, or the page cannot be written.
+/// [`Error::Usage`] with the name of a folder of another kind; if a file of a folder is missing or malformed, or the page cannot be written.
 pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
     let mut body = String::from("<h1>How good the models are</h1>\n");
     for folder in folders {
@@ -72,9 +71,9 @@ mod tests {
         ] {
             assert!(text.contains(expected), "{expected} in {text}");
         }
-        // Nothing is fetched from elsewhere.
+        // The page loads no other file.
         assert!(!text.contains("http") && !text.contains("src=\"one"), "{text}");
-        // The best of a group of scenes, not of the column: the coarse DTM of one kind is never best of another.
+        // The best cell is per group of scenes, not per column: the coarse DTM of one kind does not compete with another kind.
         assert!(!text.contains("<td class=\"best\">3.00</td>"));
     }
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The text of a record. Its first line is the title.
 const ABOUT: &str = "about.txt";
 
-/// The section of a folder with CSV tables; `None` of one without.
+/// Returns the section about a folder with CSV tables; `None` for a folder without.
 ///
 /// # Errors
 /// If a file cannot be read, or is no table.
@@ -35,7 +35,7 @@ pub(super) fn section(folder: &Path) -> Result<Option<String>> {
     Ok(Some(body))
 }
 
-/// The files of a folder whose names end so, in the order of their names.
+/// Returns the files of a folder with this extension, in the order of their names.
 fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
     let mut found = vec![];
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
@@ -52,7 +52,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// A table with a head line; rows as long as it.
+/// Reads a table with a head line and rows of the same length.
 fn read(path: &Path) -> Result<Table> {
     let text = std::fs::read(path).map_err(Error::io(path))?;
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_slice());

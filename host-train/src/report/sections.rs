@@ -1,4 +1,4 @@
-//! What a page says of each kind of folder.
+//! The section of a page about each kind of folder.
 
 use super::html::{Cell, Picture, escaped, figure, table};
 use crate::experiment::train::TRAINING;
@@ -10,7 +10,7 @@ use elunar_learn::train::run::Record;
 use elunar_raster::Result;
 use std::path::Path;
 
-/// A test suite.
+/// Returns the section about a test suite.
 pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
     let methods: String = results
         .methods
@@ -76,7 +76,7 @@ fn pictures(folder: &Path, scene: &SceneResult) -> Result<String> {
     ))
 }
 
-/// A comparison of experiments, with its test suite.
+/// Returns the section about a comparison of experiments, with its test suite.
 pub(super) fn experiments(folder: &Path, comparison: &Comparison) -> Result<String> {
     let answers: String = comparison
         .trained
@@ -108,7 +108,7 @@ pub(super) fn experiments(folder: &Path, comparison: &Comparison) -> Result<Stri
     ))
 }
 
-/// A training run.
+/// Returns the section about a training run.
 pub(super) fn training(folder: &Path) -> Result<String> {
     let record = Record::read(folder)?;
     draw(folder)?;
@@ -122,7 +122,7 @@ pub(super) fn training(folder: &Path) -> Result<String> {
     ))
 }
 
-/// A table, the best of every group of rows (equal first cells) marked where it is clear what is better.
+/// Returns a table. In every group of rows (equal first cells), the best is marked if the column has a merit.
 pub(super) fn html(of: &Table) -> String {
     let merits: Vec<Option<f64>> = of.heading.iter().map(|heading| merit(heading)).collect();
     let cell = |row: &Vec<String>, col: usize| {
@@ -140,7 +140,7 @@ pub(super) fn html(of: &Table) -> String {
     table(&of.heading.iter().map(String::as_str).collect::<Vec<_>>(), &rows)
 }
 
-/// 1 where more is better, -1 where less is, by a column's heading; `None` where neither.
+/// Returns, by a column's heading, 1 if larger values are better, -1 if smaller values are better; `None` if neither.
 fn merit(heading: &str) -> Option<f64> {
     let has = |words: &[&str]| words.iter().any(|word| heading.contains(word));
     if has(&["|e|<", "correlation"]) {

@@ -1,4 +1,4 @@
-//! A test suite as a file: which scenes, and what is known of them.
+//! A test suite as a file: its scenes, and the known facts about them.
 
 use crate::toml_file;
 use elunar_net::digest::sha256_hex;
@@ -8,45 +8,45 @@ use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Scenes to be scored on.
+/// Scenes of a test suite.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct List {
     /// Name of the suite.
     pub name: String,
-    /// What it is and what it tells, for the report.
+    /// Description of the suite and its purpose, for the report.
     #[serde(default)]
     pub about: String,
     /// The scenes.
     pub scene: Vec<Entry>,
 }
 
-/// One scene: a synthetic one (`synth`), or files. Of the files only `truth` must be there: a missing image is rendered from it
-/// (with the Sun given), a missing coarse DTM averaged from it.
+/// One scene: a synthetic one (`synth`), or files. Of the files, only `truth` is required. A missing image is rendered from the truth (with
+/// the Sun given), and a missing coarse DTM is averaged from it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// Its name; letters, digits, `-`, `_` and `.`, for it becomes part of file names.
+    /// Name of the scene: letters, digits, `-`, `_` and `.`, because it becomes part of file names.
     pub name: String,
-    /// Kind of ground or of data: scenes of one kind are summed up together.
+    /// Kind of ground or of data. Scenes of one kind are summarised together.
     #[serde(default = "any")]
     pub kind: String,
-    /// Scenes of one ground under different Suns share this name, and one grid.
+    /// Name that scenes of one ground under different Suns share. They also share a grid.
     pub ground: Option<String>,
-    /// What a reader must know of it.
+    /// Remarks for the reader of the results.
     #[serde(default)]
     pub remarks: String,
     /// A scene of the synthetic Moon.
     pub synth: Option<SynthEntry>,
     /// Orbiter image.
     pub image: Option<PathBuf>,
-    /// Coarse DTM on a grid of its own, metres.
+    /// Coarse DTM on its own grid, metres.
     pub coarse: Option<PathBuf>,
     /// True DTM, metres.
     pub truth: Option<PathBuf>,
-    /// Without `coarse`: side of the pixels the truth is averaged over, in its pixels [default: as near to 59 m as can be].
+    /// Without `coarse`: side of the blocks over which the truth is averaged, in its pixels [default: as near to 59 m as possible].
     pub coarse_px: Option<usize>,
-    /// Reference system of all files, where they do not say it.
+    /// Reference system of all files, if they do not state it.
     pub srs: Option<String>,
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
     pub sun_azimuth_deg: Option<f64>,
@@ -54,21 +54,21 @@ pub struct Entry {
     pub sun_elevation_deg: Option<f64>,
     /// Waves shorter than this are the fine relief [default: 60 m, or the coarse DTM's pixel where that is wider].
     pub high_pass_m: Option<f64>,
-    /// The truth knows long waves only, so that the scene is left out of sums.
+    /// Whether the truth has long waves only. Such a scene is left out of summaries.
     #[serde(default)]
     pub weak_truth: bool,
 }
 
-/// Which scene of which synthetic Moon.
+/// A scene of a synthetic Moon.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SynthEntry {
     /// Seed of the Moon.
     pub seed: u64,
-    /// Scene on it.
+    /// Number of the scene.
     #[serde(default)]
     pub index: u64,
-    /// Its options; rows and columns are the scene's.
+    /// Options of the Moon. Rows and columns are the scene's.
     #[serde(default)]
     pub options: SynthOptions,
 }
@@ -81,23 +81,23 @@ fn any() -> String {
 const HELD_OUT: &str = include_str!("../../suites/held-out.toml");
 
 impl List {
-    /// Synthetic scenes of Moons that no model is trained, validated or calibrated on.
+    /// Returns the built-in list: synthetic scenes of Moons that no model is trained, validated or calibrated on.
     ///
     /// # Errors
-    /// Never, unless this program was built with a broken list.
+    /// Only if this program was built with a broken list.
     pub fn built_in() -> Result<Self> {
         Self::parse(Path::new("held-out.toml"), HELD_OUT)
     }
 
-    /// Reads a list; its paths are relative to its folder.
+    /// Reads a list. Its paths are relative to its folder.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read, [`Error::Broken`] naming what is wrong in it.
+    /// [`Error::Io`] if the list cannot be read, [`Error::Broken`] with the entry that is wrong.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(path, &std::fs::read_to_string(path).map_err(Error::io(path))?)
     }
 
-    /// SHA-256 of all it says.
+    /// Returns the SHA-256 of the list's content.
     #[must_use]
     pub fn sha256(&self) -> String {
         sha256_hex(format!("{self:?}").as_bytes())
@@ -126,7 +126,7 @@ impl List {
     }
 }
 
-/// Whether `name` can be part of a file's name.
+/// Returns whether `name` can be part of a file name.
 #[must_use]
 pub fn is_plain(name: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
@@ -158,10 +158,10 @@ impl Entry {
         self.crs().map(drop)
     }
 
-    /// The stated reference system.
+    /// Returns the stated reference system.
     ///
     /// # Errors
-    /// If it is not understood.
+    /// If the system is not supported.
     pub(super) fn crs(&self) -> std::result::Result<Option<Crs>, String> {
         self.srs.as_deref().map(Crs::parse).transpose().map_err(|e| e.to_string())
     }
@@ -179,7 +179,7 @@ mod tests {
         let twice = |s: &Entry| s.ground.is_some() && list.scene.iter().filter(|o| o.ground == s.ground).count() >= 2;
         assert!(list.scene.iter().filter(|s| twice(s)).count() >= 4);
         for entry in &list.scene {
-            // Seeds of training are small, those of validation and of tours lie in their own ranges.
+            // Training uses small seeds. Validation and tours use other ranges.
             assert!(entry.synth.as_ref().is_some_and(|s| (400_000..1_000_000).contains(&s.seed)), "{}", entry.name);
         }
     }

@@ -1,4 +1,4 @@
-//! What is scored: networks with the way their output is used, and DTMs that are there already.
+//! Methods to be scored: networks with their usage, and existing DTMs.
 
 use super::list::is_plain;
 use super::results::MethodInfo;
@@ -16,39 +16,39 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// A method by its name.
+/// A method with its name.
 pub struct Method {
     /// Name in tables and file names.
     pub name: String,
     /// Model with hash, or folder.
     pub description: String,
-    /// Where its DTMs come from.
+    /// Source of its DTMs.
     pub source: DtmSource,
 }
 
-/// Where DTMs come from.
+/// Source of DTMs.
 pub enum DtmSource {
     /// A network.
     Network {
         /// The network.
         model: Box<dyn Model>,
-        /// How it is used.
+        /// Usage of the network.
         usage: Usage,
     },
     /// Files `SCENE.tif` or `SCENE_dtm.tif` of a folder.
     Folder(PathBuf),
 }
 
-/// How a network is used.
+/// Usage of a network.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Usage {
     /// Whether every tile keeps the coarse DTM's low frequencies ([`Options::anchor`]).
     pub anchor: bool,
-    /// What happens to the finished DTM.
+    /// Co-alignment of the finished DTM.
     pub co_alignment: CoAlignment,
-    /// Whether it is told where the Sun stands; else that is estimated.
+    /// Whether the Sun's direction is given to the network. Otherwise it is estimated.
     pub tell_sun: bool,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     pub threads: usize,
 }
 
@@ -59,20 +59,20 @@ impl Default for Usage {
 }
 
 impl Method {
-    /// A network from a file.
+    /// Makes a method from a network file.
     ///
     /// # Errors
-    /// If the file cannot be read, or the name cannot be part of a file's name.
+    /// If the file cannot be read, or the name cannot be part of a file name.
     pub fn network(name: &str, path: &Path, usage: Usage) -> Result<Self> {
         check(name)?;
         let model = open_any(path, Backend::Flex)?;
         Ok(Self { name: name.into(), description: model.description(), source: DtmSource::Network { model, usage } })
     }
 
-    /// DTMs of another program, `SCENE.tif` or `SCENE_dtm.tif` each.
+    /// Makes a method from DTMs of another program, files `SCENE.tif` or `SCENE_dtm.tif`.
     ///
     /// # Errors
-    /// If the folder is not there, or the name cannot be part of a file's name.
+    /// If the folder does not exist, or the name cannot be part of a file name.
     pub fn folder(name: &str, path: &Path) -> Result<Self> {
         check(name)?;
         if !path.is_dir() {
@@ -82,10 +82,10 @@ impl Method {
         Ok(Self { name: name.into(), description, source: DtmSource::Folder(path.into()) })
     }
 
-    /// The DTM of a scene on the truth's grid, and the seconds it took.
+    /// Returns the DTM of a scene on the truth's grid, and the seconds of its prediction.
     ///
     /// # Errors
-    /// From predicting or reading; if the folder lacks the scene.
+    /// If predicting or reading fails, or the folder lacks the scene.
     pub fn dtm(&self, scene: &TestScene) -> Result<(Raster, Option<f64>)> {
         let truth_name = format!("{}: truth", scene.entry.name);
         let truth = Named::new(&truth_name, &scene.truth);
@@ -125,7 +125,7 @@ impl Method {
         }
     }
 
-    /// What results keep of it.
+    /// Returns the description of the method for the results.
     #[must_use]
     pub fn info(&self) -> MethodInfo {
         let (anchor, co_alignment, sun_told) = match &self.source {

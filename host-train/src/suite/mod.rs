@@ -1,7 +1,7 @@
-//! Test suites: models and other programs' DTMs on scenes with a truth, beside the coarse DTM, on the same pixels.
+//! Test suites: models, other programs' DTMs and the coarse DTM on scenes with a truth, on the same pixels.
 //!
-//! A [`list`] says which scenes; [`scene`] makes or reads them; a [`method`] makes the DTMs; [`compare`] compares; [`summary`] and
-//! [`tables`] sum up, [`pictures`] shows; [`results`] is what is kept. [`run`] does all of it.
+//! A [`list`] names the scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs. [`compare`] compares them. [`summary`] and
+//! [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
 pub mod list;
 pub mod method;
@@ -22,16 +22,16 @@ use scene::TestScene;
 use score::Seen;
 use std::path::Path;
 
-/// Folder of the scenes' files in a suite's.
+/// Folder of the scenes' files, within the suite's folder.
 pub const SCENES: &str = "scenes";
-/// Folder of the DTMs; one folder per method in it.
+/// Folder of the DTMs. It has one folder per method.
 pub const DTMS: &str = "dtm";
 
-/// Scores `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. `progress` hears the
-/// name of every scene before its turn.
+/// Scores `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. Calls `progress` with the
+/// name of every scene before its work.
 ///
 /// # Errors
-/// If two methods share a name; from making scenes, predicting and writing. Results are written last.
+/// If two methods share a name, or making scenes, predicting or writing fails. Results are written last.
 pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut(&str)) -> Result<Results> {
     for (k, method) in methods.iter().enumerate() {
         if methods[..k].iter().any(|other| other.name == method.name) {
@@ -94,10 +94,10 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
     Ok(results)
 }
 
-/// Writes the scenes' files, and a table of them for other programs to go through: name and the Sun's direction, degrees.
+/// Writes the scenes' files, and a table of them for other programs: name and direction to the Sun, degrees.
 ///
 /// # Errors
-/// From making scenes and writing.
+/// If scenes cannot be made or written.
 pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
     let folder = out.join(SCENES);
     std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;

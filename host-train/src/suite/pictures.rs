@@ -1,4 +1,4 @@
-//! A scene's views on two sheets: hillshades, and errors. A ground's two DTMs and their difference on a third.
+//! Sheets of a scene's hillshades and errors, and of a ground's two DTMs and their difference.
 
 use super::results::COARSE;
 use super::scene::TestScene;
@@ -9,12 +9,12 @@ use elunar_scene::evaluate::Comparison;
 use elunar_scene::picture::{Panel, error_map, hillshade, sheet, stretch, write_png};
 use std::path::Path;
 
-/// Folder of the pictures in a suite's.
+/// Folder of the pictures, within the suite's folder.
 pub const PICTURES: &str = "pictures";
-/// Width of a panel, pixels, and panels side by side.
+/// Width of a panel, pixels, and number of panels per row.
 const PANEL: (u32, usize) = (320, 4);
 
-/// Draws a scene; returns file (relative to `out`) and caption of every sheet.
+/// Draws a scene. Returns file (relative to `out`) and caption of every sheet.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -43,7 +43,7 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
     Ok(made)
 }
 
-/// Draws both DTMs of a ground under two Suns, and their difference, a row per method.
+/// Draws both DTMs of a ground under two Suns, and their difference. Each method has a row.
 ///
 /// # Errors
 /// If a file cannot be written.

@@ -1,4 +1,4 @@
-//! What a suite found, as it is kept in `results.json`.
+//! Results of a suite, as in `results.json`.
 
 use elunar_raster::{Error, Result};
 use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
@@ -7,25 +7,25 @@ use std::path::Path;
 
 /// Name of the file.
 pub const RESULTS: &str = "results.json";
-/// What the coarse DTM is called among the methods.
+/// Name of the coarse DTM among the methods.
 pub const COARSE: &str = "coarse DTM";
 
-/// All of it.
+/// All results of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     /// Program and version.
     pub software: String,
     /// Name of the suite.
     pub suite: String,
-    /// What it is.
+    /// Description of the suite.
     pub about: String,
-    /// SHA-256 of all that its list says: results of another list are others.
+    /// SHA-256 of the list's content. It identifies the list of the results.
     pub list_sha256: String,
-    /// What was scored, the coarse DTM first.
+    /// The methods, the coarse DTM first.
     pub methods: Vec<MethodInfo>,
-    /// Every scene.
+    /// All scenes.
     pub scenes: Vec<SceneResult>,
-    /// Every ground that was seen under more than one Sun.
+    /// All grounds under more than one Sun.
     pub cross: Vec<CrossResult>,
 }
 
@@ -36,11 +36,11 @@ pub struct MethodInfo {
     pub name: String,
     /// Model with hash, or folder.
     pub description: String,
-    /// Whether its tiles kept the coarse DTM's low frequencies.
+    /// Whether its tiles keep the coarse DTM's low frequencies.
     pub anchor: bool,
-    /// How its DTMs were aligned afterwards.
+    /// Co-alignment of its DTMs.
     pub co_alignment: CoAlignment,
-    /// Whether it was told where the Sun stands, where the list knows it.
+    /// Whether the Sun's direction is given to it, if the list states it.
     pub sun_told: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct SceneResult {
     pub kind: String,
     /// Remarks of the list.
     pub remarks: String,
-    /// Left out of sums.
+    /// Whether the scene is left out of summaries.
     pub weak_truth: bool,
     /// Rows and columns of the truth.
     pub shape: (usize, usize),
@@ -61,13 +61,13 @@ pub struct SceneResult {
     pub pixel_m: (f64, f64),
     /// Side of the coarse DTM's pixels, metres.
     pub coarse_m: f64,
-    /// Where long and short waves part, metres.
+    /// Wavelength that separates long and short waves, metres.
     pub high_pass_m: f64,
-    /// Sun: azimuth, elevation, degrees.
+    /// Azimuth and elevation of the Sun, degrees.
     pub sun_deg: (Option<f64>, Option<f64>),
-    /// Pixels scored, of so many valid ones.
+    /// Number of pixels scored, and of all valid pixels.
     pub pixels: (usize, usize),
-    /// One per method, in their order.
+    /// Scores of each method, in the order of the methods.
     #[serde(rename = "judged")]
     pub scored: Vec<MethodScores>,
     /// Pictures in the suite's folder: file, caption.
@@ -79,15 +79,15 @@ pub struct SceneResult {
 pub struct MethodScores {
     /// The method.
     pub method: String,
-    /// Heights and slopes.
+    /// Scores of heights and slopes.
     pub heights: Scores,
-    /// Relief.
+    /// Scores of the relief.
     pub relief: ReliefScores,
-    /// Seconds that the prediction took; `None` where the DTM was there.
+    /// Seconds of the prediction; `None` for an existing DTM.
     pub seconds: Option<f64>,
 }
 
-/// A ground under several Suns (Fig. 14): how far apart a method's DTMs of it are.
+/// Comparison of a method's DTMs of a ground under two Suns (Fig. 14).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CrossResult {
     /// The ground.
@@ -100,12 +100,12 @@ pub struct CrossResult {
     pub difference_m: f64,
     /// Root mean square error of both against the truth, metres.
     pub rmse_m: f64,
-    /// The same of the waves below the high-pass wavelength: difference and error.
+    /// Difference and error of the waves below the high-pass wavelength, metres.
     pub high_pass_m: (Option<f64>, Option<f64>),
 }
 
 impl CrossResult {
-    /// Difference over error: 0 if both Suns tell the same, √2 if their errors have nothing in common.
+    /// Returns difference over error: 0 if both DTMs are equal, √2 if their errors are independent.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.difference_m / self.rmse_m
@@ -113,7 +113,7 @@ impl CrossResult {
 }
 
 impl Results {
-    /// Reads those of a folder.
+    /// Reads the results of a folder.
     ///
     /// # Errors
     /// If the file is missing or malformed.
@@ -123,7 +123,7 @@ impl Results {
         serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("results of a suite: {e}")))
     }
 
-    /// Writes them into a folder.
+    /// Writes the results into a folder.
     ///
     /// # Errors
     /// If the file cannot be written.

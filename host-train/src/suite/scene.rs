@@ -1,4 +1,4 @@
-//! An entry of a list becomes a scene: image, coarse DTM and truth, read, rendered or made.
+//! The scene of a list's entry: image, coarse DTM and truth are read, rendered or made.
 
 use super::list::Entry;
 use elunar_raster::align::{Interpolation, Named, onto};
@@ -9,16 +9,16 @@ use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{COARSE_PIXEL_M, Moon, photograph};
 use std::path::{Path, PathBuf};
 
-/// Shortest wavelength of the default high-pass, metres: a coarse DTM of 59 m knows nothing below.
+/// Shortest wavelength of the default high-pass, metres. A coarse DTM of 59 m resolves no shorter waves.
 const HIGH_PASS_M: f64 = 60.0;
 /// Seed of the camera for rendered images.
 const CAMERA_SEED: u64 = 1;
 
 /// A scene in memory.
 pub struct TestScene {
-    /// What the list says of it.
+    /// The entry of the list.
     pub entry: Entry,
-    /// Image and coarse DTM as a network is given them.
+    /// Image and coarse DTM as input of a network.
     pub input: Scene,
     /// The image on the truth's grid.
     pub image: Raster,
@@ -28,13 +28,13 @@ pub struct TestScene {
     pub coarse: Raster,
     /// True DTM, metres.
     pub truth: Raster,
-    /// Azimuth and elevation of the Sun, degrees, where they are known.
+    /// Azimuth and elevation of the Sun, degrees; `None` if unknown.
     pub sun_deg: (Option<f64>, Option<f64>),
     /// Pixel of the truth (row, column), metres.
     pub pixel_m: (f64, f64),
     /// Side of the coarse DTM's pixels, metres.
     pub coarse_m: f64,
-    /// Where long and short waves part, metres.
+    /// Wavelength that separates long and short waves, metres.
     pub high_pass_m: f64,
 }
 
@@ -78,7 +78,7 @@ impl TestScene {
         })
     }
 
-    /// Writes `NAME_image.tif`, `NAME_coarse.tif` and `NAME_truth.tif`, for other programs to work on.
+    /// Writes `NAME_image.tif`, `NAME_coarse.tif` and `NAME_truth.tif`, for other programs.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -132,8 +132,8 @@ fn coarse_px(entry: &Entry, truth: &Raster) -> Result<usize> {
     Ok(entry.coarse_px.unwrap_or_else(|| ((COARSE_PIXEL_M / side_m).round() as usize).max(2)))
 }
 
-/// Means over blocks of `side` x `side` pixels; those at the far edges are as wide as the others, over what there is. Blocks of which
-/// less than half is valid are void.
+/// Returns means over blocks of `side` x `side` pixels. Blocks at the far edges keep their size, and the mean is over the existing pixels.
+/// A block with less than half valid pixels is void.
 fn average(fine: &Raster, side: usize) -> Result<Raster> {
     let georef = fine.georef.as_ref().ok_or_else(|| Error::usage("averaging: a raster with a place expected"))?;
     let (rows, cols) = (fine.rows.div_ceil(side), fine.cols.div_ceil(side));
@@ -198,7 +198,7 @@ mod tests {
         scene.write(folder.path()).unwrap();
         let again = source::read(&folder.path().join("s_coarse.tif")).unwrap();
         assert_eq!(again.samples, scene.coarse.samples);
-        // The scene's files are a scene themselves.
+        // The scene's files make a scene themselves.
         let text = "name = 'n'\n[[scene]]\nname = 's'\nimage = 's_image.tif'\ncoarse = 's_coarse.tif'\ntruth = 's_truth.tif'\n";
         std::fs::write(&list, text).unwrap();
         let again = TestScene::make(&List::read(&list).unwrap().scene[0]).unwrap();

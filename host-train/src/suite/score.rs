@@ -1,4 +1,4 @@
-//! All methods on one scene, on the same pixels; and one method on one ground under two Suns.
+//! Scores of all methods on one scene, on the same pixels, and of one method on one ground under two Suns.
 
 use super::method::Method;
 use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
@@ -9,18 +9,18 @@ use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::lowpass::high_pass;
 use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief};
 
-/// What was found on a scene, with the DTMs for pictures.
+/// Results on a scene, with the DTMs for pictures.
 pub struct ScoredScene {
-    /// The figures; no pictures yet.
+    /// The scores, without pictures.
     pub result: SceneResult,
     /// The rasters, coarse DTM first.
     pub comparison: Comparison,
 }
 
-/// Lets every method work on `scene`, and compares them with the coarse DTM and the truth.
+/// Runs every method on `scene`, and compares the DTMs and the coarse DTM with the truth.
 ///
 /// # Errors
-/// From the methods; if no pixel is common to all.
+/// If a method fails, or no pixel is common to all.
 pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
     let mut made = Vec::with_capacity(methods.len());
     for method in methods {
@@ -66,16 +66,16 @@ pub struct Seen {
     pub name: String,
     /// True DTM.
     pub truth: Raster,
-    /// Where long and short waves part, metres.
+    /// Wavelength that separates long and short waves, metres.
     pub high_pass_m: f64,
-    /// Method and DTM on the truth's grid.
+    /// Name and DTM of each method, on the truth's grid.
     pub dtms: Vec<(String, Raster)>,
 }
 
-/// Compares the DTMs of a ground under two Suns (Fig. 14), method by method; the coarse DTM, which knows no Sun, is left out.
+/// Compares the DTMs of a ground under two Suns (Fig. 14), method by method. The coarse DTM does not depend on the Sun and is left out.
 ///
 /// # Errors
-/// [`Error::Usage`] if the two scenes are not of one grid.
+/// [`Error::Usage`] if the two scenes have different grids.
 pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
     if (a.truth.rows, a.truth.cols, &a.truth.georef) != (b.truth.rows, b.truth.cols, &b.truth.georef) {
         let what = format!("expected {} and {} on one grid", a.name, b.name);
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!((same.len(), same[0].ratio(), same[0].rmse_m), (1, 0.0, 2.0));
         let apart = cross("g", &seen("a", raster(|i| truth(i) + 2.0)), &seen("b", raster(|i| truth(i) - 2.0))).unwrap();
         assert_eq!(apart[0].ratio(), 2.0);
-        // An offset is no short wave; stripes are.
+        // An offset is not a short wave, but stripes are.
         assert!(apart[0].high_pass_m.0.unwrap() < 1e-3);
         let stripes = seen("b", raster(|i| truth(i) + 2.0 * (i % 2) as f32));
         let striped = cross("g", &seen("a", raster(truth)), &stripes).unwrap();

@@ -1,23 +1,23 @@
-//! Sums over the scenes of a kind, and over all.
+//! Summaries over the scenes of a kind, and over all scenes.
 
 use super::results::{COARSE, MethodScores, Results};
 use serde::Serialize;
 
-/// What all scenes together are called.
+/// Name of the summary over all scenes.
 pub const ALL: &str = "all";
 
-/// A method over several scenes; means are over scenes, each with the same weight.
+/// Scores of a method over several scenes. Means are over scenes, each with the same weight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Kind of the scenes, or [`ALL`].
     pub kind: String,
     /// The method.
     pub method: String,
-    /// Scenes.
+    /// Number of scenes.
     pub scenes: usize,
     /// Root of the mean square of the scenes' height RMSE, metres.
     pub rmse_m: f64,
-    /// The same over the coarse DTM's.
+    /// Ratio of this RMSE to the coarse DTM's.
     pub rmse_ratio: f64,
     /// Mean of the scenes' MAE, metres.
     pub mae_m: f64,
@@ -25,11 +25,11 @@ pub struct Summary {
     pub share_within: [f64; 3],
     /// Mean slope error, degrees.
     pub slope_mae_deg: f64,
-    /// Mean length of the slope's error, metres per metre; `None` here and below if a scene lacks the figure.
+    /// Mean length of the slope vector's error, metres per metre. This and the following are `None` if a scene lacks the figure.
     pub slope_vector_error: Option<f64>,
-    /// The same over the coarse DTM's.
+    /// Ratio of this error to the coarse DTM's.
     pub slope_vector_ratio: Option<f64>,
-    /// Mean correlation of short waves with the truth's.
+    /// Mean correlation of short waves with the truth's short waves.
     pub high_pass_correlation: Option<f64>,
     /// Root of the mean square of the long waves' error, metres.
     pub low_pass_rmse_m: Option<f64>,
@@ -39,11 +39,11 @@ pub struct Summary {
     pub sides: Option<(f64, f64)>,
     /// Mean correlation of hillshade and image.
     pub shading_correlation: Option<f64>,
-    /// Seconds in all.
+    /// Seconds of all predictions.
     pub seconds: Option<f64>,
 }
 
-/// Every method over every kind of scene, then over all; scenes of weak truth are left out.
+/// Returns the summaries of every method over every kind of scene, then over all. Scenes with a weak truth are left out.
 #[must_use]
 pub fn summaries(results: &Results) -> Vec<Summary> {
     let scenes: Vec<_> = results.scenes.iter().filter(|scene| !scene.weak_truth).collect();
@@ -103,7 +103,7 @@ fn mean(of: &[MethodScores], figure: impl Fn(&MethodScores) -> f64) -> f64 {
     of.iter().map(figure).sum::<f64>() / of.len() as f64
 }
 
-/// The mean, if every scene has the figure.
+/// Returns the mean if every scene has the figure.
 fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> Option<f64> {
     let figures: Option<Vec<f64>> = of.iter().map(figure).collect();
     figures.filter(|f| !f.is_empty()).map(|f| f.iter().sum::<f64>() / f.len() as f64)

@@ -1,4 +1,4 @@
-//! The figures as tables: Markdown to read, CSV to compute with. One definition of every column serves both, and the report.
+//! The scores as tables: Markdown for reading, CSV for computing. Both, and the report, use the same columns.
 
 use super::results::{MethodScores, Results};
 use super::summary::{Summary, summaries};
@@ -8,13 +8,13 @@ use elunar_scene::table::to_csv;
 /// A table of text: heading and rows of the same length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// What the columns are, with units.
+    /// Names of the columns, with units.
     pub heading: Vec<String>,
     /// The rows.
     pub rows: Vec<Vec<String>>,
 }
 
-/// A figure with so many digits; a dash where there is none.
+/// Returns a figure with this number of digits; a dash if there is none.
 fn digits(value: Option<f64>, digits: usize) -> String {
     value.filter(|v| v.is_finite()).map_or_else(|| "–".into(), |v| format!("{v:.digits$}"))
 }
@@ -23,7 +23,7 @@ fn heading(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_string()).collect()
 }
 
-/// Every method on every scene: the paper's Table VI, and the relief.
+/// Returns the table of every method on every scene: the paper's Table VI, and the relief.
 #[must_use]
 pub fn scenes(results: &Results) -> Table {
     let names = [
@@ -80,7 +80,7 @@ fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String
     ]
 }
 
-/// Every method over every kind of scene, and over all.
+/// Returns the table of every method over every kind of scene, and over all.
 #[must_use]
 pub fn sums(results: &Results) -> Table {
     let names = [
@@ -132,7 +132,7 @@ fn sum_row(sum: &Summary) -> Vec<String> {
     ]
 }
 
-/// Grounds under two Suns (Fig. 14); no rows without any.
+/// Returns the table of grounds under two Suns (Fig. 14), which may be empty.
 #[must_use]
 pub fn cross(results: &Results) -> Table {
     let names = [
@@ -161,7 +161,7 @@ pub fn cross(results: &Results) -> Table {
 }
 
 impl Table {
-    /// As Markdown; empty without rows.
+    /// Returns the table as Markdown, or an empty text without rows.
     #[must_use]
     pub fn markdown(&self) -> String {
         if self.rows.is_empty() {
@@ -176,10 +176,10 @@ impl Table {
         format!("{}{rule}{rows}", line(&self.heading))
     }
 
-    /// As CSV; a dash becomes an empty cell.
+    /// Returns the table as CSV. A dash becomes an empty cell.
     ///
     /// # Errors
-    /// If a row is not as long as the heading.
+    /// If a row and the heading differ in length.
     pub fn csv(&self) -> Result<Vec<u8>> {
         let cell = |text: &String| {
             if text == "–" { String::new() } else { text.clone() }
@@ -188,7 +188,7 @@ impl Table {
     }
 }
 
-/// The whole suite in Markdown.
+/// Returns the results of the whole suite in Markdown.
 #[must_use]
 pub fn markdown(results: &Results) -> String {
     let methods: String = results

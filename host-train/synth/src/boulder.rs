@@ -1,4 +1,4 @@
-//! Boulders: what a fresh crater has thrown out and not yet lost to weathering.
+//! Boulders around fresh craters. Weathering removes them with time.
 
 use super::crater::Crater;
 use rand::Rng;
@@ -6,16 +6,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Poisson};
 use std::f64::consts::TAU;
 
-/// Craters older than this (κt/R²) have none left: our choice, boulders last tens to hundreds of millions of years.
+/// Craters older than this (κt/R²) have no boulders (our choice: boulders last tens to hundreds of millions of years).
 const OLDEST_TAU: f64 = 0.01;
-/// Smallest crater radius with boulders, metres: below it the regolith is not pierced (our choice).
+/// Smallest radius of craters with boulders, metres. Smaller craters do not reach below the regolith (our choice).
 const SMALLEST_CRATER_M: f64 = 12.0;
-/// Smallest boulder, metres; their cumulative number falls with the cube of the diameter (our choice; published exponents: 3 to 5).
+/// Smallest boulder diameter, metres. The cumulative number falls with the cube of the diameter (our choice; published exponents: 3 to 5).
 const SMALLEST_M: f64 = 1.0;
-/// Boulders per metre of crater radius around the youngest craters: our choice, to the eye.
+/// Number of boulders per metre of crater radius around the youngest craters (our choice, by visual comparison).
 const PER_RADIUS_M: f64 = 1.0;
 
-/// Strews boulders around `crater`, if it is fresh: `heights_m` is row-major, `cols` wide.
+/// Adds boulders around `crater`, if it is fresh. `heights_m` is row-major, `cols` wide.
 pub(super) fn strew(rng: &mut ChaCha8Rng, crater: &Crater, pixel_m: f64, heights_m: &mut [f32], cols: usize) {
     if crater.tau > OLDEST_TAU || crater.radius_m < SMALLEST_CRATER_M {
         return;
@@ -25,7 +25,7 @@ pub(super) fn strew(rng: &mut ChaCha8Rng, crater: &Crater, pixel_m: f64, heights
     let largest_m = crater.radius_m / 6.0;
     for _ in 0..count {
         let diameter_m = (SMALLEST_M * (1.0 - rng.random::<f64>()).powf(-1.0 / 3.0)).min(largest_m);
-        // Densest at the rim, thinning out to three radii.
+        // The density is greatest at the rim and falls to zero at three radii.
         let distance_px = (0.9 + 2.1 * rng.random::<f64>().powi(2)) * crater.radius_m / pixel_m;
         let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
         drop_one(
@@ -39,7 +39,7 @@ pub(super) fn strew(rng: &mut ChaCha8Rng, crater: &Crater, pixel_m: f64, heights
     }
 }
 
-/// A rounded block half as high as wide. One smaller than a pixel keeps its volume, spread over the pixel.
+/// Adds a rounded block, half as high as wide. A block smaller than a pixel keeps its volume, spread over the pixel.
 fn drop_one(row: f64, col: f64, diameter_m: f64, pixel_m: f64, heights_m: &mut [f32], cols: usize) {
     let true_px = 0.5 * diameter_m / pixel_m;
     let radius_px = true_px.max(0.6);

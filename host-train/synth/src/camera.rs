@@ -1,4 +1,4 @@
-//! From radiance to DN: a camera like the LROC NAC.
+//! A camera like the LROC NAC. It converts radiance to DN.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -10,8 +10,8 @@ const READ_NOISE_E: f32 = 72.0;
 const FULL_WELL_E: f32 = 255_000.0;
 /// Largest DN of the 12-bit converter.
 const DN_MAX: f32 = 4095.0;
-/// Blur, pixels: a modulation transfer of 28 % at the Nyquist frequency is a Gaussian of 0.51 px; the upper end adds
-/// our allowance for the resampling of an orthoimage.
+/// Standard deviation of the blur, pixels. A modulation transfer of 28 % at the Nyquist frequency is a Gaussian of 0.51 px. The upper end
+/// includes our allowance for the resampling of an orthoimage.
 const BLUR_PX: std::ops::Range<f32> = 0.5..0.7;
 /// Mean signal, electrons, drawn log-uniformly: from a signal-to-noise ratio of about 49 (near the terminator) to 250.
 const MEAN_SIGNAL_E: std::ops::Range<f32> = 5_000.0..80_000.0;
@@ -31,7 +31,7 @@ impl Exposure {
         }
     }
 
-    /// Takes the image: blur, exposure, shot and read noise, 12-bit quantisation. DN are whole numbers from 0 to 4095.
+    /// Takes the image: blur, exposure, shot and read noise, 12-bit quantisation. DN are integers from 0 to 4095.
     pub(super) fn take(&self, rng: &mut ChaCha8Rng, radiance: &[f32], rows: usize, cols: usize) -> Vec<f32> {
         let mut image = blur(radiance, rows, cols, self.blur_px);
         let mean = (image.iter().map(|v| f64::from(*v)).sum::<f64>() / image.len() as f64) as f32;
@@ -46,17 +46,17 @@ impl Exposure {
     }
 }
 
-/// How numbers follow radiance: a calibrated image's are proportional to it, a picture's are stretched for the eye.
+/// Relation of DN to radiance. In a calibrated image DN are proportional to radiance; a picture for viewing is stretched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Response {
-    /// Numbers go as radiance to this power.
+    /// Exponent of the DN as a power of the radiance.
     pub exponent: f32,
-    /// Added to all numbers, as a share of their mean: stray light, or a stretch that does not begin at black.
+    /// Added to all DN, as a share of their mean: stray light, or a stretch that does not begin at black.
     pub pedestal: f32,
 }
 
 impl Response {
-    /// Gives a calibrated image, in DN, this response; a pixel of the mean DN keeps it, but for the pedestal. DN are whole numbers
+    /// Applies this response to a calibrated image, in DN. A pixel of the mean DN keeps its value, apart from the pedestal. DN are integers
     /// from 0 to 4095.
     pub(super) fn apply(&self, image: &mut [f32]) {
         if *self == (Self { exponent: 1.0, pedestal: 0.0 }) {
@@ -72,10 +72,10 @@ impl Response {
     }
 }
 
-/// Gaussian blur with five taps; the edge pixels repeat beyond the edge.
+/// Blurs with a Gaussian of five taps. Pixels at the edge repeat beyond it.
 ///
-/// A Gaussian this narrow must not simply be sampled: at 0.51 px that lets 55 % pass at the Nyquist frequency. The taps are those whose
-/// response equals the Gaussian's at zero, half and full Nyquist frequency; the outer ones come out slightly negative.
+/// A Gaussian this narrow cannot be sampled directly: at 0.51 px, 55 % would pass at the Nyquist frequency. The taps are chosen so that
+/// their response equals the Gaussian's at zero, half and full Nyquist frequency. The outer taps are slightly negative.
 fn blur(image: &[f32], rows: usize, cols: usize, sigma_px: f32) -> Vec<f32> {
     // Response of a Gaussian at frequency f (cycles per pixel).
     let response = |f: f32| (-2.0 * (std::f32::consts::PI * sigma_px * f).powi(2)).exp();
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn the_blur_has_the_modulation_of_the_camera() {
-        // The finest pattern a pixel grid holds: MTF 28 % at Nyquist for the sharpest blur.
+        // The finest pattern on a pixel grid: MTF 28 % at Nyquist for the sharpest blur.
         let stripes: Vec<f32> = (0..64 * 64).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let contrast = blur(&stripes, 64, 64, 0.51)[32 * 64 + 32];
         assert!((contrast - 0.28).abs() < 0.01, "{contrast}");

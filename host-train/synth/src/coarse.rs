@@ -1,4 +1,4 @@
-//! The coarse DTM: what a global model (SLDEM2015) knows of the terrain, and what it gets wrong.
+//! The coarse DTM: the terrain as in a global model (SLDEM2015), with its errors.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -7,33 +7,33 @@ use std::f64::consts::TAU;
 
 /// Pixel of SLDEM2015 at 512 pixels per degree, metres.
 pub const COARSE_PIXEL_M: f64 = 59.2252938;
-/// Whole coarse pixels beyond each edge of the scene, so that interpolation never lacks a neighbour.
+/// Number of whole coarse pixels beyond each edge of the scene, so that interpolation always has all neighbours.
 const SPARE: usize = 2;
-/// Wavelengths of the error, metres: its correlation length (about a quarter wave) is a few hundred metres to a kilometre.
+/// Range of the error's wavelengths, metres. Its correlation length (about a quarter wave) is a few hundred metres to a kilometre.
 const ERROR_WAVELENGTH_M: std::ops::Range<f64> = 800.0..5000.0;
-/// Share of the tracks of a striped coarse DTM whose heights are off (our choice).
+/// Share of the tracks with wrong heights in a striped coarse DTM (our choice).
 const TRACKS_OFF: f64 = 0.3;
-/// How far the tracks lean from the grid's columns at most, columns per row (our choice).
+/// Greatest slant of the tracks against the grid's columns, columns per row (our choice).
 const TRACK_LEAN: f64 = 0.15;
-/// Plane waves the error is made of.
+/// Number of plane waves in the error.
 const ERROR_WAVES: usize = 24;
 
-/// A coarse grid over a scene, on its own pixel phase.
+/// A coarse grid over a scene, with its own pixel phase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CoarseGrid {
     /// Rows.
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// South of the scene's upper edge lies the grid's upper edge, metres (negative: north of it).
+    /// Distance from the scene's upper edge south to the grid's upper edge, metres (negative if the grid begins north of it).
     pub south_m: f64,
-    /// East of the scene's left edge lies the grid's left edge, metres (negative: west of it).
+    /// Distance from the scene's left edge east to the grid's left edge, metres (negative if the grid begins west of it).
     pub east_m: f64,
     /// Heights, metres, row-major.
     pub heights_m: Vec<f32>,
 }
 
-/// Metres of terrain needed beyond the scene on each side, for a misregistration of at most `misregistration_m`.
+/// Returns the metres of terrain needed beyond the scene on each side, for a misregistration of at most `misregistration_m`.
 pub(super) fn margin_m(misregistration_m: f64) -> f64 {
     (SPARE + 1) as f64 * COARSE_PIXEL_M + misregistration_m
 }
@@ -44,13 +44,13 @@ pub(super) struct Ground<'a> {
     pub heights_m: &'a [f32],
     /// Columns of `heights_m`.
     pub cols: usize,
-    /// Pixels above and left of the scene.
+    /// Number of pixels above and left of the scene.
     pub margin_px: usize,
     /// Pixel, metres.
     pub pixel_m: f64,
 }
 
-/// What is wrong with a coarse DTM.
+/// Errors of a coarse DTM.
 pub(super) struct Flaws {
     /// RMS of the low-frequency error, metres.
     pub error_m: f64,
@@ -58,8 +58,8 @@ pub(super) struct Flaws {
     pub misregistration_m: f64,
 }
 
-/// Averages the ground over coarse pixels of a randomly placed grid that covers a scene of `rows` × `cols` pixels, shifted
-/// by a random misregistration, and adds the low-frequency error.
+/// Averages the ground over the pixels of a coarse grid. The grid is placed at random so that it covers a scene of `rows` × `cols` pixels,
+/// and shifted by a random misregistration. Then adds the low-frequency error.
 pub(super) fn observe(rng: &mut ChaCha8Rng, ground: &Ground, rows: usize, cols: usize, flaws: &Flaws) -> CoarseGrid {
     let mut place = |pixels: usize| {
         let start_m = -(SPARE as f64 + rng.random::<f64>()) * COARSE_PIXEL_M;
@@ -82,14 +82,14 @@ pub(super) fn observe(rng: &mut ChaCha8Rng, ground: &Ground, rows: usize, cols: 
     CoarseGrid { rows: coarse_rows, cols: coarse_cols, south_m, east_m, heights_m }
 }
 
-/// Consecutive fine pixels and their shares of one coarse pixel.
+/// Consecutive fine pixels and the weights of each in one coarse pixel.
 struct Span {
     first: usize,
     weights: Vec<f64>,
 }
 
 impl Span {
-    /// The pixels between two edges given in pixels, weighted by their overlap.
+    /// Returns the pixels between two edges in units of pixels, weighted by their overlap.
     fn new(from: f64, to: f64) -> Self {
         let first = from.floor() as usize;
         let overlap = |k: usize| ((k + 1) as f64).min(to) - (k as f64).max(from);
@@ -101,7 +101,7 @@ impl Span {
 fn average(ground: &Ground, row_spans: &[Span], col_spans: &[Span]) -> Vec<f32> {
     let mut out = Vec::with_capacity(row_spans.len() * col_spans.len());
     for rows in row_spans {
-        // One coarse row at a time: first down the columns, then across.
+        // One coarse row at a time: first along the columns, then across.
         let mut column_means = vec![0.0f64; ground.cols];
         for (k, weight) in rows.weights.iter().enumerate() {
             let line = &ground.heights_m[(rows.first + k) * ground.cols..][..ground.cols];
@@ -133,8 +133,8 @@ fn add_error(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f6
     }
 }
 
-/// Adds what laser tracks and the seams between stereo strips leave behind, `rms_m` in all over many scenes: heights that are off along some
-/// of the columns, which may lean a little, and one step across the scene. Half of the squared error each.
+/// Adds the errors of laser tracks and of seams between stereo strips, `rms_m` together over many scenes. Heights are wrong along some of
+/// the columns, which may be slanted, and there is one step across the scene. Each contributes half of the squared error.
 pub(super) fn add_stripes(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f64) {
     if rms_m <= 0.0 {
         return;
@@ -147,7 +147,8 @@ pub(super) fn add_stripes(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usi
     let tracks: Vec<f64> = (0..cols + shift.ceil() as usize + 1)
         .map(|_| if rng.random::<f64>() < TRACKS_OFF { track_m * gaussian(rng) } else { 0.0 })
         .collect();
-    // A step up on one side of a line through the middle half of the grid, and down as much on the other: its square does not depend on where.
+    // A step up on one side of a line through the middle half of the grid, and an equal step down on the other. Its square does not depend
+    // on the line.
     let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
     let through = |rng: &mut ChaCha8Rng, size: usize| (0.25 + 0.5 * rng.random::<f64>()) * size as f64;
     let (row0, col0) = (through(rng, rows), through(rng, cols));
@@ -186,7 +187,7 @@ mod tests {
             for (k, height_m) in coarse.heights_m.iter().enumerate() {
                 let south_m = coarse.south_m + ((k / coarse.cols) as f64 + 0.5) * COARSE_PIXEL_M;
                 let east_m = coarse.east_m + ((k % coarse.cols) as f64 + 0.5) * COARSE_PIXEL_M;
-                // A cut pixel counts with its centre's height: at most 1/8 pixel's rise at each end of each side.
+                // A cut pixel counts with its centre's height. The error is at most 1/8 pixel's rise at each end of each side.
                 let bound_m = 2.0 * 0.125 * (0.2 + 0.1) / (COARSE_PIXEL_M / 2.0);
                 assert!((f64::from(*height_m) - (0.1 * south_m - 0.05 * east_m)).abs() < bound_m);
             }
@@ -228,7 +229,7 @@ mod tests {
         }
         let rms_m = (square / count).sqrt();
         assert!((rms_m / 3.0 - 1.0).abs() < 0.1, "{rms_m} m");
-        // Neighbours 59 m apart err alike.
+        // Neighbours 59 m apart have similar errors.
         assert!((difference / count).sqrt() < 0.6 * rms_m);
     }
 }

@@ -1,11 +1,10 @@
-//! Craters: how many, how old, what they look like after that time.
+//! Craters: their number, their ages, and their shapes at these ages.
 //!
-//! *Shape.* A fresh simple crater (Fassett & Thomson 2014, d/D = 0.22) is let decay by topographic diffusion, which is what
-//! micrometeorites do to it: `∂h/∂t = κ ∇²h`. In units of the radius there is one age only, `τ = κt/R²`, so one radial
-//! solution serves all craters ([`Profiles`]).
-//! *Number.* Small craters are in equilibrium: `N(>r) = 0.0084 r^-2` per m², each new one erasing an old one, so
-//! their ages are uniform; those past counting are there too, up to [`TAU_ERASED`]. Above the saturation diameter the production function takes over,
-//! `N ∝ r^-3.2`, and ages are uniform over the age of the surface.
+//! *Shape.* A fresh simple crater (Fassett & Thomson 2014, d/D = 0.22) decays by topographic diffusion, the effect of micrometeorites:
+//! `∂h/∂t = κ ∇²h`. In units of the radius the age is one number, `τ = κt/R²`, so one radial solution serves all craters ([`Profiles`]).
+//! *Number.* Small craters are in equilibrium, `N(>r) = 0.0084 r^-2` per m². Each new one erases an old one, so their ages are uniform.
+//! Craters that are too old to be counted are also made, up to [`TAU_ERASED`]. Above the saturation diameter the production function
+//! applies, `N ∝ r^-3.2`, and ages are uniform over the age of the surface.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -18,14 +17,14 @@ const EQUILIBRIUM_PER_M2: f64 = 0.0084;
 const EQUILIBRIUM_EXPONENT: f64 = 2.0;
 /// Exponent of the production function of small craters.
 const PRODUCTION_EXPONENT: f64 = 3.2;
-/// Largest radius, metres: our choice; wider craters are regional slope to a tile.
+/// Largest radius, metres (our choice). Wider craters are regional slope within a tile.
 const LARGEST_RADIUS_M: f64 = 600.0;
 /// Diffusivity times age of the surface, m²: 5.5 m²/Myr for 3 Gyr (Fassett & Thomson 2014).
 const SURFACE_KAPPA_T_M2: f64 = 5.5 * 3000.0;
-/// Age up to which a crater is counted as one, in κt/R²: it keeps a fifth of its depth. The equilibrium number is the number
-/// of these (our reading).
+/// Greatest age of a counted crater, in κt/R². At this age a fifth of the depth remains. The equilibrium number refers to these craters
+/// (our reading).
 const TAU_COUNTED: f64 = 0.3;
-/// Age at which a crater is given up, in κt/R²: it keeps about a tenth of its depth.
+/// Age at which a crater is left out, in κt/R². About a tenth of its depth remains.
 const TAU_ERASED: f64 = 0.6;
 /// Depth over diameter of the profile below.
 const PROFILE_DEPTH: f64 = 0.218;
@@ -47,7 +46,7 @@ pub(super) struct Crater {
     pub stretch: (f64, f64),
 }
 
-/// Height of a fresh crater over its diameter, at `x` radii from the centre.
+/// Returns the height of a fresh crater over its diameter, at `x` radii from the centre.
 fn fresh(x: f64) -> f64 {
     if x < 0.2 {
         -0.181
@@ -65,7 +64,7 @@ pub(super) struct Profiles {
     levels: Vec<Profile>,
 }
 
-/// One age: heights over diameter, [`PER_RADIUS`] samples a radius.
+/// Heights over diameter at one age, [`PER_RADIUS`] samples per radius.
 struct Profile {
     tau: f64,
     heights: Vec<f32>,
@@ -74,11 +73,11 @@ struct Profile {
 
 /// Samples per radius in the tables.
 const PER_RADIUS: usize = 40;
-/// Radii the diffusion is solved over.
+/// Number of radii over which the diffusion is solved.
 const RADII: usize = 8;
 
 impl Profiles {
-    /// Solves the radial diffusion equation once, explicitly, and keeps the profile at ages 0 to [`TAU_ERASED`].
+    /// Solves the radial diffusion equation once, explicitly, and stores the profile at ages 0 to [`TAU_ERASED`].
     pub(super) fn new() -> Self {
         let n = RADII * PER_RADIUS;
         let dx = 1.0 / PER_RADIUS as f64;
@@ -103,7 +102,7 @@ impl Profiles {
         Self { levels }
     }
 
-    /// The profile nearest in age.
+    /// Returns the profile with the nearest age.
     fn at(&self, tau: f64) -> &Profile {
         let after = self.levels.partition_point(|level| level.tau < tau).clamp(1, self.levels.len() - 1);
         let (young, old) = (&self.levels[after - 1], &self.levels[after]);
@@ -113,7 +112,7 @@ impl Profiles {
 
 impl Profile {
     fn new(tau: f64, heights: &[f64]) -> Self {
-        // Heights below a thousandth of the diameter end the profile; what is left there is faded out.
+        // The profile ends where heights fall below a thousandth of the diameter. The remaining height is faded out.
         let last = heights.iter().rposition(|h| h.abs() > 1e-3).unwrap_or(0);
         let len = (last + PER_RADIUS / 2).min(heights.len() - 1);
         let fade = |k: usize| (((len - k) as f64) / (PER_RADIUS / 2) as f64).min(1.0);
@@ -121,7 +120,7 @@ impl Profile {
         Self { tau, heights, reach: len as f64 / PER_RADIUS as f64 }
     }
 
-    /// Height over diameter at `x` radii; zero beyond the reach.
+    /// Returns height over diameter at `x` radii; zero beyond the reach.
     fn height(&self, x: f32) -> f32 {
         let position = x * PER_RADIUS as f32;
         let k = position as usize;
@@ -132,7 +131,7 @@ impl Profile {
     }
 }
 
-/// Draws the craters that reach into a domain of `rows` × `cols` pixels, radii from 1.5 pixels up.
+/// Draws the craters that reach into a domain of `rows` × `cols` pixels, with radii from 1.5 pixels on.
 pub(super) fn population(
     rng: &mut ChaCha8Rng,
     rows: usize,
@@ -145,7 +144,7 @@ pub(super) fn population(
     let mut low = 1.5 * pixel_m;
     while low < LARGEST_RADIUS_M {
         let high = (low * 1.3).min(LARGEST_RADIUS_M);
-        // Craters centred up to three radii outside still show inside.
+        // Craters with centres up to three radii outside are still visible inside.
         let border = 3.0 * high / pixel_m;
         let (height, width) = (rows as f64 + 2.0 * border, cols as f64 + 2.0 * border);
         let density = density_above(low, saturation) - density_above(high, saturation);
@@ -170,23 +169,23 @@ pub(super) fn population(
     craters
 }
 
-/// Greatest age of a crater of this radius, in κt/R².
+/// Returns the greatest age of a crater of this radius, in κt/R².
 fn oldest(radius_m: f64) -> f64 {
     (SURFACE_KAPPA_T_M2 / (radius_m * radius_m)).min(TAU_ERASED)
 }
 
-/// Craters per m² with a radius above `r` metres.
+/// Returns the number of craters per m² with a radius above `r` metres.
 fn density_above(r: f64, saturation: f64) -> f64 {
     let equilibrium = |r: f64| EQUILIBRIUM_PER_M2 * r.powf(-EQUILIBRIUM_EXPONENT);
     if r < saturation { equilibrium(r) } else { equilibrium(saturation) * (r / saturation).powf(-PRODUCTION_EXPONENT) }
 }
 
-/// A Poisson count with the given mean.
+/// Draws a Poisson count with the given mean.
 fn count(rng: &mut ChaCha8Rng, mean: f64) -> usize {
     Poisson::new(mean).map_or(0, |poisson| poisson.sample(rng) as usize)
 }
 
-/// Depth over diameter of a fresh crater: 0.12 at 20 m and below, rising to 0.2 from 400 m on (Sun et al. 2018; Pike).
+/// Returns depth over diameter of a fresh crater: 0.12 up to 20 m, rising to 0.2 from 400 m on (Sun et al. 2018; Pike).
 fn fresh_depth_ratio(radius_m: f64) -> f64 {
     let share = ((2.0 * radius_m / 20.0).ln() / 20f64.ln()).clamp(0.0, 1.0);
     0.12 + 0.08 * share
@@ -208,7 +207,7 @@ pub(super) fn stamp(
     });
     let glow = (0.35 * (-crater.tau / 0.006).exp()) as f32;
     if glow > 0.05 && crater.radius_m > 3.0 * pixel_m {
-        // Ejecta brightness falls with the cube of the distance, like their thickness; rays are where more of it lies.
+        // Ejecta brightness falls with the cube of the distance, like their thickness. Rays have more ejecta.
         let lobes = (crater.stretch.1 * 7.0).cos() as f32 * 3.0;
         each_pixel(crater, 5.0, pixel_m, log_albedo, cols, |u, v, albedo| {
             let (x, angle) = ((u * u + v * v).sqrt(), v.atan2(u));
@@ -219,7 +218,7 @@ pub(super) fn stamp(
     }
 }
 
-/// Calls `change(u, v, value)` for each pixel within `reach` radii; (u, v) is its place relative to the centre, in radii.
+/// Calls `change(u, v, value)` for each pixel within `reach` radii. (u, v) is the pixel's position relative to the centre, in radii.
 fn each_pixel(
     crater: &Crater,
     reach: f64,

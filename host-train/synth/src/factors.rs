@@ -1,32 +1,32 @@
-//! What differs from scene to scene beyond ground, Sun and camera: roughness, albedo, photometry, the picture's tones, stripes.
+//! Properties that differ between scenes, apart from ground, Sun and camera: roughness, albedo, photometry, tones of the image, stripes.
 
 use super::SynthOptions;
 use super::camera::Response;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What parts the numbers that draw these factors from those that draw all else.
+/// Separates the random stream of these factors from that of everything else.
 const SEED: u64 = 0x0fac_7025;
 
-/// The factors of one scene. They come from numbers of their own: with other ranges the rest of a scene stays as it is. What is new is
-/// drawn after what is old, so that an option which stays at one value changes none of the others.
+/// The factors of one scene. They have a separate random stream, so that other ranges do not change the rest of a scene. New factors are
+/// drawn after the older ones, so that an option with a fixed value changes no other factor.
 pub(super) struct Factors {
-    /// On all relief.
+    /// Factor on all relief.
     pub relief: f32,
-    /// On the logarithm of the albedo.
+    /// Factor on the logarithm of the albedo.
     pub albedo_contrast: f32,
     /// Added to the weight of the Lommel–Seeliger law.
     pub lunar_weight_shift: f32,
-    /// From radiance to numbers.
+    /// Relation of DN to radiance.
     pub response: Response,
     /// RMS of the coarse DTM's stripes, metres.
     pub stripes_m: f64,
-    /// What the stripes are drawn with.
+    /// Random stream of the stripes.
     pub stripes: ChaCha8Rng,
 }
 
 impl Factors {
-    /// Those of scene `index` of the Moon of `seed`.
+    /// Draws the factors of scene `index` of the Moon of `seed`.
     pub(super) fn draw(seed: u64, index: u64, options: &SynthOptions) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ SEED);
         rng.set_stream(index);
@@ -41,7 +41,7 @@ impl Factors {
     }
 }
 
-/// Uniform between the two ends, which may coincide.
+/// Draws uniformly between the two ends, which may be equal.
 pub(super) fn within(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }

@@ -1,8 +1,7 @@
-//! Random fields with a given spectrum: the ground between the craters, and its albedo.
+//! Random fields with a given spectrum, for the ground between the craters and its albedo.
 //!
-//! A field is a sum of plane waves with Gaussian coefficients, made by one inverse FFT. The FFT knows nothing longer than its
-//! own period, but terrain does (that is what regional slope is), so [`LongWaves`] adds waves of up to [`LONGEST_M`] with the
-//! variance that the same spectrum has there.
+//! A field is a sum of plane waves with Gaussian coefficients, made by one inverse FFT. The FFT has no waves longer than its period, but
+//! terrain has (regional slope). [`LongWaves`] adds waves of up to [`LONGEST_M`], with the variance of the same spectrum there.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -12,12 +11,12 @@ use rustfft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Longest wave in any terrain, metres: our choice. Longer ones only tilt a scene a little more.
+/// Longest wave in any terrain, metres (our choice). Longer ones would only tilt a scene slightly more.
 const LONGEST_M: f64 = 10_000.0;
-/// Long waves drawn per scene.
+/// Number of long waves per scene.
 const LONG_WAVES: usize = 12;
 
-/// An isotropic spectrum with two Hurst exponents: height variance per e-fold of wavenumber falls as `k^(-2H)`.
+/// An isotropic spectrum with two Hurst exponents. Height variance per e-fold of wavenumber falls as `k^(-2H)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Spectrum {
     /// RMS height per e-fold of wavenumber at the corner wavelength, metres.
@@ -31,7 +30,7 @@ pub(super) struct Spectrum {
 }
 
 impl Spectrum {
-    /// Height variance per e-fold of wavenumber (`k·P(k)`) at `k` radians per metre, m².
+    /// Returns the height variance per e-fold of wavenumber (`k·P(k)`) at `k` radians per metre, m².
     fn variance_per_efold(&self, k: f64) -> f64 {
         let ratio = k * self.corner_m / TAU;
         let hurst = if ratio < 1.0 { self.hurst_long } else { self.hurst_short };
@@ -39,7 +38,7 @@ impl Spectrum {
     }
 }
 
-/// FFT plans for one grid; amplitudes are computed per spectrum by [`Plan::amplitudes`].
+/// FFT plans for one grid. [`Plan::amplitudes`] computes amplitudes per spectrum.
 pub(super) struct Plan {
     rows: usize,
     cols: usize,
@@ -48,11 +47,11 @@ pub(super) struct Plan {
     along_cols: Arc<dyn Fft<f32>>,
 }
 
-/// Root-mean-square size of each wave of a [`Plan`]'s grid, one quarter of the plane (the rest mirrors it).
+/// Root-mean-square size of each wave of a [`Plan`]'s grid, for one quarter of the plane. The rest is symmetric.
 pub(super) struct Amplitudes(Vec<f32>);
 
 impl Plan {
-    /// A plan for fields of at least `rows` × `cols` pixels of `pixel_m` metres; see [`Plan::shape`].
+    /// Makes a plan for fields of at least `rows` × `cols` pixels of `pixel_m` metres; see [`Plan::shape`].
     pub(super) fn new(rows: usize, cols: usize, pixel_m: f64) -> Self {
         let (rows, cols) = (fft_size(rows), fft_size(cols));
         let mut planner = FftPlanner::new();
@@ -65,31 +64,31 @@ impl Plan {
         }
     }
 
-    /// Rows and columns of the fields made; even, and at least what was asked for.
+    /// Returns rows and columns of the fields. They are even, and at least the requested numbers.
     pub(super) fn shape(&self) -> (usize, usize) {
         (self.rows, self.cols)
     }
 
-    /// Wavenumber steps between neighbouring waves, radians per metre: rows, columns.
+    /// Returns the wavenumber steps between neighbouring waves, radians per metre: rows, columns.
     fn step(&self) -> (f64, f64) {
         (TAU / (self.rows as f64 * self.pixel_m), TAU / (self.cols as f64 * self.pixel_m))
     }
 
-    /// The amplitudes that give fields of this plan the `spectrum`.
+    /// Returns the amplitudes that give fields of this plan the `spectrum`.
     pub(super) fn amplitudes(&self, spectrum: &Spectrum) -> Amplitudes {
         let (dr, dc) = self.step();
         let quarter = self.cols / 2 + 1;
         let mut amplitudes = vec![0.0; (self.rows / 2 + 1) * quarter];
         for (at, amplitude) in amplitudes.iter_mut().enumerate().skip(1) {
             let k = ((at / quarter) as f64 * dr).hypot((at % quarter) as f64 * dc);
-            // k·P(k) spread over the ring 2πk, per unit of k: the density per area of the wavenumber plane.
+            // k·P(k) is spread over the ring 2πk, per unit of k: the density per area of the wavenumber plane.
             *amplitude = (spectrum.variance_per_efold(k) / (TAU * k * k) * dr * dc).sqrt() as f32;
         }
         Amplitudes(amplitudes)
     }
 
-    /// Two independent real fields with zero mean, row-major, one per spectrum. One complex FFT makes both: its real part is
-    /// the first, its imaginary part the second.
+    /// Draws two independent real fields with zero mean, row-major, one per spectrum. One complex FFT makes both: its real part is the
+    /// first field, its imaginary part is the second.
     pub(super) fn draw(&self, rng: &mut ChaCha8Rng, first: &Amplitudes, second: &Amplitudes) -> (Vec<f32>, Vec<f32>) {
         let (rows, cols, quarter) = (self.rows, self.cols, self.cols / 2 + 1);
         // [cols, rows] in wavenumbers, so that one transposition ends in row-major pixels.
@@ -99,7 +98,7 @@ impl Plan {
             for r in 0..rows {
                 let (at, mirror) = (c * rows + r, (cols - c) % cols * rows + (rows - r) % rows);
                 if mirror < at && (c == 0 || c == cols / 2) {
-                    continue; // On these two lines the mirror image lies on the same line and was done with it.
+                    continue; // On these two lines the mirror image lies on the same line and has already been set.
                 }
                 let (w, m) = (waves[at], waves[mirror]);
                 let q = r.min(rows - r) * quarter + c;
@@ -116,14 +115,14 @@ impl Plan {
         pixels.iter().map(|p| (p.re, p.im)).unzip()
     }
 
-    /// Waves longer than this plan's grid.
+    /// Draws the waves that are longer than this plan's grid.
     pub(super) fn long_waves(&self, rng: &mut ChaCha8Rng, spectrum: &Spectrum) -> LongWaves {
         let (dr, dc) = self.step();
         // The lattice leaves out one cell of area dr·dc around zero: a disc of this radius.
         let longest = TAU / LONGEST_M;
         let efolds = ((dr * dc / std::f64::consts::PI).sqrt() / longest).ln().max(0.0);
         let waves = (0..LONG_WAVES).map(|n| {
-            // Stratified over the e-folds, so that no scene lacks a whole octave.
+            // Stratified over the e-folds, so that every scene has waves of every octave.
             let k = longest * ((n as f64 + rng.random::<f64>()) / LONG_WAVES as f64 * efolds).exp();
             let (direction, phase) = (rng.random::<f64>() * TAU, rng.random::<f64>() * TAU);
             let size: f64 = StandardNormal.sample(rng);
@@ -158,7 +157,7 @@ impl LongWaves {
             for (row, line) in field.chunks_exact_mut(cols).enumerate() {
                 let (s, c) = (wave.per_row * row as f64 + wave.phase).sin_cos();
                 let (a, b) = ((gain * wave.amplitude * c) as f32, (gain * wave.amplitude * s) as f32);
-                // cos(row part + column part), taken apart so that the inner loop has no trigonometry.
+                // cos(row part + column part) is expanded, so that the inner loop has no trigonometry.
                 for ((value, cos), sin) in line.iter_mut().zip(&cos).zip(&sin) {
                     *value += a * cos - b * sin;
                 }
@@ -167,7 +166,7 @@ impl LongWaves {
     }
 }
 
-/// The next even number with no prime factor above 5: FFTs of those sizes are fast.
+/// Returns the next even number with no prime factor above 5. FFTs of these sizes are fast.
 fn fft_size(at_least: usize) -> usize {
     let smooth = |mut n: usize| {
         for factor in [2, 3, 5] {
@@ -180,7 +179,7 @@ fn fft_size(at_least: usize) -> usize {
     (at_least.max(2)..).find(|n| n.is_multiple_of(2) && smooth(*n)).unwrap_or(at_least)
 }
 
-/// `[rows, cols]` to `[cols, rows]`, in blocks that stay in the cache.
+/// Transposes `[rows, cols]` to `[cols, rows]`, in blocks that stay in the cache.
 fn transpose(source: &[Complex32], rows: usize, cols: usize) -> Vec<Complex32> {
     const BLOCK: usize = 16;
     let mut out = vec![Complex32::default(); source.len()];

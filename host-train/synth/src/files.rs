@@ -1,4 +1,4 @@
-//! Scenes as files: lunar GeoTIFFs and a manifest that can make them again.
+//! Files of scenes: lunar GeoTIFFs, and a manifest from which they can be made again.
 
 use super::{COARSE_PIXEL_M, SynthOptions, SynthScene, TerrainKind};
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
@@ -6,16 +6,16 @@ use elunar_raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster, Result, at
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Upper left corner of scene 0 in the equirectangular system (about 1° N, 23° E), metres; later scenes follow eastwards. The place means
-/// nothing: the terrain is synthetic.
+/// Upper left corner of scene 0 in the equirectangular system (about 1° N, 23° E), metres. Later scenes follow eastwards. The position has
+/// no meaning, because the terrain is synthetic.
 const PLACE_M: (f64, f64) = (697_000.0, 30_000.0);
-/// From one scene's left edge to the next, metres.
+/// Distance from one scene's left edge to the next, metres.
 const SPACING_M: f64 = 20_000.0;
 
-/// What is in a folder of synthetic scenes, and how to make it again.
+/// Contents of a folder of synthetic scenes, and all that is needed to make it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Program and version that made it.
+    /// Program and version that made the folder.
     pub made_by: String,
     /// Seed of the Moon.
     pub seed: u64,
@@ -28,15 +28,15 @@ pub struct Manifest {
 /// One scene of a [`Manifest`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneEntry {
-    /// Common beginning of its files' names.
+    /// Common beginning of its file names.
     pub name: String,
-    /// Its index on the Moon.
+    /// Number of the scene on the Moon.
     pub index: u64,
     /// Terrain.
     pub kind: TerrainKind,
     /// Sun azimuth, degrees clockwise from north.
     pub sun_azimuth_deg: f64,
-    /// Sun elevation, degrees above the horizontal.
+    /// Sun elevation, degrees above the horizon.
     pub sun_elevation_deg: f64,
 }
 
@@ -54,17 +54,17 @@ impl Manifest {
 }
 
 impl SynthScene {
-    /// The image as a raster of the lunar equirectangular system.
+    /// Returns the image as a raster of the lunar equirectangular system.
     pub fn image_raster(&self) -> Raster {
         self.on_image_grid(&self.image)
     }
 
-    /// The true DTM as a raster, metres.
+    /// Returns the true DTM as a raster, metres.
     pub fn truth_raster(&self) -> Raster {
         self.on_image_grid(&self.truth_m)
     }
 
-    /// The coarse DTM as a raster on its own grid, metres.
+    /// Returns the coarse DTM as a raster on its own grid, metres.
     pub fn coarse_raster(&self) -> Raster {
         let [x0, _, _, y0, _, _] = self.transform();
         Raster {
@@ -94,7 +94,7 @@ impl SynthScene {
     /// Writes `scene_NNNN_image.tif`, `_coarse.tif` and `_truth.tif` into `folder` and returns their manifest entry.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if a file cannot be written; files written before it stay.
+    /// [`elunar_raster::Error::Io`] if a file cannot be written. Files written before it stay.
     pub fn write(&self, folder: &Path) -> Result<SceneEntry> {
         let name = format!("scene_{:04}", self.index);
         let file = |what: &str| folder.join(format!("{name}_{what}.tif"));

@@ -1,4 +1,4 @@
-//! Mare and highland: the numbers in which they differ, each with its source.
+//! Mare and highland: the figures in which they differ, with their sources.
 
 use super::field::Spectrum;
 use serde::{Deserialize, Serialize};
@@ -14,19 +14,19 @@ pub enum TerrainKind {
     Highland,
 }
 
-/// What a kind of terrain is made of.
+/// Parameters of a kind of terrain.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Recipe {
-    /// Spectral terrain, craters not included.
+    /// Spectrum of the terrain without craters.
     pub spectrum: Spectrum,
-    /// Diameter above which craters are as many as were ever formed, and below which as many as equilibrium allows, metres.
+    /// Diameter above which there are as many craters as were ever formed, and below which as many as the equilibrium allows, metres.
     pub saturation_diameter_m: f64,
 }
 
 impl TerrainKind {
-    /// The recipe of this kind. The spectra are fitted so that terrain *with* craters has the structure function of the
-    /// NAC DTMs in [`super::structure`]. Saturation diameters: our choice, a 3.5 Ga mare saturates up to about 120 m, older
-    /// highland up to about 500 m.
+    /// Returns the recipe of this kind. The spectra are fitted so that terrain *with* craters has the structure function of the NAC DTMs in
+    /// [`super::structure`]. Saturation diameters are our choice: a 3.5 Ga mare saturates up to about 120 m, older highland up to about 500
+    /// m.
     pub(super) fn recipe(self) -> Recipe {
         match self {
             Self::Mare => Recipe {

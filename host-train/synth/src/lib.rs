@@ -1,12 +1,11 @@
-//! The synthetic Moon: terrain, photometry, camera and coarse DTM, so that every test, demo and training run works without
-//! downloads.
+//! The synthetic Moon: terrain, photometry, camera and coarse DTM. With it, every test, tour and training run works without downloads.
 //!
-//! One scene is made in this order: `field` draws the spectral terrain and the albedo, `crater` adds craters in all
-//! states of decay, `boulder` strews blocks around the fresh ones, `light` illuminates it (Lunar–Lambert, cast shadows), `camera` turns radiance into DN, `coarse`
-//! averages the terrain to ~59 m and spoils it as a global DTM is spoilt, `files` writes it. `factors` draws how far a scene departs from
-//! the usual one; [`structure`] measures how rough the result is.
+//! A scene is made in this order. `field` draws the spectral terrain and the albedo. `crater` adds craters of all ages. `boulder` adds
+//! boulders around the fresh ones. `light` illuminates the ground (Lunar–Lambert, cast shadows). `camera` converts radiance to DN. `coarse`
+//! averages the terrain to ~59 m and adds the errors of a global DTM. `files` writes the scene. `factors` draws the differences from an
+//! average scene, and [`structure`] measures the roughness of the result.
 //!
-//! Everything follows from `(seed, options, index)`; the number of threads changes nothing.
+//! A scene depends only on `(seed, options, index)`, not on the number of threads.
 
 mod boulder;
 mod camera;

@@ -4,20 +4,20 @@ use elunar_core::terrain::lunar_lambert_weight;
 
 /// Angular radius of the Sun, radians.
 const SUN_RADIUS_RAD: f32 = 0.00465;
-/// Light that reaches a shadow from lit ground around it, as a share of the light on level ground: our choice.
+/// Light that shadows receive from lit ground around them, as a share of the light on level ground (our choice).
 const SCATTERED: f32 = 0.004;
 
-/// Where the Sun stands.
+/// Direction to the Sun.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sun {
     /// Degrees clockwise from north (up).
     pub azimuth_deg: f64,
-    /// Degrees above the horizontal.
+    /// Degrees above the horizon.
     pub elevation_deg: f64,
 }
 
 impl Sun {
-    /// Unit vector towards the Sun: east (columns), south (rows), up.
+    /// Returns the unit vector towards the Sun: east (columns), south (rows), up.
     fn direction(&self) -> [f64; 3] {
         let (sin_az, cos_az) = self.azimuth_deg.to_radians().sin_cos();
         let (sin_el, cos_el) = self.elevation_deg.to_radians().sin_cos();
@@ -25,8 +25,8 @@ impl Sun {
     }
 }
 
-/// Reflectance (per unit albedo) of a row-major height field for a camera at nadir, shadows included. `weight_shift` is added to the weight
-/// of the Lommel–Seeliger law that belongs to the phase angle; the sum stays between 0 and 1.
+/// Returns the reflectance (per unit albedo) of a row-major height field for a camera at nadir, with shadows. The phase angle gives the
+/// weight of the Lommel–Seeliger law. `weight_shift` is added to it; the sum is clamped to 0 to 1.
 pub(super) fn reflectance(
     heights_m: &[f32],
     [rows, cols]: [usize; 2],
@@ -58,10 +58,10 @@ pub(super) fn reflectance(
     out
 }
 
-/// Share of the solar disc each pixel sees, 0–1.
+/// Returns the visible share of the solar disc for each pixel, 0–1.
 ///
-/// The field is cut into lines that run towards the Sun, one pixel apart, and each line is walked once away from the Sun with
-/// the height of the shadow's upper edge: exact along the line, one interpolation into the lines and one back, O(pixels).
+/// The field is cut into lines that run towards the Sun, one pixel apart. A pass along each line, away from the Sun, tracks the height of
+/// the shadow's upper edge. This is exact along the line, with one interpolation into the lines and one back, O(pixels).
 pub(super) fn visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<f32> {
     let [east, south, _] = sun.direction();
     let drop_per_m = sun.elevation_deg.to_radians().tan() as f32;
@@ -83,23 +83,23 @@ pub(super) fn visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f
     }
 }
 
-/// One step of a walk away from the Sun, in metres of height.
+/// Constants of one step of a pass away from the Sun, in metres of height.
 struct Walk {
-    /// How much lower the shadow's edge is after one step.
+    /// Fall of the shadow's edge per step.
     drop_m: f32,
-    /// How much wider half the penumbra is after one step.
+    /// Growth of half the penumbra per step.
     penumbra_m: f32,
-    /// Half the penumbra at the least, so that edges are not jagged.
+    /// Least half width of the penumbra, so that edges are not jagged.
     soft_m: f32,
 }
 
 impl Walk {
-    /// Walks the rows from the last to the first if the Sun is beyond the last, else from the first to the last. Lines shift
-    /// by `shear` columns per row.
+    /// Passes over the rows from the last to the first if the Sun is beyond the last, otherwise from the first to the last. Lines shift by
+    /// `shear` columns per row.
     fn away_from_sun(&self, field: &[f32], rows: usize, cols: usize, sun_after_last: bool, shear: f64) -> Vec<f32> {
         let total_shift = (shear * (rows - 1) as f64).abs().ceil() as usize + 1;
         let lines = cols + total_shift + 1;
-        // Line j is at column j + offset(row) of the row; the least offset is -total_shift.
+        // Line j is at column j + offset(row) of the row. The least offset is -total_shift.
         let base = if shear < 0.0 { 0.0 } else { -(total_shift as f64) };
         let mut edge_m = vec![f32::NEG_INFINITY; lines];
         let mut penumbra_m = vec![0.0f32; lines];
@@ -128,7 +128,7 @@ impl Walk {
                 continue;
             }
             for (col, value) in out[row * cols..][..cols].iter_mut().enumerate() {
-                // Line col - whole is `fraction` to the right of this pixel, the one before it 1 - `fraction` to the left.
+                // Line col - whole is `fraction` to the right of this pixel. The line before it is 1 - `fraction` to the left.
                 let right = (col as isize - whole).clamp(first as isize, end as isize - 1) as usize;
                 let left = (col as isize - whole - 1).clamp(first as isize, end as isize - 1) as usize;
                 *value = seen[right] * (1.0 - fraction) + seen[left] * fraction;
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn weights_are_the_tabulated_ones() {
-        // The cubic in the phase angle, worked out by hand to three decimals, and clamped beyond about 105°.
+        // The cubic in the phase angle, calculated by hand to three decimals, and clamped beyond about 105°.
         for (alpha_deg, expected) in [(0.0, 1.0), (30.0, 0.608), (60.0, 0.416), (90.0, 0.186), (120.0, 0.0)] {
             assert!((lunar_lambert_weight(alpha_deg) - expected).abs() < 1e-3, "{alpha_deg}°");
         }
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn slopes_towards_the_sun_are_brighter() {
         let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k % 20) as f32).collect();
-        // Rising eastwards: it faces west. Rising southwards: it faces north.
+        // Ground that rises eastwards faces west. Ground that rises southwards faces north.
         let at = |azimuth_deg| reflectance(&ramp, [20, 20], 2.0, &sun(azimuth_deg, 40.0), 0.0)[210];
         assert!(at(270.0) > at(0.0) && at(0.0) > at(90.0));
         let ramp: Vec<f32> = (0..400).map(|k| 0.2 * (k / 20) as f32).collect();
@@ -215,7 +215,7 @@ mod tests {
                     (f64::from(dark) - length_px).abs() < 1.0,
                     "Sun {elevation_deg}° high from {azimuth_deg}°: {dark} px, expected {length_px}"
                 );
-                // It falls away from the Sun.
+                // The shadow falls away from the Sun.
                 let behind = match azimuth_deg as u32 {
                     0 => line(55),
                     90 => line(55),
@@ -227,7 +227,7 @@ mod tests {
         }
     }
 
-    /// The obvious way: from each pixel towards the Sun in small steps, bilinear heights.
+    /// Computes visibility directly: small steps from each pixel towards the Sun, with bilinear heights.
     fn naive_visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<bool> {
         let [east, south, up] = sun.direction();
         let level = east.hypot(south);
@@ -266,7 +266,7 @@ mod tests {
             let sun = sun(azimuth_deg, 20.0);
             let fast = visibility(&heights, rows, cols, 2.0, &sun);
             let naive = naive_visibility(&heights, rows, cols, 2.0, &sun);
-            // On the rim of a shadow the two interpolate differently; a pixel whose neighbours are all like it must agree.
+            // At the rim of a shadow the two interpolations differ. A pixel whose neighbours are all equal to it must agree.
             let inner = |k: usize| {
                 let (r, c) = (k / cols, k % cols);
                 let border = r == 0 || c == 0 || r == rows - 1 || c == cols - 1;

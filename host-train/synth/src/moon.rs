@@ -1,4 +1,4 @@
-//! Scenes and tiles, put together.
+//! Scenes and tiles of a synthetic Moon.
 
 use super::camera::Exposure;
 use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
@@ -13,16 +13,16 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Albedo between the craters: standard deviation of its logarithm about 2 %, rougher than terrain (our choice).
+/// Albedo between the craters. The standard deviation of its logarithm is about 2 %; it is rougher than terrain (our choice).
 const ALBEDO: Spectrum = Spectrum { corner_rms_m: 0.008, corner_m: 100.0, hurst_long: 0.2, hurst_short: 0.5 };
-/// Standard deviation of the logarithm of a scene's roughness: no two places are equally rough (our choice).
+/// Standard deviation of the logarithm of a scene's roughness, which varies between places (our choice).
 const ROUGHNESS_SPREAD: f64 = 0.25;
-/// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation, maria lower than highlands (our choice).
+/// Height of scenes above the 1737.4 km sphere, metres: mean and standard deviation of maria, then of highlands (our choice).
 const BASE_HEIGHT_M: [(f64, f64); 2] = [(-2000.0, 600.0), (300.0, 1200.0)];
 
-/// A Moon: an endless, repeatable supply of tiles and scenes.
+/// A Moon: an unlimited, repeatable source of tiles and scenes.
 ///
-/// `tile(index)` and `scene(index, …)` depend on the seed, the options and their arguments alone; call them from any thread.
+/// `tile(index)` and `scene(index, …)` depend only on the seed, the options and their arguments. They can be called from any thread.
 ///
 /// ```
 /// use elunar_synth::{Moon, SynthOptions};
@@ -37,7 +37,7 @@ pub struct Moon {
     options: SynthOptions,
     profiles: Profiles,
     tile_shop: Workshop,
-    /// The same Moon with the options' further pixels.
+    /// The same Moon with the further pixel sizes of the options.
     others: Vec<Moon>,
 }
 
@@ -52,13 +52,13 @@ pub struct SynthTile {
     pub pixel_m: f64,
     /// Image, relative DN, 0–4095.
     pub image: Vec<f32>,
-    /// Coarse DTM interpolated onto the tile's grid (as `predict` does it), metres above the 1737.4 km sphere.
+    /// Coarse DTM interpolated onto the tile's grid (as in `predict`), metres above the 1737.4 km sphere.
     pub coarse_m: Vec<f32>,
     /// True DTM, metres above the 1737.4 km sphere.
     pub truth_m: Vec<f32>,
     /// Sun azimuth, degrees clockwise from north (up).
     pub sun_azimuth_deg: f64,
-    /// Sun elevation, degrees above the horizontal.
+    /// Sun elevation, degrees above the horizon.
     pub sun_elevation_deg: f64,
     /// Terrain.
     pub kind: TerrainKind,
@@ -67,7 +67,7 @@ pub struct SynthTile {
 /// An image and its truth on one grid, with the coarse DTM on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
-    /// Its number on its Moon.
+    /// Number of the scene on its Moon.
     pub index: u64,
     /// Rows of image and truth.
     pub rows: usize,
@@ -83,14 +83,14 @@ pub struct SynthScene {
     pub coarse: CoarseGrid,
     /// Sun azimuth, degrees clockwise from north (up).
     pub sun_azimuth_deg: f64,
-    /// Sun elevation, degrees above the horizontal.
+    /// Sun elevation, degrees above the horizon.
     pub sun_elevation_deg: f64,
     /// Terrain.
     pub kind: TerrainKind,
 }
 
 impl SynthScene {
-    /// The coarse DTM interpolated onto the image's grid, metres.
+    /// Returns the coarse DTM interpolated onto the image's grid, metres.
     pub fn coarse_on_image_m(&self) -> Vec<f32> {
         let step = self.pixel_m / COARSE_PIXEL_M;
         let map = PixelMap {
@@ -105,7 +105,7 @@ impl SynthScene {
     }
 }
 
-/// What scenes of one size share.
+/// Data that all scenes of one size share.
 struct Workshop {
     rows: usize,
     cols: usize,
@@ -128,7 +128,7 @@ impl Workshop {
 }
 
 impl Moon {
-    /// A Moon for one seed.
+    /// Makes the Moon of one seed.
     ///
     /// # Errors
     /// [`elunar_raster::Error::Usage`] if an option is out of range.
@@ -141,12 +141,12 @@ impl Moon {
         Ok(Self { seed, options, profiles: Profiles::new(), tile_shop, others })
     }
 
-    /// The options of this Moon.
+    /// Returns the options of this Moon.
     pub fn options(&self) -> &SynthOptions {
         &self.options
     }
 
-    /// Tile number `index`, of the options' size.
+    /// Returns tile number `index`, of the options' size.
     pub fn tile(&self, index: u64) -> SynthTile {
         let turn = (index % (1 + self.others.len() as u64)) as usize;
         if let Some(other) = turn.checked_sub(1).and_then(|k| self.others.get(k)) {
@@ -166,7 +166,8 @@ impl Moon {
         }
     }
 
-    /// Scene number `index`, `rows` × `cols` pixels. Its terrain is not the tile's of the same index, unless sizes agree.
+    /// Returns scene number `index`, `rows` × `cols` pixels. Its terrain differs from that of the tile with the same index, unless their
+    /// sizes are equal.
     ///
     /// # Errors
     /// [`elunar_raster::Error::Usage`] if the size is out of range.
@@ -211,7 +212,7 @@ impl Moon {
         }
     }
 
-    /// Heights, metres, and logarithm of the albedo over the whole domain.
+    /// Returns heights, metres, and the logarithm of the albedo over the whole domain.
     fn terrain(&self, rng: &mut ChaCha8Rng, kind: TerrainKind, relief: f32, shop: &Workshop) -> (Vec<f32>, Vec<f32>) {
         let (rows, cols) = shop.plan.shape();
         let pixel_m = self.options.pixel_m;
@@ -221,7 +222,7 @@ impl Moon {
             TerrainKind::Highland => &shop.highland,
         };
         let (mut heights_m, mut log_albedo) = shop.plan.draw(rng, amplitudes, &shop.albedo);
-        // Log-normal with a mean square of one, so that the ensemble keeps the fitted structure function.
+        // Log-normal with a mean square of one, so that the average over scenes keeps the fitted structure function.
         let deviate: f64 = StandardNormal.sample(rng);
         let roughness = (ROUGHNESS_SPREAD * deviate - ROUGHNESS_SPREAD * ROUGHNESS_SPREAD).exp();
         let (mean_m, spread_m) = BASE_HEIGHT_M[kind as usize];
@@ -257,7 +258,7 @@ impl Moon {
     }
 }
 
-/// The scene's part of a domain of `cols` columns.
+/// Returns the scene's part of a domain of `cols` columns.
 fn crop(field: &[f32], cols: usize, shop: &Workshop) -> Vec<f32> {
     let lines = field.chunks_exact(cols).skip(shop.margin_px).take(shop.rows);
     lines.flat_map(|line| &line[shop.margin_px..][..shop.cols]).copied().collect()

@@ -1,17 +1,16 @@
-//! What a caller may choose.
+//! Options of the synthetic Moon.
 
 use super::TerrainKind;
 use elunar_raster::{Error, Result};
 
 use serde::{Deserialize, Serialize};
 
-/// Finest pixel, metres: below it the NAC would see boulders and ripples this terrain does not have.
+/// Finest pixel, metres. Finer images would show boulders and ripples that this terrain lacks.
 const PIXEL_M_MIN: f64 = 1.0;
-/// Coarsest pixel, metres: beyond it the ~59 m coarse DTM is hardly coarser than the image.
+/// Coarsest pixel, metres. Beyond it the coarse DTM of ~59 m is hardly coarser than the image.
 const PIXEL_M_MAX: f64 = 8.0;
 
-/// Options of the synthetic Moon; the default is the usual one, of the demo, the experiments and most of the built-in suite. `train` has a
-/// wider one of its own.
+/// Options of the synthetic Moon. The tour, the experiments and most of the built-in suite use the default. `train` uses wider ranges.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SynthOptions {
@@ -21,12 +20,11 @@ pub struct SynthOptions {
     pub cols: usize,
     /// Pixel of image and truth, metres, 1–8. Default 2 (NAC DTMs).
     pub pixel_m: f64,
-    /// Pixels of further tiles, metres: tiles (not scenes) take turns, the first with `pixel_m`. Default none.
+    /// Further pixel sizes, metres. Tiles (not scenes) use `pixel_m` and these in turn. Default none.
     pub also_pixel_m: Vec<f64>,
     /// The terrain of every tile; `None` (default) draws mare or highland per tile.
     pub kind: Option<TerrainKind>,
-    /// Sun azimuth, degrees clockwise from north; drawn uniformly. Default 0–360. The same ground is there for every azimuth and
-    /// elevation.
+    /// Sun azimuth, degrees clockwise from north; drawn uniformly. Default 0–360. The ground does not depend on azimuth and elevation.
     pub sun_azimuth_deg: (f64, f64),
     /// Sun elevation above the horizon, degrees; drawn uniformly. Default 18–64, the paper's training images.
     pub sun_elevation_deg: (f64, f64),
@@ -36,15 +34,15 @@ pub struct SynthOptions {
     pub coarse_error_m: (f64, f64),
     /// Largest horizontal misregistration of the coarse DTM, metres. Default 10 (SLDEM2015).
     pub misregistration_m: f64,
-    /// Factor on the albedo's contrast (on its logarithm: some 2 % between the craters, more where ejecta are fresh); drawn uniformly.
-    /// Default 1.
+    /// Factor on the albedo's contrast (on its logarithm, which varies by some 2 % between the craters, more at fresh ejecta); drawn
+    /// uniformly. Default 1.
     pub albedo_contrast: (f64, f64),
-    /// Added to the weight of the Lommel–Seeliger law that the phase angle gives (the sum stays within 0–1), for a ground that is not the
-    /// average one; drawn uniformly. Default 0.
+    /// Addition to the weight of the Lommel–Seeliger law at the phase angle (the sum stays within 0–1), for ground that differs from the
+    /// average; drawn uniformly. Default 0.
     pub lunar_weight_shift: (f64, f64),
-    /// DN go as radiance to this power; drawn uniformly. Default 1: a calibrated image.
+    /// Exponent of the DN as a power of the radiance; drawn uniformly. Default 1: a calibrated image.
     pub response_exponent: (f64, f64),
-    /// DN without light, as a share of the mean DN: stray light, or a picture stretched for the eye; drawn uniformly. Default 0.
+    /// DN without light, as a share of the mean DN: stray light, or the stretch of a picture for viewing; drawn uniformly. Default 0.
     pub pedestal: (f64, f64),
     /// RMS of the coarse DTM's stripes along laser tracks and steps at seams, metres; drawn uniformly. Default 0.
     pub coarse_stripes_m: (f64, f64),
@@ -79,7 +77,7 @@ impl SynthOptions {
     /// Checks every option.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the option, its legal range and the value found.
+    /// [`Error::Usage`] with the option, its legal range and the value found.
     pub fn validate(&self) -> Result<()> {
         let range = |name: &str, (low, high): (f64, f64), min: f64, max: f64| {
             if low >= min && low <= high && high <= max {

@@ -1,4 +1,4 @@
-//! An image of given ground: the generator's light and camera on heights from elsewhere.
+//! An image of given ground, with the generator's light and camera.
 
 use super::camera::Exposure;
 use super::light::{Sun, reflectance};
@@ -6,12 +6,12 @@ use elunar_raster::{Error, Raster, Result};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Takes an image of `dtm` (heights in metres) under a Sun of (azimuth, elevation) degrees, as of the synthetic Moon: Lunar-Lambert
-/// reflectance, cast shadows, blur, noise, relative DN from 0 to 4095. The albedo is one everywhere; `seed` draws blur, exposure and
+/// Takes an image of `dtm` (heights in metres) under a Sun of (azimuth, elevation) degrees, as on the synthetic Moon: Lunar-Lambert
+/// reflectance, cast shadows, blur, noise, relative DN from 0 to 4095. The albedo is one everywhere. `seed` determines blur, exposure and
 /// noise.
 ///
 /// # Errors
-/// [`Error::Usage`] if a height is missing, the pixel size is unknown or not square, or the Sun does not stand 2 to 90 degrees high.
+/// [`Error::Usage`] if a height is missing, the pixel size is unknown or not square, or the Sun's elevation is not within 2 to 90 degrees.
 pub fn photograph(dtm: &Raster, (azimuth_deg, elevation_deg): (f64, f64), seed: u64) -> Result<Raster> {
     let missing = dtm.samples.len() - dtm.valid_count();
     if missing > 0 {
@@ -60,7 +60,7 @@ mod tests {
         let scene = Moon::new(3, SynthOptions::default()).unwrap().scene(1, 64, 80).unwrap();
         let dtm = scene.truth_raster();
         let [west, east] = [270.0, 90.0].map(|azimuth| photograph(&dtm, (azimuth, 30.0), 7).unwrap());
-        // Where the ground rises eastwards, a Sun in the west makes it brighter than one in the east.
+        // Where the ground rises eastwards, a Sun in the west makes it brighter than a Sun in the east.
         let (mut agree, mut all) = (0, 0);
         for i in (0..64 * 80).filter(|i| (2..78).contains(&(i % 80))) {
             let rise = dtm.samples[i + 1] - dtm.samples[i - 1];

@@ -1,4 +1,4 @@
-//! How rough terrain is: RMS height difference against distance, and what the Moon measures.
+//! Roughness of terrain: RMS height difference against distance, with values measured on the Moon.
 
 /// RMS height differences of one NAC DTM, metres, at [`LAGS_M`].
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +20,8 @@ pub const MARE: Reference = Reference { site: "NAC_DTM_APOLLO11", sigma_m: [0.12
 pub const HIGHLAND: Reference =
     Reference { site: "NAC_DTM_APOLLO16_1", sigma_m: [0.239, 0.47, 0.917, 1.782, 3.455, 6.681] };
 
-/// Mean squared height difference, m², over `lag_px` pixels, along rows and columns together; row-major `cols` wide.
+/// Returns the mean square height difference, m², over `lag_px` pixels, along rows and columns together. The field is row-major, `cols`
+/// wide.
 ///
 /// # Panics
 /// If the field is not larger than the lag in both directions.

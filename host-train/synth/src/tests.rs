@@ -1,4 +1,4 @@
-//! What a scene promises, seen from outside.
+//! Properties of scenes, tested through the public interface.
 
 use super::structure::{HIGHLAND, LAGS_M, MARE, mean_square_difference};
 use super::*;
@@ -102,7 +102,7 @@ fn photometry_and_tones_change_the_image_alone_and_stripes_the_coarse_dtm_alone(
         assert_eq!((&tile.truth_m, &tile.coarse_m), (&usual.truth_m, &usual.coarse_m));
         assert_ne!(tile.image, usual.image);
     }
-    // A lift and a softer curve both lower the contrast.
+    // A pedestal and a smaller exponent both lower the contrast.
     let contrast = |tile: &SynthTile| {
         let (low, high) = tile.image.iter().fold((f32::MAX, 0.0f32), |(low, high), v| (low.min(*v), high.max(*v)));
         (high - low) / (high + low)
@@ -141,7 +141,7 @@ fn coarse_dtm_is_the_truth_blurred_shifted_and_bent() {
         (0..12).map(|index| rms(&moon.tile(index)).powi(2)).sum::<f64>() / 12.0
     };
     let (clean, real) = (mean(&flawless), mean(&SynthOptions::default()));
-    // A 59 m average misses detail of a metre or so; the flaws add 1.5 to 4 m and the shift on slopes.
+    // A 59 m average lacks detail of a metre or so. The errors add 1.5 to 4 m, and the effect of the shift on slopes.
     assert!(clean.sqrt() < 2.0, "flawless coarse DTM is {} m off", clean.sqrt());
     assert!((1.5..5.0).contains(&(real - clean).sqrt()), "flaws of {} m", (real - clean).sqrt());
 }

@@ -1,5 +1,5 @@
-//! What tests of several crates share: outside programs to compare with ([`oracle`]), reference data, damaged files. A development
-//! dependency only; it depends on no crate of ours.
+//! Helpers for tests of several crates: outside programs to compare with ([`oracle`]), reference data, damaged files. This crate is only a
+//! development dependency, and depends on no other crate of this project.
 
 mod mutate;
 pub mod oracle;
@@ -10,14 +10,15 @@ pub use oracle::rasterio;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Says on stderr that the check `what` does not run, and why. Not by `eprintln!`: the test runner keeps its text of tests that pass.
+/// Reports on stderr that the check `what` is skipped, and why. It does not use `eprintln!`, because the test runner hides such text of
+/// passing tests.
 pub fn skipped(what: &str, why: &str) {
-    // A closed stderr is no reason to fail a test.
+    // A closed stderr must not fail a test.
     let _ = writeln!(std::io::stderr(), "SKIPPED: {what}: {why}");
 }
 
-/// The folder of reference data that are not part of the repository: `$ELUNAR_SHARED`, else `../shared` beside the repository. `None` if there
-/// is none; the skip is then reported. The data need not be there: [`oracle::REQUIRE`] does not ask for them.
+/// Returns the folder of reference data outside the repository: `$ELUNAR_SHARED`, otherwise `../shared` beside the repository. `None` if
+/// there is none; the skip is then reported. The data are optional, also with [`oracle::REQUIRE`].
 pub fn shared_folder() -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
     let folder = std::env::var_os("ELUNAR_SHARED").map_or_else(beside, PathBuf::from);

@@ -3,8 +3,8 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// Damages a file in one to three places: a byte changed, the end cut off, a piece taken out or doubled, or one of `pieces` put in. Pieces
-/// that mean something to the format reach deeper than random bytes.
+/// Damages a file in one to three places: a byte changed, the end cut off, a piece removed or doubled, or one of `pieces` inserted. Pieces
+/// with a meaning in the format test more than random bytes do.
 pub fn mutate(bytes: &mut Vec<u8>, pieces: &[&str], rng: &mut ChaCha8Rng) {
     for _ in 0..rng.random_range(1..4) {
         let at = rng.random_range(0..=bytes.len());

@@ -1,26 +1,26 @@
-//! Outside programs that tests compare with: GDAL's, and Python's packages.
+//! Outside programs for comparison: GDAL's, and Python's packages.
 //!
-//! Where one is absent, the comparison is skipped, and the terminal says so. With [`REQUIRE`] set to 1 the test fails instead.
+//! If one is absent, the comparison is skipped, and the terminal shows that. With [`REQUIRE`] set to 1 the test fails instead.
 
 use crate::skipped;
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
-/// Environment variable: with 1, a test whose oracle is absent fails. Unset, empty or 0, it is skipped.
+/// Environment variable. With 1, a test whose oracle is absent fails. Unset, empty or 0, the test is skipped.
 pub const REQUIRE: &str = "ELUNAR_REQUIRE_ORACLES";
 
-/// Whether an absent oracle is a failure.
+/// Returns whether an absent oracle is a failure.
 pub fn required() -> bool {
     std::env::var(REQUIRE).is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// The name of the running test; with `--test-threads=1` it has none.
+/// Returns the name of the running test. With `--test-threads=1` there is none.
 pub(crate) fn current_test() -> String {
     std::thread::current().name().filter(|name| *name != "main").unwrap_or("a comparison").into()
 }
 
-/// Reports that the oracle `tool` is absent; `install` says how to get it.
+/// Reports that the oracle `tool` is absent. `install` says how to install it.
 ///
 /// # Panics
 /// If oracles are [`required`].
@@ -30,10 +30,10 @@ pub fn absent(tool: &str, install: &str) {
     skipped(&current_test(), &why);
 }
 
-/// A program of GDAL (`gdaldem`), ready for arguments; `None` where it is absent.
+/// Returns a command for a program of GDAL (`gdaldem`), ready for arguments; `None` if it is absent.
 ///
 /// # Panics
-/// If it is absent and oracles are [`required`].
+/// If the program is absent and oracles are [`required`].
 pub fn gdal(program: &str) -> Option<Command> {
     if Command::new(program).arg("--version").output().is_ok() {
         return Some(Command::new(program));
@@ -42,11 +42,11 @@ pub fn gdal(program: &str) -> Option<Command> {
     None
 }
 
-/// Runs a Python script in `folder` and gives what it prints; `None` where Python or one of `packages` is absent. A script fails by
-/// raising.
+/// Runs a Python script in `folder` and returns its output; `None` if Python or one of `packages` is absent. A script fails by raising an
+/// exception.
 ///
 /// # Panics
-/// If the script fails; if something is absent and oracles are [`required`].
+/// If the script fails, or if something is absent and oracles are [`required`].
 pub fn python(packages: &[&str], script: &str, folder: &Path) -> Option<String> {
     let missing: Vec<&str> = packages.iter().copied().filter(|package| !importable(package)).collect();
     if !missing.is_empty() {
@@ -60,7 +60,7 @@ pub fn python(packages: &[&str], script: &str, folder: &Path) -> Option<String> 
     Some(String::from_utf8_lossy(&out.stdout).into_owned())
 }
 
-/// As [`python`], with `rasterio`, numpy as `np`, `struct` and `Affine` imported. What rasterio brings is GDAL and PROJ.
+/// Runs a script as [`python`], with `rasterio`, numpy as `np`, `struct` and `Affine` imported. `rasterio` includes GDAL and PROJ.
 ///
 /// # Panics
 /// As [`python`].
@@ -68,7 +68,7 @@ pub fn rasterio(script: &str, folder: &Path) -> Option<String> {
     rasterio_with(&[], script, folder)
 }
 
-/// As [`rasterio`], for a script that needs further packages.
+/// Runs a script as [`rasterio`] that needs further packages.
 ///
 /// # Panics
 /// As [`python`].
@@ -77,10 +77,10 @@ pub fn rasterio_with(packages: &[&str], script: &str, folder: &Path) -> Option<S
     python(&[&["rasterio", "numpy"], packages].concat(), &format!("{imports}\n{script}"), folder)
 }
 
-/// Whether `python3` imports this package; asked once a process.
+/// Returns whether `python3` imports this package. The answer is stored for the process.
 fn importable(package: &str) -> bool {
     static KNOWN: Mutex<Vec<(String, bool)>> = Mutex::new(Vec::new());
-    // A test that failed with the list in hand leaves a sound list.
+    // A test that panicked with the lock leaves a valid list.
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some((_, answer)) = known.iter().find(|(name, _)| name == package) {
         return *answer;
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
     use std::process::Output;
 
-    /// Not started by the test runner: it needs a process of its own, in which nothing is installed.
+    /// The test runner does not start this test directly. It runs in a separate process without any installed package.
     #[test]
     #[ignore = "run by an_absent_oracle_is_reported_or_fails"]
     fn child_without_oracles() {
@@ -106,7 +106,7 @@ mod tests {
         assert!(gdal("gdaldem").is_none());
     }
 
-    /// The child as `cargo test` runs it: what tests print is captured.
+    /// Runs the child as `cargo test` does, with captured output.
     fn child(require: &str) -> Output {
         Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "oracle::tests::child_without_oracles", "--ignored"])

@@ -1,13 +1,13 @@
-//! The program in a folder of its own, as a user's shell runs it.
+//! The program in a temporary folder, as in a user's shell.
 
-// Each test program uses its part of it.
+// Each test program uses only a part of this module.
 #![allow(dead_code)]
 
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// A folder that goes when the test ends, and commands run in it.
+/// A folder that is removed when the test ends, and commands that run in it.
 pub(crate) struct Shell {
     folder: tempfile::TempDir,
 }
@@ -21,7 +21,7 @@ impl Shell {
         self.folder.path().join(name)
     }
 
-    /// A command that is not started yet.
+    /// Returns a command that is not started yet.
     pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-train"));
         command.args(arguments).current_dir(self.folder.path());
@@ -32,7 +32,7 @@ impl Shell {
         self.command(arguments).output().unwrap()
     }
 
-    /// What a command prints that must succeed, and say nothing else where there is no terminal.
+    /// Returns the output of a command that must succeed. Without a terminal, it must print nothing on stderr.
     pub(crate) fn made(&self, arguments: &[&str]) -> String {
         let out = self.run(arguments);
         let errors = String::from_utf8_lossy(&out.stderr);
@@ -41,7 +41,7 @@ impl Shell {
         String::from_utf8(out.stdout).unwrap()
     }
 
-    /// The single error line of a command that must fail.
+    /// Returns the single error line of a command that must fail.
     pub(crate) fn refused(&self, arguments: &[&str]) -> String {
         let out = self.run(arguments);
         let text = String::from_utf8(out.stderr).unwrap();
@@ -51,7 +51,7 @@ impl Shell {
         text
     }
 
-    /// Names of the files, sorted.
+    /// Returns the names of the files, sorted.
     pub(crate) fn files(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.folder.path()).unwrap();
         let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -60,7 +60,7 @@ impl Shell {
     }
 }
 
-/// A north-up raster of a function of map coordinates, its upper left corner at `at`.
+/// Returns a north-up raster of a function of map coordinates, with its upper left corner at `at`.
 pub(crate) fn raster(
     (rows, cols): (usize, usize),
     at: (f64, f64),

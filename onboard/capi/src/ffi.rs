@@ -162,26 +162,26 @@ fn apart_from_ours(record: &Record, buffer: &Range<usize>) -> Result<(), eld_sta
 
 // ---- functions for C --------------------------------------------------------------------------------------------------
 
-/// Version of this library's interface, major << 16 | minor << 8 | patch. Another major number than the header's `ELD_VERSION`: do not
-/// call on.
+/// Returns the version of this library's interface, major << 16 | minor << 8 | patch. If its major number differs from that of the header's
+/// `ELD_VERSION`, call no other function.
 #[unsafe(no_mangle)]
 pub extern "C" fn eld_version() -> u32 {
     ELD_VERSION
 }
 
-/// Version of the model files this library reads.
+/// Returns the version of the model files that this library reads.
 #[unsafe(no_mangle)]
 pub extern "C" fn eld_format_version() -> u32 {
     file::VERSION
 }
 
-/// What a status means, one line of ASCII; never NULL, and never to be freed.
+/// Returns the meaning of a status in one line of ASCII; never NULL, and never to be freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn eld_status_text(status: eld_status_t) -> *const c_char {
     text(status).as_ptr()
 }
 
-/// Writes the name of the kernel that computes on this processor, ended by NUL, into `name` of `name_bytes` bytes; 64 are enough.
+/// Writes the name of the kernel for this processor, ended by NUL, into `name` of `name_bytes` bytes; 64 are enough.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_kernel_name(name: *mut c_char, name_bytes: usize) -> eld_status_t {
     let found = Kernel::best();
@@ -197,7 +197,7 @@ pub unsafe extern "C" fn eld_kernel_name(name: *mut c_char, name_bytes: usize) -
     ELD_OK
 }
 
-/// Validates a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
+/// Validates every byte of a model file and writes its properties and requirements. `info->struct_bytes` must be set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_model_check(
     model: *const c_void,
@@ -218,8 +218,8 @@ pub unsafe extern "C" fn eld_model_check(
     status_of(check())
 }
 
-/// Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
-/// more; the model is read in place, and lent as long. Writes the context to `*context`; NULL if refused, and then `memory` is as it was.
+/// Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
+/// the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL, and `memory` is unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_init(
     memory: *mut c_void,
@@ -263,8 +263,8 @@ pub unsafe extern "C" fn eld_init(
     status_of(init())
 }
 
-/// Validates and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
-/// when this returns. A tile in progress is dropped, with a notice; if the new one is refused, the old one goes on.
+/// Validates and normalises a tile and prepares for the first step. `tile->struct_bytes` must be set. The maps are not needed after this
+/// call. A tile in progress is dropped, with a notice. If the new tile is refused, the old one continues.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld_tile_t) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
@@ -312,16 +312,17 @@ unsafe fn mask<'a>(pointer: *const u8, len: usize) -> Result<&'a [bool], eld_sta
     unsafe { slice(pointer.cast::<bool>(), len) }
 }
 
-/// Works until `budget_macs` multiply-accumulates are spent or the tile is done: at least one unit of work, and less than one unit
-/// (`largest_unit_macs`) more than the budget. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is done.
+/// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
+/// by less than one unit (`largest_unit_macs`). The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
+/// done.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_step(context: *mut eld_context_t, budget_macs: u64) -> eld_status_t {
     // SAFETY: the caller's promise.
     unsafe { with_model(context, |context, model, lent| run::step(context, model, lent, budget_macs)) }
 }
 
-/// Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each 1 where it means something, 0 where image or coarse DTM
-/// do not count. `valid` may be NULL with length 0. May be called again until the next tile begins.
+/// Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each height 1 if it is valid, 0 where image or coarse
+/// DTM are invalid. `valid` may be NULL with length 0. May be called again until the next tile begins.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_output(
     context: *mut eld_context_t,
@@ -356,15 +357,16 @@ pub unsafe extern "C" fn eld_output(
     unsafe { with_model(context, output) }
 }
 
-/// Looks over up to `max_bytes` of the model against its checksums, going round and round over calls, at any time between others. A fault names
-/// a chunk that has changed since it was loaded; the next call goes on behind it.
+/// Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
+/// be called at any time between other calls. A fault means that a chunk has changed since it was loaded; the next call continues behind
+/// it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_scrub(context: *mut eld_context_t, max_bytes: usize) -> eld_status_t {
     // SAFETY: the caller's promise.
     unsafe { with_model(context, |context, model, lent| run::scrub(context, model, lent, max_bytes)) }
 }
 
-/// Begins the built-in tile; `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
+/// Begins the built-in tile. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_self_test_begin(context: *mut eld_context_t) -> eld_status_t {
     // SAFETY: the caller's promise.
@@ -378,7 +380,7 @@ pub unsafe extern "C" fn eld_self_test_check(context: *mut eld_context_t) -> eld
     unsafe { with_model(context, run::check_self_test) }
 }
 
-/// Copies the counters. `out->struct_bytes` must be set. Reads nothing but the context, so it works while the model is damaged.
+/// Copies the counters. `out->struct_bytes` must be set. Reads only the context, so it works with a damaged model.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_telemetry(context: *mut eld_context_t, out: *mut eld_telemetry_t) -> eld_status_t {
     let telemetry = |context: &mut Context<'_>| {

@@ -1,27 +1,26 @@
-//! What C and the library hand each other. Names are C's.
+//! Types shared by C and the library, with C names.
 #![allow(non_camel_case_types)]
 
-/// How a call went: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
+/// Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
 pub type eld_status_t = u32;
 
-/// A model's working memory and everything known of its tile. It lives at the start of the memory lent to `eld_init`, must not be moved,
-/// copied or looked into, and ends with that memory: there is nothing to close. One thread at a time may use it; different contexts are
-/// independent.
+/// A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
+/// It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
 pub struct eld_context_t {
     _opaque: [u8; 0],
 }
 
-/// Version of this interface, major << 16 | minor << 8 | patch: the header's. Compare with `eld_version()`.
+/// Version of the header's interface, major << 16 | minor << 8 | patch. Compare with `eld_version()`.
 pub const ELD_VERSION: u32 = 0x0001_0000;
 
-/// Light: the network takes the image as it is.
+/// Light: the network works with any Sun and takes the image unchanged.
 pub const ELD_LIGHT_ANY: u32 = 0;
-/// Light: the network knows the Sun in the north-west; tiles lit from elsewhere are mirrored and the heights back.
+/// Light: the network knows the Sun in the north-west; tiles with another Sun are mirrored, and the heights are mirrored back.
 pub const ELD_LIGHT_NORTHWEST: u32 = 1;
-/// Light: as before, and the network is told how brightness answers to slope.
+/// Light: as `ELD_LIGHT_NORTHWEST`, and the network takes maps computed from the image and the light.
 pub const ELD_LIGHT_GIVEN: u32 = 2;
 
-/// Heights: scaled by the relief of the tile's own truth, for which the coarse DTM's stands in.
+/// Heights: scaled by the relief of the tile's own truth, which the relief of the coarse DTM replaces.
 pub const ELD_HEIGHTS_OWN_RELIEF: u32 = 0;
 /// Heights: scaled by the coarse DTM's relief.
 pub const ELD_HEIGHTS_COARSE_RELIEF: u32 = 1;
@@ -30,16 +29,16 @@ pub const ELD_HEIGHTS_PIXELS: u32 = 2;
 
 /// Phase: no tile was begun.
 pub const ELD_PHASE_EMPTY: u32 = 0;
-/// Phase: a tile is at work.
+/// Phase: a tile is in progress.
 pub const ELD_PHASE_TILE: u32 = 1;
-/// Phase: a tile is finished, its heights can be read.
+/// Phase: a tile is finished; its heights can be read.
 pub const ELD_PHASE_TILE_DONE: u32 = 2;
-/// Phase: the self test is at work.
+/// Phase: the self test is in progress.
 pub const ELD_PHASE_SELF_TEST: u32 = 3;
 /// Phase: the self test is finished and can be checked.
 pub const ELD_PHASE_SELF_TEST_DONE: u32 = 4;
 
-/// What a model is and needs. All sizes are exact.
+/// Properties and requirements of a model. All sizes are exact.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct eld_model_info_t {
@@ -51,31 +50,31 @@ pub struct eld_model_info_t {
     pub tile_rows: u32,
     /// Columns of a tile.
     pub tile_cols: u32,
-    /// Maps the network sees in place of the image: 1, or 4 if it is given the light.
+    /// Number of maps for the image: 1, or 4 for a network with a given light.
     pub image_maps: u32,
-    /// Which light the network knows: one of `ELD_LIGHT_*`.
+    /// Light that the network knows: one of `ELD_LIGHT_*`.
     pub light: u32,
-    /// How heights are scaled: one of `ELD_HEIGHTS_*`.
+    /// Scale of heights: one of `ELD_HEIGHTS_*`.
     pub heights: u32,
-    /// Alignment of the memory that `eld_init` wants, bytes.
+    /// Alignment of the memory for `eld_init`, bytes.
     pub memory_align: u32,
-    /// Bytes of memory that `eld_init` wants; one less is refused.
+    /// Bytes of memory for `eld_init`; one byte less is refused.
     pub memory_bytes: u64,
-    /// Bytes of that which are the arena of the network's tensors.
+    /// Bytes of `memory_bytes` that are the arena of the network's tensors.
     pub arena_bytes: u64,
-    /// Bytes of the file.
+    /// Length of the file, bytes.
     pub file_bytes: u64,
     /// Multiply-accumulates of a tile.
     pub tile_macs: u64,
-    /// Largest unit of work, multiply-accumulates: a step overruns its budget by less than this.
+    /// Largest unit of work, multiply-accumulates: a step exceeds its budget by less than this.
     pub largest_unit_macs: u64,
-    /// CRC32C of the header, which binds all other bytes: the model's identity.
+    /// CRC32C of the header, which depends on all other bytes: the model's identity.
     pub header_crc: u32,
     /// CRC32C of the self test's output.
     pub self_test_crc: u32,
     /// Upper end of the normalised elevation range.
     pub nr: f32,
-    /// Share by which the coarse DTM's relief is widened below and above.
+    /// Share by which the range of the coarse DTM is widened below and above.
     pub range_margin: f32,
 }
 
@@ -90,27 +89,27 @@ pub struct eld_tile_t {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN: unknown.
+    /// Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN if unknown.
     pub sun_azimuth_deg: f32,
-    /// Elevation of the Sun above the horizon, degrees; NaN: unknown.
+    /// Elevation of the Sun above the horizon, degrees; NaN if unknown.
     pub sun_elevation_deg: f32,
     /// Must be 0.
     pub reserved: u32,
     /// Relative brightness.
     pub image: *const f32,
-    /// Samples of the image.
+    /// Number of samples of the image.
     pub image_len: usize,
     /// Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
     pub coarse_m: *const f32,
-    /// Samples of the coarse DTM.
+    /// Number of samples of the coarse DTM.
     pub coarse_len: usize,
-    /// Which pixels count, 1 or 0 each; NULL: all that are real.
+    /// Mask: 1 or 0 per pixel; NULL: every real pixel is valid.
     pub valid: *const u8,
     /// Bytes of the mask; 0 with NULL.
     pub valid_len: usize,
 }
 
-/// Counters of a context since `eld_init`; they wrap never in a mission's time.
+/// Counters of a context since `eld_init`. They do not wrap within the time of a mission.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct eld_telemetry_t {
@@ -118,11 +117,11 @@ pub struct eld_telemetry_t {
     pub struct_bytes: u32,
     /// One of `ELD_PHASE_*`.
     pub phase: u32,
-    /// Entry of the schedule at work; 0 unless a tile is at work.
+    /// Current entry of the schedule; 0 unless a tile is in progress.
     pub entry: u32,
-    /// Pixels of the tile whose heights mean something.
+    /// Number of pixels of the tile with valid heights.
     pub valid_px: u32,
-    /// The latest fault; 0: there was none.
+    /// Latest fault; 0 if there was none.
     pub last_fault: eld_status_t,
     /// CRC32C of the model's header.
     pub header_crc: u32,
@@ -132,7 +131,7 @@ pub struct eld_telemetry_t {
     pub faults: u64,
     /// Damaged copies of the context that were repaired.
     pub context_repairs: u64,
-    /// Tiles begun under a light that was assumed.
+    /// Tiles begun with an assumed light.
     pub lights_assumed: u64,
     /// Tiles dropped before they were finished, or lost.
     pub tiles_dropped: u64,
@@ -142,18 +141,18 @@ pub struct eld_telemetry_t {
     pub steps: u64,
     /// Multiply-accumulates.
     pub macs: u64,
-    /// Input samples outside the range the model was calibrated for.
+    /// Input samples outside the range that the model was calibrated for.
     pub inputs_clamped: u64,
     /// Intermediate results cut to their tensor's range.
     pub saturated: u64,
-    /// Model bytes re-checked.
+    /// Bytes of the model compared with their checksums.
     pub scrubbed_bytes: u64,
     /// Complete passes over the model.
     pub scrub_passes: u64,
-    /// Chunks of the model found changed.
+    /// Chunks of the model found to have changed.
     pub scrub_faults: u64,
     /// Self tests that failed.
     pub self_test_faults: u64,
-    /// Tiles given up because the model or a map had changed in memory.
+    /// Tiles that were given up because the model or a map had changed in memory.
     pub tile_faults: u64,
 }

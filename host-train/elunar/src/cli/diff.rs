@@ -26,7 +26,7 @@ pub struct Args {
     /// Take the absolute difference.
     #[arg(long)]
     pub absolute: bool,
-    /// Subtract the first from the second; the grid stays that of the first.
+    /// Subtract the first from the second. The grid is that of the first in both cases.
     #[arg(long)]
     pub reverse: bool,
     /// Write the difference.
@@ -43,7 +43,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the DTMs, from DTMs that do not fit each other, and from writing; no file is left behind then.
+/// If a DTM cannot be read, the DTMs do not fit each other, or a file cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     for path in args.output.iter().chain(&args.picture) {
         output::check(path, &[&args.first, &args.second])?;

@@ -1,4 +1,4 @@
-//! `elunar evaluate`: a DTM against a truth, with the coarse DTM as the baseline beside it.
+//! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
 use elunar_raster::align::Named;
 use elunar_raster::{Result, source};
@@ -21,7 +21,7 @@ pub struct Args {
     /// True DTM.
     #[arg(long, value_name = "T.tif")]
     pub truth: PathBuf,
-    /// Coarse DTM that the prediction started from: compared with the truth, too.
+    /// Coarse DTM that the prediction started from. It is compared with the truth, too.
     #[arg(long, value_name = "C.tif")]
     pub coarse: Option<PathBuf>,
     /// Print JSON instead of a table.
@@ -35,7 +35,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the rasters, from rasters that do not fit each other, and from writing the map.
+/// If a raster cannot be read, the rasters do not fit each other, or the map cannot be written.
 pub fn run(args: Args) -> Result<()> {
     let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
     let coarse = args.coarse.as_deref().map(source::read).transpose()?;

@@ -1,4 +1,4 @@
-//! `elunar export`: float weights in, the int8 runner's model file out.
+//! `elunar export`: makes the model file of the int8 runner from float weights.
 
 use super::output;
 use crate::picture::costs;
@@ -23,7 +23,7 @@ use elunar_scene::prepare::Split;
 use elunar_scene::progress;
 use std::path::{Path, PathBuf};
 
-/// Seed of the synthetic tiles for calibration: no training run uses it by default.
+/// Seed of the synthetic tiles for calibration. No training run uses it by default.
 const SYNTH_SEED: u64 = 0xCA11;
 
 /// Options of `export`.
@@ -44,23 +44,23 @@ pub struct Args {
     /// Model file to write.
     #[arg(short, long, value_name = "M.eld")]
     pub output: PathBuf,
-    /// Tiles to measure ranges on.
+    /// Number of tiles for measuring ranges.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u64).range(1..=4096))]
     pub tiles: u64,
-    /// Tiles to compare int8 and float on; 0 skips the comparison.
+    /// Number of tiles for comparing int8 with float; 0 skips the comparison.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u64).range(0..=4096))]
     pub compare: u64,
-    /// Bits that maps keep.
+    /// Bits of the network's maps.
     #[arg(long, value_enum, default_value = "mixed")]
     pub precision: Precision,
-    /// Measure what each layer's precision costs: round one map, or the weights of one layer, in the float network.
+    /// Measure the effect of each layer's precision: round one map, or the weights of one layer, in the float network.
     #[arg(long)]
     pub sensitivity: bool,
-    /// Write the sensitivity to files: figures (.json) or bars (.png).
+    /// Write the sensitivity to a file: figures (.json) or bars (.png).
     #[arg(long, value_name = "R.json|R.png", requires = "sensitivity")]
     pub report: Vec<PathBuf>,
-    /// Choose the maps of 16 bits by their sensitivity instead: the fewest, most sensitive first, with which the slope error on
-    /// the tiles of --compare grows by no more than so many percent.
+    /// Choose the maps of 16 bits by their sensitivity: as few as possible, most sensitive first, until the slope error on the tiles of
+    /// --compare grows by no more than this, percent.
     #[arg(long, value_name = "PERCENT", requires = "sensitivity", conflicts_with = "precision")]
     pub slope_growth: Option<f64>,
     /// Print the report as JSON.
@@ -71,7 +71,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading weights and tiles, or if the network does not fit the runner; no file is left behind then.
+/// If weights or tiles cannot be read, or the network does not fit the runner. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     for report in &args.report {
         output::extension(report, &["json", "png"])?;
@@ -113,7 +113,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// What each layer's precision costs, and if asked for, the choice of those that keep 16 bits.
+/// Measures the effect of each layer's precision and, if requested, chooses the maps that keep 16 bits.
 fn measure(
     args: &Args,
     graph: &Graph,

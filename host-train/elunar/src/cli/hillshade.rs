@@ -20,7 +20,7 @@ pub struct Args {
     /// DTM, heights in metres.
     #[arg(value_name = "INPUT")]
     pub input: PathBuf,
-    /// Hillshade to write: a GeoTIFF with the DTM's place, or a PNG picture.
+    /// Hillshade to write: a GeoTIFF with the DTM's georeference, or a PNG picture.
     #[arg(short, long, value_name = "OUT.tif|OUT.png")]
     pub output: PathBuf,
     /// Azimuth of the light, degrees clockwise from north.
@@ -44,18 +44,18 @@ pub struct Args {
     /// Factor on the heights.
     #[arg(long, value_name = "Z", default_value_t = 1.0)]
     pub z_factor: f64,
-    /// Shade the outermost pixels and those beside gaps too.
+    /// Shade also the outermost pixels and those beside gaps.
     #[arg(long)]
     pub compute_edges: bool,
 }
 
-/// Rows shaded at a time.
+/// Number of rows shaded at a time.
 const BAND_ROWS: usize = 512;
 
 /// Runs the command.
 ///
 /// # Errors
-/// From options out of range, reading the DTM and writing the result; no file is left behind then.
+/// If an option is out of range, the DTM cannot be read, or the result cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
     output::check(&args.output, &[&args.input])?;
@@ -103,7 +103,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// What becomes of the bytes.
+/// Destination of the bytes.
 enum Target {
     Picture(Vec<u8>),
     Raster(Box<Writer>),

@@ -1,4 +1,4 @@
-//! `elunar inspect`: what a file is understood as.
+//! `elunar inspect`: describes a file.
 
 use crate::picture::arena;
 use elunar_net::inspect::plan_text;
@@ -23,19 +23,19 @@ pub struct Args {
     /// Any file.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Of a model: measure the time of every operator.
+    /// Measure the time of every operator of a model.
     #[arg(long)]
     pub time: bool,
     /// Kernel to measure [default: the fastest this processor runs].
     #[arg(long, value_name = "NAME", requires = "time")]
     pub kernel: Option<String>,
-    /// Tiles to measure.
+    /// Number of tiles to measure.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000), requires = "time")]
     pub tiles: u64,
-    /// Of a model: draw the memory over the course of a tile, tensor by tensor.
+    /// Draw a model's memory during a tile, tensor by tensor.
     #[arg(long, value_name = "P.png")]
     pub plan: Option<PathBuf>,
-    /// Of a model: print JSON.
+    /// Print a model's plan as JSON.
     #[arg(long)]
     pub json: bool,
 }
@@ -43,7 +43,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// Why the file is not understood.
+/// If the file is of no known kind, or broken.
 pub fn run(args: Args) -> Result<()> {
     let bytes = std::fs::metadata(&args.file).map_err(Error::io(&args.file))?.len();
     let print = |text: String| println!("{}: {bytes} bytes\n{text}", args.file.display());

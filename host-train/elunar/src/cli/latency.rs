@@ -1,4 +1,4 @@
-//! `elunar latency`: how long a tile takes.
+//! `elunar latency`: measures the time of a tile.
 
 use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
@@ -9,7 +9,7 @@ use elunar_scene::predict::network::Model;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What stands below the options in the help.
+/// Help text below the options.
 pub const HELP: &str = "\
 Every thread runs one tile before the clock starts.
 
@@ -21,22 +21,22 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct Args {
-    /// Model: `.eld` for the int8 runner; `host-train` takes `.safetensors`, the float network, too.
+    /// Model: `.eld` for the int8 runner. `host-train` also accepts `.safetensors`, the float network.
     #[arg(long, value_name = "M")]
     pub model: PathBuf,
-    /// Threads, each with a tile of its own; 0 takes as many as the machine offers. The float backend may use more inside.
+    /// Number of threads, each with its own tile; 0 takes as many as the machine offers. The float backend may use more threads internally.
     #[arg(long, default_value_t = 1)]
     pub threads: usize,
-    /// Seconds to measure for.
+    /// Time to measure, seconds.
     #[arg(long, default_value_t = 3.0, conflicts_with = "tiles")]
     pub seconds: f64,
-    /// Tiles to measure on every thread, instead of a time.
+    /// Number of tiles to measure on every thread, instead of a time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub tiles: Option<u64>,
     /// Kernel of the int8 runner [default: the fastest this processor runs].
     #[arg(long, value_name = "NAME")]
     pub kernel: Option<String>,
-    /// Let the int8 runner trust its memory: without the checksums of rows, records and model.
+    /// Run the int8 runner without the checksums of rows, records and model.
     #[arg(long)]
     pub unprotected: bool,
     /// Print JSON.
@@ -44,16 +44,16 @@ pub struct Args {
     pub json: bool,
 }
 
-/// What is known of a model beside its time.
+/// Properties of a model apart from its time.
 struct Facts {
     kernel: String,
     macs: Option<u64>,
-    /// Of one thread.
+    /// Arena of one thread, bytes.
     arena_bytes: Option<usize>,
     model_bytes: Option<usize>,
 }
 
-/// How long to measure.
+/// Duration of the measurement.
 #[derive(Debug, Clone, Copy)]
 enum Extent {
     Time(Duration),
@@ -61,7 +61,7 @@ enum Extent {
 }
 
 impl Extent {
-    /// Runs tiles until it is enough; returns the seconds of each.
+    /// Runs tiles for the whole extent. Returns the seconds of each tile.
     fn measure(self, mut tile: impl FnMut() -> Result<()>) -> Result<Vec<f64>> {
         let (mut tiles_s, start) = (Vec::new(), Instant::now());
         let enough = |done: usize| match self {
@@ -77,12 +77,12 @@ impl Extent {
     }
 }
 
-/// What was measured on all threads together.
+/// Measurements of all threads together.
 struct Measured {
     threads: usize,
-    /// Sorted.
+    /// Seconds of each tile, sorted.
     tiles_s: Vec<f64>,
-    /// Sum of the threads' rates, each over its own time.
+    /// Sum of the threads' rates. Each rate refers to the thread's own time.
     tiles_per_s: f64,
 }
 
@@ -105,7 +105,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Measures a network of another kind, computed by what `kernel` names.
+/// Measures a network of another kind. `kernel` names what computes it.
 ///
 /// # Errors
 /// If the network fails.
@@ -124,7 +124,7 @@ impl Args {
     }
 }
 
-/// The kernel of that name, or the fastest.
+/// Returns the kernel with that name; without a name, the fastest.
 pub(super) fn kernel(name: Option<&str>) -> Result<Kernel> {
     let Some(name) = name else { return Ok(Kernel::best()) };
     Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
@@ -171,7 +171,7 @@ fn print(args: &Args, facts: &Facts, measured: &Measured) {
     }
 }
 
-/// Seconds of each tile of a network, on one made-up tile over and over.
+/// Measures the seconds of each tile of a network. It runs one synthetic tile repeatedly.
 fn measure_other(model: &dyn Model, extent: Extent) -> Result<Vec<f64>> {
     let Shape { rows, cols } = model.tile();
     let samples = model.input_rules().illumination.image_maps() * rows * cols;
@@ -183,7 +183,7 @@ fn measure_other(model: &dyn Model, extent: Extent) -> Result<Vec<f64>> {
     extent.measure(tile)
 }
 
-/// Seconds of each tile: the built-in self-test tile over and over, checked each time.
+/// Measures the seconds of each tile. It runs the built-in self-test tile repeatedly and checks each result.
 fn measure_int8(kernel: Kernel, model: nn::Model<'_>, protect: bool, extent: Extent) -> Result<Vec<f64>> {
     let fault = |e: nn::RunError| Error::usage(format!("latency: {e}"));
     let mut arena = vec![0; required(&model)];

@@ -1,4 +1,4 @@
-//! `elunar lola`: laser altimeter tracks over a DTM.
+//! `elunar lola`: compares a DTM with laser altimeter tracks.
 
 use elunar_raster::{Error, Result, source};
 use elunar_scene::lola::csv::{self, CsvFormat};
@@ -25,16 +25,16 @@ pub struct Args {
     /// Tables of points, one or several.
     #[arg(long, value_name = "F.csv", required = true, num_args = 1..)]
     pub tracks: Vec<PathBuf>,
-    /// How far to shift along either axis, metres.
+    /// Greatest shift along either axis, metres.
     #[arg(long, value_name = "M", default_value_t = 20.0)]
     pub search_m: f64,
-    /// Columns, such as '2:lon 3:lat 4:radius_km'; also radius_m, height_above_datum, time and flag.
+    /// Columns, such as '2:lon 3:lat 4:radius_km'. Further names are radius_m, height_above_datum, time and flag.
     #[arg(long, value_name = "COLUMNS")]
     pub csv_format: Option<CsvFormat>,
-    /// Pauses longer than this, in seconds, begin a new track.
+    /// A pause longer than this begins a new track, seconds.
     #[arg(long, value_name = "S", default_value_t = TRACK_GAP_S)]
     pub track_gap_s: f64,
-    /// Fewest points of a track on valid heights; shorter tracks are left out.
+    /// Least number of points of a track on valid heights. Tracks with fewer are left out.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub min_points: usize,
     /// Print JSON instead of a table.
@@ -45,7 +45,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the files, from a DTM without a known place, and if no track can be compared.
+/// If a file cannot be read, the DTM has no georeference, or no track can be compared.
 pub fn run(args: Args) -> Result<()> {
     let report = compare(&args)?;
     if args.json {
@@ -104,7 +104,7 @@ mod tests {
         }
     }
 
-    /// A ridged DTM of 80 x 60 pixels of 2 m around longitude 0, latitude 0.
+    /// Writes a ridged DTM of 80 x 60 pixels of 2 m around longitude 0, latitude 0.
     fn write_dtm(path: &Path) {
         let georef = GeoRef { transform: [-60.0, 2.0, 0.0, 80.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
         let height = |i: usize| ((i / 60) as f32 * 0.31).sin() * 20.0 + ((i % 60) as f32 * 0.17).cos() * 15.0;
@@ -112,7 +112,7 @@ mod tests {
         geotiff::write(path, &raster, &geotiff::WriteOptions::heights("heights")).unwrap();
     }
 
-    /// Points on every third pixel centre of a diagonal, `start_s` seconds after midnight, two pixels west of where they were measured.
+    /// Returns points on every third pixel centre of a diagonal, from `start_s` seconds after midnight, shifted west by two pixels.
     fn rows(start_s: f64) -> String {
         let degrees = |metres: f64| (metres / 1_737_400.0).to_degrees();
         let row = |i: usize| {

@@ -1,4 +1,4 @@
-//! The commands, one file each with its `Args` and its `run`.
+//! The commands. Each has a file with its `Args` and its `run`.
 
 pub mod diff;
 pub mod evaluate;
@@ -22,7 +22,7 @@ use elunar_raster::Result;
 #[derive(Debug, Parser)]
 #[command(name = "elunar", version, about, arg_required_else_help = true)]
 pub struct Cli {
-    /// What to do.
+    /// Command to run.
     #[command(subcommand)]
     pub command: Command,
 }
@@ -34,19 +34,19 @@ pub enum Command {
     Predict(predict::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
-    /// The commands that `host-train` shares.
+    /// The commands that `elunar` and `host-train` share.
     #[command(flatten)]
     Shared(Shared),
 }
 
-/// The commands that are the same in both programs: none runs a float network.
+/// The commands of both programs. None runs a float network.
 #[derive(Debug, Subcommand)]
 pub enum Shared {
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
     /// Make a training set from images, DTMs and coarse DTMs.
     Prepare(prepare::Args),
-    /// Turn weights into the model file of the int8 runner.
+    /// Make the model file of the int8 runner from weights.
     Export(export::Args),
     /// Make a DTM by shape from shading, for comparison.
     Sfs(Box<sfs::Args>),
@@ -54,22 +54,22 @@ pub enum Shared {
     Evaluate(evaluate::Args),
     /// Shade a DTM, as `gdaldem hillshade` does.
     Hillshade(hillshade::Args),
-    /// Take an image of a DTM under a Sun of one's choice.
+    /// Render an image of a DTM under a given Sun.
     Render(render::Args),
     /// Subtract one DTM from another, with statistics.
     Diff(diff::Args),
     /// Join overlapping DTMs, as `dem_mosaic` does.
     Mosaic(mosaic::Args),
-    /// Shift laser altimeter tracks over a DTM and say how well they fit.
+    /// Compare a DTM with laser altimeter tracks, each shifted to its best fit.
     Lola(lola::Args),
-    /// Say what a file is understood as: raster, label, track, model or weights.
+    /// Describe a file: raster, label, track, model or weights.
     Inspect(inspect::Args),
 }
 
 /// Runs a command of `elunar`.
 ///
 /// # Errors
-/// The command's own.
+/// Errors of the command.
 pub fn run(command: Command) -> Result<()> {
     match command {
         Command::Predict(args) => predict::run(args),
@@ -78,10 +78,10 @@ pub fn run(command: Command) -> Result<()> {
     }
 }
 
-/// Runs a command that both programs have.
+/// Runs a command that both programs share.
 ///
 /// # Errors
-/// The command's own.
+/// Errors of the command.
 pub fn run_shared(command: Shared) -> Result<()> {
     match command {
         Shared::Synth(args) => synth::run(args),
@@ -98,10 +98,10 @@ pub fn run_shared(command: Shared) -> Result<()> {
     }
 }
 
-/// Whether every command of `program` says what it does in words a user knows, and ends its help with examples that parse.
+/// Checks that the help of every command of `program` holds no Rust syntax and ends with examples that parse.
 ///
 /// # Panics
-/// With the defect, if one does not. For tests.
+/// If a command's help has a defect; the message names it. For tests.
 #[doc(hidden)]
 pub fn check_help(program: &clap::Command) {
     let name = program.get_name();

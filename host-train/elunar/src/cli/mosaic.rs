@@ -1,4 +1,4 @@
-//! `elunar mosaic`: several DTMs joined to one.
+//! `elunar mosaic`: joins several DTMs.
 
 use super::output;
 use elunar_raster::align::{Interpolation, Reprojected};
@@ -19,35 +19,35 @@ first.
 Example:
   elunar mosaic left.tif right.tif -o mosaic.tif --priority-blending-length 50")]
 pub struct Args {
-    /// DTMs, heights in metres; the order matters only with --priority-blending-length.
+    /// DTMs, heights in metres. The order matters only with --priority-blending-length.
     #[arg(value_name = "DEM", required_unless_present = "dem_list", conflicts_with = "dem_list")]
     pub dems: Vec<PathBuf>,
-    /// Text file with one DTM a line, instead of naming them here.
+    /// Text file with one DTM per line, instead of DTM arguments.
     #[arg(short = 'l', long, alias = "dem-list-file", value_name = "FILE")]
     pub dem_list: Option<PathBuf>,
     /// Mosaic to write.
     #[arg(short, long, value_name = "OUT.tif")]
     pub output: PathBuf,
-    /// Reference system of the mosaic, into which every DTM is brought (bilinearly) before it is weighed: IAU_2015:30110 and the
-    /// like, or a PROJ text [default: that of the DTMs, which must be one].
+    /// Reference system of the mosaic: IAU_2015:30110 and the like, or a PROJ text. Every DTM is reprojected (bilinearly) before its
+    /// weights are computed [default: the DTMs' system, which must be the same for all].
     #[arg(long = "t_srs", value_name = "SRS", value_parser = Crs::parse)]
     pub t_srs: Option<Crs>,
-    /// Side of a pixel, map units [default: that of the first DTM].
+    /// Side of a pixel, map units [default: the first DTM's].
     #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub tr: Option<f64>,
-    /// Region wanted, map units.
+    /// Region of the mosaic, map units.
     #[arg(long = "t_projwin", num_args = 4, value_names = ["XMIN", "YMIN", "XMAX", "YMAX"], allow_negative_numbers = true)]
     pub t_projwin: Option<Vec<f64>>,
-    /// Pixels to take off at every edge and gap.
+    /// Number of pixels to remove at every edge and gap.
     #[arg(long, value_name = "PX", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=1000))]
     pub erode_length: u32,
-    /// Power of the distance by which DTMs are weighed.
+    /// Exponent of the distance in the weights of the DTMs.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(i32).range(1..=16))]
     pub weights_exponent: i32,
     /// Gaussian blur of the weights, pixels; 0 for none.
     #[arg(long, value_name = "PX", default_value_t = 5.0, allow_negative_numbers = true)]
     pub weights_blur_sigma: f64,
-    /// Keep earlier DTMs as they are, but for a band this wide along their edges, where the next one is blended in; 0 for none.
+    /// Keep earlier DTMs unchanged, except in a band this wide along their edges, pixels, where the next DTM is blended in; 0 for none.
     #[arg(long, value_name = "PX", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=10_000))]
     pub priority_blending_length: u32,
     /// Compression of the mosaic.
@@ -55,13 +55,13 @@ pub struct Args {
     pub compress: Compression,
 }
 
-/// Rows joined at a time.
+/// Number of rows joined at a time.
 const BAND_ROWS: usize = 1024;
 
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the DTMs, from DTMs that do not fit each other, and from writing; no file is left behind then.
+/// If a DTM cannot be read, the DTMs do not fit each other, or the mosaic cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     let paths = match &args.dem_list {
         Some(list) => listed(list)?,
@@ -117,7 +117,7 @@ fn open(path: &Path) -> Result<Input> {
     Ok(Input { name: path.display().to_string(), source: source::open(path)? })
 }
 
-/// The DTMs in another system, all with pixels of one size: the stated one, or the first DTM's.
+/// Reprojects the DTMs to another system. All get pixels of one size: the stated one, or the first DTM's.
 fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<Input>> {
     let mut seen = Vec::with_capacity(inputs.len());
     for Input { name, source } in inputs {

@@ -1,12 +1,12 @@
-//! What commands that write a file do first.
+//! Checks of output paths before the work starts.
 
 use elunar_raster::{Error, Result, folder_of};
 use std::path::Path;
 
-/// Fails before the work rather than after it: if `output` is one of `inputs`, or its folder cannot be written.
+/// Checks that `output` is none of `inputs` and that its folder can be written, before the work starts.
 ///
 /// # Errors
-/// [`Error::Usage`] or [`Error::Io`] that says so.
+/// [`Error::Usage`] or [`Error::Io`] with the reason.
 pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
     let same = |input: &Path| {
         input.canonicalize().is_ok_and(|input| output.canonicalize().is_ok_and(|output| input == output))
@@ -21,7 +21,7 @@ pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
     tempfile::NamedTempFile::new_in(folder).map_err(Error::io(output)).map(drop)
 }
 
-/// Which of the extensions (lower case) the output's name has.
+/// Returns which of the extensions (lower case) the output's name has.
 ///
 /// # Errors
 /// [`Error::Usage`] if it has none of them.

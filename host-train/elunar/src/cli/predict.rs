@@ -1,4 +1,4 @@
-//! `elunar predict`: an image and a coarse DTM in, a DTM out.
+//! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use super::output;
 use elunar_net::illumination::KnownSun;
@@ -10,7 +10,7 @@ use elunar_scene::predict::network::Model;
 use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
 use std::path::{Path, PathBuf};
 
-/// What stands below the options in the help.
+/// Help text below the options.
 pub const HELP: &str = "\
 Image and coarse DTM are GeoTIFFs or PDS3 products, each on a grid of its own and in a projection of its own, on \
 one sphere. The DTM gets the image's grid. Pixels without a valid image sample or coarse height become nodata. A hillshade is \
@@ -31,37 +31,37 @@ pub struct Args {
     /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
-    /// Model: .eld for the int8 runner; `host-train` takes .safetensors, the float network, too.
+    /// Model: .eld for the int8 runner. `host-train` also accepts .safetensors, the float network.
     #[arg(long, value_name = "M")]
     pub model: PathBuf,
     /// DTM to write.
     #[arg(short, long, value_name = "DTM.tif")]
     pub output: PathBuf,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
-    /// Reference system of the image, where the file does not say it: IAU_2015:30110 and the like, or a PROJ text.
+    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub image_srs: Option<Crs>,
-    /// Reference system of the coarse DTM, likewise.
+    /// Reference system of the coarse DTM, if the file does not state it.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub coarse_srs: Option<Crs>,
-    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    /// Unit of the coarse DTM's heights, if the file does not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
     /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
-    /// Elevation of the Sun, degrees above the horizon [default: how brightness answers to slope is fitted to image and coarse DTM].
+    /// Elevation of the Sun, degrees above the horizon [default: the change of brightness with slope is fitted to image and coarse DTM].
     #[arg(long, value_name = "DEG")]
     pub sun_elevation: Option<f64>,
-    /// Pixels by which neighbouring tiles overlap [default: 100, or a third of a smaller tile].
+    /// Overlap of neighbouring tiles, pixels [default: 100, or a third of a smaller tile's shorter side].
     #[arg(long, value_name = "PX")]
     pub overlap: Option<usize>,
-    /// How overlapping tiles are weighed.
+    /// Weights of overlapping tiles.
     #[arg(long, default_value = "dem-mosaic")]
     pub blend: Blend,
-    /// Let the network change the low frequencies of the coarse DTM too, as in the paper.
+    /// Take the low frequencies from the network, not from the coarse DTM, as in the paper.
     #[arg(long)]
     pub no_anchor: bool,
 }
@@ -69,7 +69,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the inputs, opening the model, predicting and writing; no DTM is left behind then.
+/// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
     run_with(args, open)
 }
@@ -77,7 +77,7 @@ pub fn run(args: Args) -> Result<()> {
 /// Opens a model file of the int8 runner.
 ///
 /// # Errors
-/// [`Error::Unsupported`] if it is called float weights, or nothing that is known; else as [`int8::open`].
+/// [`Error::Unsupported`] if the file's name is that of float weights, or of no known kind; otherwise as [`int8::open`].
 pub fn open(path: &Path) -> Result<Box<dyn Model>> {
     let wrong = |what| Err(Error::unsupported(path, what));
     match path.extension().and_then(|extension| extension.to_str()) {
@@ -89,7 +89,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
     }
 }
 
-/// Runs the command with models that `open` opens.
+/// Runs the command with models from `open`.
 ///
 /// # Errors
 /// As [`run`].
@@ -128,7 +128,7 @@ fn scene(args: &Args) -> Result<Scene> {
     Scene::new(Input::stated(&args.image, image)?, Input::stated(&args.coarse, coarse)?)
 }
 
-/// What tells this job from others: a changed input, model or option begins anew.
+/// Returns a text that identifies this job. With a changed input, model or option, the job starts anew.
 fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };

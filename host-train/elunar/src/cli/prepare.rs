@@ -1,4 +1,4 @@
-//! `elunar prepare`: a training set from images, DTMs and coarse DTMs.
+//! `elunar prepare`: makes a training set from images, DTMs and coarse DTMs.
 
 use clap::ValueEnum;
 use elunar_raster::align::Interpolation;
@@ -42,22 +42,22 @@ pub struct Args {
     /// Elevation of the Sun, degrees, for scenes without one in the list [default: 45].
     #[arg(long, value_name = "DEG")]
     pub sun_elevation: Option<f64>,
-    /// Folder to write; made if absent.
+    /// Folder to write; created if absent.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// How the DTMs get onto the image's grid.
+    /// Interpolation of the DTMs onto the image's grid.
     #[arg(long, default_value = "bicubic")]
     pub interpolation: Interpolation,
-    /// Unit of the coarse DTMs' heights, where the files do not say it [default: m].
+    /// Unit of the coarse DTMs' heights, if the files do not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
     /// Largest offset between image and DTM, pixels.
     #[arg(long, value_name = "PX", default_value_t = 2.0)]
     pub max_offset: f64,
-    /// How far the offset is looked for, pixels.
+    /// Greatest offset that is searched, pixels.
     #[arg(long, value_name = "PX", default_value_t = 8)]
     pub search: usize,
-    /// Least correlation of image and hillshade for an offset to count.
+    /// Least correlation of image and hillshade for a valid offset.
     #[arg(long, value_name = "R", default_value_t = 0.3)]
     pub min_correlation: f64,
     /// Largest share of a tile's pixels at its brightest value.
@@ -66,10 +66,10 @@ pub struct Args {
     /// Shares of training, validation and test.
     #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_values_t = [0.8, 0.1, 0.1])]
     pub split: Vec<f64>,
-    /// Tiles in a shard; one takes 0.98 MB.
+    /// Number of tiles in a shard; a tile takes 0.98 MB.
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub shard_tiles: usize,
-    /// Seed of what is drawn at random.
+    /// Seed of random choices.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 }
@@ -77,7 +77,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From reading the list and the rasters, if no tile is usable, and from writing.
+/// If the list or a raster cannot be read, no tile is usable, or writing fails.
 pub fn run(args: Args) -> Result<()> {
     let mut scenes = match (&args.list, &args.image, &args.dtm, &args.coarse) {
         (Some(list), ..) => list::read(list)?,
@@ -116,7 +116,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// As on the command line.
+/// Returns the value's name on the command line.
 fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |v| v.get_name().into())
 }

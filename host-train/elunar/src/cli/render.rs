@@ -1,4 +1,4 @@
-//! `elunar render`: an image of a DTM under a Sun of one's choice.
+//! `elunar render`: renders an image of a DTM under a given Sun.
 
 use super::output;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
@@ -18,10 +18,10 @@ look at, see `hillshade`.
 Example:
   elunar render dtm.tif -o image.tif --sun-azimuth 300 --sun-elevation 20")]
 pub struct Args {
-    /// DTM, heights in metres; every pixel has one, and pixels are square.
+    /// DTM, heights in metres. Every pixel must have a height, and pixels must be square.
     #[arg(value_name = "DTM")]
     pub input: PathBuf,
-    /// Image to write: a GeoTIFF of 16 bits with the DTM's place, or a PNG picture of 8 bits.
+    /// Image to write: a GeoTIFF of 16 bits with the DTM's georeference, or a PNG picture of 8 bits.
     #[arg(short, long, value_name = "OUT.tif|OUT.png")]
     pub output: PathBuf,
     /// Azimuth of the Sun, degrees clockwise from the top of the raster.
@@ -38,7 +38,8 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If the DTM cannot be read, has gaps, no pixel size or none that is square, or the Sun is out of range; no file is left behind then.
+/// If the DTM cannot be read, has gaps, has no pixel size or pixels that are not square, or the Sun is out of range. Then no output file
+/// exists.
 pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
     output::check(&args.output, &[&args.input])?;
@@ -83,7 +84,7 @@ mod tests {
         run(args(at("dtm.tif"), at("image.png"), 25.0)).unwrap();
         let image = source::read(&at("image.tif")).unwrap();
         assert_eq!(image.georef, truth.georef);
-        // Sixteen bits hold the camera's whole numbers.
+        // Sixteen bits represent the camera's integers exactly.
         assert_eq!(image.samples, photograph(&truth, (300.0, 25.0), 4).unwrap().samples);
         assert!(at("image.png").exists());
         for (output, elevation, expected) in

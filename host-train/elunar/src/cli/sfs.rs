@@ -1,4 +1,4 @@
-//! `elunar sfs`: shape from shading, the rival that needs no network.
+//! `elunar sfs`: shape from shading, without a network, for comparison.
 
 use super::output;
 use elunar_raster::stated::{HeightUnit, Statements};
@@ -29,7 +29,7 @@ pub struct Args {
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: f64,
-    /// Elevation of the Sun above the horizontal, degrees.
+    /// Elevation of the Sun above the horizon, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: f64,
     /// DTM to write.
@@ -41,37 +41,37 @@ pub struct Args {
     /// Weight of the departure from the coarse DTM against relative brightness, per metre [default: 0.06 per pixel].
     #[arg(long, value_name = "PER_M")]
     pub dem_constraint_weight: Option<f64>,
-    /// Pixels at or below this share of the tile's mean brightness are shadow and count nothing [default: 0].
+    /// Pixels at or below this share of the tile's mean brightness are shadow; their brightness has no weight [default: 0].
     #[arg(long, value_name = "SHARE")]
     pub shadow_threshold: Option<f64>,
     /// Levels of the pyramid [default: 4].
     #[arg(long, value_name = "N")]
     pub levels: Option<usize>,
-    /// Most Gauss-Newton steps of a level [default: 40].
+    /// Greatest number of Gauss-Newton steps of a level [default: 40].
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
-    /// A level is done when three steps together lower its cost by no more than this share [default: 0.001].
+    /// A level is finished when three steps together lower its cost by no more than this share [default: 0.001].
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
-    /// Threads, each with tiles of its own; 0 takes as many as the machine offers.
+    /// Number of threads, each with its own tiles; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
     /// Write cost (and errors) by step, as a table or a picture.
     #[arg(long, value_name = "CURVE.csv|CURVE.png")]
     pub curve: Vec<PathBuf>,
-    /// True DTM, for the curve alone.
+    /// True DTM, only for the curve.
     #[arg(long, value_name = "T.tif")]
     pub truth: Option<PathBuf>,
     /// Print settings, tiles, times and the curve as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Reference system of the image, where the file does not say it: IAU_2015:30110 and the like, or a PROJ text.
+    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub image_srs: Option<Crs>,
-    /// Reference system of the coarse DTM, likewise.
+    /// Reference system of the coarse DTM, if the file does not state it.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub coarse_srs: Option<Crs>,
-    /// Unit of the coarse DTM's heights, where the file does not say it [default: m].
+    /// Unit of the coarse DTM's heights, if the file does not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
 }
@@ -79,7 +79,7 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// From options out of range, reading the inputs, and writing; no DTM is left behind then.
+/// If an option is out of range, an input cannot be read, or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
     let mut inputs = vec![args.image.as_path(), &args.coarse];
     inputs.extend(args.truth.as_deref());
@@ -135,7 +135,7 @@ impl Args {
         }
     }
 
-    /// What tells this job from others.
+    /// Returns a text that identifies this job.
     fn job(&self, settings: &Settings) -> Result<String> {
         let settings = Settings { threads: 0, ..*settings };
         let (image, coarse) = (state(&self.image)?, state(&self.coarse)?);

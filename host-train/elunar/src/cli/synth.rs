@@ -1,4 +1,4 @@
-//! `elunar synth`: synthetic scenes as GeoTIFFs.
+//! `elunar synth`: writes synthetic scenes as GeoTIFFs.
 
 use elunar_core::terrain::PixelSize;
 use elunar_raster::{Error, Result};
@@ -18,10 +18,10 @@ and options give the same files.
 Example:
   elunar synth --out scenes --scenes 4 --seed 1")]
 pub struct Args {
-    /// Folder to write into; made if absent.
+    /// Folder to write into; created if absent.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Scenes to make.
+    /// Number of scenes.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=9999))]
     pub scenes: u64,
     /// Seed of the Moon.
@@ -51,7 +51,7 @@ pub struct Args {
     /// Least and greatest addition to the weight of the Lommel-Seeliger law, -1 to 1.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0], allow_negative_numbers = true)]
     pub lunar_weight_shift: Vec<f64>,
-    /// Least and greatest power of the radiance that DN go as, 0.2 to 5.
+    /// Least and greatest exponent of the DN as a power of the radiance, 0.2 to 5.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
     pub response_exponent: Vec<f64>,
     /// Least and greatest DN without light, as a share of the mean DN, -0.5 to 2.
@@ -62,9 +62,9 @@ pub struct Args {
     pub coarse_stripes_m: Vec<f64>,
 }
 
-/// Scenes on the contact sheet at most.
+/// Greatest number of scenes on the contact sheet.
 const SHEET_SCENES: usize = 12;
-/// Scenes of more pixels than this are made one after another, to spare memory.
+/// Scenes of more pixels than this are made one after another, to save memory.
 const LARGE_SCENE_PX: usize = 4_000_000;
 
 /// Runs the command.
@@ -120,7 +120,7 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Image, truth and coarse DTM of one scene for the contact sheet.
+/// Draws image, truth and coarse DTM of one scene for the contact sheet.
 fn panels(scene: &SynthScene, entry: &SceneEntry) -> Result<Vec<Panel>> {
     let (rows, cols, pixel) = (scene.rows, scene.cols, PixelSize::square(scene.pixel_m));
     let about = format!(

@@ -1,4 +1,4 @@
-//! The memory of the int8 runner over the course of a tile: one rectangle per tensor.
+//! Picture of the int8 runner's memory during a tile: one rectangle per tensor.
 
 use elunar_net::inspect::model::{Plan, TensorLife};
 use elunar_raster::{Error, Result};
@@ -9,9 +9,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Size of the picture, pixels.
 const SIZE_PX: (u32, u32) = (1400, 800);
-/// What the axes take of it, about.
+/// Size of the axes, about, pixels.
 const AXES_PX: (u32, u32) = (110, 110);
-/// Size of the lettering inside rectangles, and the width of one of its letters, about.
+/// Size of the text inside rectangles, and the width of a letter, about, pixels.
 const LETTER_PX: (u32, f64) = (12, 6.2);
 
 /// Parts of the network and their colours.
@@ -26,8 +26,8 @@ const PARTS: [(&str, RGBColor); 6] = [
 const SCRATCH: RGBColor = RGBColor(235, 205, 90);
 const LIVE: RGBColor = RGBColor(20, 20, 20);
 
-/// Draws when (in multiply-accumulates done) each tensor is alive, and where in the arena it lies; with the scratch memory on top,
-/// the bytes of all live tensors as a line, and their peak.
+/// Draws when each tensor is in use (in multiply-accumulates done) and its place in the arena. Also drawn are the scratch memory above the
+/// tensors, the bytes of all tensors in use as a line, and their peak.
 ///
 /// # Errors
 /// [`Error::Usage`] if drawing fails.
@@ -38,7 +38,7 @@ pub fn arena(plan: &Plan) -> Result<RgbImage> {
     Ok(pixels)
 }
 
-/// Which part of the network a tensor belongs to, by its name.
+/// Returns the part of the network to which a tensor belongs, by its name.
 fn part(name: &str) -> usize {
     let numbered = |letter: char| name.strip_prefix(letter).is_some_and(|n| n.parse::<u8>().is_ok());
     match name {
@@ -94,7 +94,7 @@ fn corners(t: &TensorLife) -> [(f64, f64); 2] {
     [(t.first_mac as f64 / 1e6, from), (t.last_mac as f64 / 1e6, to)]
 }
 
-/// The bytes of live tensors as steps.
+/// Returns the bytes of tensors in use as steps.
 fn live(plan: &Plan) -> Vec<(f64, f64)> {
     let mut points: Vec<(f64, f64)> = Vec::with_capacity(2 * plan.live.len() + 1);
     for &(macs, bytes) in &plan.live {
@@ -106,8 +106,8 @@ fn live(plan: &Plan) -> Vec<(f64, f64)> {
     points
 }
 
-/// Names and bytes where they fit. Tensors that share bytes while they are alive, a sum with what is added to it, the output with
-/// the inputs, share a label.
+/// Returns names and bytes where they fit. Tensors that share bytes while in use have one label: a sum and what is added to it, the output
+/// and the inputs.
 fn labels(plan: &Plan, (end, top): (f64, f64)) -> Vec<Text<'static, (f64, f64), String>> {
     let mut groups: Vec<Vec<&TensorLife>> = Vec::new();
     for t in &plan.tensors {

@@ -1,17 +1,17 @@
-//! A sensitivity as a picture.
+//! Picture of a sensitivity.
 
 use elunar_net::export::sensitivity::{Effect, Layer, Sensitivity};
 use elunar_raster::Result;
 use elunar_scene::picture::{Bars, bars};
 use image::RgbImage;
 
-/// Layers in a picture: those with the largest effect.
+/// Number of layers in a picture, those with the largest effect.
 const BARS: usize = 40;
 
-/// A bar chart of the layers with the largest effect on slope.
+/// Draws a bar chart of the layers with the largest effect on slope.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Usage`] if nothing has any effect.
+/// [`elunar_raster::Error::Usage`] if no layer has an effect.
 pub fn picture(sensitivity: &Sensitivity) -> Result<RgbImage> {
     let degrees = |effect: Option<Effect>| effect.map(|e| e.slope_rmse_deg);
     let line = |l: &&Layer| {

@@ -1,4 +1,4 @@
-//! Pictures of models: their memory, and what the precision of their layers costs.
+//! Pictures of models: their memory, and the effect of their layers' precision.
 
 mod arena;
 mod costs;

@@ -1,7 +1,8 @@
-//! Where the loss has a kink: the argument of an absolute value is zero but for rounding, and any derivative between the two slopes is right.
+//! Kinks of the loss. At a kink, the argument of an absolute value is zero except for rounding, and any derivative between the two slopes
+//! is valid.
 //!
-//! Arithmetic in `f32` and in `f64` may then fall on different sides. The bounds hold for any order of summation: a sum of n products loses at
-//! most n u of the sum of their magnitudes, where u = 2⁻²⁴ is the unit roundoff of `f32`.
+//! `f32` and `f64` arithmetic may then give different signs. The bounds hold for any order of summation. The error of a sum of n products
+//! is at most n u times the sum of their magnitudes, where u = 2⁻²⁴ is the unit roundoff of `f32`.
 
 use crate::train::loss::LossWeights;
 use elunar_core::loss::PAD_EPS;
@@ -9,21 +10,21 @@ use elunar_core::tile::Shape;
 
 /// Unit roundoff of `f32`.
 const U: f64 = f32::EPSILON as f64 / 2.0;
-/// Roundings in a difference of two Sobel derivatives: six products and additions each, the division by 8, the difference.
+/// Number of roundings in a difference of two Sobel derivatives: six products and additions each, the division by 8, the difference.
 const SOBEL_ROUNDINGS: f64 = 8.0;
-/// Roundings in z / z̄ − z* / z̄* beside those of the means: the offset, divisions, the difference.
+/// Number of roundings in z / z̄ − z* / z̄* in addition to those of the means: the offset, divisions, the difference.
 const RATIO_ROUNDINGS: f64 = 8.0;
 
 /// The kinks of the hybrid loss (Eq. 5–7) at one prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kinks {
-    /// Absolute values whose argument is zero but for rounding.
+    /// Number of absolute values whose argument is zero except for rounding.
     pub count: usize,
-    /// Absolute values in all: three in every pixel.
+    /// Number of all absolute values: three in every pixel.
     pub of: usize,
-    /// By how much two right derivatives can differ in each pixel of the prediction, beside [`Self::offset`].
+    /// Greatest difference of two valid derivatives in each pixel of the prediction, without [`Self::offset`].
     pub slack: Vec<f64>,
-    /// By how much two right gradients can differ in all pixels alike: what goes through the prediction's mean.
+    /// Greatest difference of two valid gradients that is the same in all pixels. It comes from the prediction's mean.
     pub offset: f64,
 }
 
@@ -38,13 +39,13 @@ impl Kinks {
         kinks
     }
 
-    /// |z / z̄ − z* / z̄*|: its derivative reaches its own pixel, and through the mean every pixel.
+    /// Adds |z / z̄ − z* / z̄*|. Its derivative affects its own pixel and, through the mean, every pixel.
     fn add_elevation(&mut self, truth: &[f32], prediction: &[f32], Shape { rows, cols }: Shape, weight: f64) {
         let len = prediction.len() as f64;
         let mean = |z: &[f32]| z.iter().map(|v| f64::from(*v)).sum::<f64>() / len + PAD_EPS;
         let magnitude = |z: &[f32]| z.iter().map(|v| f64::from(v.abs())).sum::<f64>() / len;
         let (true_mean, mean) = (mean(truth), mean(prediction));
-        // The means are sums over a row, then over a column; the error counts in units of the mean.
+        // The means are sums over a row, then over a column. The error is in units of the mean.
         let roundings = |z: &[f32], mean: f64| (rows + cols) as f64 * magnitude(z) / mean.abs() + RATIO_ROUNDINGS;
         let (true_roundings, roundings) = (roundings(truth, true_mean), roundings(prediction, mean));
         for (i, (t, p)) in truth.iter().zip(prediction).enumerate() {
@@ -57,13 +58,14 @@ impl Kinks {
         }
     }
 
-    /// The largest difference between two gradients of the loss, beyond what the kinks allow; infinity if they differ in length or hold a NaN.
+    /// Returns the greatest difference between two gradients of the loss, beyond the kinks' bounds; infinity if they differ in length or
+    /// hold a NaN.
     pub fn difference(&self, one: &[f32], other: &[f32]) -> f64 {
         let differences: Vec<f64> = one.iter().zip(other).map(|(a, b)| f64::from(a - b)).collect();
         if one.len() != other.len() || differences.len() != self.slack.len() || differences.iter().any(|d| d.is_nan()) {
             return f64::INFINITY;
         }
-        // Nearly all pixels are without slack of their own: what these have in common is their median.
+        // Nearly all pixels have no kink of their own. Their common difference is the median.
         let mut sorted = differences.clone();
         sorted.sort_by(f64::total_cmp);
         let common = sorted.get(sorted.len() / 2).map_or(0.0, |median| median.clamp(-self.offset, self.offset));
@@ -71,7 +73,7 @@ impl Kinks {
         beyond.fold(0.0, f64::max)
     }
 
-    /// |∂(z − z*)| along columns (`across`) or rows: its derivative reaches the neighbours.
+    /// Adds |∂(z − z*)| along columns (`across`) or rows. Its derivative affects the neighbours.
     fn add_sobel(&mut self, truth: &[f32], prediction: &[f32], shape: Shape, across: bool, weight: f64) {
         let len = prediction.len();
         for at in 0..len {
@@ -91,7 +93,7 @@ impl Kinks {
     }
 }
 
-/// What a Sobel derivative (over 8, the border replicated) at pixel `at` reads: pixels and their factors.
+/// Returns the pixels and factors that a Sobel derivative (over 8, the border replicated) at pixel `at` reads.
 fn neighbours(at: usize, Shape { rows, cols }: Shape, across: bool) -> impl Iterator<Item = (usize, f64)> {
     let inside = |i: usize, step: usize, len: usize| (i + step).saturating_sub(1).min(len - 1);
     (0..3).flat_map(move |along| [(0, -1.0), (2, 1.0)].map(|(side, sign)| (along, side, sign))).map(

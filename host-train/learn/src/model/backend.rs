@@ -1,11 +1,11 @@
-//! Which backends this build can run on.
+//! Backends of this build.
 
 use burn::tensor::Device;
 #[cfg(any(feature = "cuda", feature = "vulkan"))]
 use burn::tensor::DeviceType;
 use elunar_raster::{Error, Result};
 
-/// A compute backend; each is a Cargo feature of the same name.
+/// A compute backend. Each is a Cargo feature of the same name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
@@ -22,11 +22,11 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// The backend's first device.
+    /// Returns the backend's first device.
     ///
     /// # Errors
     /// [`Error::Usage`] if this build lacks the backend's feature.
-    #[allow(deprecated)] // ndarray and libtorch are second opinions as long as the pinned release has them
+    #[allow(deprecated)] // ndarray and libtorch serve for comparison as long as the pinned release has them
     pub fn device(self) -> Result<Device> {
         match self {
             #[cfg(feature = "flex")]
@@ -50,10 +50,11 @@ impl Backend {
         }
     }
 
-    /// `count` devices to share the work: GPUs one each, the first ones; of the CPU, which is one device, as many copies.
+    /// Returns `count` devices that share the work. On GPUs these are the first ones. The CPU is one device, so it is returned `count`
+    /// times.
     ///
     /// # Errors
-    /// [`Error::Usage`] if this build lacks the backend's feature, or the machine so many devices.
+    /// [`Error::Usage`] if this build lacks the backend's feature, or the machine has too few devices.
     pub fn devices(self, count: usize) -> Result<Vec<Device>> {
         let first = self.device()?;
         let all: Vec<Device> = match self {
@@ -71,7 +72,7 @@ impl Backend {
         Ok(all.into_iter().take(count).collect())
     }
 
-    /// Names of the backends in this build.
+    /// Returns the names of the backends in this build.
     pub fn available() -> Vec<&'static str> {
         let all = [
             (cfg!(feature = "flex"), "flex"),

@@ -1,4 +1,4 @@
-//! The convolution unit every branch is made of, on the map itself or on the map upsampled by two.
+//! The convolution unit of every branch, on a map or on the map upsampled by two.
 
 use super::norm::BatchNorm2d;
 use super::ops::{conv2d, up2_conv5};
@@ -33,7 +33,7 @@ pub struct ConvBnShape {
 }
 
 impl ConvBn {
-    /// Builds the unit; the weights are set later.
+    /// Builds the unit. The weights are set later.
     pub fn new(shape: ConvBnShape, device: &Device) -> Self {
         Self {
             conv: conv(shape.input, shape.output, shape.kernel, shape.stride, false, device),
@@ -42,12 +42,12 @@ impl ConvBn {
         }
     }
 
-    /// `[B, C_in, H, W]` to `[B, C_out, H/stride, W/stride]`.
+    /// Maps `[B, C_in, H, W]` to `[B, C_out, H/stride, W/stride]`.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         self.finish(convolve(&self.conv, x))
     }
 
-    /// The unit on the map upsampled by two: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
+    /// Applies the unit to the map upsampled by two: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
     pub fn forward_up2(&self, x: Tensor<4>) -> Tensor<4> {
         self.finish(up2_conv5(x, self.conv.weight.val()))
     }
@@ -57,7 +57,7 @@ impl ConvBn {
     }
 }
 
-/// A square convolution with padding k/2.
+/// Makes a square convolution with padding k/2.
 pub fn conv(input: usize, output: usize, kernel: usize, stride: usize, bias: bool, device: &Device) -> Conv2d {
     let pad = kernel / 2;
     Conv2dConfig::new([input, output], [kernel, kernel])
@@ -67,7 +67,7 @@ pub fn conv(input: usize, output: usize, kernel: usize, stride: usize, bias: boo
         .init(device)
 }
 
-/// What `conv`, made by [`conv()`], computes, by the operators of [`super::ops`].
+/// Applies `conv`, made by [`conv()`], with the operators of [`super::ops`].
 pub fn convolve(conv: &Conv2d, x: Tensor<4>) -> Tensor<4> {
     let y = conv2d(x, conv.weight.val(), conv.stride[0], conv.kernel_size[0] / 2);
     match &conv.bias {

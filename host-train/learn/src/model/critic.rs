@@ -1,5 +1,5 @@
-//! A patch critic: which parts of a DTM look like the truth, given image and coarse DTM (Isola et al. 2017). The opponent that adversarial
-//! rivals are trained against; it is not part of any network that predicts.
+//! A patch critic. It scores how much each part of a DTM resembles the truth, given image and coarse DTM (Isola et al. 2017). Adversarial
+//! training uses it; it is not part of any network that predicts.
 
 use super::conv::{conv, convolve};
 use burn::module::Module;
@@ -7,13 +7,13 @@ use burn::nn::conv::Conv2d;
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
 
-/// Halvings before the score: a patch sees 31 x 31 pixels (our choice: small craters, not whole scenes).
+/// Number of halvings before the score. A patch depends on 31 x 31 pixels (our choice: small craters, not whole scenes).
 const HALVINGS: usize = 3;
 
 /// Slope of the leaky ReLU.
 const LEAK: f64 = 0.2;
 
-/// Three halving convolutions and a score per patch.
+/// Three halving convolutions, then a score per patch.
 #[derive(Module, Debug)]
 pub struct Critic {
     stages: Vec<Conv2d>,
@@ -21,7 +21,7 @@ pub struct Critic {
 }
 
 impl Critic {
-    /// A critic of `maps` input maps, `width` channels after the first halving and twice as many after each other.
+    /// Makes a critic of `maps` input maps, with `width` channels after the first halving and twice as many after each further one.
     pub fn new(maps: usize, width: usize, device: &Device) -> Self {
         let channels = |stage: usize| if stage == 0 { maps } else { width << (stage - 1) };
         Self {
@@ -30,7 +30,7 @@ impl Critic {
         }
     }
 
-    /// `[B, maps, H, W]` to `[B, 1, H/8, W/8]`: 1 for what looks true, 0 for what looks made.
+    /// Maps `[B, maps, H, W]` to `[B, 1, H/8, W/8]`: 1 for a patch that resembles the truth, 0 for one that resembles a prediction.
     pub fn forward(&self, maps: Tensor<4>) -> Tensor<4> {
         let x = self.stages.iter().fold(maps, |x, stage| leaky_relu(convolve(stage, x), LEAK));
         convolve(&self.score, x)

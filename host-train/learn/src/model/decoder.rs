@@ -6,7 +6,8 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::{DecoderKind, NetConfig};
 
-/// Main path: concat(E, D), up2, 5x5 conv-BN-ReLU, 3x3 conv-BN. Shortcut: D (or all of it, `upb`), up2, 5x5 conv-BN. Sum, ReLU.
+/// Main path: concat(E, D), up2, 5x5 conv-BN-ReLU, 3x3 conv-BN. Shortcut: D (with `upb`: concat(E, D)), up2, 5x5 conv-BN. Then sum and
+/// ReLU.
 #[derive(Module, Debug)]
 pub struct DecoderBlock {
     main: Vec<ConvBn>,
@@ -27,7 +28,7 @@ impl DecoderBlock {
         }
     }
 
-    /// `d` `[B, C, h, w]` and the skip map `e` of the same size to `[B, C_out, 2h, 2w]`.
+    /// Maps `d` `[B, C, h, w]` and the skip map `e` of the same size to `[B, C_out, 2h, 2w]`.
     pub fn forward(&self, d: Tensor<4>, e: Option<Tensor<4>>) -> Tensor<4> {
         let all = match e {
             Some(e) => Tensor::cat(vec![e, d.clone()], 1),
@@ -39,7 +40,7 @@ impl DecoderBlock {
     }
 }
 
-/// The five blocks of a network.
+/// Makes the five blocks of a network.
 pub fn decoder(config: &NetConfig, device: &Device) -> Vec<DecoderBlock> {
     let c = config.embed;
     let previous = [8 * c, config.decoder[0], config.decoder[1], config.decoder[2], config.decoder[3]];

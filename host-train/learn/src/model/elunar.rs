@@ -10,7 +10,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{DType, Device, Tensor};
 use elunar_net::config::{Head, NetConfig};
 
-/// ELunarDTMNet: image and coarse DTM in, DTM at the image's resolution out.
+/// ELunarDTMNet: from image and coarse DTM to a DTM at the image's resolution.
 #[derive(Module, Debug)]
 pub struct ELunarDtmNet {
     image_encoder: ImageEncoder,
@@ -19,7 +19,7 @@ pub struct ELunarDtmNet {
     decoder: Vec<DecoderBlock>,
     head: Conv2d,
     residual: bool,
-    /// With the coarse DTM among the image's channels: what brings it to [0, 1].
+    /// Factor that brings the coarse DTM to [0, 1], if it is among the image's channels.
     channel_scale: Option<f64>,
 }
 
@@ -27,7 +27,7 @@ pub struct ELunarDtmNet {
 pub type Trace = Vec<(String, Tensor<4>)>;
 
 impl ELunarDtmNet {
-    /// Builds the network on `device`; weights come from [`super::init`] or a file.
+    /// Builds the network on `device`. Weights come from [`super::init`] or a file.
     pub fn new(config: &NetConfig, device: &Device) -> Self {
         let c5 = 8 * config.embed;
         let s5 = if config.use_coarse { config.dtm[4] } else { 0 };
@@ -52,13 +52,13 @@ impl ELunarDtmNet {
         }
     }
 
-    /// `image` `[B, 1, H, W]` in [0, 1], `coarse` `[B, 1, H, W]` in [0, NR] to normalised elevation `[B, 1, H, W]`; H and W are
+    /// Maps `image` `[B, 1, H, W]` in [0, 1] and `coarse` `[B, 1, H, W]` in [0, NR] to normalised elevation `[B, 1, H, W]`. H and W are
     /// multiples of 32.
     pub fn forward(&self, image: Tensor<4>, coarse: Tensor<4>) -> Tensor<4> {
         self.run(image, coarse, None)
     }
 
-    /// As [`Self::forward`], and the feature maps on the way.
+    /// Runs the network as [`Self::forward`], and also returns the feature maps.
     pub fn forward_traced(&self, image: Tensor<4>, coarse: Tensor<4>) -> (Tensor<4>, Trace) {
         let mut trace = Trace::new();
         let output = self.run(image, coarse, Some(&mut trace));
@@ -75,7 +75,7 @@ impl ELunarDtmNet {
             Some(scale) => Tensor::cat(vec![image, coarse.clone().mul_scalar(scale)], 1),
             None => image,
         };
-        // In whichever precision the weights are, the maps are.
+        // Maps have the precision of the weights.
         let dtype = self.head.weight.val().dtype();
         let e = self.image_encoder.forward(cast(image, dtype));
         e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));

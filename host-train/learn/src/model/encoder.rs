@@ -7,7 +7,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::{DTM_KERNELS, ImageEncoderKind, NetConfig};
 
-/// Image encoder: a 7x7 stem for E1 beside the Swin transformer for E2..E5 (or residual stages after the stem).
+/// Image encoder: a 7x7 stem for E1 and, beside it, the Swin transformer for E2..E5 (or residual stages after the stem).
 #[derive(Module, Debug)]
 pub struct ImageEncoder {
     stem: ConvBn,
@@ -16,7 +16,7 @@ pub struct ImageEncoder {
 }
 
 impl ImageEncoder {
-    /// Builds the encoder; the weights are set later.
+    /// Builds the encoder. The weights are set later.
     pub fn new(config: &NetConfig, device: &Device) -> Self {
         let swin = config.image_encoder == ImageEncoderKind::Swin;
         let momentum = config.bn_momentum;
@@ -37,7 +37,7 @@ impl ImageEncoder {
         }
     }
 
-    /// `[B, channels, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution.
+    /// Maps `[B, channels, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution.
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 5] {
         let e1 = self.stem.forward(image.clone());
         let [e2, e3, e4, e5] = match (&self.swin, &self.resnet) {
@@ -49,7 +49,7 @@ impl ImageEncoder {
     }
 }
 
-/// The coarse-DTM encoder: five stride-2 units with falling kernels, `[B, 1, H, W]` to `[B, dtm[4], H/32, W/32]`.
+/// Makes the coarse-DTM encoder: five stride-2 units with decreasing kernels, `[B, 1, H, W]` to `[B, dtm[4], H/32, W/32]`.
 pub fn dtm_encoder(config: &NetConfig, device: &Device) -> Vec<ConvBn> {
     let input = |i: usize| if i == 0 { 1 } else { config.dtm[i - 1] };
     DTM_KERNELS

@@ -1,4 +1,4 @@
-//! Fresh weights from a seed: the same bytes on every backend.
+//! Initial weights from a seed, with the same bytes on every backend.
 
 use super::store::shapes;
 use burn::tensor::Device;
@@ -9,11 +9,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use sha2::{Digest, Sha256};
 
-/// Standard deviation of transformer weights and position biases, as published Swin code initialises them.
+/// Standard deviation of transformer weights and position biases, as in published Swin code.
 const SWIN_STD: f32 = 0.02;
 
-/// Weights for `config`: norms are identities; Swin matrices N(0, 0.02²) cut at two sigma; convolutions He-normal. The ReLU
-/// head starts at NR/2, because a ReLU that is dead everywhere makes the mean in Eq. 6 zero; the residual head starts at zero
+/// Returns initial weights for `config`. Norms are identities, Swin matrices are N(0, 0.02²) cut at two sigma, convolutions are He-normal.
+/// The ReLU head starts at NR/2, because a ReLU that is zero everywhere makes the mean in Eq. 6 zero. The residual head starts with zero
 /// correction, so that an untrained network returns the coarse DTM.
 pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     let mut weights = shapes(config, &Device::default());
@@ -45,7 +45,7 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
-/// He-normal weights and zero biases for `arrays` of a module made of convolutions.
+/// Returns He-normal weights and zero biases for `arrays` of a module of convolutions.
 pub fn normal_weights(mut arrays: Weights, seed: u64) -> Weights {
     for (name, array) in &mut arrays.tensors {
         let fan_in: usize = array.shape.iter().skip(1).product();
@@ -55,7 +55,7 @@ pub fn normal_weights(mut arrays: Weights, seed: u64) -> Weights {
     arrays
 }
 
-/// Fills with N(0, std²) cut at two sigma; each tensor has its own stream, so adding one does not change the others.
+/// Fills with N(0, std²) cut at two sigma. Each tensor has its own random stream, so a new tensor does not change the others.
 fn fill_normal(data: &mut [f32], std: f32, seed: u64, name: &str) {
     let digest = Sha256::new().chain_update(seed.to_le_bytes()).chain_update(name).finalize();
     let mut rng = ChaCha8Rng::from_seed(digest.into());

@@ -10,11 +10,11 @@ use burn::tensor::{DType, Device, Tensor};
 /// Added to the variance; PyTorch's default.
 pub const EPSILON: f64 = 1e-5;
 
-/// Batch normalisation of `[B, C, H, W]` over B, H and W. On an autodiff device it uses and records the batch's statistics,
-/// elsewhere the running ones.
+/// Batch normalisation of `[B, C, H, W]` over B, H and W. On an autodiff device it uses and records the batch's statistics, otherwise the
+/// running ones.
 ///
-/// Unlike Burn's own module, the running variance takes the unbiased batch variance, as PyTorch's does: at 1/32 resolution a
-/// small crop has so few samples that the difference shows.
+/// In contrast to Burn's own module, the running variance uses the unbiased batch variance, as in PyTorch. At 1/32 resolution a small crop
+/// has so few samples that the difference is visible.
 #[derive(Module, Debug)]
 pub struct BatchNorm2d {
     weight: Param<Tensor<1>>,
@@ -25,7 +25,7 @@ pub struct BatchNorm2d {
 }
 
 impl BatchNorm2d {
-    /// Identity: weight 1, bias 0, mean 0, variance 1. `momentum` is the share of a batch in the running statistics.
+    /// Makes an identity: weight 1, bias 0, mean 0, variance 1. `momentum` is the share of a batch in the running statistics.
     pub fn new(channels: usize, momentum: f64, device: &Device) -> Self {
         Self {
             weight: Initializer::Ones.init([channels], device),
@@ -36,7 +36,7 @@ impl BatchNorm2d {
         }
     }
 
-    /// `[B, C, H, W]` to the same shape, through a ReLU if asked; in `f32` inside.
+    /// Maps `[B, C, H, W]` to the same shape, optionally through a ReLU. It computes in `f32`.
     pub fn forward(&self, x: Tensor<4>, with_relu: bool) -> Tensor<4> {
         let (device, dtype) = (x.device(), x.dtype());
         let x = cast(x, DType::F32);

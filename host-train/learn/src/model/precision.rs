@@ -1,27 +1,27 @@
-//! Mixed precision: products of matrices and convolutions in 16 bits, everything else in 32.
+//! Mixed precision: matrix products and convolutions in 16 bits, everything else in 32.
 //!
-//! The weights that are learnt stay `f32`. For a step the network is seen through [`Precision::of`]: the same network whose weights are
-//! casts of those, so that gradients flow back through the cast. What adds up many numbers stays `f32` throughout: batch and layer
-//! normalisation, softmax, the sum with the coarse DTM, the loss, the optimiser. `bf16` has the exponent of `f32`: no loss is scaled.
+//! The trained weights stay `f32`. A step uses the network of [`Precision::of`]. Its weights are casts of the trained weights, so that
+//! gradients flow back through the cast. Computations that add up many numbers stay `f32`: batch and layer normalisation, softmax, the sum
+//! with the coarse DTM, the loss, the optimiser. `bf16` has the exponent of `f32`, so the loss is not scaled.
 
 use super::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{DType, Tensor};
 use serde::{Deserialize, Serialize};
 
-/// What a network trains in.
+/// Precision of training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// 32 bits throughout.
     #[default]
     F32,
-    /// Products and convolutions in bfloat16; quick only on a GPU with tensor cores.
+    /// Products and convolutions in bfloat16. It is fast only on a GPU with tensor cores.
     Bf16,
 }
 
 impl Precision {
-    /// `net` in this precision, on the same graph: gradients of what it makes are gradients of `net`'s own weights.
+    /// Returns `net` in this precision, on the same graph. Gradients of its output are gradients of `net`'s own weights.
     pub fn of(self, net: &ELunarDtmNet) -> ELunarDtmNet {
         match self {
             Self::F32 => net.clone(),
@@ -33,7 +33,7 @@ impl Precision {
 /// Modules whose weights stay `f32`.
 const NORMS: [&str; 2] = ["Struct:BatchNorm2d", "Struct:LayerNorm"];
 
-/// Casts all weights but those of the normalisations.
+/// Casts all weights except those of the normalisations.
 #[derive(Default)]
 struct Halve {
     kinds: Vec<String>,
@@ -57,12 +57,12 @@ impl ModuleMapper for Halve {
     }
 }
 
-/// `x` in another type, itself if it has it already.
+/// Casts `x` to another type; returns `x` itself if it has the type already.
 pub fn cast<const D: usize>(x: Tensor<D>, dtype: DType) -> Tensor<D> {
     if x.dtype() == dtype { x } else { x.cast(dtype) }
 }
 
-/// What `work` makes of `x`, done in `f32`, in the type of `x`.
+/// Applies `work` to `x` in `f32`. The result has the type of `x`.
 pub fn in_f32<const D: usize>(x: Tensor<D>, work: impl FnOnce(Tensor<D>) -> Tensor<D>) -> Tensor<D> {
     let dtype = x.dtype();
     cast(work(cast(x, DType::F32)), dtype)
@@ -93,7 +93,7 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
     }
 
-    /// Length of the difference of two lists over the length of the first.
+    /// Returns the length of the difference of two lists over the length of the first.
     fn apart(a: &[f32], b: &[f32]) -> f64 {
         let difference: Vec<f32> = a.iter().zip(b).map(|(a, b)| a - b).collect();
         (dot(&difference, &difference) / dot(a, a)).sqrt()
@@ -123,21 +123,21 @@ mod tests {
             let [(exact, exact_slopes, missing), (half, half_slopes, half_missing)] = found;
             assert_eq!(missing, half_missing, "weights without a gradient");
             let map = apart(&exact, &half);
-            // The head's weight and bias come last: one layer away from the loss.
+            // The head's weight and bias come last. They are one layer away from the loss.
             let head: Vec<f64> =
                 exact_slopes.iter().zip(&half_slopes).rev().take(2).map(|(a, b)| apart(a, b)).collect();
             let (a, b) = (exact_slopes.concat(), half_slopes.concat());
             let cosine = dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt();
             println!("{:?}: map {map:.4} apart, head {head:.4?}, cosine of all {cosine:.4}", config.image_encoder);
-            // Eight bits of mantissa: up to 0.4 % of each number, some dozen layers deep; statistics over the few pixels of the deepest maps
-            // make more of it on the way back.
+            // Eight bits of mantissa are an error of up to 0.4 % of each number, through some dozen layers. On the way back, statistics
+            // over the few pixels of the deepest maps enlarge it.
             assert!(map > 1e-5 && map < 0.02, "map {map} apart");
             assert!(head.iter().all(|apart| *apart < 0.04), "head's gradients {head:?} apart");
             assert!(cosine > 0.95, "cosine {cosine}");
         }
     }
 
-    /// All gradients in the network's order.
+    /// All gradients, in the network's order.
     struct Listed {
         gradients: GradientsParams,
         each: Vec<Vec<f32>>,

@@ -1,4 +1,4 @@
-//! Residual image encoder: the paper's ablation in place of Swin.
+//! Residual image encoder, the paper's ablation instead of Swin.
 
 use super::conv::{ConvBn, ConvBnShape};
 use burn::module::Module;
@@ -6,7 +6,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::{NetConfig, RESNET_BLOCKS};
 
-/// Basic residual block: two 3x3 convolutions and a shortcut (1x1 where the shape changes).
+/// Basic residual block: two 3x3 convolutions and a shortcut (1x1 if the shape changes).
 #[derive(Module, Debug)]
 pub struct BasicBlock {
     conv1: ConvBn,
@@ -35,14 +35,14 @@ impl BasicBlock {
     }
 }
 
-/// Four stages of [`RESNET_BLOCKS`] basic blocks after the stem, each halving the resolution; widths as the Swin stages.
+/// Four stages of [`RESNET_BLOCKS`] basic blocks after the stem. Each halves the resolution; widths are those of the Swin stages.
 #[derive(Module, Debug)]
 pub struct ResNet {
     stages: Vec<Vec<BasicBlock>>,
 }
 
 impl ResNet {
-    /// Builds the encoder; the weights are set later.
+    /// Builds the encoder. The weights are set later.
     pub fn new(config: &NetConfig, device: &Device) -> Self {
         let mut input = config.stem;
         let stages = (0..4)
@@ -61,7 +61,7 @@ impl ResNet {
         Self { stages }
     }
 
-    /// E1 `[B, stem, H/2, W/2]` to E2..E5, shaped as [`super::swin::Swin::forward`]'s.
+    /// Maps E1 `[B, stem, H/2, W/2]` to E2..E5, with the shapes of [`super::swin::Swin::forward`].
     pub fn forward(&self, e1: Tensor<4>) -> [Tensor<4>; 4] {
         let mut x = e1;
         std::array::from_fn(|i| {

@@ -1,4 +1,4 @@
-//! Between the Burn modules and named arrays: parameter names and layouts of the reference implementation.
+//! Conversion between the Burn modules and named arrays, with parameter names and layouts of the reference implementation.
 
 use super::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
@@ -11,16 +11,16 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The network with these weights, on `device`; `path` names them in messages.
+/// Makes the network with these weights on `device`. Messages call the weights `path`.
 ///
 /// # Errors
-/// [`Error::Broken`] if names or shapes do not fit the configuration; every misfit is listed.
+/// [`Error::Broken`], with a list of all misfits, if names or shapes do not fit the configuration.
 pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
     config.check().map_err(|what| Error::broken(path, what))?;
     put(ELunarDtmNet::new(config, device), weights, path, device)
 }
 
-/// A module with these weights in place of its own; `path` names them in messages.
+/// Replaces a module's weights. Messages call the new weights `path`.
 ///
 /// # Errors
 /// As [`load`].
@@ -30,35 +30,35 @@ pub fn put<M: Module>(module: M, weights: &Weights, path: &Path, device: &Device
     Ok(module.map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
 }
 
-/// The network's weights and buffers, with `config` in the metadata.
+/// Returns the network's weights and buffers, with `config` in the metadata.
 pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
-    // `valid` settles pending running statistics.
+    // `valid` applies pending running statistics.
     let mut weights = arrays(&net.valid());
     let text = serde_json::to_string(config).expect("a plain struct");
     weights.metadata.insert("config".into(), text);
     weights
 }
 
-/// A module's weights and buffers.
+/// Returns a module's weights and buffers.
 pub fn arrays<M: Module>(module: &M) -> Weights {
     let mut saver = Saver::default();
     module.visit(&mut saver);
     saver.weights
 }
 
-/// Every expected tensor with its shape, zero-filled.
+/// Returns every expected tensor with its shape, zero-filled.
 pub fn shapes(config: &NetConfig, device: &Device) -> Weights {
     save(config, &ELunarDtmNet::new(config, device))
 }
 
-/// Every expected tensor's name and shape, in PyTorch's layouts; allocates none of them.
+/// Returns every expected tensor's name and shape, in PyTorch's layouts, without allocating the tensors.
 pub fn outline(config: &NetConfig, device: &Device) -> BTreeMap<String, Vec<usize>> {
     let mut outline = Outline::default();
     ELunarDtmNet::new(config, device).visit(&mut outline);
     outline.shapes
 }
 
-/// Where a walk through the modules stands.
+/// Position of a walk through the modules.
 #[derive(Default)]
 struct Walk {
     names: Vec<String>,
@@ -76,7 +76,7 @@ impl Walk {
         self.kinds.pop();
     }
 
-    /// Interchange name of the parameter underfoot: Burn's layer norm calls weight and bias gamma and beta.
+    /// Returns the interchange name of the current parameter. Burn's layer norm calls weight and bias gamma and beta.
     fn name(&self) -> String {
         let joined = self.names.join(".");
         match joined.rsplit_once('.') {
@@ -86,7 +86,7 @@ impl Walk {
         }
     }
 
-    /// Burn keeps linear weights as `[in, out]`, PyTorch as `[out, in]`.
+    /// Returns whether the parameter is transposed: Burn stores linear weights as `[in, out]`, PyTorch as `[out, in]`.
     fn transposed(&self) -> bool {
         self.kinds.last().is_some_and(|k| k == "Struct:Linear") && self.names.last().is_some_and(|n| n == "weight")
     }
@@ -178,7 +178,7 @@ impl ModuleMapper for Loader<'_> {
     }
 }
 
-/// A parameter id that depends on the name alone, so that a saved optimiser finds its parameters after a restart.
+/// Returns a parameter id that depends only on the name, so that a saved optimiser finds its parameters after a restart.
 fn stable_id(name: &str) -> ParamId {
     let digest = Sha256::digest(name.as_bytes());
     ParamId::from(u64::from_le_bytes(digest[..8].try_into().expect("eight bytes")))

@@ -1,5 +1,5 @@
-//! Training against a critic, for rivals in the manner of LDEMGAN and MADNet: least-squares losses (Mao et al. 2017) with a patch critic
-//! that sees image, coarse DTM and the DTM to be scored.
+//! Training against a critic, as in LDEMGAN and MADNet: least-squares losses (Mao et al. 2017) with a patch critic. Its input is image,
+//! coarse DTM and the DTM to be scored.
 //!
 //! ```text
 //! critic:   mean((C(truth) - 1)²)/2 + mean(C(prediction)²)/2          the prediction as a constant
@@ -17,11 +17,11 @@ use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The part of a recipe that sets a critic against the network.
+/// The part of a recipe for training against a critic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adversarial {
-    /// Weight of the adversarial term beside the hybrid loss.
+    /// Weight of the adversarial term, which is added to the hybrid loss.
     pub weight: f64,
     /// Learning rate of the critic, constant.
     pub learning_rate: f64,
@@ -30,10 +30,10 @@ pub struct Adversarial {
 }
 
 impl Adversarial {
-    /// What is wrong with it, if anything.
+    /// Checks the fields.
     ///
     /// # Errors
-    /// One line naming the field, what is expected and what was found.
+    /// One line with the field, what was expected and what was found.
     pub fn check(&self) -> std::result::Result<(), String> {
         let positive = |name: &str, value: f64| {
             let sound = value.is_finite() && value > 0.0;
@@ -55,11 +55,11 @@ pub struct Opponent {
     /// Adam and its moments.
     pub optimiser: ModuleOptimizer,
     recipe: Adversarial,
-    /// Brings normalised elevation to [0, 1].
+    /// Factor that brings normalised elevation to [0, 1].
     scale: f64,
 }
 
-/// What the critic is asked about, beside the DTM.
+/// Input of the critic besides the DTM.
 pub struct Scene {
     /// `[B, maps, H, W]`.
     pub image: Tensor<4>,
@@ -68,28 +68,28 @@ pub struct Scene {
 }
 
 impl Opponent {
-    /// A critic with weights from `seed`, on `device`.
+    /// Makes a critic with weights from `seed`, on `device`.
     ///
     /// # Errors
-    /// Never with weights made here.
+    /// Never, because the weights are made here.
     pub fn new(config: &NetConfig, recipe: Adversarial, seed: u64, device: &Device) -> Result<Self> {
         let critic = Critic::new(config.image_maps() + 2, recipe.width, device);
         let weights = normal_weights(store::arrays(&critic), seed);
         let critic = store::put(critic, &weights, Path::new("critic"), device)?;
-        // Moments as is usual for critics: the gradient's mean forgets quickly.
+        // The first moment's decay is 0.5, as usual for critics.
         let optimiser = AdamConfig::new().with_beta_1(0.5).with_epsilon(1e-8).init();
         Ok(Self { critic, optimiser, recipe, scale: 1.0 / f64::from(config.nr) })
     }
 
-    /// Its weights.
+    /// Returns the critic's weights.
     pub fn weights(&self) -> Weights {
         store::arrays(&self.critic)
     }
 
-    /// Goes on with these weights; `path` names them in messages.
+    /// Replaces the critic's weights. Messages call the new weights `path`.
     ///
     /// # Errors
-    /// If they do not fit.
+    /// If the weights do not fit.
     pub fn restore(&mut self, weights: &Weights, path: &Path, device: &Device) -> Result<()> {
         self.critic = store::put(self.critic.clone(), weights, path, device)?;
         Ok(())
@@ -100,7 +100,7 @@ impl Opponent {
         self.critic.forward(Tensor::cat(vec![scene.image.clone(), coarse, dtm], 1))
     }
 
-    /// The critic learns from a truth and a prediction, then says what the prediction is worth: the weighted adversarial term, `[1]`.
+    /// Trains the critic on a truth and a prediction. Then returns the weighted adversarial term of the prediction, `[1]`.
     pub fn term(&mut self, scene: &Scene, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
         let halved = |scores: Tensor<4>| scores.powi_scalar(2).mean().mul_scalar(0.5);
         let real = halved(self.score(scene, truth).sub_scalar(1.0));

@@ -1,4 +1,4 @@
-//! What a killed run needs to go on as if nothing had happened.
+//! Checkpoints. With one, a killed run continues with the same result as an uninterrupted run.
 
 use super::adversarial::Opponent;
 use super::step::Trainer;
@@ -15,14 +15,14 @@ const SPARE: &str = "checkpoint.old";
 const FRESH: &str = "checkpoint.new";
 const WEIGHTS: &str = "weights.safetensors";
 const OPTIMISER: &str = "optimiser.bpk";
-/// An adversarial run's critic.
+/// Files of an adversarial run's critic.
 const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
 const STATE: &str = "state.json";
 
-/// Where the run stood.
+/// State of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Steps done.
+    /// Number of steps done.
     pub step: usize,
     /// Lowest validation RMSE so far, normalised units.
     pub best_rmse: Option<f64>,
@@ -35,11 +35,11 @@ pub struct State {
     pub critic_sha256: Option<[String; 2]>,
 }
 
-/// A checkpoint read back.
+/// A checkpoint as read from disk.
 pub struct Checkpoint {
-    /// Where the run stood.
+    /// State of the run.
     pub state: State,
-    /// The network.
+    /// Weights of the network.
     pub weights: Weights,
     /// Burn's record of the optimiser.
     optimiser: Vec<u8>,
@@ -47,7 +47,7 @@ pub struct Checkpoint {
     critic: Option<(Weights, Vec<u8>)>,
 }
 
-/// Writes a checkpoint beside the old one, then swaps them: a kill at any moment leaves one that is whole.
+/// Writes a checkpoint beside the old one, then swaps them. A kill at any moment leaves one complete checkpoint.
 ///
 /// # Errors
 /// If the run folder cannot be written.
@@ -79,7 +79,7 @@ pub fn save(run: &Path, step: usize, best_rmse: Option<f64>, weights: &Weights, 
     remove(&spare)
 }
 
-/// The latest whole checkpoint of a run; `None` if it has none.
+/// Reads the latest complete checkpoint of a run; `None` if it has none.
 ///
 /// # Errors
 /// If one exists but is broken.
@@ -115,7 +115,7 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
 }
 
 impl Checkpoint {
-    /// `optimiser` with the saved moments.
+    /// Returns `optimiser` with the saved moments.
     ///
     /// # Errors
     /// If Burn cannot read its record.
@@ -123,7 +123,7 @@ impl Checkpoint {
         restored(optimiser, &self.optimiser)
     }
 
-    /// Gives `opponent` the saved weights and moments.
+    /// Sets the saved weights and moments of `opponent`.
     ///
     /// # Errors
     /// If there are none, they do not fit, or Burn cannot read its record.

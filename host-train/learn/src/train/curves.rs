@@ -1,4 +1,4 @@
-//! A run's two CSV files as pictures: how the loss fell, and what validation found.
+//! Pictures of a run's two CSV files: training loss and validation.
 
 use super::journal::{STEPS, VALIDATIONS};
 use elunar_raster::{Error, Result};
@@ -6,24 +6,24 @@ use elunar_scene::picture;
 use elunar_scene::picture::{Chart, Panel, Series, plot, sheet};
 use std::path::Path;
 
-/// The picture's name in a run's folder.
+/// File name of the picture in a run's folder.
 pub const CURVES: &str = "curves.png";
 
-/// Steps over which the loss is averaged for its second curve.
+/// Number of steps over which the loss is averaged for its second curve.
 const SMOOTHED_STEPS: usize = 25;
 
-/// What the curves show; points are (step, figure).
+/// Data of the curves. Points are (step, figure).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct History {
     /// Weighted training loss of every step.
     pub loss: Vec<(f64, f64)>,
     /// Validation: RMSE of the network, metres.
     pub rmse_m: Vec<(f64, f64)>,
-    /// The same of the interpolated coarse DTM.
+    /// Validation: RMSE of the interpolated coarse DTM, metres.
     pub coarse_rmse_m: Vec<(f64, f64)>,
     /// Validation: mean absolute slope error of the network, degrees.
     pub slope_deg: Vec<(f64, f64)>,
-    /// The same of the interpolated coarse DTM.
+    /// Validation: mean absolute slope error of the interpolated coarse DTM, degrees.
     pub coarse_slope_deg: Vec<(f64, f64)>,
 }
 
@@ -31,7 +31,7 @@ impl History {
     /// Reads the journal of a run.
     ///
     /// # Errors
-    /// [`Error::Io`] if a file cannot be read, [`Error::Broken`] if a column is missing or holds no number.
+    /// [`Error::Io`] if a file cannot be read, [`Error::Broken`] if a column is missing or holds a value that is not a number.
     pub fn read(run: &Path) -> Result<Self> {
         let steps = run.join(STEPS);
         let found = run.join(VALIDATIONS);
@@ -46,8 +46,8 @@ impl History {
         })
     }
 
-    /// Writes the charts below each other as one PNG, whole or not at all; charts without a point are left out, and without any
-    /// chart nothing is written.
+    /// Writes the charts below each other as one PNG, whole or not at all. Charts without a point are left out. Without any chart, no file
+    /// is written.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
@@ -77,7 +77,7 @@ impl History {
     }
 }
 
-/// Draws the curves of a run so far into its folder.
+/// Draws the curves of a run into its folder.
 ///
 /// # Errors
 /// As [`History::read`] and [`History::write`].
@@ -89,7 +89,7 @@ fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(Error::io(path))
 }
 
-/// (step, value) of every row; the step is the first column.
+/// Returns (step, value) of every row. The step is the first column.
 fn column(path: &Path, text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
     let mut lines = text.lines();
     let header = lines.next().unwrap_or_default();
@@ -106,7 +106,7 @@ fn column(path: &Path, text: &str, name: &str) -> Result<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// Running means over [`SMOOTHED_STEPS`], each at its last step.
+/// Returns running means over [`SMOOTHED_STEPS`], each at its last step.
 fn smoothed(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mean = |window: &[(f64, f64)]| window.iter().map(|p| p.1).sum::<f64>() / window.len() as f64;
     let last = |window: &[(f64, f64)]| window.last().map_or(0.0, |p| p.0);

@@ -1,4 +1,5 @@
-//! Where batches come from: any source of tiles, cropped and mirrored by the seed and the step alone, made ahead of the device.
+//! Batches of training samples from a source of tiles. Cropping and mirroring depend only on the seed and the step. Batches are made in
+//! advance.
 
 use super::recipe::Recipe;
 use super::sample::Sample;
@@ -15,7 +16,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 /// The samples of one step.
 pub type Batch = Vec<Sample>;
 
-/// Batches by step, deterministic from the seed.
+/// Batches by step. The seed determines them.
 #[derive(Clone)]
 pub struct Feed {
     source: Arc<dyn TileSource>,
@@ -24,26 +25,26 @@ pub struct Feed {
     seed: u64,
 }
 
-/// Keeps the choice of tiles without a known Sun apart from the choice of crops.
+/// Separates the random choice of tiles without a known Sun from the choice of crops.
 const SUN_STREAM: u64 = 0x5u64 << 60;
 
-/// Tries before a step gives up on tiles that cannot be normalised (flat or blank).
+/// Number of tries before a step fails because tiles cannot be normalised (flat or blank).
 const TRIES: u64 = 8;
 
 impl Feed {
-    /// A feed of `recipe`-sized batches from `source`.
+    /// Makes a feed of batches from `source`; `recipe` gives their size.
     pub fn new(source: Arc<dyn TileSource>, config: NetConfig, recipe: Recipe, seed: u64) -> Self {
         Self { source, config, recipe, seed }
     }
 
-    /// The batch of a step.
+    /// Returns the batch of a step.
     ///
     /// # Errors
     /// If tiles cannot be made, are smaller than the crop, or cannot be normalised.
     pub fn batch(&self, step: usize) -> Result<Batch> {
         let per_tile = self.recipe.crops_per_tile.min(self.recipe.batch);
         let tiles = self.recipe.batch.div_ceil(per_tile);
-        // One after the other: the thread pool belongs to the network, whose short tasks must not queue behind whole tiles.
+        // One after the other. The thread pool belongs to the network, and its short tasks must not wait for whole tiles.
         let made: Result<Vec<Sample>> = (0..tiles).map(|slot| self.sample((step * tiles + slot) as u64)).collect();
         let made = made?;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
@@ -59,7 +60,7 @@ impl Feed {
                     )));
                 }
                 let corner = [rng.random_range(0..=sample.rows - rows), rng.random_range(0..=sample.cols - cols)];
-                // Mirrored at random, unless the light must stay where the network expects it.
+                // Mirrored at random, unless the light must stay in the quadrant that the network expects.
                 let random = Mirror { rows: rng.random(), cols: rng.random() };
                 let mirror = if self.config.illumination == Illumination::Any { random } else { Mirror::default() };
                 Ok(sample.window(corner, [rows, cols], mirror))
@@ -67,14 +68,14 @@ impl Feed {
             .collect()
     }
 
-    /// Whether the network must do without what is known of the Sun over this tile: decided by seed and index alone.
+    /// Returns whether the known Sun of this tile is withheld from the network. Only seed and index decide.
     fn hides_sun(&self, index: u64) -> bool {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ SUN_STREAM);
         rng.set_stream(index);
         rng.random::<f64>() >= self.recipe.known_sun
     }
 
-    /// The sample of a tile index; tiles that cannot be normalised are replaced by the next far-off index.
+    /// Returns the sample of a tile index. A tile that cannot be normalised is replaced by one of a distant index.
     fn sample(&self, index: u64) -> Result<Sample> {
         let mut last = None;
         for attempt in 0..TRIES {
@@ -91,7 +92,7 @@ impl Feed {
         Err(last.unwrap_or_else(|| Error::usage("no usable tile")))
     }
 
-    /// Batches from `first` on, made by a thread that stays two steps ahead.
+    /// Returns batches from `first` on. A thread makes them up to two steps in advance.
     pub fn ahead(&self, first: usize) -> Receiver<Result<Batch>> {
         let (send, receive) = sync_channel(2);
         let feed = self.clone();
@@ -106,7 +107,7 @@ impl Feed {
     }
 }
 
-/// Image, coarse DTM and truth of a batch as `[B, maps, H, W]` tensors; of the last two there is one map.
+/// Returns image, coarse DTM and truth of a batch as `[B, maps, H, W]` tensors. Coarse DTM and truth have one map.
 pub fn tensors(batch: &[Sample], device: &Device) -> [Tensor<4>; 3] {
     let pick: [fn(&Sample) -> &Vec<f32>; 3] = [|s| &s.image, |s| &s.coarse, |s| &s.truth];
     pick.map(|field| {
@@ -115,7 +116,7 @@ pub fn tensors(batch: &[Sample], device: &Device) -> [Tensor<4>; 3] {
     })
 }
 
-/// Maps that lie side by side in every pixel, `[B, H, W, maps]`, as a `[B, maps, H, W]` tensor.
+/// Converts maps that are side by side in every pixel, `[B, H, W, maps]`, to a `[B, maps, H, W]` tensor.
 pub fn side_by_side(data: Vec<f32>, [batch, rows, cols]: [usize; 3], device: &Device) -> Tensor<4> {
     let maps = data.len() / (batch * rows * cols);
     let tensor: Tensor<4> = Tensor::from_data(TensorData::new(data, [batch, rows, cols, maps]), device);

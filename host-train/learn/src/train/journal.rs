@@ -1,4 +1,4 @@
-//! The run's two CSV files, one line per step and one per validation, cut back on resume to where the checkpoint stood.
+//! The run's two CSV files, with one line per step and one per validation. On resume they are cut to the checkpoint's step.
 
 use super::validate::Validation;
 use elunar_raster::{Error, Result};
@@ -6,9 +6,9 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// File of the training steps.
+/// File name of the training steps.
 pub const STEPS: &str = "steps.csv";
-/// File of the validations.
+/// File name of the validations.
 pub const VALIDATIONS: &str = "validation.csv";
 
 /// One training step's figures.
@@ -35,7 +35,7 @@ struct Csv {
 }
 
 impl Csv {
-    /// Keeps the header and the rows up to `step`; the first column is the step.
+    /// Keeps the header and the rows up to `step`. The first column is the step.
     fn open(path: PathBuf, header: &str, step: usize) -> Result<Self> {
         let old = std::fs::read_to_string(&path).unwrap_or_default();
         let mut text = format!("{header}\n");
@@ -62,7 +62,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the files of `run`, dropping rows after `step` (0 for a new run).
+    /// Opens the files of `run` and drops rows after `step` (0 for a new run).
     ///
     /// # Errors
     /// If the folder cannot be written.

@@ -1,11 +1,11 @@
-//! The hybrid loss on Burn tensors (Eq. 5–7). `elunar_core::loss` holds the same on plain slices; a test ties the two together.
+//! The hybrid loss on Burn tensors (Eq. 5–7). `elunar_core::loss` has the same on plain slices; a test compares them.
 
 use burn::tensor::module::conv2d;
 use burn::tensor::ops::{ConvOptions, PadMode};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_core::loss::PAD_EPS;
 
-/// Which elevation term leads (the paper's ablation swaps it).
+/// Elevation term of the loss. The paper's ablation replaces it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Elevation {
@@ -15,7 +15,7 @@ pub enum Elevation {
     L1,
 }
 
-/// The three terms before weighting, each a scalar `[1]`.
+/// The three terms without weights, each a scalar `[1]`.
 pub struct Terms {
     /// Elevation term.
     pub elevation: Tensor<1>,
@@ -25,7 +25,7 @@ pub struct Terms {
     pub normal: Tensor<1>,
 }
 
-/// d/dx and d/dy per pixel: 3x3 Sobel over 8, replicated border, so that a constant offset costs nothing.
+/// Computes d/dx and d/dy per pixel: 3x3 Sobel over 8, replicated border, so that a constant offset costs nothing.
 fn sobel(z: Tensor<4>) -> (Tensor<4>, Tensor<4>) {
     let device: Device = z.device();
     let kernel = |taps: [f32; 9]| -> Tensor<4> {
@@ -39,7 +39,7 @@ fn sobel(z: Tensor<4>) -> (Tensor<4>, Tensor<4>) {
     )
 }
 
-/// The terms between `truth` and `prediction`, both `[B, 1, H, W]` in [0, NR].
+/// Computes the terms between `truth` and `prediction`, both `[B, 1, H, W]` in [0, NR].
 pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation) -> Terms {
     let relative = |z: Tensor<4>| {
         let mean = z.clone().mean_dim(3).mean_dim(2).add_scalar(PAD_EPS);
@@ -74,11 +74,11 @@ impl LossWeights {
     /// Eq. 5 with the paper's weights.
     pub const PAPER: Self = Self { elevation: 10.0, gradient: 1.0, normal: 1.0 };
 
-    /// Weights for heights in pixels with the plain L1 term (our choice): gradients are slopes then, and count for most; the shape
-    /// of the ground is what an image shows.
+    /// Weights for heights in pixels with the plain L1 term (our choice). Gradients are then slopes. They have most weight, because an
+    /// image shows the shape of the ground.
     pub const PIXELS: Self = Self { elevation: 0.1, gradient: 4.0, normal: 4.0 };
 
-    /// The weighted sum (Eq. 5).
+    /// Returns the weighted sum (Eq. 5).
     pub fn total(&self, terms: &Terms) -> Tensor<1> {
         let weigh = |t: &Tensor<1>, w: f32| t.clone().mul_scalar(w);
         weigh(&terms.elevation, self.elevation)

@@ -1,8 +1,8 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
-//! [`run`] is the loop, [`step`] one step of it; [`feed`] hands it normalised, cropped batches ([`elunar_scene::data`]); [`loss`] is Eq. 5–7 on tensors; [`recipe`]
-//! holds the hyper-parameters, [`adversarial`] a rival's opponent; `parallel` lets several devices share a step; [`checkpoint`] makes a killed run go on; [`validate`], [`journal`] and [`curves`] say
-//! how it goes.
+//! [`run`] is the loop, and [`step`] is one step of it. [`feed`] makes normalised, cropped batches ([`elunar_scene::data`]). [`loss`] is
+//! Eq. 5–7 on tensors. [`recipe`] has the hyper-parameters. [`adversarial`] trains against a critic. `parallel` divides a step between
+//! several devices. [`checkpoint`] allows a killed run to continue. [`validate`], [`journal`] and [`curves`] record the progress.
 
 pub mod adversarial;
 pub mod checkpoint;

@@ -1,12 +1,12 @@
-//! A step on several devices: each works on a copy of the network, then gradients and running statistics meet on the first.
+//! A step on several devices. Each has a copy of the network. Gradients and running statistics are combined on the first device.
 //!
 //! ```text
 //! weights ──> copy on device 0 ── its micro-batches ──> gradients, running statistics ──┐
 //!        └──> copy on device 1 ── its micro-batches ──> gradients, running statistics ──┴─> sums and means ──> optimiser
 //! ```
 //!
-//! Gradients are added in the devices' order, so the same devices give the same weights. Batch normalisation sees a micro-batch at a time, as
-//! with `accumulate`; its running statistics are the means of the copies'.
+//! Gradients are added in the devices' order, so the same devices give the same weights. Batch normalisation uses one micro-batch at a
+//! time, as with `accumulate`. Its running statistics are the means of the copies' statistics.
 
 use super::step::{Found, Maps};
 use crate::model::elunar::ELunarDtmNet;
@@ -14,16 +14,16 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 use elunar_raster::{Error, Result};
 
-/// Devices, each with a share of the processor's threads.
+/// Devices, each with a part of the processor's threads.
 pub(super) struct Crew {
     members: Vec<(Device, rayon::ThreadPool)>,
 }
 
 impl Crew {
-    /// A crew of these devices, which compute gradients.
+    /// Makes a crew of these devices. Each device must support gradients.
     ///
     /// # Errors
-    /// If threads cannot be made.
+    /// If threads cannot be created.
     pub(super) fn new(devices: &[Device]) -> Result<Self> {
         let threads = (rayon::current_num_threads() / devices.len()).max(1);
         let pool = || {
@@ -34,8 +34,8 @@ impl Crew {
         Ok(Self { members })
     }
 
-    /// What `work` finds on each device with its part of `batches`, in order, the gradients already on the first device. `net` has the means of
-    /// the copies' running statistics afterwards.
+    /// Runs `work` on each device with its part of `batches`. Returns the results in order, with the gradients on the first device.
+    /// Afterwards, `net` has the means of the copies' running statistics.
     ///
     /// # Errors
     /// The first error of `work`.
@@ -49,13 +49,13 @@ impl Crew {
         let mut batches = batches.into_iter();
         let mut jobs = Vec::new();
         for (device, pool) in &self.members {
-            // By way of `valid`, for a copy of a module shares its running statistics.
+            // By way of `valid`, because a plain copy of a module shares its running statistics.
             let copy = net.valid().train().fork(device);
             jobs.push((pool, copy, batches.by_ref().take(each).collect::<Vec<_>>()));
         }
         let work = &work;
         let done: Vec<Result<(Found, Vec<Tensor<1>>)>> = std::thread::scope(|scope| {
-            // All are started before the first is waited for.
+            // All jobs start before the first result is awaited.
             let mut running = Vec::new();
             for (pool, copy, batches) in jobs {
                 let job = move || Ok((work(&copy, batches)?, Buffers::of(&copy)));
@@ -75,7 +75,7 @@ impl Crew {
     }
 }
 
-/// The means of lists of tensors, on a device.
+/// Returns the means of lists of tensors, on a device.
 fn mean(lists: &mut [Vec<Tensor<1>>], home: &Device) -> Vec<Tensor<1>> {
     let share = 1.0 / lists.len() as f64;
     let mut sums: Vec<Tensor<1>> = Vec::new();
@@ -87,7 +87,7 @@ fn mean(lists: &mut [Vec<Tensor<1>>], home: &Device) -> Vec<Tensor<1>> {
     sums.into_iter().map(|sum| sum.mul_scalar(share)).collect()
 }
 
-/// Whether the tensor of this name is one of the running statistics.
+/// Returns whether the tensor of this name is one of the running statistics.
 fn is_running(name: &str) -> bool {
     name.starts_with("running_")
 }
@@ -101,7 +101,7 @@ struct Buffers {
 
 impl Buffers {
     fn of(net: &ELunarDtmNet) -> Vec<Tensor<1>> {
-        // Settles what the last forward pass left pending.
+        // Applies pending statistics of the last forward pass.
         let _ = net.valid();
         let mut buffers = Self::default();
         net.visit(&mut buffers);
@@ -125,7 +125,7 @@ impl ModuleVisitor for Buffers {
     }
 }
 
-/// Puts running statistics in the place of a network's own.
+/// Replaces a network's running statistics.
 struct Settle<I> {
     means: I,
     name: Vec<String>,

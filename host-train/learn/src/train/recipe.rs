@@ -1,4 +1,4 @@
-//! Hyper-parameters: the paper's as the default of its preset, ours for the small ones.
+//! Hyper-parameters: the paper's for the presets of the paper, ours for the small ones.
 
 use super::adversarial::Adversarial;
 use super::loss::{Elevation, LossWeights};
@@ -8,18 +8,18 @@ use elunar_net::config::Preset;
 use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// What the network learns to reach.
+/// Target of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
-    /// The truth as it is (the paper).
+    /// The unchanged truth (the paper).
     Truth,
     /// The truth with the low frequencies of the coarse DTM (our choice).
     Anchored,
 }
 
 impl Target {
-    /// The tile with its truth replaced by the target.
+    /// Replaces the tile's truth by the target.
     ///
     /// # Errors
     /// If the tile's maps differ in size.
@@ -31,33 +31,33 @@ impl Target {
     }
 }
 
-/// Everything that, with the data and the seed, determines a training run.
+/// Everything that determines a training run, together with the data and the seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recipe {
-    /// Tiles (or crops) per step.
+    /// Number of tiles (or crops) per step.
     pub batch: usize,
-    /// Parts into which a device's batch of a step is divided, one after the other, to save memory; batch normalisation sees one part at a
-    /// time.
+    /// Number of parts into which a device's batch of a step is divided. They are processed one after the other, to save memory. Batch
+    /// normalisation uses one part at a time.
     #[serde(default = "one")]
     pub accumulate: usize,
-    /// Devices that share a step's batch, each working on `accumulate` parts of it; `accumulate` times `devices` divides `batch`.
+    /// Number of devices that share a step's batch. Each processes `accumulate` parts of it. `accumulate` times `devices` divides `batch`.
     #[serde(default = "one")]
     pub devices: usize,
-    /// Whether cheap operations are computed again for the gradients instead of keeping their results in memory.
+    /// Whether cheap operations are computed again for the gradients, to save memory.
     #[serde(default)]
     pub checkpointing: bool,
-    /// What the network computes in.
+    /// Precision of the network.
     #[serde(default)]
     pub precision: Precision,
-    /// Optimiser steps; the cosine ends here.
+    /// Number of optimiser steps. The cosine ends at the last one.
     pub steps: usize,
     /// Learning rate at the start of the cosine, after warm-up.
     pub learning_rate: f64,
-    /// Steps of linear warm-up.
+    /// Number of steps of linear warm-up.
     pub warm_up: usize,
-    /// AdamW weight decay.
+    /// Weight decay of AdamW.
     pub weight_decay: f32,
-    /// Gradients are scaled down to this norm, parameter by parameter.
+    /// Greatest norm of the gradients, parameter by parameter. Larger ones are scaled down.
     pub clip_norm: f32,
     /// Share of the steps trained on the elevation term alone (the paper: 5k of 15k).
     pub elevation_only: f64,
@@ -65,22 +65,22 @@ pub struct Recipe {
     pub weights: LossWeights,
     /// Elevation term.
     pub elevation: Elevation,
-    /// What training and validation compare with.
+    /// Target of training and validation.
     pub target: Target,
-    /// An opponent, from the end of the elevation-only steps on; `None` for all but adversarial rivals.
+    /// Critic of adversarial training, used after the elevation-only steps; `None` without it.
     #[serde(default)]
     pub adversarial: Option<Adversarial>,
-    /// Share of the tiles whose Sun the network is told, where it is known; over the others it must do with a fitted light.
+    /// Share of the tiles whose known Sun is given to the network. For the others, the light is fitted.
     pub known_sun: f64,
-    /// Rows and columns cut at random from each 256x320 tile after normalisation; multiples of 32.
+    /// Rows and columns of the random crop of each 256x320 tile after normalisation; multiples of 32.
     pub crop: [usize; 2],
-    /// Crops taken from one tile.
+    /// Number of crops of one tile.
     pub crops_per_tile: usize,
-    /// Steps between validations.
+    /// Number of steps between validations.
     pub validate_every: usize,
-    /// Tiles of the fixed validation set.
+    /// Number of tiles of the fixed validation set.
     pub validation_tiles: usize,
-    /// Steps between checkpoints.
+    /// Number of steps between checkpoints.
     pub checkpoint_every: usize,
 }
 
@@ -89,7 +89,7 @@ fn one() -> usize {
 }
 
 impl Recipe {
-    /// The recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
+    /// Returns the recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
     pub fn preset(preset: Preset) -> Self {
         let paper = Self {
             batch: 4,
@@ -135,12 +135,12 @@ impl Recipe {
         }
     }
 
-    /// Micro-batches of a step.
+    /// Returns the number of micro-batches of a step.
     pub fn parts(&self) -> usize {
         self.accumulate.saturating_mul(self.devices)
     }
 
-    /// Learning rate of a step, counted from 0: linear warm-up, then one cosine to zero.
+    /// Returns the learning rate of a step, counted from 0: linear warm-up, then one cosine to zero.
     pub fn learning_rate_at(&self, step: usize) -> f64 {
         if step < self.warm_up {
             return self.learning_rate * (step + 1) as f64 / self.warm_up as f64;
@@ -149,12 +149,12 @@ impl Recipe {
         self.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * done.min(1.0)).cos())
     }
 
-    /// Whether a step is one of those on the elevation term alone.
+    /// Returns whether a step uses the elevation term alone.
     pub fn elevation_alone(&self, step: usize) -> bool {
         (step as f64) < self.elevation_only * self.steps as f64
     }
 
-    /// Loss weights of a step.
+    /// Returns the loss weights of a step.
     pub fn weights_at(&self, step: usize) -> LossWeights {
         if self.elevation_alone(step) {
             LossWeights { gradient: 0.0, normal: 0.0, ..self.weights }
@@ -163,10 +163,10 @@ impl Recipe {
         }
     }
 
-    /// What is wrong with the recipe, if anything.
+    /// Checks the recipe.
     ///
     /// # Errors
-    /// One line naming the field, what is expected and what was found.
+    /// One line with the field, what was expected and what was found.
     pub fn check(&self) -> std::result::Result<(), String> {
         for (name, n) in [("crop rows", self.crop[0]), ("crop columns", self.crop[1])] {
             if n == 0 || !n.is_multiple_of(32) {
@@ -210,70 +210,71 @@ impl Recipe {
     }
 }
 
-/// Departures from a recipe, as command-line options.
+/// Changes to a recipe, as command-line options.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct RecipeFlags {
-    /// Optimiser steps [default: the preset's].
+    /// Number of optimiser steps [default: the preset's].
     #[arg(long)]
     pub steps: Option<usize>,
-    /// Tiles or crops per step [default: the preset's].
+    /// Number of tiles or crops per step [default: the preset's].
     #[arg(long)]
     pub batch: Option<usize>,
-    /// Parts into which the batch is divided to save memory; batch normalisation sees one at a time [default: 1].
+    /// Number of parts into which the batch is divided to save memory. Batch normalisation uses one part at a time [default: 1].
     #[arg(long, value_name = "N")]
     pub accumulate: Option<usize>,
-    /// Devices that share a batch: GPUs, or shares of the processor's threads; batch normalisation sees one share at a time [default: 1].
+    /// Number of devices that share a batch: GPUs, or parts of the processor's threads. Batch normalisation uses one part at a time
+    /// [default: 1].
     #[arg(long, value_name = "N")]
     pub devices: Option<usize>,
-    /// Compute cheap operations again for the gradients instead of keeping their results in memory.
+    /// Compute cheap operations again for the gradients, to save memory.
     #[arg(long)]
     pub checkpointing: bool,
-    /// What products and convolutions are computed in [default: f32].
+    /// Precision of products and convolutions [default: f32].
     #[arg(long)]
     pub precision: Option<Precision>,
     /// Learning rate at the start of the cosine [default: the preset's].
     #[arg(long)]
     pub learning_rate: Option<f64>,
-    /// Steps of linear warm-up [default: the preset's].
+    /// Number of steps of linear warm-up [default: the preset's].
     #[arg(long)]
     pub warm_up: Option<usize>,
     /// Rows and columns of the crop [default: the preset's].
     #[arg(long, num_args = 2, value_names = ["ROWS", "COLS"])]
     pub crop: Option<Vec<usize>>,
-    /// Crops taken from one tile [default: the preset's].
+    /// Number of crops of one tile [default: the preset's].
     #[arg(long)]
     pub crops_per_tile: Option<usize>,
-    /// Share of the steps on the elevation term alone [default: the preset's].
+    /// Share of the steps that use the elevation term alone [default: the preset's].
     #[arg(long)]
     pub elevation_only: Option<f64>,
     /// Elevation term of the loss [default: mean-normalised].
     #[arg(long)]
     pub elevation: Option<Elevation>,
-    /// What the network learns to reach, and validation compares with [default: the preset's].
+    /// Target of training and validation [default: the preset's].
     #[arg(long)]
     pub target: Option<Target>,
-    /// Share of the tiles whose Sun the network is told [default: the preset's].
+    /// Share of the tiles whose known Sun is given to the network [default: the preset's].
     #[arg(long)]
     pub known_sun: Option<f64>,
     /// Weights of elevation, gradient and normal term [default: the preset's].
     #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
     pub loss_weights: Option<Vec<f32>>,
-    /// Steps between validations [default: the preset's].
+    /// Number of steps between validations [default: the preset's].
     #[arg(long)]
     pub validate_every: Option<usize>,
-    /// Tiles of the validation set [default: the preset's].
+    /// Number of tiles of the validation set [default: the preset's].
     #[arg(long)]
     pub validation_tiles: Option<usize>,
-    /// Steps between checkpoints [default: the preset's].
+    /// Number of steps between checkpoints [default: the preset's].
     #[arg(long)]
     pub checkpoint_every: Option<usize>,
 }
 
 impl RecipeFlags {
-    /// `recipe` with the given options set.
+    /// Returns `recipe` with the given options set.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the option that is out of range.
+    /// [`Error::Usage`] with the option that is out of range.
     pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
         recipe.steps = self.steps.unwrap_or(recipe.steps);
         recipe.batch = self.batch.unwrap_or(recipe.batch);

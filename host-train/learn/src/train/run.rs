@@ -1,4 +1,4 @@
-//! The training loop: steps, validation, checkpoints, progress, and an end that Ctrl-C or a kill cannot spoil.
+//! The training loop: steps, validation, checkpoints, progress. Ctrl-C or a kill leaves a run that can be resumed.
 
 use super::checkpoint::{self, Checkpoint};
 use super::curves;
@@ -23,37 +23,37 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Weights with the lowest validation RMSE.
+/// File name of the weights with the lowest validation RMSE.
 pub const BEST: &str = "best.safetensors";
-/// Weights after the last step.
+/// File name of the weights after the last step.
 pub const LAST: &str = "last.safetensors";
-/// The run's record: network, recipe, data, seed, backend.
+/// File name of the run's record: network, recipe, data, seed, backend.
 pub const RECORD: &str = "run.json";
 
-/// All that determines a run; written to its folder before the first step.
+/// Everything that determines a run. It is written to the run's folder before the first step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The network.
     pub network: NetConfig,
     /// The hyper-parameters.
     pub recipe: Recipe,
-    /// Where the training tiles come from.
+    /// Source of the training tiles.
     pub data: DataSpec,
-    /// Where the validation tiles come from.
+    /// Source of the validation tiles.
     pub validation_data: DataSpec,
     /// Seed of initial weights and of cropping.
     pub seed: u64,
     /// Backend.
     pub backend: Backend,
-    /// What the weights started from.
+    /// Origin of the initial weights.
     pub started_from: String,
 }
 
 impl Record {
-    /// The record of a run folder.
+    /// Reads the record of a run folder.
     ///
     /// # Errors
-    /// If it is missing or malformed.
+    /// If the record is missing or malformed.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(RECORD);
         let text = std::fs::read(&path).map_err(Error::io(&path))?;
@@ -61,28 +61,28 @@ impl Record {
     }
 }
 
-/// A run about to start or to go on.
+/// A run to be started or resumed.
 pub struct Run {
-    /// Its folder.
+    /// Folder of the run.
     pub folder: PathBuf,
-    /// What determines it.
+    /// Record of the run.
     pub record: Record,
-    /// Weights of step 0; `None` goes on from the folder's checkpoint.
+    /// Weights of step 0; `None` to continue from the folder's checkpoint.
     pub initial: Option<Weights>,
     /// Training tiles.
     pub training: Arc<dyn TileSource>,
     /// Validation tiles.
     pub validation: Arc<dyn TileSource>,
-    /// Stop after this step although the recipe goes on, as if killed there (`None`: run to the end).
+    /// Step after which to stop before the recipe's end, as if killed; `None` runs to the end.
     pub stop_after: Option<usize>,
 }
 
-/// How a run ended.
+/// Result of a run.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Steps done in all.
+    /// Number of all steps done.
     pub steps: usize,
-    /// Steps done since the run was started or resumed.
+    /// Number of steps done since the run was started or resumed.
     pub steps_here: usize,
     /// Whether the recipe was finished.
     pub finished: bool,
@@ -104,7 +104,7 @@ struct Loop {
 }
 
 impl Run {
-    /// Trains until the recipe is done, the user interrupts, or `stop_after`.
+    /// Trains until the recipe is finished, the user interrupts, or `stop_after`.
     ///
     /// # Errors
     /// If the folder holds another run, tiles cannot be made, the loss is not finite, or files cannot be written.
@@ -147,7 +147,7 @@ impl Run {
         Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
     }
 
-    /// Sets the loop up at step 0 or at the checkpoint.
+    /// Prepares the loop at step 0 or at the checkpoint.
     fn open(&self) -> Result<(Loop, usize)> {
         let saved = match &self.initial {
             Some(_) => self.claim().map(|()| None)?,
@@ -171,7 +171,7 @@ impl Run {
         Ok((state, first))
     }
 
-    /// Makes the folder this run's: writes the record, refuses a folder that has one.
+    /// Writes the record into the folder. Refuses a folder that already has one.
     fn claim(&self) -> Result<()> {
         std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
         let path = self.folder.join(RECORD);
@@ -182,7 +182,7 @@ impl Run {
         elunar_raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
     }
 
-    /// The folder's checkpoint, if the folder holds this very run.
+    /// Returns the folder's checkpoint, if the folder belongs to this run.
     fn checkpointed(&self) -> Result<Checkpoint> {
         if Record::read(&self.folder)? != self.record {
             let what = format!("{}: expected the record of the run to resume, found another", self.folder.display());

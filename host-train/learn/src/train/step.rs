@@ -22,21 +22,21 @@ pub type Maps = [Tensor<4>; 3];
 
 /// A network and its optimiser on devices with automatic differentiation.
 pub struct Trainer {
-    /// Where all is that there is once; with several devices, the first of them.
+    /// Device of the network and the optimiser; with several devices, the first of them.
     pub device: Device,
     /// The network.
     pub net: ELunarDtmNet,
     /// AdamW and its moments.
     pub optimiser: ModuleOptimizer,
-    /// The recipe's opponent.
+    /// Critic of an adversarial recipe.
     pub opponent: Option<Opponent>,
-    /// Where micro-batches are worked on.
+    /// Devices of the micro-batches.
     devices: Vec<Device>,
-    /// Who works on them, if there are several devices.
+    /// Crew of the devices, if there are several.
     crew: Option<Crew>,
 }
 
-/// What one device, or all, found in a step: gradients and figures, already weighted by the share of the batch they stand for.
+/// Result of one device, or of all, for a step: gradients and figures, weighted by their share of the batch.
 pub(super) struct Found {
     pub(super) gradients: GradientsParams,
     figures: Figures,
@@ -49,12 +49,12 @@ fn add(sum: &mut Figures, more: Figures) {
     sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
 }
 
-/// Seed of an opponent's weights: its own stream beside any network's, by the names of its tensors.
+/// Seed of a critic's weights. Their random streams differ from any network's by the names of its tensors.
 const OPPONENT_SEED: u64 = 1;
 
 impl Trainer {
-    /// A network with these weights, named `path` in messages, and a fresh optimiser on the first of `devices`, of which there is at least
-    /// one; each computes gradients as `recipe` wants it.
+    /// Makes a network with these weights, which messages call `path`, and a new optimiser on the first of `devices`. There must be at
+    /// least one device. Each computes gradients as `recipe` says.
     ///
     /// # Errors
     /// If the weights do not fit the configuration.
@@ -82,12 +82,12 @@ impl Trainer {
         Ok(Self { device, net, optimiser, opponent, devices, crew })
     }
 
-    /// Where micro-batch `index` of `count` is worked on.
+    /// Returns the device of micro-batch `index` of `count`.
     pub fn device_of(&self, index: usize, count: usize) -> &Device {
         &self.devices[index * self.devices.len() / count]
     }
 
-    /// Goes on with a checkpoint's moments.
+    /// Restores a checkpoint's moments.
     ///
     /// # Errors
     /// If Burn cannot read its record.
@@ -99,10 +99,11 @@ impl Trainer {
         Ok(())
     }
 
-    /// Image, coarse DTM and truth, each `[B, maps, H, W]` with as many maps as the numbers make, as tensors on the device.
+    /// Returns image, coarse DTM and truth as tensors on the device, each `[B, maps, H, W]`. The number of values determines the number of
+    /// maps.
     ///
     /// # Panics
-    /// If they make no whole number of maps.
+    /// If the number of maps is not whole.
     pub fn tensors(&self, maps: [Vec<f32>; 3], [batch, rows, cols]: [usize; 3]) -> [Tensor<4>; 3] {
         maps.map(|map| {
             let channels = map.len() / (batch * rows * cols);
@@ -110,14 +111,14 @@ impl Trainer {
         })
     }
 
-    /// Step `step` (from 0) of `recipe` on micro-batches, as many to each device, each where [`Self::device_of`] says. Gradients and figures are
-    /// means over the micro-batches; batch normalisation sees one at a time.
+    /// Runs step `step` (from 0) of `recipe` on micro-batches. Each device gets the same number, as [`Self::device_of`] says. Gradients and
+    /// figures are means over the micro-batches. Batch normalisation uses one at a time.
     ///
     /// # Errors
-    /// If the loss is not finite; nothing has been learnt then.
+    /// If the loss is not finite. Then no weight has changed.
     ///
     /// # Panics
-    /// If the devices cannot have as many each.
+    /// If the devices cannot have the same number each.
     pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<Maps>) -> Result<StepRecord> {
         assert!(batches.len().is_multiple_of(self.devices.len()), "every device works on as many micro-batches");
         let share = 1.0 / batches.len() as f64;
@@ -140,16 +141,16 @@ impl Trainer {
     }
 }
 
-/// What is to be done with the micro-batches of a step.
+/// Work on the micro-batches of a step.
 struct Task<'a> {
     recipe: &'a Recipe,
     step: usize,
-    /// What one micro-batch counts.
+    /// Weight of one micro-batch.
     share: f64,
 }
 
 impl Task<'_> {
-    /// Forward, loss and backward, one micro-batch after the other.
+    /// Runs forward, loss and backward, one micro-batch after the other.
     fn work(&self, net: &ELunarDtmNet, batches: Vec<Maps>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
         let Self { recipe, step, share } = *self;
         let mut gradients = GradientsAccumulator::new();

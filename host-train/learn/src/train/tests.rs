@@ -1,4 +1,4 @@
-//! The loop on a miniature network and made-up tiles.
+//! The training loop on a miniature network and synthetic tiles.
 
 use super::adversarial::Adversarial;
 use super::feed::{Feed, tensors};
@@ -18,7 +18,7 @@ use elunar_raster::Result;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Ripples lit from the west: enough relation between image and relief for a network to find.
+/// Ripples lit from the west. Image and relief are related, so that a network can learn from them.
 struct Ripples;
 
 impl TileSource for Ripples {
@@ -57,7 +57,7 @@ fn miniature() -> (NetConfig, Recipe) {
     (network, recipe)
 }
 
-/// The same as an adversarial rival: one branch, and a critic from the third step on.
+/// Returns an adversarial variant: one branch, and a critic from the third step on.
 fn rival() -> (NetConfig, Recipe) {
     let (network, recipe) = miniature();
     let network = NetConfig { use_coarse: false, coarse_channel: true, ..network };
@@ -71,7 +71,7 @@ fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
 
 fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
     let initial = (!resume).then(|| initial_weights(&network, 1));
-    // Never opened: the sources below stand in.
+    // This is never opened; the sources below are used.
     let spec = DataSpec::Folder { path: "ripples".into() };
     let record = Record {
         network,
@@ -101,7 +101,7 @@ fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
     let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
     assert!(run(&whole, false, None).train().unwrap().finished);
     assert!(!run(&parts, false, Some(5)).train().unwrap().finished);
-    // A kill after the checkpoint leaves rows of steps that will be done again.
+    // A kill after the checkpoint leaves rows of steps that are done again.
     let steps = parts.join("steps.csv");
     let text = std::fs::read_to_string(&steps).unwrap() + "6,0,0,0,0,0\n7,0,";
     std::fs::write(&steps, text).unwrap();
@@ -155,10 +155,11 @@ fn a_critic_learns_and_is_felt() {
     assert!(critic("begun").unwrap() != critic("with").unwrap());
 }
 
-/// Trainable weights and running statistics after steps on the same micro-batches, each the crops of one of the feed's steps.
+/// Returns trainable weights and running statistics after steps on the same micro-batches. Each micro-batch holds the crops of one of the
+/// feed's steps.
 fn learnt_and_seen(recipe: &Recipe, micro: &[usize], steps: usize) -> [Vec<f32>; 2] {
     let (network, _) = miniature();
-    // A head of zeros lets no gradient through: what stands before it would learn nothing in the first step.
+    // A head of zeros passes no gradient, so that the layers before it would not change in the first step.
     let weights = without_zeros(initial_weights(&network, 1));
     let devices = Backend::Flex.devices(recipe.devices).unwrap();
     let mut trainer = Trainer::new(&network, recipe, &weights, Path::new("weights"), devices).unwrap();
@@ -173,7 +174,7 @@ fn learnt_and_seen(recipe: &Recipe, micro: &[usize], steps: usize) -> [Vec<f32>;
     [trained, seen].map(|arrays| arrays.into_iter().flat_map(|(_, array)| array.data).collect())
 }
 
-/// Trainable weights after a step on micro-batches.
+/// Returns the trainable weights after a step on micro-batches.
 fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
     let [learnt, _] = learnt_and_seen(recipe, micro, 1);
     learnt
@@ -203,11 +204,11 @@ fn devices_learn_what_one_learns_from_their_micro_batches() {
     let two = Recipe { devices: 2, ..one.clone() };
     let [alone, together] = [&one, &two].map(|recipe| learnt_and_seen(recipe, &[0, 1], 3));
     assert!(alone[0] == together[0], "weights differ");
-    // Of four micro-batches each works on two, and sums are rounded in another order.
+    // Each device processes two of four micro-batches, and the rounding order of sums differs.
     let [alone, together] = [&one, &two].map(|recipe| learnt(recipe, &[0, 1, 2, 3]));
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
     assert!(apart(&alone, &together) < 1e-3 * apart(&alone, &learnt(&one, &[0, 1])));
-    // Running statistics are the means of what each has seen.
+    // Running statistics are the means of the devices' statistics.
     let [[_, first], [_, second]] = [0, 1].map(|micro| learnt_and_seen(&one, &[micro], 1));
     let [_, both] = learnt_and_seen(&two, &[0, 1], 1);
     for ((a, b), mean) in first.iter().zip(&second).zip(&both) {
@@ -226,7 +227,8 @@ fn checkpointing_changes_no_weight() {
 #[test]
 fn every_micro_batch_counts_and_their_order_does_not() {
     let (_, recipe) = miniature();
-    // AdamW's first step goes by the gradients' signs: a weight that another gradient moves elsewhere is two rates off.
+    // AdamW's first step depends on the gradients' signs. If another gradient reverses a weight's direction, the weights differ by two
+    // rates.
     let apart = |a: &[usize], b: &[usize]| -> f64 {
         let (a, b) = (learnt(&recipe, a), learnt(&recipe, b));
         let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));

@@ -1,4 +1,4 @@
-//! The network on a fixed set of tiles it never trains on, with the interpolated coarse DTM as baseline.
+//! Validation of the network on a fixed set of tiles that are not used for training. The interpolated coarse DTM is the baseline.
 
 use super::feed::tensors;
 use super::recipe::Target;
@@ -16,7 +16,7 @@ use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Heights and slopes of one DTM against what training aims at ([`Target`]), over the whole set.
+/// Scores of heights and slopes of one DTM against the target of training ([`Target`]), over the whole set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Root mean square height error, metres.
@@ -27,33 +27,33 @@ pub struct Scores {
     pub slope_mae_deg: f64,
 }
 
-/// What a validation found.
+/// Result of a validation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Validation {
-    /// RMSE in normalised units: the figure that chooses the best weights, as in the paper.
+    /// RMSE in normalised units. It selects the best weights, as in the paper.
     pub rmse: f64,
     /// Mean relative difference REL, normalised units.
     pub rel: f64,
     /// Share of pixels with ratio below 1.25.
     pub a1: f64,
-    /// The same below 1.25².
+    /// Share of pixels with ratio below 1.25².
     pub a2: f64,
-    /// The same below 1.25³.
+    /// Share of pixels with ratio below 1.25³.
     pub a3: f64,
     /// Mean |log10 z − log10 z*|.
     pub log10: f64,
     /// Peak signal-to-noise ratio, dB.
     pub psnr_db: f64,
-    /// The network, in metres and degrees.
+    /// Scores of the network, in metres and degrees.
     pub network: Scores,
-    /// The interpolated coarse DTM, in metres and degrees.
+    /// Scores of the interpolated coarse DTM, in metres and degrees.
     pub coarse: Scores,
 }
 
-/// One validation tile: the normalised maps, and what training aims at, in metres.
+/// One validation tile: the normalised maps, and the target of training in metres.
 struct Case {
     sample: Sample,
-    /// The range that relative errors are computed in, where heights are not normalised to one.
+    /// Range for relative errors, if heights are not normalised to a range.
     range: Option<ElevationScale>,
     coarse_m: Vec<f32>,
     truth_m: Vec<f32>,
@@ -66,7 +66,7 @@ pub struct ValidationSet {
 }
 
 impl ValidationSet {
-    /// The first `count` tiles of `source` that can be normalised, compared with `target`.
+    /// Makes a set of the first `count` tiles of `source` that can be normalised, compared with `target`.
     ///
     /// # Errors
     /// If tiles cannot be made, or none can be normalised.
@@ -96,10 +96,10 @@ impl ValidationSet {
         Ok(Self { cases })
     }
 
-    /// Runs `net` (without gradients) over the set.
+    /// Runs `net` (without gradients) on the set.
     ///
     /// # Errors
-    /// If the network's output has the wrong size, or holds no finite height.
+    /// If the network's output has the wrong size, or no finite height.
     pub fn run(&self, net: &ELunarDtmNet, device: &Device) -> Result<Validation> {
         let mut relative = RelativeErrors::default();
         let (mut network, mut coarse) = (Tally::default(), Tally::default());

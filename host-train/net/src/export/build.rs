@@ -1,4 +1,4 @@
-//! Configuration and weights to operator graph. Batch norm becomes part of the convolution before it.
+//! The operator graph, from configuration and weights. Batch norm becomes part of the convolution before it.
 
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use crate::config::{DTM_KERNELS, DecoderKind, Head, ImageEncoderKind, NetConfig, RESNET_BLOCKS};
@@ -11,11 +11,11 @@ use std::path::Path;
 /// Batch and layer norm epsilon (PyTorch's default).
 pub const NORM_EPSILON: f64 = 1e-5;
 
-/// Builds the graph for tiles of `rows` by `cols`; `path` names the weights in messages.
+/// Builds the graph for tiles of `rows` by `cols`. Messages call the weights `path`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network, [`Error::Broken`] if weights do not fit the configuration: all
-/// misfits in one line, each with expected and found shape.
+/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network, [`Error::Broken`] if weights
+/// do not fit the configuration: all misfits in one line, each with expected and found shape.
 pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
     config.check().map_err(|what| Error::broken(path, what))?;
     if rows == 0 || cols == 0 || rows % 32 != 0 || cols % 32 != 0 {
@@ -33,7 +33,7 @@ pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (
     Ok(builder.graph)
 }
 
-/// Every tensor that a configuration's weights hold, by name, with its shape.
+/// Returns the name and shape of every tensor that a configuration's weights hold.
 ///
 /// # Errors
 /// [`Error::Usage`] if the configuration contradicts itself.
@@ -45,14 +45,14 @@ pub fn manifest(config: &NetConfig) -> Result<BTreeMap<String, Vec<usize>>> {
     Ok(builder.reader.asked)
 }
 
-/// Hands out tensors and notes which were asked for.
+/// Returns tensors and records which were requested.
 struct Reader<'a> {
     weights: &'a Weights,
     asked: BTreeMap<String, Vec<usize>>,
 }
 
 impl Reader<'_> {
-    /// The tensor, or zeros if there is none of that shape: whoever builds a network has [`check_fit`] look at all that was asked for.
+    /// Returns the tensor, or zeros if there is none of that shape. The caller must pass all requested tensors to [`check_fit`].
     fn get(&mut self, name: &str, shape: &[usize]) -> Vec<f32> {
         self.asked.insert(name.into(), shape.to_vec());
         let found = self.weights.tensors.get(name).filter(|array| array.shape == shape);
@@ -60,7 +60,7 @@ impl Reader<'_> {
     }
 }
 
-/// `[out, in, k, k]` to `[out, k, k, in]`.
+/// Reorders `[out, in, k, k]` to `[out, k, k, in]`.
 fn interleave(weights: &[f32], input: usize, side: usize) -> Vec<f32> {
     let area = side * side;
     let filter = |w: &[f32]| -> Vec<f32> { (0..area * input).map(|i| w[i % input * area + i / input]).collect() };
@@ -183,7 +183,7 @@ impl<'a> Builder<'a> {
         let (rows, cols, channels) = self.size(x);
         let window = self.config.window;
         let shift = if shifted { window / 2 } else { 0 };
-        // Along an axis that one window covers, the shift is 0.
+        // If one window covers an axis, the shift along it is 0.
         let along = |len: usize| if len > window { shift } else { 0 };
         let normed = self.layer_norm(&format!("{name}.norm1"), x, 1, false);
         let qkv = self.linear(&format!("{name}.attn.qkv"), normed, 3 * channels, None, Activation::None, false);
@@ -204,7 +204,7 @@ impl<'a> Builder<'a> {
         let up = |node| Source { node, up: true };
         let all: Vec<Source> = e.into_iter().chain([d]).map(up).collect();
         let short = if self.config.decoder_kind == DecoderKind::Upb { all.clone() } else { vec![up(d)] };
-        // Steps of an 8-bit map before the head would be terraces in the DTM. Maps further up are smoothed on their way there.
+        // The steps of an 8-bit map before the head would be terraces in the DTM. Earlier maps are smoothed by later layers.
         let precise = u == 4;
         let spec = |side, activation, precise| Spec { output, side, stride: 1, activation, precise };
         let main = self.conv_bn(&format!("{name}.main.0"), &all, spec(5, Activation::Relu, false), None);
@@ -267,7 +267,7 @@ impl<'a> Builder<'a> {
         self.conv(name, &[plain(input)], kernel, (1, 0), activation, add, precise)
     }
 
-    /// Convolution and batch norm in one: w' = w γ/√(σ²+ε), b' = β − μ γ/√(σ²+ε).
+    /// Combines convolution and batch norm: w' = w γ/√(σ²+ε), b' = β − μ γ/√(σ²+ε).
     fn conv_bn(&mut self, name: &str, sources: &[Source], spec: Spec, add: Option<NodeId>) -> NodeId {
         let input = sources.iter().map(|s| self.graph.nodes[s.node].channels).sum();
         let mut kernel = self.kernel(&format!("{name}.conv"), input, spec.output, spec.side, false);

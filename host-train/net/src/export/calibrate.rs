@@ -1,21 +1,21 @@
-//! Ranges of every map over some tiles: what the quantised codes must be able to hold.
+//! Ranges of every map over some tiles. The quantised codes must represent them.
 
 use super::float;
 use super::graph::Graph;
 use elunar_raster::{Error, Result};
 
-/// One normalised tile: what the network is fed.
+/// One normalised tile, as input of the network.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CalibrationTile {
     /// Image: [0, 1], or a guide's four maps in every pixel; row-major rows * cols.
     pub image: Vec<f32>,
     /// Normalised coarse DTM, [0, NR], row-major.
     pub coarse: Vec<f32>,
-    /// What turns normalised units into metres, where the tile is terrain.
+    /// Data for the conversion of normalised units into metres; `None` for a tile that is not terrain.
     pub ground: Option<Ground>,
 }
 
-/// The metres of a tile.
+/// Scale and truth of a tile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ground {
     /// Metres per normalised unit (the coarse tile's relief over NR).
@@ -29,9 +29,9 @@ pub struct Ground {
 /// Smallest, largest and mean value of one map, per channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Range {
-    /// Per channel.
+    /// Smallest value per channel.
     pub min: Vec<f32>,
-    /// Per channel.
+    /// Largest value per channel.
     pub max: Vec<f32>,
     /// Mean over all pixels of all tiles, per channel.
     pub mean: Vec<f64>,
@@ -42,7 +42,7 @@ impl Range {
         Self { min: vec![f32::INFINITY; channels], max: vec![f32::NEG_INFINITY; channels], mean: vec![0.0; channels] }
     }
 
-    /// Takes in a map; `share` is the weight of one of its pixels in the mean.
+    /// Includes a map in the range. `share` is the weight of one of its pixels in the mean.
     fn take(&mut self, map: &[f32], share: f64) {
         for pixel in map.chunks_exact(self.min.len()) {
             for (mean, &v) in self.mean.iter_mut().zip(pixel) {
@@ -56,13 +56,13 @@ impl Range {
         }
     }
 
-    /// Largest absolute value per channel.
+    /// Returns the largest absolute value per channel.
     pub fn magnitude(&self) -> Vec<f64> {
         self.min.iter().zip(&self.max).map(|(low, high)| low.abs().max(high.abs()) as f64).collect()
     }
 }
 
-/// Runs the graph on every tile; returns a range per node. `progress` is told after each tile.
+/// Runs the graph on every tile. Returns a range per node. Calls `progress` after each tile.
 ///
 /// # Errors
 /// [`Error::Usage`] without tiles, or if a map is not finite on one of them.

@@ -1,5 +1,5 @@
-//! Which maps keep 16 bits, chosen by what they cost: from none on, the most sensitive first, until the runner's slope error is
-//! within a bound.
+//! Choice of the maps that keep 16 bits. At first there are none. The most sensitive maps are added until the growth of the runner's slope
+//! error is within a bound.
 
 use super::calibrate::{CalibrationTile, Range};
 use super::compile::{Export, Options, finish};
@@ -12,50 +12,50 @@ use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::fmt;
 
-/// What an export is made of, and what its error is measured with.
+/// Input of an export, and the tiles for measuring its error.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
     /// The network's configuration.
     pub config: &'a NetConfig,
     /// The network.
     pub graph: &'a Graph,
-    /// What its maps reach.
+    /// Ranges of its maps.
     pub ranges: &'a [Range],
-    /// Tile and name; the precision is what is chosen here.
+    /// Tile and name. The precision is not used, because it is chosen here.
     pub options: &'a Options,
     /// Tiles with truth.
     pub tiles: &'a [CalibrationTile],
 }
 
-/// One export on the way.
+/// One export during the search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Trial {
-    /// Maps with 16 bits of those that may have either.
+    /// Number of maps with 16 bits, of those that can have 8 or 16.
     pub wide_maps: usize,
-    /// Name of the one that was added last.
+    /// Name of the map that was added last.
     pub added: String,
-    /// Bytes of memory.
+    /// Size of the arena, bytes.
     pub arena_bytes: usize,
-    /// The runner against the float network.
+    /// Comparison of the runner with the float network.
     pub comparison: Comparison,
 }
 
-/// An export that is good enough.
+/// The export that meets the bound.
 #[derive(Debug, Clone)]
 pub struct Chosen {
-    /// Which maps keep 16 bits, by node.
+    /// Whether each node's map keeps 16 bits.
     pub wide: Vec<bool>,
     /// The export.
     pub export: Export,
-    /// All that were tried; the last is the export.
+    /// All trials; the last one is the export.
     pub trials: Vec<Trial>,
 }
 
-/// Exports with more and more maps of 16 bits, in the order of [`Sensitivity::by_gain`], until the slope error grows by no more
-/// than `percent`. `progress` is told how many were tried.
+/// Exports with a growing number of maps of 16 bits, in the order of [`Sensitivity::by_gain`], until the slope error grows by no more than
+/// `percent`. Calls `progress` with the number of trials.
 ///
 /// # Errors
-/// [`Error::Usage`] if 16 bits everywhere are not enough, or the tiles have no truth; those of [`finish`] and [`compare`].
+/// [`Error::Usage`] if 16 bits everywhere do not suffice, or the tiles have no truth. Otherwise as [`finish`] and [`compare`].
 pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: impl Fn(usize)) -> Result<Chosen> {
     let mut wide = vec![false; job.graph.nodes.len()];
     let order = sensitivity.by_gain();

@@ -1,4 +1,4 @@
-//! How the numbers of every map are written down: type, zero, limits and steps.
+//! The codes of every map: type, zero, limits and steps.
 
 use super::calibrate::Range;
 use super::compile::Precision;
@@ -7,12 +7,12 @@ use super::quantise::{ACCUMULATOR_LIMIT, GELU_MINIMUM};
 use elunar_core::nn::file::Dtype;
 use elunar_core::photoclinometry::LIMIT;
 
-/// 16-bit maps keep this much room above what calibration saw; 8-bit maps have none to spare.
+/// Range of 16-bit maps, as a multiple of the calibrated range. 8-bit maps have no such reserve.
 const HEADROOM_16: f64 = 1.25;
-/// A channel's range is taken as at least this share of the widest channel's: calibration sees few tiles.
+/// Least range of a channel, as a share of the widest channel's range. Calibration uses few tiles, so a narrow range may be chance.
 const RANGE_FLOOR: f64 = 1.0 / 32.0;
 
-/// How a map's numbers are written down: value = (code - zero) * scale of its channel.
+/// Codes of a map: value = (code - zero) * scale of its channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Codes {
     /// Sample type.
@@ -27,7 +27,7 @@ pub struct Codes {
     pub scales: Vec<f64>,
 }
 
-/// Which scales a map may have.
+/// Scales that a map can have.
 #[derive(Clone, Copy, PartialEq)]
 enum Freedom {
     Channel,
@@ -54,7 +54,7 @@ fn freedom(graph: &Graph, id: NodeId) -> Freedom {
     freedom
 }
 
-/// The largest code that keeps every user's sums within 32 bits.
+/// Returns the largest code that keeps the sums of every user within 32 bits.
 fn largest_code(graph: &Graph, id: NodeId) -> i32 {
     let limits = graph.users(id).map(|user| match &user.operation {
         Operation::Conv { sources, kernel, .. } if sources.iter().any(|s| s.node == id) => {
@@ -65,7 +65,7 @@ fn largest_code(graph: &Graph, id: NodeId) -> i32 {
     limits.fold(i16::MAX as f64, f64::min) as i32
 }
 
-/// Which maps keep 16 bits by a rule that looks at no data: the residual stream always, others by the precision asked for.
+/// Returns which maps keep 16 bits by a rule without data: the residual stream always, others by the given precision.
 pub fn wide_by_rule(graph: &Graph, precision: Precision) -> Vec<bool> {
     let of = |id: NodeId| {
         let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
@@ -78,8 +78,8 @@ pub fn wide_by_rule(graph: &Graph, precision: Precision) -> Vec<bool> {
     (0..graph.nodes.len()).map(of).collect()
 }
 
-/// Whether the runner can keep a map in 16 bits and also in 8: not inputs and output, whose types are fixed; not what attention
-/// reads or GELU makes, which have 8; and not where sums of 16-bit codes would leave 32 bits.
+/// Returns whether the runner can keep a map in 16 bits as well as in 8. Inputs and output have fixed types. The input of attention and the
+/// output of GELU have 8 bits. Sums of 16-bit codes must not exceed 32 bits.
 pub fn can_widen(graph: &Graph, id: NodeId) -> bool {
     let fixed = match &graph.nodes[id].operation {
         Operation::Image | Operation::Coarse | Operation::Conv { activation: Activation::Gelu, .. } => true,
@@ -89,7 +89,7 @@ pub fn can_widen(graph: &Graph, id: NodeId) -> bool {
     !fixed && !feeds_attention && largest_code(graph, id) > 255
 }
 
-/// Codes of a node's map. Those of inputs and output are what they are, whatever `wide` says.
+/// Returns the codes of a node's map. Codes of inputs and output are fixed, whatever `wide` says.
 pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f32, wide: bool) -> Codes {
     let node = &graph.nodes[id];
     let full = i16::MAX as i32;
@@ -98,8 +98,8 @@ pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f
             return Codes { dtype: Dtype::I16, zero: 0, lo: 0, hi: full, scales: vec![1.0 / full as f64] };
         }
         Operation::Image => {
-            // Four maps of a tile are most of the arena: 8 bits, steps of 0.45 degrees of slope. What finer slopes there are, the coarse
-            // DTM with the relief has.
+            // Four maps of a tile are most of the arena, so they have 8 bits, with steps of 0.45 degrees of slope. Finer slopes come from
+            // the coarse DTM.
             let scale = (LIMIT as f64 / 127.0) as f32 as f64;
             return Codes { dtype: Dtype::U8, zero: 128, lo: 1, hi: 255, scales: vec![scale; node.channels] };
         }
@@ -129,12 +129,12 @@ pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f
         let scales = magnitude.iter().map(|m| m * HEADROOM_16 / limit as f64).collect();
         return Codes { dtype: Dtype::I16, zero: 0, lo: if relu { 0 } else { -limit }, hi: limit, scales };
     }
-    // The same steps on both sides of 0: -128 is no weight, and attention reads keys as weights.
+    // The steps on both sides of 0 are equal. -128 is not a valid weight, and attention reads keys as weights.
     let (zero, lo, steps) = if relu { (0, 0, 255.0) } else { (128, 1, 127.0) };
     Codes { dtype: Dtype::U8, zero, lo, hi: 255, scales: magnitude.iter().map(|m| m / steps).collect() }
 }
 
-/// Largest absolute value that each channel's scale must reach.
+/// Returns the largest absolute value that each channel's scale must reach.
 fn channel_magnitudes(range: &Range, freedom: Freedom) -> Vec<f64> {
     let mut magnitude = range.magnitude();
     let widest = magnitude.iter().copied().fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! All stages in order: weights in, bytes of a model file out.
+//! All stages of the export in order, from weights to the bytes of a model file.
 
 use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
@@ -17,20 +17,20 @@ use std::path::Path;
 /// Seed of every self-test tile.
 const SELF_TEST_SEED: u32 = 0x454c_4431;
 
-/// How many bits maps keep. Weights, what attention reads and the image of networks that are given the light always have 8, the residual
-/// stream of the transformer and the other inputs always 16.
+/// Bits of the maps. These always have 8 bits: weights, the input of attention, and the image of networks with given light. These always
+/// have 16 bits: the residual stream of the transformer, and the other inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Precision {
-    /// 8 wherever possible: least memory.
+    /// 8 bits wherever possible: least memory.
     Int8,
-    /// 16 where 8 would show in the DTM: what the head reads and what is added in the decoder.
+    /// 16 bits where 8 would be visible in the DTM: for the head's input and the sums in the decoder.
     Mixed,
-    /// 16 (less where sums would overflow) everywhere but behind GELU and before attention.
+    /// 16 bits everywhere except behind GELU and before attention (fewer where sums would overflow).
     Int16,
 }
 
-/// What to export for.
+/// Options of an export.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Tile rows and columns, multiples of 32.
@@ -52,12 +52,12 @@ pub struct Export {
     pub program: Program,
 }
 
-/// Compiles a network: builds, calibrates, quantises, plans, writes, and runs the self test to store its result.
-/// `path` names the weights in messages; `progress` is told how many calibration tiles are done.
+/// Compiles a network: builds, calibrates, quantises, plans, writes, and runs the self test to store its result. Messages call the weights
+/// `path`. Calls `progress` with the number of calibration tiles done.
 ///
 /// # Errors
-/// Those of [`build`](super::build::build), [`calibrate`](super::calibrate::calibrate), [`quantise`](super::quantise::quantise);
-/// [`Error::Usage`] if the runner would refuse the result (a network beyond its limits).
+/// As [`build`](super::build::build), [`calibrate`](super::calibrate::calibrate), [`quantise`](super::quantise::quantise); [`Error::Usage`]
+/// if the runner would refuse the result (a network beyond its limits).
 pub fn export(
     config: &NetConfig,
     weights: &Weights,
@@ -72,7 +72,7 @@ pub fn export(
     finish(config, graph, &ranges, &wide, options)
 }
 
-/// The stages behind calibration, `wide` saying which maps keep 16 bits (see [`quantise`]). Where that is not the rule of
+/// Runs the stages after calibration. `wide` says which maps keep 16 bits (see [`quantise`]). If it differs from the rule of
 /// `options.precision`, the file calls its precision "chosen".
 ///
 /// # Errors
@@ -103,7 +103,7 @@ pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool],
     Ok(Export { bytes, graph, program })
 }
 
-/// Numbers of the image, coarse and output tensors; the coarse codes only where an operator reads them.
+/// Returns the numbers of the image, coarse and output tensors. The number of the coarse codes is set only if an operator reads them.
 fn roles(graph: &Graph, program: &Program) -> [u32; 3] {
     let read = |t: &u32| program.operators.iter().any(|op| op.inputs().contains(&Some(*t)));
     let coarse = graph.nodes.iter().position(|node| node.operation == Operation::Coarse);
@@ -122,7 +122,7 @@ fn text(config: &NetConfig, program: &Program, name: &str, precision: &str) -> S
     .to_string()
 }
 
-/// Checksum of the self-test tile's output.
+/// Returns the checksum of the self-test tile's output.
 fn self_test(bytes: &[u8]) -> Result<u32> {
     let model =
         Model::new(bytes).map_err(|e| Error::usage(format!("export: the network is beyond the runner: {e}")))?;

@@ -4,7 +4,7 @@ use super::sensitivity::Sensitivity;
 use std::fmt;
 
 impl fmt::Display for Sensitivity {
-    /// The table, sorted by the effect on slope.
+    /// Writes the table, sorted by the effect on slope.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,

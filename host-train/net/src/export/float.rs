@@ -1,15 +1,15 @@
-//! The operator graph on real numbers: shows that the graph is the network, and measures its maps for calibration.
+//! The operator graph on real numbers. It shows that the graph equals the network, and it measures the maps for calibration.
 
 use super::build::NORM_EPSILON;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use rayon::prelude::*;
 
-/// x Φ(x), exactly (the reference uses the error function, not the tanh approximation).
+/// Returns x Φ(x) exactly. The reference uses the error function, not the tanh approximation.
 pub fn gelu(x: f64) -> f64 {
     0.5 * x * (1.0 + libm::erf(x * std::f64::consts::FRAC_1_SQRT_2))
 }
 
-/// Every node's map `[rows, cols, channels]`, in the order of the nodes. `image` and `coarse` hold one sample per pixel.
+/// Computes every node's map `[rows, cols, channels]`, in the order of the nodes. `image` and `coarse` hold one sample per pixel.
 ///
 /// # Panics
 /// If an input's length is not rows * cols of the graph.
@@ -27,10 +27,10 @@ pub fn run(graph: &Graph, image: &[f32], coarse: &[f32]) -> Vec<Vec<f32>> {
     maps
 }
 
-/// Where a node finds the maps it reads.
+/// Function from a node's number to its map.
 pub(crate) type Maps<'f, 'm> = &'f (dyn Fn(NodeId) -> &'m [f32] + Sync);
 
-/// The map of a node that is no input.
+/// Computes the map of a node that is not an input.
 pub(crate) fn compute(graph: &Graph, node: &Node, maps: Maps<'_, '_>) -> Vec<f32> {
     match &node.operation {
         Operation::Image | Operation::Coarse => Vec::new(),
@@ -56,7 +56,7 @@ struct Input {
     samples: Vec<f32>,
 }
 
-/// Sources side by side, upsampled where asked, with a border of zeros.
+/// Joins the channels of the sources, upsampled where requested, with a border of zeros.
 fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> Input {
     let first = &graph.nodes[sources[0].node];
     let factor = if sources[0].up { 2 } else { 1 };
@@ -82,7 +82,7 @@ fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> 
     Input { cols: width, channels, samples }
 }
 
-/// Bilinear at half-pixel centres, border repeated.
+/// Interpolates bilinearly at half-pixel centres; the border is repeated.
 fn upsample(row: usize, col: usize, node: &Node, read: impl Fn(usize, usize) -> f32) -> f32 {
     let axis = |index: usize, len: usize| {
         let centre = ((index as f32 + 0.5) / 2.0 - 0.5).max(0.0);
@@ -97,7 +97,7 @@ fn upsample(row: usize, col: usize, node: &Node, read: impl Fn(usize, usize) -> 
 
 fn conv(input: &Input, kernel: &Kernel, stride: usize, node: &Node) -> Vec<f32> {
     let taps = kernel.side * kernel.side * kernel.input;
-    // [tap][output], so that the inner loop runs over contiguous outputs.
+    // `[tap][output]`, so that the inner loop runs over contiguous outputs.
     let mut weights = vec![0.0; taps * kernel.output];
     for (o, filter) in kernel.weights.chunks_exact(taps).enumerate() {
         filter.iter().enumerate().for_each(|(tap, w)| weights[tap * kernel.output + o] = *w);
@@ -150,7 +150,7 @@ fn layer_norm(map: &[f32], input: &Node, merge: usize, gain: &[f32], bias: &[f32
     out
 }
 
-/// Window attention of one map.
+/// Window attention on one map.
 struct Attend<'a> {
     qkv: &'a [f32],
     heads: usize,
@@ -173,7 +173,8 @@ impl Attend<'_> {
         out
     }
 
-    /// The window whose first token is at (`row`, `col`) of the shifted map: pixel and values of each token inside the map.
+    /// Computes the window whose first token is at (`row`, `col`) of the shifted map. Returns pixel and values of each token inside the
+    /// map.
     fn one(&self, node: &Node, row: usize, col: usize) -> Vec<(usize, Vec<f32>)> {
         let (w, channels) = (self.window, node.channels);
         let (padded_rows, padded_cols) = (node.rows.div_ceil(w) * w, node.cols.div_ceil(w) * w);

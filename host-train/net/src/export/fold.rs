@@ -1,13 +1,12 @@
-//! "Upsample2 twofold by bilinear interpolation, then convolve 5x5 with zero padding" as filters on the small map.
+//! "Upsample twofold by bilinear interpolation, then convolve 5x5 with zero padding" as filters on the small map.
 //!
-//! Both steps are linear. Along one axis, output 2i sees five samples of the upsampled map, each 3/4 of one and 1/4 of another sample
-//! of the small map: together four. So does output 2i+1, with other weights; in two dimensions that makes four sets of filters with 16
-//! products instead of 25.
+//! Both steps are linear. Along one axis, output 2i depends on five samples of the upsampled map. Each of these is 3/4 of one sample and
+//! 1/4 of another sample of the small map. Together they are four samples. Output 2i+1 also depends on four samples, with other weights. In
+//! two dimensions this makes four sets of filters with 16 products instead of 25.
 //!
-//! They see the border repeated where the convolution has zeros: beyond the border, the upsampled map would be the border sample. What
-//! the two outermost outputs on each side see of it is one product with that sample, and a correction takes it off again: along
-//! an axis (filter - correction), in two dimensions (filter - correction) x (filter - correction). That makes 12 x 12 weights instead of
-//! 25.
+//! The filters use a repeated border, but the convolution has zeros there: beyond the border, the upsampled map would equal the border
+//! sample. In the two outermost outputs on each side, this adds one product with the border sample. A correction subtracts it: along an
+//! axis (filter - correction), in two dimensions (filter - correction) x (filter - correction). That makes 12 x 12 weights instead of 25.
 
 use super::graph::Kernel;
 use super::pack::Filter;
@@ -19,7 +18,7 @@ const SIDE: usize = 5;
 /// Weights of the small map's samples for each tap of a 5-tap filter: `[phase][sample][tap]`.
 type Axis = [[[f64; SIDE]; 4]; PHASES];
 
-/// All sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::file::Phase`].
+/// Returns all sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::file::Phase`].
 pub(super) fn fold(kernel: &Kernel) -> Vec<Filter> {
     let axis = axis();
     let mut filters = Vec::new();
@@ -52,7 +51,7 @@ fn folded(kernel: &Kernel, down: &[[f64; SIDE]], across: &[[f64; SIDE]]) -> Filt
     Filter { extent: (down.len(), across.len()), weights, correction: false }
 }
 
-/// The filters along an axis, found on a small map long enough that its borders do not meet.
+/// Computes the filters along an axis, on a small map that is long enough to keep its borders apart.
 fn axis() -> Axis {
     const LEN: isize = 8;
     let mut axis = [[[0.0; SIDE]; 4]; PHASES];
@@ -81,7 +80,7 @@ fn axis() -> Axis {
 mod tests {
     use super::*;
 
-    /// Samples of a one-channel map, upsampled as the network does.
+    /// Upsamples a one-channel map as the network does.
     fn upsample(map: &[f64], rows: usize, cols: usize) -> Vec<f64> {
         let axis = |index: usize, len: usize| {
             let near = (index / 2) as isize;
@@ -99,7 +98,7 @@ mod tests {
         out
     }
 
-    /// Phases of an output along an axis, and the samples that each of them reads.
+    /// Returns the phases of an output along an axis, and the samples that each of them reads.
     fn parts(index: usize, len: usize) -> Vec<(usize, Vec<usize>)> {
         let phase = Phase::of(index, len);
         let taps = PHASE_TAPS[phase.filter] as isize;

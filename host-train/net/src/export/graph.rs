@@ -1,21 +1,21 @@
-//! The network as a list of operators on maps `[rows, cols, channels]`, batch norm folded, before quantisation.
+//! The network before quantisation, as a list of operators on maps `[rows, cols, channels]`. Batch norm is folded.
 
-/// Position of a node in [`Graph::nodes`]; inputs always lie before their users.
+/// Position of a node in [`Graph::nodes`]. A node always comes after its inputs.
 pub type NodeId = usize;
 
-/// A map read by a convolution, its channels behind those of the source before it.
+/// A map that a convolution reads. Its channels follow those of the previous source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Source {
-    /// Whose output.
+    /// The node whose output is read.
     pub node: NodeId,
-    /// Whether it is upsampled twofold (bilinear, half-pixel centres) on the way.
+    /// Whether the map is upsampled twofold first (bilinear, half-pixel centres).
     pub up: bool,
 }
 
-/// What follows a convolution's sum.
+/// Function after a convolution's sum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activation {
-    /// Nothing.
+    /// No function.
     None,
     /// max(x, 0).
     Relu,
@@ -32,22 +32,22 @@ pub struct Kernel {
     pub input: usize,
     /// Side, pixels.
     pub side: usize,
-    /// `[output][side][side][input]`: the order in which the runner meets them.
+    /// Weights `[output][side][side][input]`, in the order in which the runner reads them.
     pub weights: Vec<f32>,
-    /// `[output]`.
+    /// Bias `[output]`.
     pub bias: Vec<f32>,
 }
 
-/// What a node computes.
+/// Computation of a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Operation {
     /// The image, [0, 1].
     Image,
     /// The normalised coarse DTM, [0, NR].
     Coarse,
-    /// Convolution over the sources side by side, plus another map, then an activation.
+    /// Convolution over the channels of all sources, plus another map, then an activation.
     Conv {
-        /// What it reads.
+        /// Maps that the convolution reads.
         sources: Vec<Source>,
         /// Weights and bias.
         kernel: Kernel,
@@ -62,18 +62,18 @@ pub enum Operation {
     },
     /// Layer norm over channels.
     LayerNorm {
-        /// What it reads.
+        /// Map that the norm reads.
         input: NodeId,
-        /// 2 gathers 2x2 neighbours first (patch merging), else 1.
+        /// Side of the group of neighbours gathered first: 2 for patch merging, otherwise 1.
         merge: usize,
         /// Gain per channel.
         gain: Vec<f32>,
         /// Bias per channel.
         bias: Vec<f32>,
     },
-    /// Attention in shifted windows on q, k, v side by side.
+    /// Attention in shifted windows. The channels of q, k, v follow each other.
     Attention {
-        /// What it reads.
+        /// Map that the attention reads.
         input: NodeId,
         /// Heads.
         heads: usize,
@@ -83,7 +83,7 @@ pub enum Operation {
         shift: (usize, usize),
         /// Relative position bias `[(2w-1)²][heads]`.
         position_bias: Vec<f32>,
-        /// q, k, v in the padding: the bias of the projection before.
+        /// Values of q, k, v in the padding: the bias of the preceding projection.
         pad: Vec<f32>,
     },
 }
@@ -91,9 +91,9 @@ pub enum Operation {
 /// One operator and its output map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Node {
-    /// Name for reports; traced maps carry the golden files' names (`e1`, `s5`, `fused`, `d1`, `output`, ...).
+    /// Name for reports. Traced maps have the golden files' names (`e1`, `s5`, `fused`, `d1`, `output`, ...).
     pub name: String,
-    /// What it computes.
+    /// Computation of the node.
     pub operation: Operation,
     /// Rows.
     pub rows: usize,
@@ -101,22 +101,22 @@ pub struct Node {
     pub cols: usize,
     /// Channels.
     pub channels: usize,
-    /// Whether 8 bits would be seen in the result: such maps keep 16 unless the export asks for the least memory.
+    /// Whether 8 bits would be visible in the result. Such maps keep 16 bits, unless the export is for the least memory.
     pub precise: bool,
 }
 
 impl Node {
-    /// Samples.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.rows * self.cols * self.channels
     }
 
-    /// Whether the map has no samples (never in a built graph).
+    /// Returns whether the map has no samples. A built graph has no such node.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The nodes it reads; an added map last.
+    /// Returns the nodes that this node reads; an added map comes last.
     pub fn inputs(&self) -> Vec<NodeId> {
         match &self.operation {
             Operation::Image | Operation::Coarse => Vec::new(),
@@ -126,20 +126,20 @@ impl Node {
     }
 }
 
-/// A whole network; the last node is its output.
+/// A whole network. The last node is its output.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Graph {
-    /// In the order of execution.
+    /// The nodes in the order of execution.
     pub nodes: Vec<Node>,
 }
 
 impl Graph {
-    /// The output node.
+    /// Returns the output node.
     pub fn output(&self) -> NodeId {
         self.nodes.len() - 1
     }
 
-    /// The nodes that read `id`.
+    /// Returns the nodes that read `id`.
     pub fn users(&self, id: NodeId) -> impl Iterator<Item = &Node> {
         self.nodes.iter().filter(move |node| node.inputs().contains(&id))
     }

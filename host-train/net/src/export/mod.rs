@@ -1,9 +1,10 @@
-//! From float weights to the model file of the runner: a small compiler.
+//! Export: from float weights to the model file of the runner.
 //!
-//! [`build`] makes the operator [`graph`] from the configuration and the weights, with batch norm folded in; [`float`] runs it
-//! on real numbers, which shows that the graph is the network and measures the ranges of its maps ([`calibrate`]); [`quantise`]
-//! turns it into integers ([`codes`]: how, `fold`: upsamplings become part of filters, `pack`: weights in the kernels' order); [`schedule`] orders the
-//! steps; [`plan`] says how many rows are kept and where in the arena; [`write`] writes the file; [`compile`] does all of it.
+//! [`build`] makes the operator [`graph`] from the configuration and the weights, with batch norm folded in. [`float`] runs it on real
+//! numbers, which shows that the graph equals the network and measures the ranges of its maps ([`calibrate`]). [`quantise`] converts it to
+//! integers: [`codes`] defines the codes of maps, `fold` makes upsamplings part of filters, `pack` puts weights in the kernels' order.
+//! [`schedule`] orders the steps. [`plan`] chooses the number of rows kept and their place in the arena. [`write`] writes the file.
+//! [`compile`] does all of this.
 
 pub mod build;
 pub mod calibrate;

@@ -4,19 +4,19 @@ use super::graph::Kernel;
 use super::quantise::{IntegerFilter, Integers};
 use elunar_core::nn::file::{Dtype, Tensor, groups, panels};
 
-/// Filters of all output channels, real weights.
+/// Filters of all output channels, with real weights.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Filter {
     /// Kernel rows and columns.
     pub(crate) extent: (usize, usize),
-    /// `[output][rows][cols][input]`.
+    /// Weights `[output][rows][cols][input]`.
     pub(crate) weights: Vec<f64>,
-    /// Whether its sums are added to those of another filter, which has the bias.
+    /// Whether its sums are added to those of another filter. That filter has the bias.
     pub(crate) correction: bool,
 }
 
 impl Filter {
-    /// A kernel as it is.
+    /// Makes a filter from an unchanged kernel.
     pub(crate) fn whole(kernel: &Kernel) -> Self {
         let weights = kernel.weights.iter().map(|w| *w as f64).collect();
         Self { extent: (kernel.side, kernel.side), weights, correction: false }
@@ -25,13 +25,13 @@ impl Filter {
 
 /// Constants of a convolution.
 pub(crate) struct Packed {
-    /// i8 `[panel][variant][source][kernel row][group][channel of the panel][4]`.
+    /// Weights, i8 `[panel][variant][source][kernel row][group][channel of the panel][4]`.
     pub(crate) weights: Vec<u8>,
-    /// `[variant][output]`, with what the sources' zero codes contribute taken off (it may wrap).
+    /// Bias `[variant][output]`, minus the contribution of the sources' zero codes (the difference may wrap).
     pub(crate) bias: Vec<i32>,
 }
 
-/// Packs the filters of `output` channels that read `sources` side by side.
+/// Packs the filters of `output` channels that read the channels of all `sources`.
 pub(crate) fn pack(integers: &Integers, output: usize, sources: &[Tensor]) -> Packed {
     let input: usize = sources.iter().map(|t| t.channels).sum();
     let mut packed = Packed { weights: Vec::new(), bias: Vec::new() };
@@ -47,7 +47,7 @@ pub(crate) fn pack(integers: &Integers, output: usize, sources: &[Tensor]) -> Pa
             for pixel in weights.chunks_exact(input) {
                 let mut skipped = 0;
                 for source in sources {
-                    // The planes of a 16-bit code 0 are 0 and 128.
+                    // A 16-bit code 0 has the planes 0 and 128.
                     let zero = if source.dtype == Dtype::I16 { 128 * 256 } else { source.zero as i64 };
                     zeros += zero * pixel[skipped..skipped + source.channels].iter().map(|w| *w as i64).sum::<i64>();
                     skipped += source.channels;
@@ -59,7 +59,7 @@ pub(crate) fn pack(integers: &Integers, output: usize, sources: &[Tensor]) -> Pa
     packed
 }
 
-/// One panel (first channel and width) of one set of filters.
+/// Packs one panel (first channel and width) of one set of filters.
 fn pack_panel(
     filter: &IntegerFilter,
     (output, input): (usize, usize),

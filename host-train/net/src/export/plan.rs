@@ -1,14 +1,14 @@
-//! Memory: how many rows of every tensor are kept, and where in the arena they lie. Two tensors may share bytes if they are never
-//! alive together, and a sum may take the place of what was added.
+//! Memory: the number of rows kept of every tensor, and their place in the arena. Two tensors may share bytes if they are never in use at
+//! the same time. A sum may take the place of what was added.
 
 use super::schedule::{Play, schedule};
 use elunar_core::nn::file::{Entry, Operator, Tensor};
 
-/// Alignment of tensors, bytes: not needed by the runner, kind to caches.
+/// Alignment of tensors, bytes. The runner does not need it, but caches profit.
 const ALIGNMENT: usize = 64;
 
-/// Orders the steps and places the tensors, as tightly as milestones make it: every operator is tried as one, and whichever saves most memory
-/// is kept, until none saves any.
+/// Orders the steps and places the tensors. Milestones reduce the memory: every operator is tried as a milestone, and the one that saves
+/// most is kept, until none saves any.
 pub fn order_and_plan(tensors: &mut [Tensor], operators: &[Operator], inputs: &[u32], output: u32) -> Vec<Entry> {
     let attempt = |milestones: &[usize]| {
         let (mut placed, schedule) = (tensors.to_vec(), schedule(tensors, operators, milestones));
@@ -33,13 +33,13 @@ pub fn order_and_plan(tensors: &mut [Tensor], operators: &[Operator], inputs: &[
     best.2
 }
 
-/// Sets every tensor's ring and offset; returns the bytes they take together. `inputs` are written before the first step and
-/// `output` is read after the last: both keep all rows.
+/// Sets every tensor's ring and offset. Returns the bytes of all tensors together. `inputs` are written before the first step and `output`
+/// is read after the last one, so both keep all rows.
 fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
     let mut homes = find_homes(tensors, operators, schedule);
     let mut rings = vec![1; tensors.len()];
     play(tensors, operators, schedule, |play, tensor, rows| {
-        // The first of a line of heirs is the furthest ahead.
+        // In a chain of sums that share a place, the first tensor is the furthest ahead.
         rings[homes[tensor]] = rings[homes[tensor]].max(play.made(homes[tensor]).max(play.made(tensor)) - rows.start);
     });
     for t in 0..tensors.len() {
@@ -54,9 +54,9 @@ fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inpu
     place(tensors, &lives, &homes, &skews)
 }
 
-/// Puts the rows of the inputs side by side and the rows of the output on top of them, if each input row is read for the last
-/// time before its output row is made. An input that is added to the output is read with it: its row must not be touched
-/// before the next, so the output's rows end where the added ones begin.
+/// Interleaves the rows of the inputs and puts the rows of the output on top of them. This needs each input row to be read for the last
+/// time before its output row is made. An input that is added to the output is read with it. Its row must not be overwritten before the
+/// next one, so the output's rows end where the added rows begin.
 fn lay_output_on_inputs(
     tensors: &mut [Tensor],
     operators: &[Operator],
@@ -79,7 +79,7 @@ fn lay_output_on_inputs(
     let (others, all): (usize, usize) =
         (inputs.iter().filter(|i| !added(i)).map(bytes).sum(), inputs.iter().map(bytes).sum());
     let pitch = all.max(tensors[output].row_bytes());
-    // The output's first row begins this much before the first input row.
+    // Distance from the output's first row to the first input row.
     let mut skew = tensors[output].row_bytes().saturating_sub(others);
     for &input in &inputs {
         (homes[input], skews[input]) = (home, skew);
@@ -90,7 +90,7 @@ fn lay_output_on_inputs(
     tensors[output].pitch = pitch;
 }
 
-/// Tells `read` of every tensor and rows that are read, before each step.
+/// Calls `read` before each step, with every tensor and the rows that the step reads.
 fn play(
     tensors: &[Tensor],
     operators: &[Operator],
@@ -106,8 +106,8 @@ fn play(
     }
 }
 
-/// The tensor whose place each takes: its own, or that of the first in a line of sums. A sum may take the place of what is added
-/// if nobody reads a row of the latter once the sum's row is there.
+/// Returns the tensor whose place each tensor takes: itself, or the first in a chain of sums. A sum may take the place of an added tensor
+/// if no operator reads a row of that tensor after the sum's row is written.
 fn find_homes(tensors: &[Tensor], operators: &[Operator], schedule: &[Entry]) -> Vec<usize> {
     let mut homes: Vec<usize> = (0..tensors.len()).collect();
     for operator in operators {
@@ -130,7 +130,7 @@ fn find_homes(tensors: &[Tensor], operators: &[Operator], schedule: &[Entry]) ->
     homes
 }
 
-/// First and last entry (from 1; 0 is before the first) that touches a home.
+/// First and last entry (from 1; 0 is before the first) that uses a place.
 #[derive(Debug, Clone, Copy)]
 struct Life {
     first: usize,
@@ -159,9 +159,9 @@ fn find_lives(
     lives
 }
 
-/// Largest first, each at the lowest offset where no placed tensor with an overlapping life is in the way.
+/// Places the largest tensor first, each at the lowest offset without conflict with a placed tensor in use at the same time.
 fn place(tensors: &mut [Tensor], lives: &[Option<Life>], homes: &[usize], skews: &[usize]) -> usize {
-    // Of all that live in one place, the first to the last byte.
+    // The size of a place is from the first to the last byte of all its tensors.
     let mut sizes = vec![0; tensors.len()];
     for t in 0..tensors.len() {
         sizes[homes[t]] = sizes[homes[t]].max(skews[t] + tensors[t].size_bytes());

@@ -1,7 +1,7 @@
-//! Real weights and ranges to integers: codes of every map, weights, multipliers, tables.
+//! Quantisation: from real weights and ranges to codes of every map, integer weights, multipliers, tables.
 //!
-//! Maps have one scale per channel where nothing forbids it: the scale of an input channel becomes part of the weights that
-//! read it, so it costs nothing. A layer norm needs one scale for all channels, attention one per head.
+//! A map has one scale per channel if possible. The scale of an input channel becomes part of the weights that read it, so it costs
+//! nothing. A layer norm needs one scale for all channels, attention needs one per head.
 
 use super::build::NORM_EPSILON;
 use super::calibrate::Range;
@@ -19,55 +19,55 @@ use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 use elunar_raster::{Error, Result};
 use std::collections::HashMap;
 
-/// Accumulators are planned up to here, leaving room for the bias and for rounded weights.
+/// Limit of accumulators. The rest of the range is for the bias and for the rounding of weights.
 pub(super) const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
-/// Columns of the output map that are computed together: as many as the narrowest panel has channels.
+/// Number of columns of the output map that are computed together. It is the number of channels of the narrowest panel.
 const COLUMNS_AT_ONCE: usize = 8;
-/// Weights from which on rows are made in blocks, and pixels of a block.
+/// With at least this many bytes of weights, rows are computed in blocks. The second constant is the number of pixels in a block.
 const BLOCK_WEIGHT_BYTES: usize = 1 << 20;
 const BLOCK_PIXELS: usize = 80;
-/// Ends the name of an operator that upsamples, in every model file. Not to be changed: the same weights give the same bytes.
+/// End of the name of an operator that upsamples, in every model file. It must not change, so that the same weights give the same bytes.
 pub const UPSAMPLED: &str = ".enlarged";
 
-/// Smallest map whose upsampling is folded into the convolution behind it.
+/// Number of rows of the smallest map whose upsampling is folded into the convolution after it.
 const FOLD_ROWS: usize = 16;
-/// Weights of all filters and corrections of a folded 5x5 convolution, per channel in and out.
+/// Number of weights of all filters and corrections of a folded 5x5 convolution, per input and output channel.
 const FOLDED_TAPS: usize = 12 * 12;
-/// GELU of anything below is 0 within a code step.
+/// Below this value, GELU is 0 within a code step.
 const GELU_FLOOR: f64 = -4.0;
-/// The smallest value GELU takes.
+/// The smallest value of GELU.
 pub(super) const GELU_MINIMUM: f64 = -0.170;
 
-/// The quantised network, tensors not placed yet.
+/// The quantised network, before its tensors are placed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     /// Tensors; the first ones are the inputs.
     pub tensors: Vec<Tensor>,
     /// Operators in order.
     pub operators: Vec<Operator>,
-    /// Name of each operator: that of the node it makes, or computes a part of.
+    /// Name of each operator: the name of the node that it makes, or of which it computes a part.
     pub names: Vec<String>,
     /// Weights, biases, multipliers, tables.
     pub constants: Vec<u8>,
-    /// Tensor that holds each node's map as codes (for the output: as f32).
+    /// Tensor with the codes of each node's map (for the output: with its f32 samples).
     pub tensor_of: Vec<u32>,
-    /// Codes of each node's map; the output's are those of its f32 tensor.
+    /// Codes of each node's map. For the output, they describe its f32 tensor.
     pub codes: Vec<Codes>,
     /// Mean of each node's map over the calibration tiles, per channel.
     pub means: Vec<Vec<f64>>,
 }
 
 impl Program {
-    /// Means of a convolution's input channels.
+    /// Returns the means of a convolution's input channels.
     pub(crate) fn input_means(&self, sources: &[Source]) -> Vec<f64> {
         sources.iter().flat_map(|s| self.means[s.node].iter().copied()).collect()
     }
 }
 
-/// Quantises a graph; `wide` says of every node whether its map keeps 16 bits where it can (see [`can_widen`]).
+/// Quantises a graph. `wide` says for every node whether its map keeps 16 bits, if it can (see [`can_widen`]).
 ///
 /// # Errors
-/// [`Error::Usage`] naming the operator whose sums cannot be kept within 32 bits or whose scales are out of range.
+/// [`Error::Usage`] with the name of the operator whose sums exceed 32 bits or whose scales are out of range.
 pub fn quantise(graph: &Graph, ranges: &[Range], coarse_limit: f32, wide: &[bool]) -> Result<Program> {
     let codes = (0..graph.nodes.len()).map(|id| codes_of(graph, id, &ranges[id], coarse_limit, wide[id])).collect();
     let mut q = Quantiser {
@@ -144,7 +144,7 @@ impl Quantiser<'_> {
         self.program.names.push(name.into());
     }
 
-    /// The tensor of a node upsampled twofold, made once.
+    /// Returns the tensor of a node upsampled twofold. It is made once.
     fn upsampled(&mut self, node: NodeId) -> u32 {
         if let Some(&tensor) = self.upsampled.get(&node) {
             return tensor;
@@ -159,8 +159,8 @@ impl Quantiser<'_> {
         out
     }
 
-    /// How many columns of the one-channel output are computed as channels of one pixel: panels have at least
-    /// [`COLUMNS_AT_ONCE`] channels, and the result is the same bytes.
+    /// Returns the number of columns of the one-channel output that are computed as channels of one pixel. Panels have at least
+    /// [`COLUMNS_AT_ONCE`] channels. The result has the same bytes.
     fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
         let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
         let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= file::MAX_KERNEL;
@@ -172,7 +172,7 @@ impl Quantiser<'_> {
     }
 
     fn constant(&mut self, bytes: impl IntoIterator<Item = u8>) -> usize {
-        // Eight-byte alignment: not needed by the runner, welcome to people with hex editors.
+        // Alignment to eight bytes makes the file easier to read in a hex editor. The runner does not need it.
         self.program.constants.resize(self.program.constants.len().next_multiple_of(8), 0);
         let offset = self.program.constants.len();
         self.program.constants.extend(bytes);
@@ -219,7 +219,7 @@ impl Quantiser<'_> {
             first: read[0],
             second: read.get(1).copied(),
             block: if folds {
-                // Four filters of 16 taps; the corrections are met at the border only.
+                // Four filters of 16 taps. The corrections are used at the border only.
                 block(weight_bytes * 4 * 16 / FOLDED_TAPS, tensors[0].cols)
             } else {
                 block(weight_bytes, self.graph.nodes[id].cols)
@@ -273,7 +273,7 @@ impl Quantiser<'_> {
         let unit = (1u64 << NORM_FRACTION_BITS) as f64;
         let gains: Vec<f64> = gain.iter().zip(&out.scales).map(|(g, s)| *g as f64 / (s * unit)).collect();
         let biases: Vec<f64> = bias.iter().zip(&out.scales).map(|(b, s)| *b as f64 / s).collect();
-        // The bias is kept to 2^59 with its shift.
+        // The bias with its shift is limited to 2^59.
         let room = |s: &u32| largest(&biases) * (1u64 << s) as f64 <= (1u64 << 59) as f64;
         let shift = (1..=shift_for(largest(&gains).max(1e-30))?.min(SHIFT_LIMIT)).rev().find(room)?;
         let squared_channels = (gain.len() * gain.len()) as f64;
@@ -308,7 +308,7 @@ impl Quantiser<'_> {
         let (logit_shift, mean_shift) = (shift_for(largest(&logits))?, shift_for(largest(&means))?);
         let pad_code = |c: usize| (pad[c] as f64 / codes.scales[c]).round().clamp(-127.0, 127.0) as i32 + codes.zero;
         let table = position_bias.len() / heads;
-        // The reference counts query minus key; we count key minus query.
+        // The reference counts query minus key; this program counts key minus query.
         let bias = (0..*heads).flat_map(|h| (0..table).rev().map(move |i| position_bias[i * heads + h]));
         let bias: Vec<i16> = bias.map(|b| (b as f64 * unit).round().clamp(-32767.0, 32767.0) as i16).collect();
         let exp_table = self.exp_table();
@@ -330,7 +330,7 @@ impl Quantiser<'_> {
         Some(Operator::Attention(attention))
     }
 
-    /// The exponential's tables, once for the whole network.
+    /// Returns the offset of the exponential's tables. The whole network shares them.
     fn exp_table(&mut self) -> usize {
         if let Some(table) = self.exp_table {
             return table;
@@ -344,8 +344,8 @@ impl Quantiser<'_> {
     }
 }
 
-/// Whether the upsampling before a convolution is folded into its weights: they grow 6-fold, so only where many pixels share them
-/// (our choice: small maps of 16 rows or more); and no source may need another margin.
+/// Returns whether the upsampling before a convolution is folded into its weights. The weights grow 6-fold, so it is done only if many
+/// pixels share them (our choice: small maps of 16 rows or more). No source may need a different margin.
 pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
     let Operation::Conv { sources, kernel, stride, pad, .. } = &node.operation else { return false };
     let padded_elsewhere = |id: NodeId| {
@@ -358,13 +358,13 @@ pub(crate) fn folds(graph: &Graph, node: &Node) -> bool {
         && sources.iter().all(|s| s.up && graph.nodes[s.node].rows >= FOLD_ROWS && !padded_elsewhere(s.node))
 }
 
-/// Output rows per step (folded, rows of the small map): several where a row of `cols` pixels is short and the weights are more than
-/// a second-level cache holds.
+/// Returns the number of output rows per step (when folded, rows of the small map). It is more than one if a row of `cols` pixels is short
+/// and the weights exceed a second-level cache.
 fn block(weight_bytes: usize, cols: usize) -> usize {
     if weight_bytes < BLOCK_WEIGHT_BYTES { 1 } else { (BLOCK_PIXELS / cols).clamp(1, file::MAX_BLOCK) }
 }
 
-/// A filter with one output as `columns` outputs, each one column to the right of the one before.
+/// Converts a filter with one output into one with `columns` outputs, each one column to the right of the one before.
 fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
     let (side, input, wide) = (kernel.side, kernel.input, kernel.side + columns - 1);
     let mut weights = vec![0.0; columns * side * wide * input];
@@ -379,7 +379,7 @@ fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
     (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights, correction: false })
 }
 
-/// The part of a convolution that is not weights.
+/// Properties of a convolution apart from its weights.
 #[derive(Clone, Copy)]
 struct Form {
     stride: usize,
@@ -390,9 +390,9 @@ struct Form {
 
 /// Symmetric i8 weights with one scale per output channel, and the bias in steps of the accumulator.
 pub(crate) struct Integers {
-    /// One per set of filters.
+    /// Weights of each set of filters.
     pub(crate) filters: Vec<IntegerFilter>,
-    /// Real value of one step of the accumulator, `[output]`.
+    /// Real value of one step of the accumulator, per output channel.
     pub(crate) scales: Vec<f64>,
 }
 
@@ -400,14 +400,14 @@ pub(crate) struct Integers {
 pub(crate) struct IntegerFilter {
     /// Kernel rows and columns.
     pub(crate) extent: (usize, usize),
-    /// `[output][rows][cols][input]`, -127..=127.
+    /// Weights `[output][rows][cols][input]`, -127..=127.
     pub(crate) weights: Vec<i8>,
-    /// `[output]`.
+    /// Bias `[output]`.
     pub(crate) bias: Vec<i32>,
 }
 
-/// `read_scales`: real value of one step of each input channel; `means`: the channels' means. What rounding the weights does to
-/// the mean of the output, the bias takes back.
+/// Quantises weights. `read_scales` is the real value of one step of each input channel; `means` are the channels' means. Rounding of the
+/// weights changes the mean of the output, and the bias compensates for this.
 pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales: &[f64], means: &[f64]) -> Integers {
     let real = |filter: &Filter, o: usize| -> Vec<f64> {
         let taps = filter.weights.len() / kernel.output;
@@ -416,7 +416,7 @@ pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales:
     };
     let scale = |o: usize| {
         let widest = filters.iter().map(|f| largest(&real(f, o))).fold(0.0, f64::max);
-        // The bias must fit as well, with room for the sum beside it.
+        // The bias must fit as well, together with the sum.
         (widest / 127.0).max(kernel.bias[o].abs() as f64 / (1u64 << 26) as f64).max(1e-18)
     };
     let scales: Vec<f64> = (0..kernel.output).map(scale).collect();
@@ -437,7 +437,7 @@ pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales:
     Integers { filters: filters.iter().map(round).collect(), scales }
 }
 
-/// Margins as wide as the widest padding of a tensor's readers, or two repeated columns where an upsampling is folded.
+/// Sets margins as wide as the widest padding of a tensor's readers, or two repeated columns for a folded upsampling.
 fn set_margins(tensors: &mut [Tensor], operators: &[Operator]) {
     for operator in operators {
         let Operator::Conv(conv) = operator else { continue };
@@ -452,7 +452,7 @@ fn set_margins(tensors: &mut [Tensor], operators: &[Operator]) {
     }
 }
 
-/// Table from intermediate code to GELU's code, with the intermediate step and zero.
+/// Returns the table from intermediate code to GELU's code, with the intermediate step and zero.
 pub(crate) fn gelu_table(codes: &Codes) -> (Vec<u8>, f64, i32) {
     let top = (codes.hi - codes.zero) as f64 * codes.scales[0];
     let step = (top - GELU_MINIMUM - GELU_FLOOR) / (CODE_TABLE_LEN - 1) as f64;

@@ -1,4 +1,4 @@
-//! What quantisation costs: the runner against the float network on tiles that calibration has not seen.
+//! The error of quantisation: the runner against the float network, on tiles that were not used for calibration.
 
 use super::calibrate::CalibrationTile;
 use super::compile::Export;
@@ -13,13 +13,13 @@ use std::fmt;
 /// Differences between the int8 runner and the float network.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Comparison {
-    /// Tiles compared.
+    /// Number of tiles compared.
     pub tiles: usize,
     /// Root mean square difference, normalised units.
     pub rmse_units: f64,
     /// Largest difference, normalised units.
     pub max_units: f64,
-    /// The same in metres, and what it does to the DTM, where the tiles are terrain.
+    /// The differences in metres, and their effect on the DTM; `None` if the tiles are not terrain.
     pub ground: Option<GroundComparison>,
 }
 
@@ -40,13 +40,13 @@ pub struct GroundComparison {
     pub float_slope_error_deg: f64,
     /// Slope error of the int8 runner against the truth, degrees.
     pub int8_slope_error_deg: f64,
-    /// By how much the error against the truth grows from float to int8, percent.
+    /// Growth of the error against the truth from float to int8, percent.
     pub error_growth_percent: f64,
-    /// By how much the slope error grows, percent.
+    /// Growth of the slope error, percent.
     pub slope_error_growth_percent: f64,
 }
 
-/// Runs both networks on every tile. `progress` is told after each.
+/// Runs both networks on every tile. Calls `progress` after each.
 ///
 /// # Errors
 /// [`Error::Usage`] if the runner refuses a tile.
@@ -76,7 +76,7 @@ pub(crate) struct Sums {
     metres: Mean,
     max_m: f64,
     slope: Mean,
-    /// Float and int8 against the truth: metres, then degrees.
+    /// Errors of float and int8 against the truth: metres, then degrees.
     errors: [Mean; 4],
 }
 
@@ -118,7 +118,7 @@ impl Sums {
         self.errors[3].take(&slopes[1], &slopes[2], 1.0);
     }
 
-    /// The comparison of `tiles` tiles.
+    /// Returns the comparison over `tiles` tiles.
     pub(crate) fn comparison(&self, tiles: usize) -> Comparison {
         let [float_error_m, int8_error_m, float_slope_error_deg, int8_slope_error_deg] = self.errors.map(Mean::root);
         let ground = GroundComparison {
@@ -141,17 +141,17 @@ impl Sums {
     }
 }
 
-/// From one error to another; 0 where there was none.
+/// Returns the growth from one error to another, percent; 0 if the first is 0.
 pub(crate) fn growth_percent(before: f64, after: f64) -> f64 {
     if before > 0.0 { 100.0 * (after / before - 1.0) } else { 0.0 }
 }
 
-/// Horn slope of normalised heights, degrees; NaN at the border.
+/// Returns the Horn slope of normalised heights, degrees; NaN at the border.
 fn slope(map: &[f32], rows: usize, cols: usize, metres_per_unit: f32, pixel_m: f32) -> Vec<f32> {
     let metres: Vec<f32> = map.iter().map(|v| v * metres_per_unit).collect();
     let mut out = vec![f32::NAN; metres.len()];
     if let Ok(grid) = GridView::new(&metres, rows, cols) {
-        // The lengths agree by construction.
+        // The lengths are equal by construction.
         let _ = slope_deg(grid, PixelSize::square(pixel_m as f64), &mut out);
     }
     out

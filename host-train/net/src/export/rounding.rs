@@ -1,4 +1,4 @@
-//! Single steps of quantisation inside the float network: one map through its codes and back, or one layer's weights.
+//! Single steps of quantisation within the float network: the rounding of one map to its codes, or of one layer's weights.
 
 use super::calibrate::Range;
 use super::codes::{Codes, codes_of};
@@ -10,25 +10,25 @@ use super::quantise::{folds, gelu_table, quantise_weights};
 use elunar_core::nn::file::{PHASE_TAPS, PHASES, Phase};
 use rayon::prelude::*;
 
-/// What rounding needs to know of the network.
+/// Data of the network for rounding.
 pub(crate) struct Rounder<'a> {
     /// The network.
     pub graph: &'a Graph,
-    /// What its maps reach.
+    /// Ranges of its maps.
     pub ranges: &'a [Range],
     /// Upper end of the normalised elevation range.
     pub coarse_limit: f32,
-    /// Which maps keep 16 bits; the scales of a layer's inputs are part of its weights.
+    /// Whether each map keeps 16 bits. The scales of a layer's inputs are part of its weights.
     pub wide: &'a [bool],
 }
 
 impl Rounder<'_> {
-    /// The map of node `id` as the codes of 8 or 16 bits (`wide`) can tell it, and how many samples are beyond them.
+    /// Computes the map of node `id`, rounded to codes of 8 or 16 bits (`wide`). Also returns the number of samples beyond the codes.
     pub(crate) fn map(&self, id: NodeId, wide: bool, maps: Maps<'_, '_>) -> (Vec<f32>, usize) {
         let node = &self.graph.nodes[id];
         let codes = codes_of(self.graph, id, &self.ranges[id], self.coarse_limit, wide);
         if let Operation::Conv { sources, kernel, stride, pad, add, activation: Activation::Gelu } = &node.operation {
-            // The runner's table takes codes as well.
+            // The runner's table also reads codes.
             let (sources, kernel, activation) = (sources.clone(), kernel.clone(), Activation::None);
             let plain = Operation::Conv { sources, kernel, stride: *stride, pad: *pad, add: *add, activation };
             let mut map = float::compute(self.graph, &Node { operation: plain, ..node.clone() }, maps);
@@ -46,7 +46,7 @@ impl Rounder<'_> {
         (map, cut)
     }
 
-    /// The map of node `id`, computed with weights of 8 bits; `None` if it has no weights that are rounded.
+    /// Computes the map of node `id` with weights of 8 bits; `None` if none of its weights are rounded.
     pub(crate) fn weights(&self, id: NodeId, maps: Maps<'_, '_>) -> Option<Vec<f32>> {
         let node = &self.graph.nodes[id];
         let Operation::Conv { sources, kernel, stride, pad, add, activation } = &node.operation else { return None };
@@ -80,8 +80,8 @@ impl Rounder<'_> {
         Some(float::compute(self.graph, &Node { operation, ..node.clone() }, maps))
     }
 
-    /// A convolution that contains the upsampling, without what follows it: every output phase has filters of its own, and borders
-    /// their corrections.
+    /// Computes a convolution that contains the upsampling, without its activation. Every output phase has its own filters, and borders
+    /// have corrections.
     fn folded(&self, node: &Node, sources: &[Source], filters: &[Kernel], maps: Maps<'_, '_>) -> Vec<f32> {
         let (rows, cols) = (node.rows / 2, node.cols / 2);
         let mut map = vec![0.0; node.len()];
@@ -113,7 +113,7 @@ impl Rounder<'_> {
     }
 }
 
-/// What an output reads along an axis of `len` small samples: number of the filter or correction, and samples.
+/// Returns what an output reads along an axis of `len` small samples: number of the filter or correction, and samples.
 fn parts(index: usize, len: usize) -> [Option<(usize, std::ops::Range<isize>)>; 2] {
     let phase = Phase::of(index, len);
     let taps = PHASE_TAPS[phase.filter] as isize;
@@ -121,7 +121,7 @@ fn parts(index: usize, len: usize) -> [Option<(usize, std::ops::Range<isize>)>; 
     [Some((phase.filter, phase.first..phase.first + taps)), correction]
 }
 
-/// To the nearest code and back; returns how many samples were beyond the codes.
+/// Rounds samples to the nearest code. Returns the number of samples beyond the codes.
 fn round(map: &mut [f32], codes: &Codes) -> usize {
     let (low, high) = ((codes.lo - codes.zero) as f64, (codes.hi - codes.zero) as f64);
     let mut cut = 0;

@@ -1,38 +1,38 @@
-//! The order in which rows are made: each as late as its reader allows, so that few are alive at a time.
+//! The order in which rows are computed. Each row is computed as late as its reader allows, so that few rows are kept at a time.
 //!
-//! The output is made row by row; every step first asks the operators before it for the rows it reads. Only a layer norm whose
-//! input is read by other layer norms runs as soon as it can: its 8-bit output takes less memory than the 16-bit input that
-//! would have to wait for it.
+//! The output is computed row by row. Every step first runs the operators before it for the rows it reads. A layer norm whose input is read
+//! by other layer norms is an exception and runs as soon as possible: its 8-bit output takes less memory than the 16-bit input, which would
+//! otherwise be kept.
 //!
-//! Before that come milestones: operators that are run to their end, one after the other, so that what they read may go. A map that many
-//! rows of the output wait for is kept whole anyway; made first, it does not share the arena with what is made of it.
+//! Milestones come first: operators that run to their end, one after the other, so that the memory of their inputs is free. A map that many
+//! rows of the output depend on is kept whole in any case. If it is computed first, it does not share the arena with its results.
 
 use elunar_core::nn::file::{Dtype, Entry, Operator, Tensor};
 
-/// A program being played.
+/// A program during a simulated run.
 pub struct Play<'a> {
     tensors: &'a [Tensor],
     operators: &'a [Operator],
     writer: Vec<Option<usize>>,
-    /// Steps done of each operator.
+    /// Number of steps done of each operator.
     done: Vec<usize>,
 }
 
 impl<'a> Play<'a> {
-    /// Before the first step.
+    /// Starts a simulated run before the first step.
     pub fn new(tensors: &'a [Tensor], operators: &'a [Operator]) -> Self {
         let mut writer = vec![None; tensors.len()];
         operators.iter().enumerate().for_each(|(index, op)| writer[op.output() as usize] = Some(index));
         Self { tensors, operators, writer, done: vec![0; operators.len()] }
     }
 
-    /// Rows of a tensor that have been made.
+    /// Returns the number of rows of a tensor that have been computed.
     pub fn made(&self, tensor: usize) -> usize {
         let t = &self.tensors[tensor];
         self.writer[tensor].map_or(t.rows, |w| self.operators[w].rows_after(t, self.done[w]).min(t.rows))
     }
 
-    /// The tensors that an operator's step reads, with the rows.
+    /// Returns the tensors that an operator's step reads, with the rows.
     pub fn reads(&self, operator: usize, step: usize) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
         let op = &self.operators[operator];
         let out = &self.tensors[op.output() as usize];
@@ -53,10 +53,10 @@ impl<'a> Play<'a> {
     }
 }
 
-/// The schedule of a program whose last operator makes the output; `milestones` are operators that come first, in this order.
+/// Returns the schedule of a program whose last operator makes the output. `milestones` are operators that run first, in this order.
 pub fn schedule(tensors: &[Tensor], operators: &[Operator], milestones: &[usize]) -> Vec<Entry> {
     let mut scheduler = Scheduler { play: Play::new(tensors, operators), entries: Vec::new(), eager: eager(operators) };
-    // Then the last operator; what nobody asked for at the end.
+    // Then the last operator, then all operators with remaining steps.
     for operator in milestones.iter().copied().chain((0..operators.len()).rev()) {
         while scheduler.play.done[operator] < scheduler.play.steps(operator) {
             scheduler.run(operator);
@@ -65,7 +65,7 @@ pub fn schedule(tensors: &[Tensor], operators: &[Operator], milestones: &[usize]
     scheduler.entries
 }
 
-/// Operators that run as soon as they can.
+/// Returns which operators run as soon as possible.
 fn eager(operators: &[Operator]) -> Vec<bool> {
     let norm = |op: &Operator| matches!(op, Operator::LayerNorm(_));
     let eager = |op: &Operator| {
@@ -82,11 +82,11 @@ struct Scheduler<'a> {
 }
 
 impl Scheduler<'_> {
-    /// Runs the next step of an operator, and before it whatever it needs.
+    /// Runs the next step of an operator, after all steps that it needs.
     fn run(&mut self, operator: usize) {
         let step = self.play.done[operator];
         let reads: Vec<_> = self.play.reads(operator, step).collect();
-        // Skip connections come first in the list; what they wait for last.
+        // The list has skip connections first, and the input that they wait for last.
         for (tensor, rows) in reads.iter().rev() {
             self.prepare(*tensor, rows.end);
         }
@@ -97,7 +97,7 @@ impl Scheduler<'_> {
             }
         }
         if self.play.done[operator] > step {
-            return; // An eager operator that ran as soon as its input was there.
+            return; // An eager operator ran as soon as its input was complete.
         }
         match self.entries.last_mut() {
             Some(last) if last.operator == operator => last.count += 1,
@@ -112,8 +112,8 @@ impl Scheduler<'_> {
         }
     }
 
-    /// Makes what rows of a tensor up to `end` are computed from, but not what is quickly made of it: a layer norm or a linear
-    /// layer would only lie there until the rest has come.
+    /// Prepares rows of a tensor up to `end`. For a layer norm or a linear layer only the inputs are computed, not the result. The result
+    /// is quick to compute, and would occupy memory until the other inputs are complete.
     fn prepare(&mut self, tensor: usize, end: usize) {
         let Some(writer) = self.play.writer[tensor] else { return };
         if self.play.made(tensor) >= end {

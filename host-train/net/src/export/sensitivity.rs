@@ -1,9 +1,9 @@
-//! What each layer's precision costs in metres and slope: the float network with one map rounded to its codes, or with the weights
-//! of one layer rounded, against the float network as it is.
+//! The effect of each layer's precision in metres and slope. The float network with one map rounded to its codes, or with the weights of
+//! one layer rounded, is compared with the unchanged float network.
 //!
-//! Each rounding is measured alone; together they are taken as independent: their squares add up. That is too much where tiles go
-//! beyond what calibration saw: an outlier is cut once, by the first map that cannot hold it, and later maps hold what is left.
-//! The runner itself, in which everything is rounded at once, is what [`report`](super::report) measures.
+//! Each rounding is measured separately. For all together, roundings count as independent: their squares are added. The sum is too large if
+//! tiles exceed the calibrated ranges: the first map that cannot represent an outlier clamps it, and later maps are not affected any more.
+//! [`report`](super::report) measures the runner itself, with all roundings at once.
 
 use super::calibrate::CalibrationTile;
 use super::codes::can_widen;
@@ -18,45 +18,45 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What one rounding does to the DTM.
+/// Effect of one rounding on the DTM.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Effect {
     /// Root mean square difference to the float network, metres.
     pub rmse_m: f64,
     /// Root mean square difference of Horn slopes, degrees.
     pub slope_rmse_deg: f64,
-    /// By how much the error against the truth grows, percent.
+    /// Growth of the error against the truth, percent.
     pub error_growth_percent: f64,
-    /// By how much the slope error grows, percent.
+    /// Growth of the slope error, percent.
     pub slope_error_growth_percent: f64,
-    /// Samples of a map that lie beyond its codes, per million: more than calibration saw. What they cost is not rounding.
+    /// Samples of a map beyond its codes, per million. They exceed the calibrated range; their effect is not rounding.
     pub cut_ppm: f64,
 }
 
-/// One node of the network.
+/// Effects on one node of the network.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Layer {
-    /// Its name.
+    /// Name of the node.
     pub name: String,
     /// Rows, columns, channels of its map.
     pub shape: [usize; 3],
-    /// Bits that the export keeps of its map; the output has none to spare, it stays float.
+    /// Bits of its map in the export; `None` for the output, which is float.
     pub bits: Option<u8>,
-    /// Its map with 8 bits; not for inputs, whose types are fixed, and the output.
+    /// Effect of its map with 8 bits; `None` for inputs, whose types are fixed, and for the output.
     pub map8: Option<Effect>,
-    /// Its map with 16 bits, where the runner allows that.
+    /// Effect of its map with 16 bits; `None` if the runner cannot use 16.
     pub map16: Option<Effect>,
-    /// Its weights with 8 bits, as the runner has them.
+    /// Effect of its weights with 8 bits, as in the runner.
     pub weights8: Option<Effect>,
 }
 
 impl Layer {
-    /// The effect of its map as the export keeps it.
+    /// Returns the effect of its map with the export's bits.
     pub fn kept(&self) -> Option<Effect> {
         if self.bits == Some(8) { self.map8 } else { self.map16 }
     }
 
-    /// The larger of what its map costs as 8 bits (as 16 where it cannot have 8) and what its weights cost, degrees of slope.
+    /// Returns the larger of two effects, degrees of slope: of its map with 8 bits (with 16 if it cannot have 8), and of its weights.
     fn weight_deg(&self) -> f64 {
         let of = |effect: Option<Effect>| effect.map_or(0.0, |e| e.slope_rmse_deg);
         of(self.map8.or(self.map16)).max(of(self.weights8))
@@ -66,15 +66,15 @@ impl Layer {
 /// The whole measurement.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sensitivity {
-    /// Tiles measured.
+    /// Number of tiles measured.
     pub tiles: usize,
     /// Error of the float network against the truth, metres.
     pub float_error_m: f64,
-    /// Its slope error, degrees.
+    /// Slope error of the float network, degrees.
     pub float_slope_error_deg: f64,
-    /// What all roundings of the export together should do if they were independent of each other and of the network's error.
+    /// Expected effect of all roundings together, if they are independent of each other and of the network's error.
     pub predicted: Effect,
-    /// In the order of the network.
+    /// The layers in the order of the network.
     pub layers: Vec<Layer>,
 }
 
@@ -85,14 +85,14 @@ enum Change {
     Weights(NodeId),
 }
 
-/// What is measured, and how many roundings that makes per tile.
+/// The roundings to be measured.
 pub struct Plan<'a> {
     rounder: Rounder<'a>,
     changes: Vec<Change>,
 }
 
 impl<'a> Plan<'a> {
-    /// All roundings of a network whose maps reach `ranges` and keep 16 bits where `wide` says so.
+    /// Plans all roundings of a network. Its maps have `ranges`, and keep 16 bits where `wide` is true.
     pub fn new(graph: &'a Graph, ranges: &'a [Range], coarse_limit: f32, wide: &'a [bool]) -> Self {
         let mut changes = Vec::new();
         for id in (0..graph.nodes.len()).filter(|id| *id != graph.output()) {
@@ -109,12 +109,12 @@ impl<'a> Plan<'a> {
         Self { rounder: Rounder { graph, ranges, coarse_limit, wide }, changes }
     }
 
-    /// Roundings per tile.
+    /// Returns the number of roundings per tile.
     pub fn roundings(&self) -> usize {
         self.changes.len()
     }
 
-    /// Measures on tiles that are terrain; `progress` is told how many roundings are done, from several threads.
+    /// Measures on tiles of terrain. Calls `progress` with the number of roundings done, from several threads.
     ///
     /// # Errors
     /// [`Error::Usage`] without tiles, or if one has no truth.
@@ -138,7 +138,7 @@ impl<'a> Plan<'a> {
         Ok(self.gather(&sums, tiles.len()))
     }
 
-    /// The output with one rounding, and how many samples were beyond the codes; only what depends on the rounded map is
+    /// Returns the output with one rounding, and the number of samples beyond the codes. Only maps that depend on the rounded map are
     /// computed again.
     fn output(&self, change: Change, base: &[Vec<f32>]) -> (Vec<f32>, usize) {
         let graph = self.rounder.graph;
@@ -200,7 +200,7 @@ impl<'a> Plan<'a> {
 }
 
 impl Sensitivity {
-    /// All roundings together, as the layers' bits are.
+    /// Returns the expected effect of all roundings together, with the layers' bits.
     pub fn predict(&self) -> Effect {
         let all = || self.layers.iter().flat_map(|l| [l.kept(), l.weights8]).flatten();
         let square = |of: fn(&Effect) -> f64| all().map(|e| of(&e).powi(2)).sum::<f64>();
@@ -215,7 +215,7 @@ impl Sensitivity {
         }
     }
 
-    /// Nodes whose maps may have 8 bits or 16, those that gain most from 16 first.
+    /// Returns the nodes whose maps can have 8 bits or 16. Those with the largest gain from 16 come first.
     pub fn by_gain(&self) -> Vec<NodeId> {
         let gain = |layer: &Layer| {
             let (eight, sixteen) = (layer.map8?, layer.map16?);
@@ -227,7 +227,7 @@ impl Sensitivity {
         gains.into_iter().map(|(id, _)| id).collect()
     }
 
-    /// Says of every map whether it keeps 16 bits, and predicts anew.
+    /// Sets for every map whether it keeps 16 bits, and updates the prediction.
     pub fn set_wide(&mut self, wide: &[bool]) {
         for (layer, &wide) in self.layers.iter_mut().zip(wide).filter(|(l, _)| l.map8.is_some() && l.map16.is_some()) {
             layer.bits = Some(if wide { 16 } else { 8 });
@@ -235,7 +235,7 @@ impl Sensitivity {
         self.predicted = self.predict();
     }
 
-    /// The layers with the largest effect on slope first.
+    /// Returns the layers, with the largest effect on slope first.
     pub fn ranked(&self) -> Vec<&Layer> {
         let mut layers: Vec<&Layer> = self.layers.iter().collect();
         layers.sort_by(|a, b| b.weight_deg().total_cmp(&a.weight_deg()));

@@ -1,20 +1,20 @@
-//! The model file's bytes.
+//! The bytes of a model file.
 
 use elunar_core::nn::file::{
     CHUNK_BYTES, CHUNK_RECORD_BYTES, Entry, HEADER_BYTES, MAGIC, Operator, Tensor, VERSION, seal_file, word,
 };
 use elunar_core::nn::{Illumination, TruthRange};
 
-/// What a file holds, beside checksums and offsets.
+/// Content of a file, without checksums and offsets.
 #[derive(Debug, Clone)]
 pub struct Content<'a> {
     /// Descriptive JSON.
     pub text: &'a str,
-    /// Tensors at their places in the arena.
+    /// Tensors with their places in the arena.
     pub tensors: &'a [Tensor],
-    /// Operators, the last of which writes the output.
+    /// Operators. The last one writes the output.
     pub operators: &'a [Operator],
-    /// Schedule: in which order the operators' steps run.
+    /// Schedule: the order of the operators' steps.
     pub schedule: &'a [Entry],
     /// Constants: weights, biases, multipliers, tables, at the offsets that the operators name.
     pub constants: &'a [u8],
@@ -24,9 +24,9 @@ pub struct Content<'a> {
     pub nr: f32,
     /// Share of the coarse relief by which its range is widened below and above.
     pub range_margin: f32,
-    /// Whose range normalised the truth in training.
+    /// Which DTM's range normalised the truth in training.
     pub truth_range: TruthRange,
-    /// Which light the network knows.
+    /// Light for which the network was trained.
     pub illumination: Illumination,
     /// Numbers of the image, coarse and output tensors; [`elunar_core::nn::file::NONE`] for coarse codes that no operator reads.
     pub roles: [u32; 3],

@@ -1,4 +1,4 @@
-//! What a model file or a file of tensors is understood as, in words.
+//! Descriptions of model files and files of tensors.
 
 pub mod model;
 mod network;
@@ -12,13 +12,13 @@ use elunar_raster::{Error, Result};
 use model::Plan;
 use std::path::Path;
 
-/// Length of a safetensors header, then the `{` it begins with.
+/// Length field of a safetensors header, and its first byte `{`.
 const SAFETENSORS_HEAD_BYTES: usize = 9;
 
-/// The plan of a model file whose first bytes are `head`; with a kernel and a number of tiles, measured.
+/// Returns the plan of a model file whose first bytes are `head`. With a kernel and a number of tiles, the plan has measured times.
 ///
 /// # Errors
-/// [`Error::Usage`] if it is no model, or its self test fails; [`Error::Broken`] if it is a damaged one.
+/// [`Error::Usage`] if the file is not a model, or its self test fails; [`Error::Broken`] if the model is damaged.
 pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<Plan> {
     if !is_model(head, path) {
         let what = "expected a model (.eld), the only kind of file that has a plan";
@@ -33,14 +33,14 @@ pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<P
     Ok(plan)
 }
 
-/// Whether a file that begins with `head` is a model, or is called one.
+/// Returns whether a file that begins with `head` is a model, or has a model's extension.
 pub fn is_model(head: &[u8], path: &Path) -> bool {
     head.starts_with(&MAGIC) || path.extension().is_some_and(|e| e == "eld")
 }
 
-/// Whether a file that begins with `head` is a safetensors file.
+/// Returns whether a file that begins with `head` is a safetensors file.
 pub fn is_safetensors(head: &[u8]) -> bool {
-    // Their library refuses headers from 100 MB on.
+    // The safetensors library refuses headers from 100 MB on.
     let length = head.first_chunk().map(|&length| u64::from_le_bytes(length));
     length.is_some_and(|length| (2..100_000_000).contains(&length))
         && head.get(SAFETENSORS_HEAD_BYTES - 1) == Some(&b'{')

@@ -1,4 +1,4 @@
-//! What the int8 runner would do with a model: its operators, where its tensors lie in the arena, and when each is alive.
+//! The plan of a model: its operators, the places of its tensors in the arena, and when each is in use.
 
 use super::timing::Times;
 use crate::digest::sha256_hex;
@@ -8,16 +8,16 @@ use elunar_core::tile::Shape;
 use elunar_raster::{Error, Result};
 use serde::Serialize;
 
-/// A model in figures.
+/// The figures of a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
     /// Name in the file.
     pub name: String,
-    /// Bits of the maps, as the export was asked for.
+    /// Bits of the maps, as chosen for the export.
     pub precision: String,
     /// The network's configuration.
     pub config: serde_json::Value,
-    /// Of the whole file.
+    /// SHA-256 of the whole file.
     pub sha256: String,
     /// Rows and columns of a tile.
     pub tile: (usize, usize),
@@ -25,30 +25,30 @@ pub struct Plan {
     pub nr: f32,
     /// Share by which the coarse relief is widened.
     pub range_margin: f32,
-    /// Whose range normalised the truth.
+    /// Which DTM's range normalised the truth.
     pub truth_range: String,
     /// Bytes of the file.
     pub file_bytes: usize,
     /// Bytes of weights, multipliers and tables.
     pub constants_bytes: usize,
-    /// Bytes of memory the runner asks for.
+    /// Size of the arena, bytes.
     pub arena_bytes: usize,
-    /// Of these, working memory of the operator at work, behind the tensors.
+    /// Part of the arena that is working memory of the current operator, behind the tensors, bytes.
     pub scratch_bytes: usize,
-    /// Most bytes of tensors that are alive together: no arrangement could do with less. What the arena has above it are gaps.
+    /// Greatest number of bytes of tensors in use at the same time. No placement needs less. The rest of the arena is gaps.
     pub live_peak_bytes: usize,
-    /// Entries of the schedule.
+    /// Number of entries of the schedule.
     pub entries: usize,
     /// Multiply-accumulates per tile.
     pub macs: u64,
-    /// In the order of the file.
+    /// Operators in the order of the file.
     pub operators: Vec<OperatorLine>,
-    /// In the order of the file; tensors that nobody touches are left out.
+    /// Tensors in the order of the file. Unused tensors are left out.
     pub tensors: Vec<TensorLife>,
-    /// Bytes of live tensors from each moment on: (multiply-accumulates done, bytes).
+    /// Bytes of tensors in use from each moment on: (multiply-accumulates done, bytes).
     #[serde(skip)]
     pub live: Vec<(u64, usize)>,
-    /// If it was measured.
+    /// Times, if they were measured.
     pub time: Option<Times>,
 }
 
@@ -65,45 +65,45 @@ pub struct OperatorLine {
     pub dtype: &'static str,
     /// Rows of the output that are kept at a time.
     pub rows_kept: usize,
-    /// Columns more on both sides.
+    /// Number of additional columns on both sides.
     pub margin: usize,
     /// Multiply-accumulates.
     pub macs: u64,
-    /// Bytes of packed weights (convolutions only; biases, multipliers and tables not counted).
+    /// Bytes of packed weights (convolutions only; without biases, multipliers and tables).
     pub weight_bytes: usize,
-    /// Bytes of the kept rows of its output. Where rows of several tensors lie between each other, they span more.
+    /// Bytes of the kept rows of its output. If rows of several tensors are interleaved, they span more.
     pub activation_bytes: usize,
-    /// Where they begin.
+    /// Offset of the output in the arena, bytes.
     pub offset: usize,
-    /// Milliseconds per tile, if measured, with the overhead of stepping.
+    /// Milliseconds per tile, with the overhead of stepping; `None` if not measured.
     pub ms: Option<f64>,
-    /// Its share of the tile's time.
+    /// Share of the tile's time.
     pub share: Option<f64>,
     /// Multiply-accumulates per second / 10^9.
     pub gmac_per_s: Option<f64>,
 }
 
-/// Where a tensor lies, and when it is alive.
+/// The place of a tensor, and when it is in use.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TensorLife {
-    /// Name of what writes it.
+    /// Name of the operator that writes it.
     pub name: String,
     /// First byte in the arena.
     pub offset: usize,
-    /// Bytes from there to its last one, with what may lie between its rows.
+    /// Bytes from there to its last byte, including gaps between its rows.
     pub bytes: usize,
-    /// Number of the schedule's first entry that touches it, from 1; 0 for inputs.
+    /// Number of the schedule's first entry that uses the tensor, from 1; 0 for inputs.
     pub first_entry: usize,
-    /// The last.
+    /// Number of the last entry that uses the tensor.
     pub last_entry: usize,
-    /// Multiply-accumulates done when it begins to be alive.
+    /// Multiply-accumulates done when its use begins.
     pub first_mac: u64,
     /// Multiply-accumulates done when it is no longer needed.
     pub last_mac: u64,
 }
 
 impl Plan {
-    /// Reads it off a validated model; nothing is run.
+    /// Reads the plan of a validated model. The model is not run.
     pub fn of(model: &Model<'_>) -> Self {
         let Shape { rows, cols } = model.tile();
         let text: serde_json::Value = serde_json::from_str(model.text()).unwrap_or_default();
@@ -137,7 +137,7 @@ impl Plan {
         }
     }
 
-    /// Takes in a measurement of the same model.
+    /// Adds a measurement of the same model.
     pub fn set_times(&mut self, times: Times) {
         let all: f64 = times.operators_ms.iter().sum();
         for (line, &ms) in self.operators.iter_mut().zip(&times.operators_ms) {
@@ -148,10 +148,10 @@ impl Plan {
         self.time = Some(times);
     }
 
-    /// As JSON, in one line.
+    /// Returns the plan as JSON, in one line.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a number has no form in JSON.
+    /// [`Error::Usage`] if JSON cannot represent a number.
     pub fn json(&self) -> Result<String> {
         serde_json::to_string(self).map_err(|e| Error::usage(format!("inspect: {e}")))
     }
@@ -186,7 +186,7 @@ fn dtype(t: &Tensor) -> &'static str {
     }
 }
 
-/// Multiply-accumulates of an entry of the schedule.
+/// Returns the multiply-accumulates of an entry of the schedule.
 pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
     let Some(entry) = model.entry(index) else { return 0 };
     let Some(operator) = model.operator(entry.operator) else { return 0 };
@@ -195,7 +195,7 @@ pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
     steps.map(of).sum()
 }
 
-/// Multiply-accumulates done before the first entry, after the first, after the second, ...
+/// Returns the multiply-accumulates done before the first entry, after the first, after the second, ...
 fn entry_ends(model: &Model<'_>) -> Vec<u64> {
     let mut done = 0;
     let after = (0..model.entry_count()).map(|index| {
@@ -242,7 +242,7 @@ fn lives(model: &Model<'_>, names: &[String], ends: &[u64]) -> Vec<TensorLife> {
     called.into_iter().enumerate().filter_map(life).collect()
 }
 
-/// Live bytes during every entry. Where a sum takes the place of what was added, the place counts once.
+/// Returns the bytes in use during every entry. If a sum takes the place of what was added, the place counts once.
 fn live_bytes(tensors: &[TensorLife], ends: &[u64]) -> Vec<(u64, usize)> {
     let during = |entry: usize| {
         let mut places: Vec<(usize, usize)> = tensors

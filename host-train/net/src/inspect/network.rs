@@ -1,4 +1,4 @@
-//! Model files and tensors in words.
+//! Descriptions of model files and tensors.
 
 use super::model::{OperatorLine, Plan};
 use crate::digest::sha256_hex;
@@ -6,7 +6,7 @@ use crate::weights::Weights;
 use elunar_raster::{Error, Result};
 use std::path::Path;
 
-/// Tensors of a safetensors file in words: weights, a golden case, or neither.
+/// Describes the tensors of a safetensors file: weights, a golden case, or neither.
 ///
 /// # Errors
 /// If the file cannot be read, or is broken.
@@ -28,7 +28,7 @@ pub fn tensors(path: &Path) -> Result<String> {
     Ok(out.trim_end().into())
 }
 
-/// A plan in words, in several lines without the last line's end.
+/// Describes a plan in several lines, without a newline at the end.
 pub fn model(plan: &Plan) -> String {
     let Plan { tile: (rows, cols), .. } = plan;
     let mut out = format!("int8 model for tiles of {rows} x {cols}, normalised to [0, {}]", plan.nr);

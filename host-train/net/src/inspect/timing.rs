@@ -1,4 +1,4 @@
-//! Where a tile's time goes: the self-test tile, one entry of the schedule at a time.
+//! Times of a tile's operators, measured on the self-test tile, one entry of the schedule at a time.
 
 use super::model::entry_macs;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
@@ -10,18 +10,18 @@ use std::time::Instant;
 /// Milliseconds per tile.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Times {
-    /// What computed.
+    /// Name of the kernel.
     pub kernel: &'static str,
-    /// Tiles measured, after one that was not.
+    /// Number of tiles measured, after one tile that was not.
     pub tiles: usize,
-    /// Of every operator, the median over the tiles; stepping and reading the clock are contained.
+    /// Median over the tiles, for every operator, milliseconds. Stepping and reading the clock are included.
     #[serde(skip)]
     pub operators_ms: Vec<f64>,
-    /// Of a tile, entry by entry: the sum of the operators.
+    /// Sum of the operators, milliseconds per tile.
     pub tile_ms: f64,
 }
 
-/// Runs `tiles` tiles and one before them.
+/// Runs `tiles` tiles, after one tile that is not measured.
 ///
 /// # Errors
 /// [`Error::Usage`] if the self test fails.
@@ -37,13 +37,13 @@ pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> 
         let mut before = Instant::now();
         while let Some(entry) = runner.position().and_then(|at| model.entry(at).map(|entry| (at, entry))) {
             let (at, entry) = entry;
-            // Exactly this entry: the runner stops at the first unit behind its budget.
+            // This runs exactly one entry: the runner stops at the first unit beyond its budget.
             runner.step(budgets[at]).map_err(fault)?;
             let after = Instant::now();
             seconds[entry.operator] += after.duration_since(before).as_secs_f64();
             before = after;
         }
-        // What is left is the model's checksums, which belong to no operator.
+        // The rest is the model's checksums, which belong to no operator.
         while runner.step(u64::MAX).map_err(fault)? == Progress::Running {}
         runner.check_self_test().map_err(fault)?;
         if tile > 0 {

@@ -1,4 +1,4 @@
-//! GDAL's warper as oracle. Needs `python3` with `rasterio`; says so where it is absent.
+//! Comparison with GDAL's warper. Needs `python3` with `rasterio`; says so if it is absent.
 
 use super::*;
 use crate::source::InMemory;
@@ -13,8 +13,8 @@ fn raster(rows: usize, cols: usize, transform: [f64; 6], system: &str, height: i
     Raster { rows, cols, samples, georef: Some(GeoRef { transform, crs: Crs::parse(system).unwrap() }) }
 }
 
-/// Pairs of a rough source and a finer target, in systems that have little in common: simple cylindrical under a polar image, the
-/// source across the 180 degree seam of the target's longitudes, a pole in the middle, geographic from -180 under 0 to 360.
+/// Returns pairs of a rough source and a finer target in very different systems: simple cylindrical under a polar image, the source across
+/// the 180 degree seam of the target's longitudes, a pole in the middle, geographic from -180 under 0 to 360.
 fn pairs() -> Vec<(&'static str, Raster, Raster)> {
     let rough = |r: usize, c: usize| ((r * 31 + c * 17) % 23) as f32 * 10.0 + (r as f32 * 0.3).sin() * 50.0;
     let degree = 1_737_400.0 * 1.0_f64.to_radians();
@@ -77,7 +77,7 @@ fn gdals_warper_agrees() {
         for (file, raster) in [("s.tif", &source), ("t.tif", &target)] {
             geotiff::write(&folder.path().join(file), raster, &geotiff::WriteOptions::heights("x")).unwrap();
         }
-        // GDAL approximates positions to an eighth of a pixel unless it is told not to.
+        // By default, GDAL approximates positions to an eighth of a pixel.
         let script = "
 from rasterio.vrt import WarpedVRT
 from rasterio.enums import Resampling
@@ -96,8 +96,8 @@ for method in ('cubic', 'bilinear', 'cubic_spline'):
             let (mut compared, mut worst) = (0, 0.0_f32);
             for (i, (a, b)) in ours.samples.iter().zip(&theirs).enumerate() {
                 let (row, col) = (i / target.cols, i % target.cols);
-                // GDAL loses what lies beyond its own seam of longitudes. Beside gaps and edges each program has its own rule, except
-                // that the spline's is GDAL's, where the source has edges.
+                // GDAL loses pixels beyond its own seam of longitudes. Beside gaps and edges the two programs follow different rules. Only
+                // the spline follows GDAL's rule, where the source has edges.
                 let own_rule = !(interpolation == Interpolation::CubicSpline && source.cols < 720);
                 if b.is_nan() || own_rule && (a.is_nan() || is_near_edge(&source, &target, row, col)) {
                     continue;
@@ -114,7 +114,7 @@ for method in ('cubic', 'bilinear', 'cubic_spline'):
     }
 }
 
-/// Within three pixels of the source's edge or gap.
+/// Returns whether the pixel is within three pixels of the source's edge or gap.
 fn is_near_edge(source: &Raster, target: &Raster, row: usize, col: usize) -> bool {
     let size = |raster: &Raster| (raster.rows, raster.cols);
     let map = map::Map::between(
@@ -151,13 +151,13 @@ fn windows_hold_what_the_whole_holds() {
 
 #[test]
 fn a_global_grid_has_no_seam() {
-    // Around the sphere in steps of 2 degrees; the value is a smooth function of the place.
+    // Around the sphere in steps of 2 degrees. The value is a smooth function of the position.
     let at = |lon: f64, lat: f64| (1000.0 * (lon.to_radians() * 2.0).sin() + 10.0 * lat) as f32;
     let mut globe = raster(40, 180, [0.0, 2.0, 0.0, 40.0, 0.0, -2.0], "IAU_2015:30100", |_, _| 0.0);
     (0..40 * 180).for_each(|i| globe.samples[i] = at((i % 180) as f64 * 2.0 + 1.0, 39.0 - (i / 180) as f64 * 2.0));
     let radius_m = 1_737_400.0;
     let step = radius_m * 0.1_f64.to_radians();
-    // Across longitude 0, where the globe's grid begins and ends; in its own system and in another.
+    // Across longitude 0, where the globe's grid begins and ends, in its own system and in another.
     for (system, transform) in [
         ("IAU_2015:30110", [-100.0 * step, step, 0.0, 50.0 * step, 0.0, -step]),
         ("IAU_2015:30100", [-10.0, 0.1, 0.0, 5.0, 0.0, -0.1]),

@@ -1,9 +1,9 @@
-//! Where pixels of one grid lie on another.
+//! Positions of one grid's pixels on another grid.
 
 use crate::resample::PixelMap;
 use crate::{GeoRef, GeoTransform, Projection};
 
-/// From pixel centres of a target grid to positions on a source grid, in source pixels with (0, 0) the centre of the first.
+/// Map from pixel centres of a target grid to positions on a source grid, in source pixels. (0, 0) is the centre of the first pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Map {
     /// Both grids lie on one map.
@@ -17,21 +17,21 @@ pub(super) enum Map {
 pub(super) struct Through {
     target: (Projection, GeoTransform),
     source: (Projection, GeoTransform),
-    /// Map x of the source's middle, and the distance after which x repeats.
+    /// Map x of the source's middle, and the period of x.
     around: Option<(f64, f64)>,
 }
 
-/// A grid: its place and its rows and columns.
+/// A grid: its georeference, and its rows and columns.
 pub(super) type Grid<'a> = (&'a GeoRef, (usize, usize));
 
 impl Map {
-    /// `None` if the source's transform cannot be inverted, or the systems differ and one of them is not understood.
+    /// Returns `None` if the source's transform cannot be inverted, or the systems differ and one of them is not supported.
     pub(super) fn between((target, target_size): Grid, (source, source_size): Grid) -> Option<Self> {
         let (to, from) = (Projection::of(&target.crs), Projection::of(&source.crs));
         let mut place = source.transform;
         if target.crs.same_as(&source.crs) {
             if let Some(period) = from.and_then(|from| from.period()) {
-                // The same meridian has many names: those of the source are taken nearest to the target's.
+                // A meridian has several values of x. The value of the source nearest to the target's is taken.
                 let apart = middle(target, target_size).0 - middle(source, source_size).0;
                 place[0] += period * (apart / period).round();
             }
@@ -44,7 +44,7 @@ impl Map {
         (det.is_finite() && det != 0.0).then_some(Self::Through(through))
     }
 
-    /// The position of the centre of target pixel (`row`, `col`); NaN where the source's map has no such place.
+    /// Returns the position of the centre of target pixel (`row`, `col`); NaN where the source's map does not have the point.
     pub(super) fn apply(&self, row: f64, col: f64) -> (f64, f64) {
         match self {
             Self::Affine(map) => map.apply(row, col),
@@ -69,12 +69,12 @@ impl Through {
     }
 }
 
-/// Map coordinates of a grid's middle.
+/// Returns the map coordinates of a grid's middle.
 fn middle(georef: &GeoRef, (rows, cols): (usize, usize)) -> (f64, f64) {
     georef.centre(rows as f64 / 2.0 - 0.5, cols as f64 / 2.0 - 0.5)
 }
 
-/// True if the grid goes once around the sphere, so that its last column is a neighbour of its first.
+/// Returns whether the grid goes once around the sphere, so that its last column is a neighbour of its first.
 pub(super) fn is_cyclic((georef, (_, cols)): Grid) -> bool {
     let t = &georef.transform;
     let period = Projection::of(&georef.crs).and_then(|p| p.period());

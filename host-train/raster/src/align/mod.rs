@@ -1,4 +1,4 @@
-//! Putting one raster on another's grid, through map coordinates and never by index.
+//! Resampling of one raster on another's grid, through map coordinates, never by index.
 
 mod map;
 mod reproject;
@@ -18,24 +18,24 @@ use elunar_core::tile::Window;
 use map::Grid;
 use windowed::{Plan, lattice};
 
-/// How samples between pixel centres are made.
+/// Interpolation between pixel centres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[cfg_attr(feature = "clap", value(rename_all = "lower"))]
 pub enum Interpolation {
-    /// Interpolating bicubic: for making a fine grid from a coarse one.
+    /// Interpolating bicubic, for a fine grid from a coarse one.
     Bicubic,
-    /// Bilinear, invalid where any sample that counts is invalid: for comparing grids of about equal spacing.
+    /// Bilinear, invalid where any sample with weight is invalid. For comparisons of grids with about equal spacing.
     Bilinear,
-    /// GDAL's and the Ames Stereo Pipeline's `cubicspline`, a cubic B-spline that smooths and does not pass through the samples:
-    /// for results to be compared with theirs. Meant for finer grids; GDAL widens the kernel for coarser ones, this does not.
+    /// `cubicspline` of GDAL and the Ames Stereo Pipeline: a cubic B-spline that smooths and does not pass through the samples. For
+    /// comparisons with their results. Meant for finer target grids; for coarser ones GDAL widens the kernel, this program does not.
     CubicSpline,
 }
 
 impl std::str::FromStr for Interpolation {
     type Err = String;
 
-    /// The name that command lines use: bicubic, bilinear or cubicspline.
+    /// Reads the name as on command lines: bicubic, bilinear or cubicspline.
     fn from_str(name: &str) -> std::result::Result<Self, String> {
         match name {
             "bicubic" => Ok(Self::Bicubic),
@@ -46,27 +46,27 @@ impl std::str::FromStr for Interpolation {
     }
 }
 
-/// Grids closer than this, in pixels, are taken as one: a transform's last digits differ between writers.
+/// Grids closer than this, in pixels, count as one, because writers differ in the last digits of a transform.
 const SAME_GRID_PX: f64 = 1e-3;
 
-/// A raster with the name messages call it by.
+/// A raster with its name in messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Named<'a> {
-    /// File name, or what the raster is.
+    /// File name, or a description of the raster.
     pub name: &'a str,
     /// The raster.
     pub raster: &'a Raster,
 }
 
 impl<'a> Named<'a> {
-    /// Pairs them.
+    /// Combines name and raster.
     #[must_use]
     pub fn new(name: &'a str, raster: &'a Raster) -> Self {
         Self { name, raster }
     }
 }
 
-/// Side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
+/// Returns the side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
 ///
 /// # Errors
 /// [`Error::Usage`] if the pixel size of either in metres is unknown.
@@ -75,10 +75,10 @@ pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
     Ok((side_m(source)? / side_m(target)?) as f32)
 }
 
-/// `source` on the grid of `target`, as [`Onto`] makes it; NaN where `source` has nothing.
+/// Resamples `source` on the grid of `target`, as [`Onto`] does; NaN where `source` has no value.
 ///
 /// # Errors
-/// Those of [`Onto::new`]; [`Error::Usage`] if no valid sample of `source` falls on `target`.
+/// As [`Onto::new`]. [`Error::Usage`] if no valid sample of `source` falls on `target`.
 pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Result<Raster> {
     let (view, target_info) = (View::new(source.raster), info(target.raster));
     let (from, to) = ((source.name, &view.info), (target.name, &target_info));
@@ -101,7 +101,7 @@ fn info(raster: &Raster) -> Info {
     Info { rows: raster.rows, cols: raster.cols, georef: raster.georef.clone(), unit: None, format: "memory".into() }
 }
 
-/// A raster lent as a source.
+/// A borrowed raster as a source.
 struct View<'a> {
     raster: &'a Raster,
     info: Info,
@@ -125,7 +125,7 @@ impl Source for View<'_> {
     }
 }
 
-/// What a grid covers, in words: map coordinates of its corners, or degrees of its pixels.
+/// Describes the extent of a grid: map coordinates of its corners, or degrees of its pixels.
 fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
     let projection = Projection::of(&georef.crs).filter(|_| as_degrees);
     let corners = [(0.0, 0.0), (0.0, cols as f64), (rows as f64, 0.0), (rows as f64, cols as f64)];

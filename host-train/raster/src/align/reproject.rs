@@ -1,4 +1,4 @@
-//! A raster in another reference system, on a grid made for it.
+//! A raster in another reference system, on a new grid.
 
 use super::windowed::lattice;
 use super::{Interpolation, Onto};
@@ -7,19 +7,18 @@ use crate::{Crs, Error, GeoRef, Projection, Result};
 use elunar_core::tile::Window;
 use std::sync::Arc;
 
-/// A source seen through another projection; its corner lies on whole multiples of the spacing, so that grids made alike fit
-/// each other (`--tap`).
+/// A source in another projection. Its corner lies on whole multiples of the spacing, so that such grids fit each other (`--tap`).
 pub struct Reprojected {
     info: Info,
     onto: Onto,
 }
 
 impl Reprojected {
-    /// Puts `source`, which messages call `name`, into the system `crs`, with pixels of `spacing` map units; `None` takes the
-    /// source's own size of a pixel on the ground.
+    /// Puts `source` into the system `crs`, with pixels of `spacing` map units; `None` takes the ground size of the source's pixels.
+    /// Messages call the source `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a system is not understood, the spheres differ, the source has no place, or the spacing is not positive.
+    /// [`Error::Usage`] if a system is not supported, the spheres differ, the source has no georeference, or the spacing is not positive.
     pub fn new(
         source: Arc<dyn Source>,
         name: &str,
@@ -42,7 +41,7 @@ impl Reprojected {
         if !(step.is_finite() && step > 0.0) {
             return Err(Error::usage(format!("{name}: a positive pixel size expected, {step} found")));
         }
-        // Outer edges, not centres; the same meridian has many names, and those nearest to the middle's are taken.
+        // Outer edges, not centres. Of the values of x of a meridian, the one nearest to the middle's is taken.
         let place = |row: f64, col: f64| {
             let (x, y) = georef.centre(row - 0.5, col - 0.5);
             let (lon_deg, lat_deg) = from.inverse(x, y);
@@ -80,7 +79,7 @@ impl Source for Reprojected {
     }
 }
 
-/// The ground size of the source's pixels in map units of `crs`.
+/// Returns the ground size of the source's pixels in map units of `crs`.
 fn own_spacing(georef: &GeoRef, (rows, cols): (usize, usize), crs: &Crs, to: &Projection) -> Option<f64> {
     let (row_m, col_m) = georef.pixel_m(rows, cols)?;
     let side_m = (row_m * col_m).sqrt();
@@ -96,7 +95,7 @@ mod tests {
     use crate::Raster;
     use crate::source::{InMemory, read_all};
 
-    /// A plane over longitude and latitude, so that every projection of it is known.
+    /// Returns a height that is linear in longitude and latitude, so that it is known in every projection.
     fn height(lon_deg: f64, lat_deg: f64) -> f64 {
         -1800.0 + 400.0 * lon_deg + 700.0 * lat_deg
     }
@@ -127,9 +126,9 @@ mod tests {
             for (i, z) in found.samples.iter().enumerate().filter(|(_, z)| z.is_finite()) {
                 let (x, y) = georef.centre((i / found.cols) as f64, (i % found.cols) as f64);
                 let (lon_deg, lat_deg) = projection.inverse(x, y);
-                // A central meridian of 180 calls 30 degrees -330.
+                // With a central meridian of 180, 30 degrees appears as -330.
                 let expected = height((lon_deg + 180.0).rem_euclid(360.0) - 180.0, lat_deg);
-                // Heights of thousands of metres as f32, interpolated between posts of a plane in degrees.
+                // Heights of thousands of metres as f32, interpolated on a plane in degrees.
                 assert!((f64::from(*z) - expected).abs() < 2e-3, "{text}: {z} {expected}");
             }
         }

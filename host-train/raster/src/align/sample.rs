@@ -1,9 +1,9 @@
-//! Values between the samples of a grid.
+//! Interpolation on a grid.
 
 use super::Interpolation;
 use crate::resample::Padded;
 
-/// A piece of a grid, ready to be asked for values at positions of that piece: (0, 0) is the centre of its first sample.
+/// A piece of a grid, ready for interpolation. Positions are relative to the piece: (0, 0) is the centre of its first sample.
 pub(super) enum Sampler {
     Bicubic(Padded),
     Bilinear(Piece),
@@ -15,7 +15,7 @@ pub(super) struct Piece {
     pub(super) samples: Vec<f32>,
     pub(super) rows: usize,
     pub(super) cols: usize,
-    /// Positions this close to a sample are taken to be on it.
+    /// Positions this close to a sample count as on the sample.
     pub(super) snap_px: f64,
 }
 
@@ -38,9 +38,9 @@ impl Sampler {
 }
 
 impl Piece {
-    /// NaN outside the outermost pixel centres (rounding apart), and where a sample with any weight is invalid.
+    /// Interpolates bilinearly. NaN outside the outermost pixel centres (except for rounding), and where a sample with weight is invalid.
     fn bilinear(&self, r: f64, c: f64) -> f32 {
-        // On-grid positions take their sample exactly, so that a shift by whole pixels loses no edge to rounding.
+        // Positions on the grid take their sample exactly, so that a shift by whole pixels loses no edge to rounding.
         let snap = |v: f64| if (v - v.round()).abs() <= self.snap_px { v.round() } else { v };
         let (r, c) = (snap(r), snap(c));
         if !(r >= 0.0 && c >= 0.0 && r <= self.rows as f64 - 1.0 && c <= self.cols as f64 - 1.0) {
@@ -56,8 +56,8 @@ impl Piece {
             as f32
     }
 
-    /// The cubic B-spline with the samples as its coefficients: GDAL's `cubicspline`. Samples that are missing or beyond the edge
-    /// are left out and the rest weighed up; NaN where the pixel the position lies in is missing.
+    /// Evaluates the cubic B-spline with the samples as coefficients, as GDAL's `cubicspline`. Samples that are missing or beyond the edge
+    /// are left out, and the weights of the others are scaled up. NaN where the pixel that contains the position is missing.
     fn cubic_spline(&self, r: f64, c: f64) -> f32 {
         let nearest = |v: f64, count: usize| {
             let v = (v + 0.5).floor();
@@ -84,7 +84,7 @@ impl Piece {
     }
 }
 
-/// Weights of the four samples around a point at fraction `t` after the second; they sum to one.
+/// Returns the weights of the four samples around a point at fraction `t` after the second. Their sum is one.
 fn b_spline(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [(1.0 - t).powi(3) / 6.0, (3.0 * t3 - 6.0 * t2 + 4.0) / 6.0, (-3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0) / 6.0, t3 / 6.0]

@@ -9,30 +9,30 @@ use elunar_core::tile::Window;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Positions computed at once: 4 MiB of them, whatever the window.
+/// Number of positions computed at once. They take 4 MiB, whatever the window.
 const POSITIONS: usize = 1 << 18;
 
-/// Samples around a position that any interpolation may look at, and one more for the rounding of positions.
+/// Reach of any interpolation around a position, in samples, and one more for the rounding of positions.
 const MARGIN_PX: f64 = 3.0;
 
-/// What rounding may move a position by, pixels.
+/// Greatest error of a position by rounding, pixels.
 const ROUNDING_PX: f64 = 1e-9;
 
-/// A lattice of this many points a side decides whether two grids overlap.
+/// Points per side of the lattice that checks whether two grids overlap.
 const LATTICE: usize = 65;
 
-/// A raster on another raster's grid: read by windows of the target, from as much of the source as lies under them.
+/// A raster on another raster's grid. It is read in windows of the target; only the part of the source under a window is read.
 pub struct Onto {
     source: Arc<dyn Source>,
     plan: Plan,
 }
 
 impl Onto {
-    /// Prepares `source` for the grid of `target`. Names are those messages use. Systems may differ as long as both are
-    /// understood ([`crate::Projection`]) and lie on one sphere. On the same grid the samples are handed on, not interpolated.
+    /// Prepares `source` for the grid of `target`. The names are used in messages. The systems may differ if both are supported
+    /// ([`crate::Projection`]) and on one sphere. On the same grid, samples are copied, not interpolated.
     ///
     /// # Errors
-    /// [`Error::Usage`] if either has no place, a system is unknown, the spheres differ, or the grids do not overlap.
+    /// [`Error::Usage`] if either has no georeference, a system is unknown, the spheres differ, or the grids do not overlap.
     pub fn new(
         source: Arc<dyn Source>,
         source_name: &str,
@@ -45,8 +45,7 @@ impl Onto {
         Ok(Self { source, plan })
     }
 
-    /// The samples of a window of the target, row by row; NaN where the source has none. The values do not depend on the window
-    /// they are read with.
+    /// Reads the samples of a window of the target, row by row; NaN where the source has none. A value does not depend on the window.
     ///
     /// # Errors
     /// If the source cannot be read there.
@@ -55,7 +54,7 @@ impl Onto {
     }
 }
 
-/// How a source comes onto a target.
+/// How a source is resampled on a target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
     map: Map,
@@ -80,7 +79,7 @@ impl Plan {
         Ok(Self { map, interpolation, size: from.1, cyclic: is_cyclic(from), same_grid })
     }
 
-    /// The samples of `window` of the target.
+    /// Reads the samples of `window` of the target.
     pub(super) fn read(&self, source: &dyn Source, window: Window) -> Result<Vec<f32>> {
         if self.same_grid {
             return source.read(window);
@@ -96,7 +95,7 @@ impl Plan {
         Ok(out)
     }
 
-    /// Some rows of the window, from `first_row` of the target on.
+    /// Fills some rows of the window, from `first_row` of the target on.
     fn fill(&self, source: &dyn Source, first_row: usize, window: Window, lines: &mut [f32]) -> Result<()> {
         let mut positions = vec![(f64::NAN, f64::NAN); lines.len()];
         positions.par_chunks_mut(window.cols).enumerate().for_each(|(row, line)| {
@@ -110,15 +109,15 @@ impl Plan {
         let sampler = Sampler::new(self.cut(source, piece)?, self.interpolation);
         lines.par_chunks_mut(window.cols).zip(positions.par_chunks(window.cols)).for_each(|(line, positions)| {
             for (value, &(r, c)) in line.iter_mut().zip(positions) {
-                // Subtracting whole numbers is exact: the value is that of the whole grid.
+                // The subtraction of whole numbers is exact, so the value is the same as for the whole grid.
                 *value = sampler.at(r - row0, c - col0);
             }
         });
         Ok(())
     }
 
-    /// On a grid around the sphere a column has many names: those nearest to the first position's are taken, so that a piece across
-    /// the seam is one piece.
+    /// Brings columns on a grid around the sphere near to each other. There a column has several numbers, and the number nearest to the
+    /// first position's is taken, so that a piece across the seam is contiguous.
     fn unwind(&self, positions: &mut [(f64, f64)]) {
         if !self.cyclic {
             return;
@@ -130,7 +129,7 @@ impl Plan {
         }
     }
 
-    /// The piece of the source the positions need; columns may lie beyond the edge only where the grid is cyclic.
+    /// Returns the piece of the source that the positions need. Columns may lie beyond the edge only if the grid is cyclic.
     fn under(&self, positions: &[(f64, f64)]) -> Option<Under> {
         let far = (f64::INFINITY, f64::NEG_INFINITY);
         let (rows, cols) = (self.size.0 as f64, self.size.1 as f64);
@@ -157,11 +156,11 @@ impl Plan {
         })
     }
 
-    /// Reads a piece, around the seam where needed.
+    /// Reads a piece, across the seam if needed.
     fn cut(&self, source: &dyn Source, under: Under) -> Result<Piece> {
         let Under { row, col, rows, cols } = under;
         let around = self.size.1;
-        // Between two maps nothing lies on the grid, except by chance.
+        // With different maps, positions lie on the grid only by chance.
         let snap_px = if matches!(self.map, Map::Affine(_)) { SAME_GRID_PX } else { ROUNDING_PX };
         let first = col.rem_euclid(around as isize) as usize;
         if first + cols <= around {
@@ -181,10 +180,10 @@ impl Plan {
         Ok(Piece { samples, rows, cols, snap_px })
     }
 
-    /// Refuses grids that share no point, before any work is done.
+    /// Refuses grids that share no point, before any other work.
     fn check_overlap(&self, source: (&str, &Info), target: (&str, &Info)) -> Result<()> {
         let (from, to) = (grid(source.0, source.1)?, grid(target.0, target.1)?);
-        // Either may be the smaller one, and slip through the lattice of the other.
+        // Either grid may be the smaller one and fall between the lattice points of the other.
         let back = Map::between(from, to);
         let lies_on = |map: &Map, (rows, cols): (usize, usize), (on_rows, on_cols): (usize, usize), cyclic: bool| {
             lattice(rows, cols).any(|(row, col)| {
@@ -199,7 +198,7 @@ impl Plan {
     }
 }
 
-/// Where in the source a piece lies.
+/// Position of a piece in the source.
 #[derive(Debug, Clone, Copy)]
 struct Under {
     row: usize,
@@ -208,7 +207,7 @@ struct Under {
     cols: usize,
 }
 
-/// The error for rasters that share no valid sample.
+/// Returns the error for rasters that share no valid sample.
 pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, target): (&str, &Info)) -> Error {
     let (Ok(from), Ok(to)) = (grid(source_name, source), grid(target_name, target)) else {
         return Error::usage(format!("{source_name}: a place expected, none found"));
@@ -220,7 +219,7 @@ pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, tar
     ))
 }
 
-/// Place and size, which must be complete.
+/// Returns georeference and size; both must be complete.
 fn grid<'a>(name: &str, info: &'a Info) -> Result<Grid<'a>> {
     Ok((info.place(name)?, (info.rows, info.cols)))
 }
@@ -242,7 +241,8 @@ fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): 
     Err(Error::usage(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
 }
 
-/// An affine map is furthest from the identity at a corner; others are never taken for it.
+/// Returns whether the map is the identity. An affine map differs most from the identity at a corner. Other maps never count as the
+/// identity.
 fn is_identity(map: &Map, (rows, cols): (usize, usize)) -> bool {
     let (last_row, last_col) = (rows.saturating_sub(1) as f64, cols.saturating_sub(1) as f64);
     matches!(map, Map::Affine(_))
@@ -252,7 +252,7 @@ fn is_identity(map: &Map, (rows, cols): (usize, usize)) -> bool {
         })
 }
 
-/// Evenly spread pixels, the outermost included.
+/// Returns evenly spread pixels, the outermost included.
 pub(super) fn lattice(rows: usize, cols: usize) -> impl Iterator<Item = (f64, f64)> {
     let at = |i: usize, count: usize| i as f64 / (LATTICE - 1) as f64 * (count as f64 - 1.0);
     (0..LATTICE * LATTICE).map(move |i| (at(i / LATTICE, rows), at(i % LATTICE, cols)))

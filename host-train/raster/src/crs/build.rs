@@ -1,45 +1,46 @@
-//! Making systems: the keys are those GDAL 3.10 writes for them.
+//! Construction of systems. The keys are those that GDAL 3.10 writes.
 
 use super::{Crs, INLINE, MOON_RADIUS_M, code, key};
 use tiff::tags::Tag;
 
-/// Where the axes of a projected system begin, and what they count in.
+/// Origin and unit of the axes of a projected system.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
     /// Added to x, in the unit of the map.
     pub false_easting: f64,
     /// Added to y, in the unit of the map.
     pub false_northing: f64,
-    /// Kilometres instead of metres.
+    /// Whether the unit is the kilometre instead of the metre.
     pub kilometres: bool,
 }
 
 impl Axes {
-    /// Metres from the projection's own origin.
+    /// Metres, with the projection's own origin.
     pub const PLAIN: Self = Self { false_easting: 0.0, false_northing: 0.0, kilometres: false };
 }
 
 impl Crs {
-    /// Equirectangular on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
+    /// Makes an equirectangular system on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
     #[must_use]
     pub fn moon_equirectangular(lat_ts_deg: f64, lon0_deg: f64) -> Self {
         Self::equirectangular(MOON_RADIUS_M, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
     }
 
-    /// Polar stereographic on the Moon's sphere, tangent at the pole, longitude 0 downwards (south: upwards), metres.
+    /// Makes a polar stereographic system on the Moon's sphere, tangent at the pole, metres. Longitude 0 points downwards (south: upwards).
     #[must_use]
     pub fn moon_polar(south: bool) -> Self {
         Self::polar_stereographic(MOON_RADIUS_M, if south { -90.0 } else { 90.0 }, 1.0, 0.0, Axes::PLAIN)
     }
 
-    /// Longitude and latitude in degrees on a sphere.
+    /// Makes a system of longitude and latitude in degrees on a sphere.
     #[must_use]
     pub fn geographic(radius_m: f64) -> Self {
         let name = body(radius_m);
         Builder::new(code::GEOGRAPHIC, &name, &name, radius_m).crs
     }
 
-    /// Equirectangular on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central meridian).
+    /// Makes an equirectangular system on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central
+    /// meridian).
     #[must_use]
     pub fn equirectangular(radius_m: f64, lat_ts_deg: f64, origin_deg: (f64, f64), axes: Axes) -> Self {
         let name = body(radius_m);
@@ -49,8 +50,8 @@ impl Crs {
         keys.crs
     }
 
-    /// Polar stereographic on a sphere. `lat_ts_deg` is the latitude of true scale, whose sign says which pole; where it is ±90,
-    /// `scale` is the scale at the pole, elsewhere it must be 1. `lon0_deg` points downwards in the north, upwards in the south.
+    /// Makes a polar stereographic system on a sphere. `lat_ts_deg` is the latitude of true scale; its sign gives the pole. At ±90, `scale`
+    /// is the scale at the pole; otherwise it must be 1. `lon0_deg` points downwards in the north, upwards in the south.
     #[must_use]
     pub fn polar_stereographic(radius_m: f64, lat_ts_deg: f64, scale: f64, lon0_deg: f64, axes: Axes) -> Self {
         let name = body(radius_m);
@@ -63,7 +64,7 @@ impl Crs {
     }
 }
 
-/// What citations call a body.
+/// Returns the name of a body in citations.
 fn body(radius_m: f64) -> String {
     if radius_m == MOON_RADIUS_M { "Moon".into() } else { format!("sphere of {radius_m} m") }
 }
@@ -74,7 +75,7 @@ struct Builder {
 }
 
 impl Builder {
-    /// The keys every system starts with.
+    /// Starts with the keys that every system has.
     fn new(model: u16, citation: &str, body: &str, radius_m: f64) -> Self {
         let mut keys = Self { crs: Crs { directory: vec![1, 1, 0, 0], doubles: vec![], ascii: String::new() } };
         keys.short(key::MODEL_TYPE, model).short(key::RASTER_TYPE, 1).text(key::CITATION, citation);

@@ -1,14 +1,14 @@
-//! Systems as users write them on the command line.
+//! Reference systems as users write them on the command line.
 
 use super::build::Axes;
 use super::{Crs, MOON_RADIUS_M};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// Bodies of `IAU_2015` codes by their NAIF number, with the radius of their sphere in metres (IAU working group, 2015).
+/// Bodies of `IAU_2015` codes: NAIF number, and radius of the sphere in metres (IAU working group, 2015).
 const IAU_BODIES: [(u32, f64); 2] = [(301, MOON_RADIUS_M), (499, 3_396_190.0)];
 
-/// PROJ parameters that change nothing here.
+/// PROJ parameters without effect here.
 const IDLE: [&str; 4] = ["no_defs", "type", "wktext", "over"];
 
 impl Crs {
@@ -17,7 +17,7 @@ impl Crs {
     /// `+lat_ts +lat_0 +lon_0`, `+proj=stere` with `+lat_0=±90` and `+lat_ts` or `+k_0`; always with `+R` (or equal `+a` and `+b`), metres.
     ///
     /// # Errors
-    /// [`Error::Usage`] for anything else, naming what would be taken.
+    /// [`Error::Usage`] for anything else, with the accepted forms.
     pub fn parse(text: &str) -> Result<Self> {
         let text = text.trim();
         if text.starts_with('+') {
@@ -44,7 +44,7 @@ impl Crs {
     }
 }
 
-/// A PROJ text, parameter by parameter; what is taken is removed, so that leftovers can be refused.
+/// A PROJ text, parameter by parameter. Parameters that were read are removed, so that unknown ones can be refused.
 struct Proj<'a> {
     text: &'a str,
     values: BTreeMap<&'a str, &'a str>,
@@ -91,7 +91,7 @@ impl<'a> Proj<'a> {
             Some("km") => true,
             Some(other) => return Err(self.error(&format!("+units=m or km expected, {other:?} found"))),
         };
-        // PROJ takes false origins in metres, whatever the unit of the map.
+        // In PROJ, false origins are in metres, whatever the unit of the map.
         let unit_m = if kilometres { 1000.0 } else { 1.0 };
         let mut origin = |name| Ok(self.number(name)?.unwrap_or(0.0) / unit_m);
         Ok(Axes { false_easting: origin("x_0")?, false_northing: origin("y_0")?, kilometres })

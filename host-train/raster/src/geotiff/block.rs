@@ -1,4 +1,4 @@
-//! One block of samples as the file holds it: rounded, predicted, compressed.
+//! One block of samples as stored in the file: rounded, predicted, compressed.
 
 use super::NODATA;
 use super::write::{Compression, SampleType};
@@ -6,20 +6,20 @@ use std::io::Result;
 use tiff::encoder::compression::{CompressionAlgorithm, Deflate, Lzw};
 use tiff::tags::{CompressionMethod, Predictor};
 
-/// GDAL's own level.
+/// GDAL's default level.
 const ZSTD_LEVEL: i32 = 9;
 
-/// How samples become bytes.
+/// Encoding of samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Coding {
     pub(super) sample: SampleType,
     pub(super) compression: Compression,
-    /// Integers: 0 stands for invalid, and valid samples are at least 1.
+    /// For integers: 0 means invalid, and valid samples are at least 1.
     pub(super) zero_is_nodata: bool,
 }
 
 impl Coding {
-    /// Prediction helps only where something is compressed.
+    /// Returns the predictor. Without compression, prediction is of no use.
     pub(super) fn predictor(self) -> Predictor {
         match (self.compression, self.sample) {
             (Compression::None, _) => Predictor::None,
@@ -28,7 +28,7 @@ impl Coding {
         }
     }
 
-    /// As the file names it.
+    /// Returns the compression method as named in the file.
     pub(super) fn compression_method(self) -> CompressionMethod {
         match self.compression {
             Compression::None => CompressionMethod::None,
@@ -38,8 +38,8 @@ impl Coding {
         }
     }
 
-    /// `band` has rows of `stride` samples; the block is `size` = (rows, columns) from column `first_col` on. Beyond the band its last
-    /// row and column repeat: that compresses best.
+    /// Encodes a block of `band`, which has rows of `stride` samples. The block is `size` = (rows, columns) from column `first_col` on.
+    /// Beyond the band, its last row and column repeat, which compresses best.
     pub(super) fn encode(self, band: &[f32], stride: usize, first_col: usize, size: (usize, usize)) -> Result<Vec<u8>> {
         let band_rows = band.len() / stride;
         let mut bytes = Vec::with_capacity(size.0 * size.1 * self.sample.bytes());
@@ -91,7 +91,7 @@ fn or_nodata(value: f32) -> f32 {
     if value.is_finite() { value } else { NODATA }
 }
 
-/// [`Predictor::FloatingPoint`]: the row's bytes by significance, highest first, then differences of neighbouring bytes.
+/// Appends a row with [`Predictor::FloatingPoint`]: the bytes by significance, highest first, then differences of neighbouring bytes.
 fn append_float_predicted(line: &[f32], out: &mut Vec<u8>) {
     let start = out.len();
     out.resize(start + 4 * line.len(), 0);

@@ -1,9 +1,9 @@
-//! The chunks read last, up to a number of bytes.
+//! Cache of the latest chunks, up to a number of bytes.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
-/// Decoded chunks by number; the oldest goes first. Scenes are read from top to bottom, so age tells what is done with.
+/// Decoded chunks by number. The oldest is dropped first, because scenes are read from top to bottom.
 pub(super) struct Cache {
     chunks: HashMap<usize, Arc<[f32]>>,
     by_age: VecDeque<usize>,
@@ -20,8 +20,8 @@ impl Cache {
         self.chunks.get(&chunk).cloned()
     }
 
-    /// Keeps a chunk that is not there yet. The last one is kept even if it alone is larger than the cache, unless that has no room
-    /// at all: a file that is one huge chunk must not be decoded for every window.
+    /// Stores a chunk that is not in the cache. The latest chunk is stored even if it is larger than the cache, so that a file of one huge
+    /// chunk is not decoded for every window. A cache of size 0 stores nothing.
     pub(super) fn insert(&mut self, chunk: usize, samples: &Arc<[f32]>) {
         let bytes = size_of_val(&**samples);
         if self.most_bytes == 0 {

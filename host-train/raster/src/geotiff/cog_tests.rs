@@ -1,4 +1,4 @@
-//! The streaming writer: the same file however the rows come, valid to others, and never half a file.
+//! The streaming writer: the file does not depend on how rows arrive, other programs accept it, and no incomplete file remains.
 
 use super::pyramid::halve;
 use super::tests::{heights, same_bits, scratch};
@@ -10,7 +10,7 @@ use std::process::Command;
 
 const COMPRESSIONS: [Compression; 4] = [Compression::None, Compression::Lzw, Compression::Deflate, Compression::Zstd];
 
-/// Larger than two blocks each way, and no multiple of anything: 3 levels.
+/// Returns a raster larger than two blocks in each direction, with odd sizes: 3 levels.
 fn large() -> Raster {
     let mut raster = heights(1100, 1300);
     (0..1100 * 1300).filter(|i| i % 1300 < 400 && i / 1300 > 900).for_each(|i| raster.samples[i] = f32::NAN);
@@ -101,8 +101,7 @@ fn an_old_file_stays_until_the_new_one_is_whole() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
-/// GDAL reads every compression and type bit for bit, rio-cogeo finds nothing to complain about, and each overview holds the means
-/// of valid samples.
+/// GDAL reads every compression and type bit for bit, rio-cogeo accepts the file, and each overview holds the means of valid samples.
 #[test]
 fn others_accept_our_files() {
     let folder = scratch();
@@ -167,8 +166,8 @@ for name in glob.glob('*.tif'):
 
 const CHILD_FOLDER: &str = "ELUNAR_TEST_FULL_DISK";
 
-/// Not started by the test runner: it needs a process of its own, in which the test below starts it under a limit on file sizes;
-/// what is left behind is that test's business.
+/// The test runner does not start this test directly. The test below starts it in a separate process under a limit on file sizes, and
+/// checks what it leaves behind.
 #[test]
 #[ignore = "run by a_full_disk_leaves_nothing_behind"]
 fn child_writing_to_a_full_disk() {
@@ -179,13 +178,12 @@ fn child_writing_to_a_full_disk() {
     assert!(matches!(error, Error::Io { .. }), "{error}");
 }
 
-/// A disk without room, simulated by the largest size a file may have: below the blocks' size the spill fails, just above it the
-/// final file does.
+/// A disk without room, simulated by a limit on file sizes. Below the blocks' size the spill fails, just above it the final file fails.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_leaves_nothing_behind() {
     let folder = scratch();
-    // Nine, four and one blocks, the last just large enough for its level: the spill fits into this, the file with its head does not.
+    // Nine, four and one blocks, the last just large enough for its level. The spill fits into this size, the file with its head does not.
     let spill_kib = (13 * 512 * 512 + 288 * 336) * 4 / 1024;
     for kib in [64, spill_kib] {
         let command = format!("ulimit -f {kib} && trap '' XFSZ && exec \"$0\" \"$@\"");

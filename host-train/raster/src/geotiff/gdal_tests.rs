@@ -1,4 +1,4 @@
-//! GDAL reads what we write, and we read what GDAL writes. Needs `python3` with `rasterio`; says so where it is absent.
+//! GDAL reads our files, and we read GDAL's files. Needs `python3` with `rasterio`; says so if it is absent.
 
 use super::tests::{heights, same_bits, scratch};
 use super::*;
@@ -107,7 +107,7 @@ print(n)
     }
 }
 
-/// Windows anywhere, with little, some and much memory, hold what the whole holds.
+/// Windows at any position, with little, some and much memory, hold the same samples as the whole.
 fn assert_windows_agree(path: &Path, whole: &Raster, seed: u64) {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     for cache_bytes in [0, 40_000, 1 << 26] {
@@ -145,7 +145,7 @@ for name, nodata in (('sparse.tif', None), ('gaps.tif', -7)):
         return;
     }
     let at = |name: &str| folder.path().join(name);
-    // Two decoders of one JPEG may round differently.
+    // Two decoders may round one JPEG differently.
     let (ours, theirs) = (read(at("jpeg.tif")).unwrap(), raw(at("jpeg.raw")));
     let worst = ours.samples.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst <= 2.0 && ours.samples.len() == theirs.len(), "{worst}");
@@ -272,7 +272,7 @@ a.astype('f4').tofile('a.raw'); print(*d.transform.to_gdal())"
         assert_eq!(georef.crs.sphere_radius_m(), Some(1_737_400.0), "{name}");
         assert!(!name.starts_with("nac") || georef.crs.same_as(&Crs::moon_polar(true)), "{georef:?}");
         assert!(!name.starts_with("indep") || georef.crs.same_as(&Crs::moon_equirectangular(0.0, 0.0)), "{georef:?}");
-        // And out again: GDAL finds the same system in our copy.
+        // Written again: GDAL finds the same system in our copy.
         write(&folder.path().join("copy.tif"), &raster, &WriteOptions::heights("copy")).unwrap();
         let script = format!("assert rasterio.open({path:?}).crs == rasterio.open('copy.tif').crs, {name:?}");
         gdal(&script, folder.path());

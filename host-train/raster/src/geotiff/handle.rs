@@ -1,4 +1,4 @@
-//! An open TIFF with its name, so that every refusal names the file.
+//! An open TIFF with its name, so that every error names the file.
 
 use crate::{Error, Result};
 use std::fs::File;
@@ -8,10 +8,10 @@ use tiff::TiffError;
 use tiff::decoder::Decoder;
 use tiff::tags::{Tag, Type, ValueBuffer};
 
-/// More images in one file than any writer makes; a chain of them may be a loop.
+/// Greatest number of images in one file. A longer chain may be a loop.
 const MOST_IMAGES: usize = 256;
 
-/// A TIFF at its first image.
+/// A TIFF, positioned at its first image.
 pub(super) struct Handle {
     pub(super) path: PathBuf,
     pub(super) file_bytes: u64,
@@ -34,7 +34,7 @@ impl Handle {
         Error::unsupported(&self.path, what)
     }
 
-    /// Sorts a decoder's refusal into ours.
+    /// Converts a decoder's error into ours.
     pub(super) fn check<T>(&self, result: std::result::Result<T, TiffError>) -> Result<T> {
         result.map_err(|e| refusal(&self.path, e))
     }
@@ -54,7 +54,7 @@ impl Handle {
         self.check(values)
     }
 
-    /// Text up to its end, whatever encoding the writer used: other bytes than ASCII are replaced.
+    /// Reads text up to its end in any encoding. Bytes other than ASCII are replaced.
     pub(super) fn text(&mut self, tag: Tag) -> Result<Option<String>> {
         let mut buffer = ValueBuffer::empty(Type::ASCII);
         let found = self.tiff.image_ifd().find_tag_buf(tag, &mut buffer).map(|found| found.is_some());
@@ -63,16 +63,16 @@ impl Handle {
         }
         let bytes = buffer.as_bytes();
         let text = bytes.split(|&b| b == 0).next().unwrap_or(bytes);
-        // One character per byte keeps the positions that GeoKeys state.
+        // One character per byte keeps the positions in GeoKeys valid.
         Ok(Some(text.iter().map(|&b| if b.is_ascii() { char::from(b) } else { '?' }).collect()))
     }
 
-    /// An internal mask (a further image of subfile type 4) says which pixels are real; it is not read, so it is refused.
+    /// Refuses a file with an internal mask (a further image of subfile type 4), because the mask is not read.
     pub(super) fn refuse_masks(&mut self) -> Result<()> {
         let mut next = self.tiff.ifd_pointer();
         for _ in 0..MOST_IMAGES {
             let Some(at) = next else { return Ok(()) };
-            // A broken overview is nobody's concern: the first image is read, and it was sound.
+            // A broken overview does not matter. Only the first image is read, and it is valid.
             let Ok(directory) = self.tiff.read_directory(at) else { return Ok(()) };
             let mut tags = self.tiff.read_directory_tags(&directory);
             if tags.find_tag_unsigned::<u32>(Tag::NewSubfileType).is_ok_and(|kind| kind.is_some_and(|k| k & 4 != 0)) {

@@ -1,4 +1,4 @@
-//! The head of a TIFF: its header and directories with all their values, before any sample, as a cloud-optimised file needs it.
+//! The head of a TIFF: its header and directories with all their values. In a cloud-optimised file, they come before the samples.
 
 use std::collections::BTreeMap;
 use tiff::tags::{Tag, Type};
@@ -8,19 +8,19 @@ use tiff::tags::{Tag, Type};
 pub(super) enum Field {
     Short(Vec<u16>),
     Long(Vec<u32>),
-    /// Places in the file: 32 bits in classic files, 64 in BigTIFF.
+    /// File offsets: 32 bits in classic files, 64 in BigTIFF.
     Offset(Vec<u64>),
     Double(Vec<f64>),
     /// ASCII without its final NUL.
     Text(String),
 }
 
-/// One image's tags, by number: files hold them in that order.
+/// One image's tags by number, the order in files.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Directory(BTreeMap<u16, Field>);
 
 impl Directory {
-    /// Sets a tag, in place of what it was.
+    /// Sets a tag and replaces its former value.
     pub(super) fn insert(&mut self, tag: Tag, field: Field) {
         self.0.insert(tag.to_u16(), field);
     }
@@ -33,7 +33,7 @@ impl<const N: usize> From<[(Tag, Field); N]> for Directory {
 }
 
 impl Field {
-    /// The type, the count, and the bytes, little-endian.
+    /// Returns the type, the count, and the bytes, little-endian.
     fn encode(&self, big: bool) -> (Type, usize, Vec<u8>) {
         match self {
             Self::Short(v) => (Type::SHORT, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()),
@@ -46,8 +46,8 @@ impl Field {
     }
 }
 
-/// Header and directories. Its length depends on the counts in `images` alone, not on the values: offsets can be filled in after a
-/// first call has told how much room the head takes.
+/// Returns header and directories. The length depends only on the counts in `images`, not on the values. A first call gives the length, so
+/// that offsets can be filled in for a second call.
 pub(super) fn head(images: &[Directory], big: bool) -> Vec<u8> {
     let word = |value: u64| if big { value.to_le_bytes().to_vec() } else { (value as u32).to_le_bytes().to_vec() };
     let mut out = if big { b"II\x2b\0\x08\0\0\0".to_vec() } else { b"II\x2a\0".to_vec() };

@@ -1,4 +1,4 @@
-//! How the samples of a file are stored: sizes, chunks (strips or tiles), and whether the file can hold what it claims.
+//! Layout of the samples in a file: sizes, chunks (strips or tiles), and a check that the file can hold them.
 
 use super::handle::Handle;
 use super::plain::SampleKind;
@@ -7,19 +7,19 @@ use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, SampleFormat, Tag};
 
-/// Deflate and LZW cannot shrink data more than about 1000 and 2700 times: a file that claims more is damaged or hostile.
+/// Deflate and LZW cannot shrink data more than about 1000 and 2700 times. A file that claims more is damaged or hostile.
 const MOST_COMPRESSION: u64 = 4096;
 
 /// ZSTD stores 128 KiB of one value in 4 bytes.
 const MOST_COMPRESSION_ZSTD: u64 = 1 << 15;
 
-/// The decoder may always use this much: tags need some, too.
+/// Memory that the decoder may always use, bytes. Tags need some, too.
 const SMALL_BYTES: usize = 1 << 22;
 
-/// Rows of plain files are taken together up to this many bytes.
+/// Rows of plain files are read together up to this many bytes.
 const PLAIN_BYTES: usize = 1 << 20;
 
-/// The name of a compression read here; `None` for another.
+/// Returns the name of a supported compression; `None` for another.
 fn readable(method: CompressionMethod) -> Option<&'static str> {
     Some(match method {
         CompressionMethod::None => "uncompressed",
@@ -32,7 +32,7 @@ fn readable(method: CompressionMethod) -> Option<&'static str> {
     })
 }
 
-/// A compression other programs write: named, so that the refusal helps.
+/// Returns the name of an unsupported compression, for the error message.
 fn refused(method: CompressionMethod) -> String {
     let name = match method {
         CompressionMethod::Huffman | CompressionMethod::Fax3 | CompressionMethod::Fax4 => "CCITT",
@@ -55,17 +55,17 @@ pub(super) struct Layout {
     pub(super) cols: usize,
     pub(super) chunk_rows: usize,
     pub(super) chunk_cols: usize,
-    /// Chunks side by side.
+    /// Number of chunks side by side.
     pub(super) across: usize,
-    /// Chunks in all.
+    /// Number of chunks.
     pub(super) chunks: usize,
     pub(super) sample_bytes: usize,
-    /// Chunks that were never written (sparse files).
+    /// Numbers of chunks that were never written (sparse files).
     pub(super) unwritten: Vec<usize>,
-    /// Where the first sample of a plain file lies; its chunks are rows taken together as suits reading.
+    /// Offset of the first sample of a plain file. Its chunks are groups of rows.
     pub(super) plain: Option<u64>,
     pub(super) kind: SampleKind,
-    /// In words.
+    /// Description of the format.
     pub(super) format: String,
 }
 
@@ -79,7 +79,7 @@ impl Layout {
         let (chunk_cols, chunk_rows) = file.tiff.chunk_dimensions();
         let tiled = matches!(file.tiff.get_chunk_type(), ChunkType::Tile);
         let (rows, cols, chunk_cols) = (rows as usize, cols as usize, chunk_cols as usize);
-        // A strip's stated rows may exceed the image's without meaning.
+        // The stated rows of a strip may exceed the image's.
         let chunk_rows = if tiled { chunk_rows as usize } else { (chunk_rows as usize).min(rows) };
         if chunk_rows == 0 || chunk_cols == 0 {
             return Err(file.broken(format!("strips or tiles of {chunk_rows} x {chunk_cols} pixels")));
@@ -105,7 +105,7 @@ impl Layout {
         layout.check_claims(&file, compression)?;
         let file = layout.with_limits(file);
         let mut file = layout.check_table(file, tiled, compression == CompressionMethod::None)?;
-        // Prediction without compression is legal, if pointless.
+        // Prediction without compression is legal, though useless.
         if file.unsigned::<u16>(Tag::Predictor)?.is_some_and(|predictor| predictor != Predictor::None.to_u16()) {
             layout.plain = None;
         }
@@ -116,13 +116,13 @@ impl Layout {
         Ok((layout, file))
     }
 
-    /// Pixels of a chunk's window of the image: (first row, first column, rows, columns).
+    /// Returns the pixels of a chunk within the image: (first row, first column, rows, columns).
     pub(super) fn place(&self, chunk: usize) -> (usize, usize, usize, usize) {
         let (row, col) = (chunk / self.across * self.chunk_rows, chunk % self.across * self.chunk_cols);
         (row, col, self.chunk_rows.min(self.rows - row), self.chunk_cols.min(self.cols - col))
     }
 
-    /// Bytes of the rows of a strip.
+    /// Returns the number of bytes of a strip's rows.
     fn rows_bytes(&self, strip: usize) -> u64 {
         (self.place(strip).2 * self.cols * self.sample_bytes) as u64
     }
@@ -131,7 +131,7 @@ impl Layout {
         self.chunk_rows.saturating_mul(self.chunk_cols).saturating_mul(self.sample_bytes)
     }
 
-    /// Refuses sizes the file cannot hold.
+    /// Refuses sizes that the file cannot hold.
     fn check_claims(&self, file: &Handle, compression: CompressionMethod) -> Result<()> {
         let image = (self.rows as u64).saturating_mul(self.cols as u64).saturating_mul(self.sample_bytes as u64);
         let claimed = image.max(self.chunk_bytes() as u64);
@@ -154,7 +154,7 @@ impl Layout {
         Handle { tiff: file.tiff.with_limits(limits), ..file }
     }
 
-    /// Where the chunks lie: a file cut short is refused now, not after hours of work; empty places are remembered.
+    /// Reads the offsets of the chunks. A truncated file is refused here, not after hours of work. Empty offsets are recorded.
     fn check_table(&mut self, mut file: Handle, tiled: bool, uncompressed: bool) -> Result<Handle> {
         let (at, long) =
             if tiled { (Tag::TileOffsets, Tag::TileByteCounts) } else { (Tag::StripOffsets, Tag::StripByteCounts) };
@@ -190,7 +190,7 @@ impl Layout {
     }
 }
 
-/// Refuses everything that is not one band of plain grey samples.
+/// Refuses everything except one band of plain grey samples.
 fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
     let bands: u16 = file.unsigned(Tag::SamplesPerPixel)?.unwrap_or(1);
     if bands != 1 {

@@ -11,7 +11,7 @@ pub(super) struct Item {
     pub(super) text: String,
 }
 
-/// Reads the items of the first band and of the whole file; anything else is skipped.
+/// Reads the items of the first band and of the whole file. Other items are skipped.
 pub(super) fn parse(xml: &str) -> Vec<Item> {
     let mut items = Vec::new();
     let mut rest = xml;
@@ -31,7 +31,7 @@ pub(super) fn parse(xml: &str) -> Vec<Item> {
     items
 }
 
-/// Writes `items` as GDAL does; roles belong to the first band.
+/// Writes `items` as GDAL does. Roles belong to the first band.
 pub(super) fn format(items: &[Item]) -> String {
     let mut xml = String::from("<GDALMetadata>\n");
     for item in items {
@@ -48,7 +48,7 @@ fn attribute(head: &str, name: &str) -> Option<String> {
     Some(unescape(&head[start..start + length]))
 }
 
-/// Escapes mark-up, and everything that is not printable ASCII, which the tag cannot hold.
+/// Escapes mark-up and everything except printable ASCII, which the tag cannot hold.
 fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -58,7 +58,7 @@ fn escape(text: &str) -> String {
             '>' => out += "&gt;",
             '"' => out += "&quot;",
             ' '..='~' => out.push(c),
-            // XML 1.0 has no other control characters, not even escaped.
+            // XML 1.0 allows no other control characters, not even escaped.
             '\n' | '\t' => out += &format!("&#{};", c as u32),
             c if c.is_control() => out.push('?'),
             c => out += &format!("&#{};", c as u32),

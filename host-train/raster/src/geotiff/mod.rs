@@ -1,8 +1,8 @@
-//! GeoTIFF in and out: one band, with place, nodata, scale and unit.
+//! Reading and writing of GeoTIFF: one band, with georeference, NoData value, scale and unit.
 //!
-//! [`open`] and [`read`] take what GDAL, ISIS and the Ames Stereo Pipeline write: strips or tiles, classic or BigTIFF, uncompressed,
-//! LZW, Deflate, ZSTD, PackBits or JPEG, predictors 2 and 3, integers up to 32 bits and floats. [`Writer`] and [`write()`] make cloud-optimised ones.
-//! Whatever is not read correctly is refused: several bands, palettes, internal masks, ground control points.
+//! [`open`] and [`read`] accept files of GDAL, ISIS and the Ames Stereo Pipeline: strips or tiles, classic or BigTIFF, uncompressed, LZW,
+//! Deflate, ZSTD, PackBits or JPEG, predictors 2 and 3, integers up to 32 bits and floats. [`Writer`] and [`write()`] make cloud-optimised
+//! files. Anything else is refused: several bands, palettes, internal masks, ground control points.
 
 mod block;
 mod cache;
@@ -31,16 +31,16 @@ pub use read::{open, read};
 pub use write::{Compression, SampleType, WriteOptions, write};
 pub use writer::Writer;
 
-/// Nodata of float files: ISIS NULL4 (bits 0xFF7FFFFB), what LROC's own terrain models hold. It is not the lowest `f32`.
+/// NoData value of float files: ISIS NULL4 (bits 0xFF7FFFFB), as in LROC's terrain models. It is not the lowest `f32`.
 pub const NODATA: f32 = f32::from_bits(0xFF7F_FFFB);
 
 /// [`NODATA`] as text, for tag 42113.
 pub const NODATA_TEXT: &str = "-3.40282265508890445e+38";
 
-/// Floats at or below this are invalid even where no nodata tag says so: the ISIS special pixels and `-f32::MAX` lie below it.
+/// Floats at or below this are invalid even without a NoData tag. The ISIS special pixels and `-f32::MAX` lie below it.
 const LOWEST_VALID: f64 = -3.4e38;
 
-/// Tag numbers the `tiff` crate has no name for.
+/// Tag numbers without a name in the `tiff` crate.
 mod tag {
     use tiff::tags::Tag;
 

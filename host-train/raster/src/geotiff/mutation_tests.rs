@@ -1,4 +1,4 @@
-//! Damaged files of every kind: refused or read, never a panic, never memory beyond what the file can hold.
+//! Damaged files of every kind are refused or read. The reader never panics and never needs more memory than the file can hold.
 
 use super::tests::{heights, scratch};
 use super::*;
@@ -8,14 +8,14 @@ use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 use std::process::Command;
 
-/// Mutants made of each seed file.
+/// Number of mutants of each seed file.
 const MUTANTS: usize = 150;
 
-/// Values that mean something to a TIFF: types, tags, sizes at the edge of their range.
+/// Values with a meaning in a TIFF: types, tags, sizes at the edge of their range.
 const WORDS: [u32; 14] = [0, 1, 2, 3, 5, 7, 8, 16, 0xFF, 0x7FFF, 0xFFFF, 0x8000_0000, 0x7FFF_FFFF, 0xFFFF_FFFF];
 
 fn mutate(bytes: &mut Vec<u8>, rng: &mut ChaCha8Rng) {
-    // The head is where the meaning is: half of the changes go there.
+    // Most of the structure is in the head, so half of the changes go there.
     let head = bytes.len().min(1024);
     for _ in 0..rng.random_range(1..5) {
         if bytes.len() < 16 {
@@ -46,7 +46,7 @@ fn mutate(bytes: &mut Vec<u8>, rng: &mut ChaCha8Rng) {
     }
 }
 
-/// Small files of our own writing, and of GDAL's where it is there.
+/// Writes small files with our writer, and with GDAL's if it is available.
 fn make_seeds(folder: &Path) {
     for compression in [Compression::None, Compression::Lzw, Compression::Deflate, Compression::Zstd] {
         let mut options = WriteOptions::heights("seed").with_compression(compression).with_item("A", "b");
@@ -83,7 +83,7 @@ make('gdal_deflate', 'uint32', compress='deflate', predictor=2, SPARSE_OK=True)
 
 const CHILD_FOLDER: &str = "ELUNAR_TEST_MUTANTS";
 
-/// Not started by the test runner: it needs a process of its own, in which the test below starts it under a memory limit.
+/// The test runner does not start this test directly. The test below starts it in a separate process under a memory limit.
 #[test]
 #[ignore = "run by damaged_files_never_panic_or_swallow_memory"]
 fn child_reading_mutants() {
@@ -111,8 +111,8 @@ fn child_reading_mutants() {
     assert!(refused > all / 4, "mutations that harm nothing test nothing");
 }
 
-/// The mutants are read by a process that may use 1 GiB of addresses, threads' stacks included: an allocation a small file talks the
-/// reader into ends it.
+/// A process with at most 1 GiB of address space, threads' stacks included, reads the mutants. A larger allocation for a small file ends
+/// the process.
 #[test]
 #[cfg(unix)]
 fn damaged_files_never_panic_or_swallow_memory() {

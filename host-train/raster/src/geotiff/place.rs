@@ -1,11 +1,11 @@
-//! Where a GeoTIFF lies: its GeoKeys and its transform.
+//! Georeference of a GeoTIFF: its GeoKeys and its transform.
 
 use super::super::{Crs, GeoRef, GeoTransform};
 use super::handle::Handle;
 use crate::Result;
 use tiff::tags::Tag;
 
-/// The place the tags state; `None` without a transform.
+/// Returns the georeference that the tags state; `None` without a transform.
 pub(super) fn georef(file: &mut Handle) -> Result<Option<GeoRef>> {
     let crs = Crs {
         directory: file.unsigned_list(Tag::GeoKeyDirectoryTag)?.unwrap_or_default(),

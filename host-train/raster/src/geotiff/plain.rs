@@ -1,7 +1,7 @@
-//! Uncompressed samples in one run, row after row: any rows can be read by themselves.
+//! Uncompressed samples without gaps, row after row. Any rows can be read separately.
 //!
-//! Many programs write a whole image as a single strip, others each row as its own: read as the strips they claim to be, the former
-//! would fill the memory and the latter take thousands of small steps.
+//! Many programs write a whole image as a single strip; others write each row as a strip. Read strip by strip, the former would fill the
+//! memory, and the latter would take thousands of small steps.
 
 use super::handle::Handle;
 use crate::{Error, Result};
@@ -16,7 +16,7 @@ pub(super) struct SampleKind {
     pub(super) bits: u16,
 }
 
-/// Reads `count` samples from byte `at` on; `None` for types without a Rust type of their own.
+/// Reads `count` samples from byte `at` on; `None` for types without a Rust equivalent.
 pub(super) fn read(file: &mut Handle, kind: SampleKind, at: u64, count: usize) -> Result<Option<DecodingResult>> {
     let little = file.tiff.byte_order() == ByteOrder::LittleEndian;
     let mut bytes = vec![0; count * usize::from(kind.bits / 8)];

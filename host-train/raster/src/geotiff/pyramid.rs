@@ -1,13 +1,13 @@
-//! The levels of a file: full resolution and overviews, filled from top to bottom with a band of rows in memory for each.
+//! The levels of a file: full resolution and overviews. They are filled from top to bottom; each keeps a band of rows in memory.
 
-/// One level: its size, and the rows that are not written yet.
+/// One level: its size, and the rows that are not yet written.
 #[derive(Debug)]
 pub(super) struct Level {
     pub(super) rows: usize,
     pub(super) cols: usize,
     /// Whole rows, at most [`BLOCK_PX`].
     pub(super) band: Vec<f32>,
-    /// Place and length of each written block, row by row, in the spill.
+    /// Offset and length of each written block in the spill, row by row.
     pub(super) blocks: Vec<(u64, u64)>,
 }
 
@@ -19,13 +19,14 @@ impl Level {
         Self { rows, cols, band: vec![], blocks: vec![] }
     }
 
-    /// Rows and columns of a block. Sides must be multiples of 16; a raster smaller than a block has one just large enough.
+    /// Returns the rows and columns of a block. Sides must be multiples of 16. A raster smaller than a block has one that is just large
+    /// enough.
     pub(super) fn block(&self) -> (usize, usize) {
         (BLOCK_PX.min(self.rows.next_multiple_of(16)), BLOCK_PX.min(self.cols.next_multiple_of(16)))
     }
 }
 
-/// Full resolution first, each further level half as large (rounded up), until both sides fit one block.
+/// Returns the levels: full resolution first, each further level half as large (rounded up), until both sides fit one block.
 pub(super) fn levels(rows: usize, cols: usize) -> Vec<Level> {
     let mut levels = vec![Level::new(rows, cols)];
     while let Some(last) = levels.last().filter(|last| last.rows > BLOCK_PX || last.cols > BLOCK_PX) {
@@ -34,7 +35,7 @@ pub(super) fn levels(rows: usize, cols: usize) -> Vec<Level> {
     levels
 }
 
-/// Each 2 x 2 samples of `band` (rows of `cols`) become the mean of those that are valid, NaN where none is.
+/// Returns the mean of the valid samples in each 2 x 2 samples of `band` (rows of `cols`); NaN without valid samples.
 pub(super) fn halve(band: &[f32], cols: usize) -> Vec<f32> {
     let rows = band.len() / cols;
     let mut out = Vec::with_capacity(rows.div_ceil(2) * cols.div_ceil(2));

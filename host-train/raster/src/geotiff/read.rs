@@ -1,4 +1,4 @@
-//! Reading, whole or by windows.
+//! Reading, whole or in windows.
 
 use super::super::source::{Info, Source, check_window};
 use super::super::{Raster, source};
@@ -14,19 +14,19 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use tiff::decoder::DecodingResult;
 
-/// Decoded samples kept for the next window, bytes: one row of 512-pixel tiles of a raster 32,000 columns wide.
+/// Size of the cache of decoded samples, bytes: one row of 512-pixel tiles of a raster 32,000 columns wide.
 const CACHE_BYTES: usize = 64 << 20;
 
-/// Opens a GeoTIFF for reading by windows: one band, in the unit of the file, except that kilometres become metres.
+/// Opens a GeoTIFF for reading in windows: one band, in the unit of the file. Kilometres become metres.
 ///
-/// Samples become NaN where they equal the nodata tag (42113), are not finite, or are special pixels of PDS3 and ISIS: at or below
-/// -3.4e38 in float files, at or below -32764 in signed 16-bit ones.
-/// Scale and offset of the metadata tag (42112) are applied, except an offset equal to the radius of the file's own sphere: planetary
-/// products state radii that way, and heights of this program are above the sphere. `f64` and 32-bit integers are rounded to `f32`.
-/// For files with `AREA_OR_POINT=Point` the transform is moved by half a pixel, so that it always speaks of pixel corners.
+/// Samples become NaN if they equal the NoData tag (42113), are not finite, or are special pixels of PDS3 and ISIS. Special pixels are at
+/// or below -3.4e38 in float files, at or below -32764 in signed 16-bit files. Scale and offset of the metadata tag (42112) are applied. An
+/// offset equal to the radius of the file's own sphere is left out: planetary products state radii that way, and heights of this program
+/// are above the sphere. `f64` and 32-bit integers are rounded to `f32`. For files with `AREA_OR_POINT=Point` the transform is moved by
+/// half a pixel, so that it always refers to pixel corners.
 ///
-/// At most 64 MiB of decoded samples are kept besides what a caller asks for; windows that share strips or tiles are cheap in any
-/// order within that. The file stays open.
+/// At most 64 MiB of decoded samples are cached in addition to the result. Within that size, windows that share strips or tiles are fast in
+/// any order. The file stays open.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be opened, [`Error::Broken`] if it is truncated or contradicts itself,
@@ -35,12 +35,12 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     Ok(Box::new(GeoTiff::open(path, CACHE_BYTES)?))
 }
 
-/// All samples of a GeoTIFF, as [`open`] hands them out.
+/// Reads all samples of a GeoTIFF, as [`open`] returns them.
 ///
 /// # Errors
-/// Those of [`open`]; [`Error::Usage`] if the memory does not suffice.
+/// As [`open`]. [`Error::Usage`] if the memory does not suffice.
 pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
-    // Each chunk is read once: nothing is worth keeping.
+    // Each chunk is read once, so no cache is needed.
     source::read_all(&GeoTiff::open(path.as_ref(), 0)?)
 }
 
@@ -53,7 +53,7 @@ pub(super) struct GeoTiff {
     state: Mutex<State>,
 }
 
-/// What one reader at a time may use.
+/// State that only one reader at a time may use.
 struct State {
     file: Handle,
     cache: Cache,
@@ -71,9 +71,9 @@ impl GeoTiff {
         Ok(Self { path: path.into(), info, layout, rule, state })
     }
 
-    /// The samples of one chunk, rows of [`Layout::chunk_cols`], from memory or from the file.
+    /// Returns the samples of one chunk, rows of [`Layout::chunk_cols`], from the cache or the file.
     fn chunk(&self, chunk: usize) -> Result<Arc<[f32]>> {
-        // A reader that panicked left the decoder between two chunks at worst: each chunk starts afresh.
+        // A reader that panicked leaves the decoder between two chunks at worst. Each chunk starts anew.
         let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(samples) = state.cache.get(chunk) {
             return Ok(samples);
@@ -92,7 +92,7 @@ impl GeoTiff {
             return data.and_then(|data| self.rule.samples(&data)).ok_or_else(|| file.unsupported(&layout.format));
         }
         let mut data = DecodingResult::U8(vec![]);
-        // Whole rows of the tile, padding included: asked to drop the padding, the decoder loses its place in LZW tiles.
+        // Whole rows of the tile, with padding. If the decoder drops the padding, it loses its position in LZW tiles.
         let decoded = file.tiff.read_chunk_to_buffer(&mut data, chunk as u32, layout.chunk_cols * layout.sample_bytes);
         let part = |what: String| file.broken(format!("part {} of {}: {what}", chunk + 1, layout.chunks));
         file.check(decoded).map_err(|error| match error {
@@ -137,7 +137,7 @@ impl Source for GeoTiff {
     }
 }
 
-/// Copies what a chunk, placed at (row, column, rows, columns), has of `window`.
+/// Copies the part of `window` that a chunk at (row, column, rows, columns) has.
 fn copy(
     chunk: &[f32],
     (row0, col0, rows, cols): (usize, usize, usize, usize),

@@ -1,4 +1,4 @@
-//! How a stored number becomes a sample.
+//! Conversion of stored numbers to samples.
 
 use super::super::GeoRef;
 use super::handle::Handle;
@@ -8,14 +8,14 @@ use elunar_core::mask::is_real_i16;
 use tiff::decoder::DecodingResult;
 use tiff::tags::Tag;
 
-/// Nodata, scale and offset.
+/// NoData value, scale and offset.
 pub(super) struct Rule {
     nodata: Option<f64>,
-    /// As `f32` files hold it: the text may carry more digits.
+    /// NoData value rounded to `f32`, as in `f32` files. The text may have more digits.
     nodata_f32: Option<f64>,
     scale: f64,
     offset: f64,
-    /// Unit of the samples handed out.
+    /// Unit of the samples after conversion.
     pub(super) unit: Option<String>,
 }
 
@@ -41,7 +41,7 @@ impl Rule {
         };
         if let Some(radius_m) = georef.and_then(|g| g.crs.sphere_radius_m()) {
             let is_radius = |value: f64| (value - radius_m).abs() <= 1e-6 * radius_m;
-            // A radius in kilometres says the unit even where the unit is not stated.
+            // A radius in kilometres implies the unit, even if the unit is not stated.
             if is_radius(offset * 1000.0) {
                 (offset, to_metres) = (0.0, Some(1000.0));
             } else if is_radius(offset) {
@@ -55,7 +55,7 @@ impl Rule {
         Ok(Self { nodata, nodata_f32: nodata.map(|v| f64::from(v as f32)), scale, offset, unit })
     }
 
-    /// All samples of a chunk; `None` for types no file of ours has.
+    /// Converts all samples of a chunk; `None` for unsupported types.
     pub(super) fn samples(&self, data: &DecodingResult) -> Option<Vec<f32>> {
         Some(match data {
             DecodingResult::U8(v) => v.iter().map(|&v| self.whole(f64::from(v))).collect(),
@@ -73,7 +73,7 @@ impl Rule {
         })
     }
 
-    /// What a chunk that was never written holds: nodata, or zeros where none is stated, as GDAL has it.
+    /// Returns the value of a chunk that was never written: NaN if a NoData value is stated, otherwise that of zeros, as in GDAL.
     pub(super) fn unwritten(&self) -> f32 {
         if self.nodata.is_some() { f32::NAN } else { self.finish(0.0) }
     }

@@ -1,4 +1,4 @@
-//! What is written is read, and what is broken is refused.
+//! Files that were written are read, and broken files are refused.
 
 use super::*;
 use crate::{Crs, Error, GeoRef, Raster};
@@ -8,7 +8,7 @@ pub(super) fn scratch() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Heights with gaps, some digits and a place; sizes that are no multiple of anything.
+/// Returns heights with gaps, many digits and a georeference, in odd sizes.
 pub(super) fn heights(rows: usize, cols: usize) -> Raster {
     let mut samples: Vec<f32> = (0..rows * cols).map(|i| (i as f32 * 0.37).sin() * 1234.567 - 1900.0).collect();
     samples[rows * cols / 2] = f32::NAN;
@@ -79,7 +79,7 @@ fn pixel_is_point_files_are_moved_to_corners_and_back() {
     let folder = scratch();
     let mut raster = heights(20, 30);
     let georef = raster.georef.as_mut().unwrap();
-    // Key 1025 is the second of the directory, its value the last number of the entry.
+    // Key 1025 is the second of the directory. Its value is the last number of the entry.
     assert_eq!(georef.crs.directory[8], 1025);
     georef.crs.directory[11] = 2;
     let back = read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap();

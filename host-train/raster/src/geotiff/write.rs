@@ -1,14 +1,14 @@
-//! What goes into a file, and writing one at once.
+//! Options of a file, and the function that writes one at once.
 
 use super::super::Raster;
 use super::writer::Writer;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// How samples are stored.
+/// Type of stored samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleType {
-    /// As they are; nodata is [`super::NODATA`].
+    /// Floats without change. The NoData value is [`super::NODATA`].
     F32,
     /// Rounded to 0..=255.
     U8,
@@ -16,48 +16,48 @@ pub enum SampleType {
     U16,
 }
 
-/// How blocks are compressed, all with the predictor that suits the samples (3 for floats, 2 for integers).
+/// Compression of blocks. The predictor follows from the samples (3 for floats, 2 for integers).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Compression {
-    /// Not at all: for programs that map files into memory.
+    /// No compression, for programs that map files into memory.
     None,
     /// The Ames Stereo Pipeline's default.
     Lzw,
-    /// Smaller than LZW and read everywhere.
+    /// Smaller than LZW, and supported by all programs.
     #[default]
     Deflate,
     /// Smallest and fastest, but older programs cannot read it.
     Zstd,
 }
 
-/// What goes into the file besides samples and place.
+/// Contents of the file besides samples and georeference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
-    /// How samples are stored.
+    /// Type of stored samples.
     pub sample: SampleType,
-    /// How blocks are compressed.
+    /// Compression of blocks.
     pub compression: Compression,
-    /// Integer samples only: 0 is nodata, and valid samples are stored as 1 at least. Without it invalid samples are refused.
+    /// For integer samples: 0 is the NoData value, and valid samples are stored as 1 at least. Otherwise, invalid samples are refused.
     pub zero_is_nodata: bool,
     /// Unit of the samples; `m` for heights.
     pub unit: Option<String>,
-    /// What the band is: for heights the sphere they are above, and where they come from.
+    /// Description of the band. For heights: the sphere they are above, and their source.
     pub description: Option<String>,
     /// Further metadata items, name and text.
     pub items: Vec<(String, String)>,
-    /// BigTIFF whatever the size, so that it can be tried on a small raster.
+    /// Whether the file is a BigTIFF at any size, so that a small raster can test it.
     pub(super) force_big: bool,
 }
 
 impl WriteOptions {
-    /// Heights in metres, stored as `f32`.
+    /// Options for heights in metres, stored as `f32`.
     #[must_use]
     pub fn heights(description: impl Into<String>) -> Self {
         Self { unit: Some("m".into()), ..Self::image(SampleType::F32, description) }
     }
 
-    /// An image without unit.
+    /// Options for an image without unit.
     #[must_use]
     pub fn image(sample: SampleType, description: impl Into<String>) -> Self {
         Self {
@@ -78,8 +78,8 @@ impl WriteOptions {
         self
     }
 
-    /// Says under which Sun an image was taken or made: azimuth clockwise from the raster's up and elevation above the horizon, degrees,
-    /// each where it is known.
+    /// Records the direction to the Sun of an image: azimuth clockwise from the raster's up and elevation above the horizon, degrees, each
+    /// if known.
     #[must_use]
     pub fn with_sun(self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Self {
         let angles = [("SUN_AZIMUTH_DEG", azimuth_deg), ("SUN_ELEVATION_DEG", elevation_deg)];
@@ -96,7 +96,7 @@ impl WriteOptions {
         self
     }
 
-    /// Promises integer samples without gaps: 0 is an ordinary value then.
+    /// States that integer samples have no gaps, so that 0 is an ordinary value.
     #[must_use]
     pub fn without_gaps(mut self) -> Self {
         self.zero_is_nodata = false;
@@ -104,8 +104,8 @@ impl WriteOptions {
     }
 }
 
-/// Writes `raster` as a cloud-optimised GeoTIFF, whole or not at all ([`Writer`] does it, and takes larger ones row by row).
-/// Float files carry the nodata tag always, integer files only if a sample is invalid.
+/// Writes `raster` as a cloud-optimised GeoTIFF, whole or not at all. ([`Writer`] writes larger ones row by row.) Float files always have
+/// the NoData tag, integer files only if a sample is invalid.
 ///
 /// # Errors
 /// [`Error::Usage`] if the raster is empty, its sample count is not rows x columns, or a sample does not fit an integer type;
@@ -132,7 +132,7 @@ impl SampleType {
         }
     }
 
-    /// Largest value; floats have none.
+    /// Returns the largest value; `None` for floats.
     pub(super) fn highest(self) -> Option<f32> {
         match self {
             Self::F32 => None,

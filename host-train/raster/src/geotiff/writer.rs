@@ -14,16 +14,15 @@ use std::io::{BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag};
 
-/// Bit of [`Tag::NewSubfileType`]: an image of lower resolution of another one of the file.
+/// Bit of [`Tag::NewSubfileType`]: a reduced version of another image of the file.
 const REDUCED: u32 = 1;
 
-/// Writes a cloud-optimised GeoTIFF from top to bottom: blocks of 512 x 512, overviews by means of valid samples until the
-/// smallest fits one block, directories first, BigTIFF only for files beyond 4 GiB.
+/// Writer of a cloud-optimised GeoTIFF, from top to bottom. Blocks have 512 x 512 pixels. Overviews are means of valid samples; the
+/// smallest fits one block. Directories come first. BigTIFF is used only for files beyond 4 GiB.
 ///
-/// Memory holds two bands of 512 rows, whatever the height. Compressed blocks wait in a nameless temporary file beside the target
-/// (which therefore needs twice its size on the disk for a moment), and become the file in [`Writer::finish`]. Until then, and if
-/// anything fails or the program dies, there is no file at `path`, or the old one; a kill while the parts are joined may leave a
-/// `.tmp*.part` beside it.
+/// Memory holds two bands of 512 rows, whatever the height. Compressed blocks wait in a nameless temporary file beside the target, so the
+/// disk needs twice the target's size for a moment. [`Writer::finish`] makes the file from them. Before that, and if anything fails or the
+/// program is killed, there is no file at `path`, or the old one. A kill during [`Writer::finish`] may leave a `.tmp*.part` beside it.
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
@@ -37,7 +36,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Starts a file of `rows` x `cols` pixels. The reference system's keys go out as they came in.
+    /// Starts a file of `rows` x `cols` pixels. The reference system's keys are written as they are.
     ///
     /// # Errors
     /// [`Error::Usage`] if a side is 0 or beyond 2^31 - 1, or `path` is a folder; [`Error::Io`] if its folder cannot be written.
@@ -67,11 +66,11 @@ impl Writer {
         Ok(Self { path: path.into(), georef, options, coding, levels, spill, spilled_bytes: 0, rows_given: 0 })
     }
 
-    /// Takes the next rows, any number of whole ones; NaN is invalid.
+    /// Adds the next rows, any number of whole ones. NaN is invalid.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the samples are no whole rows, more than the file has, or do not fit its integers; [`Error::Io`] if the
-    /// disk does not take them.
+    /// [`Error::Usage`] if the samples are not whole rows, more than the file has, or do not fit its integers; [`Error::Io`] if they cannot
+    /// be written.
     pub fn write_rows(&mut self, samples: &[f32]) -> Result<()> {
         let (rows, cols) = (self.levels[0].rows, self.levels[0].cols);
         let given = samples.len() / cols;
@@ -91,10 +90,10 @@ impl Writer {
         self.push(0, samples, self.rows_given == rows).map_err(Error::io(&self.path))
     }
 
-    /// Puts the file together and gives it its name.
+    /// Completes the file and renames it to its path.
     ///
     /// # Errors
-    /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the name cannot be taken.
+    /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the file cannot be named.
     pub fn finish(mut self) -> Result<()> {
         let rows = self.levels[0].rows;
         if self.rows_given != rows {
@@ -109,14 +108,14 @@ impl Writer {
         self.spill.flush()?;
         let mut builder = tempfile::Builder::new();
         builder.suffix(".part");
-        // Readable as the user's umask says; a temporary file is private by default.
+        // Permissions follow the user's umask. A temporary file is private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(folder_of(&self.path))?;
         let mut out = BufWriter::with_capacity(1 << 20, file.as_file());
         out.write_all(&self.head())?;
         let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
-        // The smallest overview comes first, so that a first look at the file costs little.
+        // The smallest overview comes first, so that a preview of the file reads little.
         for level in self.levels.iter().rev() {
             for &(at, length) in &level.blocks {
                 let back = spill.stream_position()? as i64;
@@ -132,7 +131,7 @@ impl Writer {
         file.persist(&self.path).map(drop).map_err(|e| e.error)
     }
 
-    /// Adds rows to a level, writes its full bands, and hands their halves on to the next level.
+    /// Adds rows to a level, writes its full bands, and passes their halves to the next level.
     fn push(&mut self, level: usize, samples: &[f32], last: bool) -> std::io::Result<()> {
         let cols = self.levels[level].cols;
         let full = BLOCK_PX * cols;
@@ -154,7 +153,7 @@ impl Writer {
             if ends {
                 return Ok(());
             }
-            // The room is used again.
+            // The memory is used again.
             self.levels[level].band = band;
             self.levels[level].band.clear();
         }
@@ -188,10 +187,10 @@ impl Writer {
         }
     }
 
-    /// Header and directories, with the places of all blocks.
+    /// Returns header and directories, with the offsets of all blocks.
     fn head(&self) -> Vec<u8> {
         let mut images: Vec<Directory> = self.levels.iter().enumerate().map(|(i, l)| self.tags(l, i > 0)).collect();
-        // Offsets beyond 4 GiB need a BigTIFF; the head's length does not depend on them.
+        // Offsets beyond 4 GiB need a BigTIFF. The head's length does not depend on them.
         let big =
             head(&images, false).len() as u64 + self.spilled_bytes > u64::from(u32::MAX) || self.options.force_big;
         let mut at = head(&images, big).len() as u64;

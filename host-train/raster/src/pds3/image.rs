@@ -1,4 +1,4 @@
-//! From a label to the image it describes.
+//! The image that a label describes.
 
 use super::super::binary::{Binary, Layout, Meaning, Sample};
 use super::super::source::{Info, Source};
@@ -14,7 +14,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Why a label is not followed: it contradicts itself, or it describes something not read here.
+/// Reason for refusing a label: it contradicts itself, or it describes something unsupported.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Refusal {
     Broken(Defect),
@@ -36,32 +36,32 @@ impl Refusal {
     }
 }
 
-/// What a label says about its image.
+/// Description of an image in its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Description {
-    /// File that holds the samples; `None` for the label's own.
+    /// File with the samples; `None` for the label's own file.
     pub(super) file: Option<String>,
     pub(super) layout: Layout,
     pub(super) meaning: Meaning,
     pub(super) unit: Option<String>,
     pub(super) georef: Option<GeoRef>,
-    /// Bytes of a record, 1 where there are none.
+    /// Length of a record, bytes; 1 if there are none.
     record_bytes: u64,
-    /// First bytes of everything else the label points at in the image's file.
+    /// Offsets of all other objects that the label points at in the image's file.
     others: Vec<u64>,
 }
 
 /// Opens the image that the label at `path` describes, attached or detached.
 ///
-/// Samples are stored number * SCALING_FACTOR + OFFSET, kilometres turned into metres; an OFFSET equal to the radius of the sphere is
-/// not added, since heights here are above the sphere. Samples are NaN where they equal a constant the label sets apart
-/// (MISSING_CONSTANT, CORE_NULL and their kin), are not finite, or are special pixels: at or below -3.4e38 in real samples, at or below
-/// -32764 in signed 16-bit ones. If the label points at a TIFF, that is read as a TIFF, and the label adds what it does not say.
+/// Samples are stored number * SCALING_FACTOR + OFFSET; kilometres become metres. An OFFSET equal to the radius of the sphere is left out,
+/// since heights here are above the sphere. Samples are NaN if they equal a special constant of the label (MISSING_CONSTANT, CORE_NULL and
+/// similar ones), are not finite, or are special pixels: at or below -3.4e38 in real samples, at or below -32764 in signed 16-bit ones. If
+/// the label points at a TIFF, the file is read as a TIFF, and the label supplies what the TIFF does not state.
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; [`Error::Broken`] for defects of the label, and if label and file disagree in size;
-/// [`Error::Unsupported`] for several bands, packed images, VAX reals and map projections unknown here; [`Error::Usage`] if the file the label names is
-/// not there.
+/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Usage`] if the file that
+/// the label names does not exist.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     let label = read_label(path)?;
     let description = describe(&label).map_err(|refusal| refusal.of(path))?;
@@ -105,7 +105,8 @@ impl Description {
         if file_bytes < end {
             return broken(format!("{file_bytes} bytes where {end} are needed"));
         }
-        // A file is padded to whole records and may hold more objects; anything else behind the image means that it is another size.
+        // A file is padded to whole records and may hold more objects. Any other data behind the image mean that the image has another
+        // size.
         let padding = self.record_bytes.max(self.layout.row_bytes);
         if file_bytes - end >= padding && !self.others.iter().any(|&start| start >= end) {
             return broken(format!("{} bytes more than that, with no pointer to them,", file_bytes - end));
@@ -114,7 +115,7 @@ impl Description {
     }
 }
 
-/// Everything the label says, before any other file is touched.
+/// Evaluates the whole label before any other file is opened.
 pub(super) fn describe(label: &Block) -> std::result::Result<Description, Refusal> {
     let Some(found) = Found::in_label(label)? else { return Err(no_image(label)) };
     let record_bytes = match found.nearest("RECORD_BYTES")? {
@@ -165,7 +166,7 @@ fn no_image(label: &Block) -> Refusal {
     Refusal::Unsupported(format!("a label with an ^IMAGE expected, found {found}"))
 }
 
-/// Where everything else in the image's own file begins.
+/// Collects the offsets of all other objects in the image's own file.
 fn collect_others(block: &Block, record_bytes: Option<u64>, image: &Pointer, out: &mut Vec<u64>) {
     for item in block.items.iter().filter(|item| item.key.starts_with('^') && item.key != "^IMAGE") {
         out.extend(Pointer::parse(item, record_bytes).ok().filter(|p| p.same_file(image)).map(|p| p.start));
@@ -216,8 +217,8 @@ fn whole(key: &str, value: &Value, line: usize) -> std::result::Result<u64, Defe
     number.ok_or_else(|| Defect::at(line, format!("a count as {key} expected, found {:?}", value.kind)))
 }
 
-/// SAMPLE_TYPE and SAMPLE_BITS, with the synonyms of the PDS Data Dictionary. Integers of 8 bits are unsigned whatever their type says:
-/// labels of images up to 255 call them MSB_INTEGER and LSB_INTEGER, and GDAL reads them so.
+/// Reads SAMPLE_TYPE and SAMPLE_BITS, with the synonyms of the PDS Data Dictionary. Integers of 8 bits are always unsigned: labels of
+/// images up to 255 call them MSB_INTEGER and LSB_INTEGER, and GDAL reads them as unsigned.
 fn sample(image: &Block, bits: u64) -> std::result::Result<(Sample, bool), Refusal> {
     let item = image.find("SAMPLE_TYPE")?;
     let Some((item, name)) = item.and_then(|item| Some((item, item.value.text()?.to_ascii_uppercase()))) else {
@@ -247,7 +248,7 @@ fn sample(image: &Block, bits: u64) -> std::result::Result<(Sample, bool), Refus
     sample.map(|sample| (sample, big_endian)).ok_or_else(refuse)
 }
 
-/// The stored numbers that stand for "no measurement".
+/// Returns the stored numbers that mean "no measurement".
 fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defect> {
     let mut missing = Vec::new();
     for item in &image.items {
@@ -278,7 +279,7 @@ fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defec
     Ok(missing)
 }
 
-/// A constant as the samples hold it. Before real samples a based integer is a bit pattern, and some labels quote it.
+/// Returns a constant in the samples' type. For real samples a based integer is a bit pattern; some labels quote it.
 fn stored(value: &Value, sample: Sample) -> Option<f64> {
     if let Some(text) = value.text() {
         let kind = super::value::classify(text).ok()?;
@@ -293,7 +294,7 @@ fn stored(value: &Value, sample: Sample) -> Option<f64> {
     }
 }
 
-/// A TIFF with a label beside it: the TIFF says how its samples lie, the label what they mean where the TIFF is silent.
+/// A TIFF with a label beside it. The TIFF determines the layout of its samples. The label gives their meaning, where the TIFF does not.
 struct Relabelled {
     tiff: Box<dyn Source>,
     meaning: Meaning,
@@ -315,7 +316,7 @@ impl Relabelled {
             return Err(Error::broken(label, what));
         }
         let mut meaning = description.meaning;
-        // A TIFF that names its unit has scale and offset of its own, already applied.
+        // A TIFF that names its unit has its own scale and offset, already applied.
         if found.unit.is_some() {
             (meaning.scale, meaning.offset) = (1.0, 0.0);
         }

@@ -1,15 +1,15 @@
-//! Tokens to a tree: the label itself.
+//! The tree of a label, from tokens.
 //!
-//! The grammar is PVL (CCSDS 641.0-B-2) as PDS3 labels use it (PDS Standards Reference, chapter 12), read leniently where real labels
-//! take liberties and strictly where leniency would guess: a missing value, a word without equals sign and a block that closes under
-//! another name are errors, while Latin-1 bytes in texts, comments over several lines, a missing `END` at the end of the file and
-//! statements closed by `;` are not.
+//! The grammar is PVL (CCSDS 641.0-B-2) as PDS3 labels use it (PDS Standards Reference, chapter 12). It is lenient where real labels differ
+//! from the standard, and strict where the meaning would have to be guessed. Errors: a missing value, a word without equals sign, a block
+//! closed under another name. Not errors: Latin-1 bytes in texts, comments over several lines, a missing `END` at the end of the file, and
+//! statements closed by `;`.
 
 use super::Defect;
 use super::lexer::{Lexer, Token};
 use super::value::{Kind, Value, classify};
 
-/// Blocks and sequences may lie this deep in each other; real labels need four.
+/// Greatest depth of nested blocks and sequences. Real labels need four.
 const MOST_NESTING: usize = 32;
 
 /// One level of a label: the label itself, an OBJECT or a GROUP.
@@ -19,36 +19,36 @@ pub struct Block {
     pub name: String,
     /// `KEY = value` in the order of the file.
     pub items: Vec<Item>,
-    /// Blocks in this one, in the order of the file.
+    /// Blocks within this block, in the order of the file.
     pub blocks: Vec<Block>,
 }
 
 /// `KEY = value`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
-    /// The keyword in capitals, pointers with their caret.
+    /// The keyword in capitals. A pointer begins with `^`.
     pub key: String,
-    /// What it is set to.
+    /// Value of the keyword.
     pub value: Value,
     /// Line of the keyword, counted from 1.
     pub line: usize,
 }
 
 impl Block {
-    /// Reads a label from the beginning of `bytes` to its `END`, which need not be there.
+    /// Reads a label from the beginning of `bytes` to its `END`, which may be missing.
     ///
     /// # Errors
-    /// [`Defect`] with the line and what was expected and found there.
+    /// [`Defect`] with the line, and what was expected and found there.
     pub fn parse(bytes: &[u8]) -> Result<Self, Defect> {
         let mut label = Self::default();
         Parser { lexer: Lexer::new(bytes), depth: 0 }.block(&mut label, None)?;
         Ok(label)
     }
 
-    /// The value of `key` (in capitals) in this block itself. Words that say "no value" count as none.
+    /// Returns the item of `key` (in capitals) in this block itself. Words for "no value" count as none.
     ///
     /// # Errors
-    /// [`Defect`] if it is stated twice, with different values.
+    /// [`Defect`] if the key is stated twice, with different values.
     pub fn find(&self, key: &str) -> Result<Option<&Item>, Defect> {
         let mut stated = self.items.iter().filter(|item| item.key == key);
         let first = stated.next();
@@ -59,7 +59,7 @@ impl Block {
         Ok(first.filter(|item| !item.value.is_absent()))
     }
 
-    /// The first block of that name (in capitals), here or deeper.
+    /// Returns the first block of that name (in capitals), at any depth.
     #[must_use]
     pub fn block(&self, name: &str) -> Option<&Block> {
         self.blocks.iter().find_map(|block| if block.name == name { Some(block) } else { block.block(name) })
@@ -72,7 +72,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// Statements up to the end of the block; `opened` is the line and the word that opened it.
+    /// Reads statements up to the end of the block. `opened` is the line and the word that opened it.
     fn block(&mut self, block: &mut Block, opened: Option<(usize, &str)>) -> Result<(), Defect> {
         loop {
             let line = self.lexer.line()?;
@@ -120,7 +120,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// Behind `END_OBJECT` or `END_GROUP`: the name, if given, must be that of the block.
+    /// Reads the name behind `END_OBJECT` or `END_GROUP`. If given, it must be the block's name.
     fn close(&mut self, block: &Block, word: &str, line: usize, opened: Option<(usize, &str)>) -> Result<(), Defect> {
         let Some((opened_line, opened_word)) = opened else {
             return Err(Defect::at(line, format!("an open block expected, found {word}")));
@@ -140,13 +140,13 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// The value behind `key`'s equals sign, with its unit.
+    /// Reads the value behind `key`'s equals sign, with its unit.
     fn value(&mut self, key: &str, line: usize) -> Result<Value, Defect> {
         let missing = |found: &Token| Defect::at(line, format!("a value of {key} expected, found {found}"));
         let here = self.lexer.line()?;
         let kind = match self.lexer.next()? {
             Token::Word(word) => {
-                // `A =` with nothing behind it would otherwise take the next line's keyword for its value.
+                // After `A =` without a value, the next line's keyword would otherwise be read as the value.
                 let mut ahead = self.lexer;
                 let keyword_follows = here > line && matches!(ahead.next(), Ok(Token::Mark(b'=')));
                 if is_reserved(&word) || keyword_follows {
@@ -166,7 +166,7 @@ impl Parser<'_> {
                 self.lexer = ahead;
                 Some(unit)
             }
-            // A defect behind the value is the next statement's, which will meet it again.
+            // A defect behind the value belongs to the next statement, which will find it again.
             _ => None,
         };
         Ok(Value { kind, unit })

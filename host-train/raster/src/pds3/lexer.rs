@@ -1,4 +1,4 @@
-//! Bytes to tokens: the words of PVL and of its strict sibling ODL, with the line each stands on.
+//! Tokens of a label, from bytes: the words of PVL and of its stricter form ODL, with their lines.
 
 use super::Defect;
 use std::fmt;
@@ -16,7 +16,7 @@ pub(super) enum Token {
     Unit(String),
     /// One of `= ( ) { } , ;`.
     Mark(u8),
-    /// Nothing more.
+    /// End of the label.
     End,
 }
 
@@ -34,7 +34,7 @@ impl fmt::Display for Token {
     }
 }
 
-/// Reads tokens one after the other. A copy looks ahead.
+/// Reads tokens one after the other. To look ahead, a copy is used.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lexer<'a> {
     bytes: &'a [u8],
@@ -49,13 +49,13 @@ impl<'a> Lexer<'a> {
         lexer
     }
 
-    /// Line, counted from 1, of whatever is read next.
+    /// Returns the line, counted from 1, of the next token.
     pub(super) fn line(&mut self) -> Result<usize, Defect> {
         self.skip_blanks()?;
         Ok(self.line)
     }
 
-    /// The next token. A NUL byte ends the label as the end of the file does: labels are padded with it.
+    /// Returns the next token. A NUL byte ends the label, as the end of the file does, because labels are padded with it.
     pub(super) fn next(&mut self) -> Result<Token, Defect> {
         self.skip_blanks()?;
         match self.peek() {
@@ -79,7 +79,7 @@ impl<'a> Lexer<'a> {
         self.bytes[self.at..].starts_with(text)
     }
 
-    /// Standard formatted data units wrap older labels: lines such as `CCSD3ZF0000100000001NJPL3IF0PDSX00000001` before the first keyword.
+    /// Skips the lines of standard formatted data units around older labels, such as `CCSD3ZF0000100000001NJPL3IF0PDSX00000001`.
     fn skip_transfer_labels(&mut self) {
         while self.starts_with(b"CCSD") || self.starts_with(b"NJPL") {
             let line =
@@ -108,13 +108,13 @@ impl<'a> Lexer<'a> {
         Ok(())
     }
 
-    /// Steps over `count` bytes, counting lines.
+    /// Advances by `count` bytes and counts lines.
     fn advance(&mut self, count: usize) {
         self.line += self.bytes[self.at..self.at + count].iter().filter(|&&b| b == b'\n').count();
         self.at += count;
     }
 
-    /// What stands between the mark here and the next `close`. Units end on their line; texts may be as long as they like.
+    /// Returns the text between the mark here and the next `close`. Units end on their line; texts may have any length.
     fn enclosed(&mut self, close: u8, what: &str) -> Result<String, Defect> {
         let rest = &self.bytes[self.at + 1..];
         let rest = if close == b'>' { rest.split(|&b| b == b'\n').next().unwrap_or(&[]) } else { rest };
@@ -151,7 +151,7 @@ impl<'a> Lexer<'a> {
     }
 }
 
-/// Labels are ASCII by their standard; what else is found is UTF-8 or, in older ones, Latin-1.
+/// Decodes bytes as UTF-8, otherwise as Latin-1, which older labels use. Labels are ASCII by their standard.
 fn decode(bytes: &[u8]) -> String {
     match std::str::from_utf8(bytes) {
         Ok(text) => text.into(),

@@ -1,7 +1,7 @@
 //! PDS3 images: a text label that describes raw samples, in the same file or beside it.
 //!
-//! [`Block`] is the label as a tree; [`open`] finds the image a label points at and hands it out by windows, as metres above the
-//! sphere with its place on the map.
+//! [`Block`] is the label as a tree. [`open`] finds the image that a label points at. The image is read in windows, as metres above the
+//! sphere, with its georeference.
 
 mod image;
 mod label;
@@ -25,13 +25,13 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Labels end within this many bytes; those of the archive's lunar products are below 100 kB.
+/// Greatest length of a label, bytes. Labels of the archive's lunar products are below 100 kB.
 pub const MOST_LABEL_BYTES: u64 = 1 << 20;
 
-/// What is wrong with a label, and where.
+/// A defect of a label, with its line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Defect {
-    /// Line of the label, counted from 1; 0 where something is missing altogether.
+    /// Line of the label, counted from 1; 0 if something is missing.
     pub line: usize,
     /// What was expected and what was found.
     pub what: String,
@@ -46,7 +46,7 @@ impl Defect {
         Self::at(0, what)
     }
 
-    /// As an error about the label's file.
+    /// Makes an error about the label's file.
     fn of(self, path: &Path) -> Error {
         Error::broken(path, one_line(&self.to_string()))
     }
@@ -63,12 +63,12 @@ impl fmt::Display for Defect {
 
 impl std::error::Error for Defect {}
 
-/// Messages are one line, whatever a label's texts hold.
+/// Replaces control characters by blanks, so that messages are one line.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// Reads the label of a file: the whole of a detached one, the beginning of an image with an attached one.
+/// Reads the label of a file: all of a detached label, or the beginning of an image with an attached label.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] with the line and the reason if it holds no label.
@@ -79,8 +79,8 @@ pub fn read_label(path: &Path) -> Result<Block> {
     Block::parse(&bytes).map_err(|defect| defect.of(path))
 }
 
-/// True if a file that begins like this carries a PDS3 label: its first keyword is the version of the standard, or it is wrapped in
-/// transfer labels as older volumes are.
+/// Returns whether a file that begins with `head` has a PDS3 label. Its first keyword is the version of the standard, or it begins with
+/// transfer labels, as in older volumes.
 #[must_use]
 pub fn is_label(head: &[u8]) -> bool {
     if head.starts_with(b"CCSD3ZF") || head.starts_with(b"NJPL1I00PDS") {

@@ -1,4 +1,4 @@
-//! IMAGE_MAP_PROJECTION: where the image lies.
+//! IMAGE_MAP_PROJECTION: the georeference of the image.
 
 use super::super::binary::Layout;
 use super::super::{Axes, Crs, GeoRef};
@@ -7,25 +7,25 @@ use super::image::Refusal;
 use super::label::{Block, Item};
 use super::units::{Radius, finite, length_m, metres_per, number};
 
-/// MAP_SCALE and MAP_RESOLUTION state one size twice; labels round both.
+/// Greatest difference of MAP_SCALE and MAP_RESOLUTION, as a share. Both state the same size, and labels round both.
 const SAME_SCALE: f64 = 1e-3;
 
-/// What a map projection of a label is for us.
+/// A map projection of a label, as supported here.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Projection {
     Equirectangular {
         lat_ts_deg: f64,
     },
-    /// Latitude of true scale; its sign says which pole.
+    /// `lat_ts_deg` is the latitude of true scale; its sign gives the pole.
     Polar {
         lat_ts_deg: f64,
     },
 }
 
-/// The place of an image: the projection's keywords as a reference system, its offsets as a transform of pixel corners.
+/// Returns the georeference of an image: a reference system from the projection's keywords, a transform of pixel corners from its offsets.
 ///
-/// LINE_ and SAMPLE_PROJECTION_OFFSET count from the centre of the first pixel to the map's origin, whence x = -(S0 + 1/2) * scale and
-/// y = (L0 + 1/2) * scale for the outer corner of that pixel, for both projections.
+/// LINE_ and SAMPLE_PROJECTION_OFFSET count from the centre of the first pixel to the map's origin. Hence, for the outer corner of that
+/// pixel, x = -(S0 + 1/2) * scale and y = (L0 + 1/2) * scale, in both projections.
 pub(super) fn georef(block: &Block, layout: &Layout) -> Result<GeoRef, Refusal> {
     let radius_m = sphere(block)?;
     let projection = projection(block)?;
@@ -92,7 +92,8 @@ fn refuse_turned(block: &Block) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Metres per pixel: MAP_SCALE, kilometres per pixel unless its unit says otherwise, or else MAP_RESOLUTION in pixels per degree.
+/// Returns metres per pixel: MAP_SCALE, in kilometres per pixel unless its unit says otherwise, or else MAP_RESOLUTION in pixels per
+/// degree.
 fn scale_m(block: &Block, radius_m: f64) -> Result<f64, Defect> {
     let by_scale = block.find("MAP_SCALE")?.map(|item| -> Result<f64, Defect> {
         let unit = item.value.unit.as_deref().unwrap_or("km/pix");
@@ -116,8 +117,8 @@ fn scale_m(block: &Block, radius_m: f64) -> Result<f64, Defect> {
     Err(Defect::missing(format!("a MAP_SCALE above 0 expected, found {scale} m per pixel")))
 }
 
-/// Some products count the offsets with the other sign; their stated latitude gives them away. It may be that of the samples that
-/// hold anything, so a tenth of the image is allowed.
+/// Refuses offsets with the wrong sign, which some products have. Their stated latitude shows it. The stated latitude may be that of the
+/// valid samples only, so a tenth of the image is allowed.
 fn check_latitude(block: &Block, top_m: f64, scale_m: f64, radius_m: f64, rows: usize) -> Result<(), Defect> {
     let Some(stated_deg) = number(block, "MAXIMUM_LATITUDE")? else { return Ok(()) };
     let found_deg = (top_m / radius_m).to_degrees();

@@ -1,4 +1,4 @@
-//! `^IMAGE`: which file, and from which byte.
+//! `^IMAGE`: the file, and the offset in it.
 
 use super::label::{Block, Item};
 use super::value::{Kind, Value};
@@ -6,18 +6,18 @@ use super::{Defect, one_line, read_label};
 use crate::{Error, Result, folder_of};
 use std::path::{Path, PathBuf};
 
-/// What an `^IMAGE` says, resolved to bytes.
+/// Target of an `^IMAGE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Pointer {
-    /// The file named, if one is; otherwise the label's own.
+    /// Name of the file; `None` for the label's own file.
     pub(super) file: Option<String>,
     /// First byte of the image, counted from 0.
     pub(super) start: u64,
 }
 
 impl Pointer {
-    /// Reads the five forms: `n`, `n <BYTES>`, `"F"`, `("F", n)`, `("F", n <BYTES>)`; records and bytes are counted from 1.
-    /// A record is as long as `record_bytes` says.
+    /// Reads the five forms: `n`, `n <BYTES>`, `"F"`, `("F", n)`, `("F", n <BYTES>)`. Records and bytes are counted from 1. A record has
+    /// `record_bytes` bytes.
     pub(super) fn parse(item: &Item, record_bytes: Option<u64>) -> std::result::Result<Self, Defect> {
         let members = item.value.members();
         let (file, place) = match members {
@@ -30,7 +30,7 @@ impl Pointer {
         Ok(Self { file: file.map(str::to_owned), start })
     }
 
-    /// True if both point into one file. Names differ in case where archives were copied.
+    /// Returns whether both point into one file. In copied archives, names may differ in case.
     pub(super) fn same_file(&self, other: &Self) -> bool {
         match (&self.file, &other.file) {
             (Some(a), Some(b)) => a.eq_ignore_ascii_case(b),
@@ -60,14 +60,14 @@ impl Pointer {
     }
 }
 
-/// An image's pointer together with the blocks around it, innermost first: sizes and names are stated near their pointer.
+/// An image's pointer and the blocks around it, innermost first. Sizes and names are stated near their pointer.
 pub(super) struct Found<'a> {
     pub(super) item: &'a Item,
     pub(super) around: Vec<&'a Block>,
 }
 
 impl<'a> Found<'a> {
-    /// The first `^IMAGE` that points at plain samples: those in COMPRESSED_FILE objects describe the same image once more, packed.
+    /// Finds the first `^IMAGE` that points at plain samples. A COMPRESSED_FILE object describes the same image in compressed form.
     pub(super) fn in_label(label: &'a Block) -> std::result::Result<Option<Self>, Defect> {
         if label.name == "COMPRESSED_FILE" {
             return Ok(None);
@@ -84,7 +84,7 @@ impl<'a> Found<'a> {
         Ok(None)
     }
 
-    /// The value of `key` in the nearest block around the pointer that states it.
+    /// Returns the item of `key` in the nearest block around the pointer that states it.
     pub(super) fn nearest(&self, key: &str) -> std::result::Result<Option<&'a Item>, Defect> {
         for block in &self.around {
             if let Some(item) = block.find(key)? {
@@ -94,7 +94,7 @@ impl<'a> Found<'a> {
         Ok(None)
     }
 
-    /// The nearest `OBJECT` of that name.
+    /// Returns the nearest `OBJECT` of that name.
     pub(super) fn object(&self, name: &str) -> Option<&'a Block> {
         self.around
             .iter()
@@ -102,7 +102,7 @@ impl<'a> Found<'a> {
     }
 }
 
-/// The file `name` in the folder of the label, whatever the case of its letters: archives were copied from systems that knew none.
+/// Finds the file `name` in the folder of the label, in any case. Archives were copied from systems without case.
 pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) {
         return Err(Error::unsupported(label, format!("a file beside the label expected, ^IMAGE names {name:?}")));
@@ -120,7 +120,7 @@ pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
     others.next().ok_or_else(missing)
 }
 
-/// The label of an image file without one of its own: `NAME.LBL` in the same folder, in any case, whose ^IMAGE names the file.
+/// Finds the label of an image file without an attached label: `NAME.LBL` in the same folder, in any case, whose ^IMAGE names the file.
 ///
 /// # Errors
 /// From reading the folder or the label.

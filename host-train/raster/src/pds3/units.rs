@@ -1,4 +1,4 @@
-//! Numbers with units: lengths, scales, and the traps of height products.
+//! Numbers with units: lengths, scales, and the offsets of height products.
 
 use super::super::MOON_RADIUS_M;
 use super::Defect;
@@ -11,7 +11,7 @@ pub(super) struct Radius {
 }
 
 impl Radius {
-    /// A_AXIS_RADIUS, kilometres unless its unit says otherwise; `None` without one.
+    /// Reads A_AXIS_RADIUS, in kilometres unless its unit says otherwise; `None` without one.
     pub(super) fn of(projection: &Block) -> Result<Option<Self>, Defect> {
         let Some(item) = projection.find("A_AXIS_RADIUS")? else { return Ok(None) };
         let metres = length_m(item, "km")?;
@@ -22,7 +22,7 @@ impl Radius {
     }
 }
 
-/// Metres per unit of length, by the many names labels give it.
+/// Returns metres per unit of length, for all names of units in labels.
 pub(super) fn metres_per(unit: &str) -> Option<f64> {
     match unit.trim().to_ascii_uppercase().as_str() {
         "M" | "METER" | "METERS" | "METRE" | "METRES" => Some(1.0),
@@ -31,7 +31,7 @@ pub(super) fn metres_per(unit: &str) -> Option<f64> {
     }
 }
 
-/// A length in metres; `default` is the unit where none is stated.
+/// Returns a length in metres. `default` is the unit if none is stated.
 pub(super) fn length_m(item: &Item, default: &str) -> Result<f64, Defect> {
     let unit = item.value.unit.as_deref().unwrap_or(default);
     let metres = metres_per(unit).ok_or_else(|| {
@@ -40,21 +40,21 @@ pub(super) fn length_m(item: &Item, default: &str) -> Result<f64, Defect> {
     Ok(finite(item)? * metres)
 }
 
-/// A finite number.
+/// Returns a finite number.
 pub(super) fn finite(item: &Item) -> Result<f64, Defect> {
     let refuse = || Defect::at(item.line, format!("a number as {} expected, found {:?}", item.key, item.value.kind));
     item.value.number().filter(|v| v.is_finite()).ok_or_else(refuse)
 }
 
-/// A number that may be missing.
+/// Returns a number that may be missing.
 pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
     block.find(key)?.map(finite).transpose()
 }
 
-/// Unit of the samples, and how stored numbers become them: (unit, scale, offset).
+/// Returns the unit of the samples and the conversion of stored numbers: (unit, scale, offset).
 ///
-/// SLDEM2015 and the LOLA maps give their sphere's radius as OFFSET (`1737.4` and `1737400.`): their samples are heights above it already,
-/// so it is left out. A radius in kilometres also says the unit where none is stated.
+/// SLDEM2015 and the LOLA maps give their sphere's radius as OFFSET (`1737.4` and `1737400.`). Their samples are heights above it already,
+/// so the offset is left out. A radius in kilometres also implies the unit if none is stated.
 pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, f64, f64), Defect> {
     let scale = number(image, "SCALING_FACTOR")?.unwrap_or(1.0);
     if scale == 0.0 {

@@ -1,4 +1,4 @@
-//! Values of a label: what stands right of the equals sign.
+//! Values of a label, right of the equals sign.
 
 use std::fmt;
 
@@ -7,16 +7,16 @@ use std::fmt;
 pub struct Value {
     /// The value itself.
     pub kind: Kind,
-    /// What stands in angle brackets behind it, verbatim: `KM`, `METERS/PIXEL`.
+    /// The text in angle brackets behind the value, verbatim: `KM`, `METERS/PIXEL`.
     pub unit: Option<String>,
 }
 
-/// The kinds of values PVL knows.
+/// Kinds of values in PVL.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// A decimal integer.
     Integer(i128),
-    /// `2#1010#`, `16#FF7FFFFB#`: kept apart, because in front of real samples such a number is a bit pattern.
+    /// `2#1010#`, `16#FF7FFFFB#`. A separate kind, because for real samples such a number is a bit pattern.
     Based {
         /// 2 to 16.
         radix: u32,
@@ -38,7 +38,7 @@ pub enum Kind {
 }
 
 impl Value {
-    /// The number, if it is one.
+    /// Returns the number; `None` for other kinds.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self.kind {
@@ -48,7 +48,7 @@ impl Value {
         }
     }
 
-    /// The text of a text or symbol, without surrounding blanks.
+    /// Returns the text of a text or symbol, without surrounding blanks.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         match &self.kind {
@@ -57,14 +57,14 @@ impl Value {
         }
     }
 
-    /// True for the words that say "no value here": `N/A`, `UNK`, `NULL`, and their long forms.
+    /// Returns whether the value is a word for "no value": `N/A`, `UNK`, `NULL`, and their long forms.
     #[must_use]
     pub fn is_absent(&self) -> bool {
         let absent = ["N/A", "NA", "UNK", "NULL", "NONE", "NOT APPLICABLE", "UNKNOWN", ""];
         self.text().is_some_and(|text| absent.iter().any(|word| text.eq_ignore_ascii_case(word)))
     }
 
-    /// The members of a sequence or set; the value itself otherwise.
+    /// Returns the members of a sequence or set, otherwise the value itself.
     #[must_use]
     pub fn members(&self) -> &[Value] {
         match &self.kind {
@@ -75,7 +75,7 @@ impl Value {
 }
 
 impl fmt::Display for Value {
-    /// As a label has it, with the lines of texts joined.
+    /// Writes the value as in a label, with the lines of texts joined.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |f: &mut fmt::Formatter<'_>, open: char, members: &[Value], close: char| {
             write!(f, "{open}")?;
@@ -99,7 +99,7 @@ impl fmt::Display for Value {
     }
 }
 
-/// What an unquoted word means, or why it means nothing.
+/// Returns the meaning of an unquoted word, or the reason why it has none.
 pub(super) fn classify(word: &str) -> Result<Kind, String> {
     if word.contains('#') {
         return based(word);
@@ -137,7 +137,7 @@ fn based(word: &str) -> Result<Kind, String> {
     Ok(Kind::Based { radix, value: if negative { -value } else { value } })
 }
 
-/// `date`, `time` or `dateTtime`; dates are year-month-day or year-day, times may end in `Z` or an offset from it.
+/// Returns whether the word is `date`, `time` or `dateTtime`. Dates are year-month-day or year-day. Times may end in `Z` or a zone offset.
 fn is_time(word: &str) -> bool {
     match word.split_once(['T', 't']) {
         Some((date, time)) => is_date(date) && is_clock(time),
@@ -145,7 +145,7 @@ fn is_time(word: &str) -> bool {
     }
 }
 
-/// A number of one of the given lengths, within the range.
+/// Returns whether the text is a number with one of the given lengths, within the range.
 fn field(text: &str, lengths: std::ops::RangeInclusive<usize>, range: std::ops::RangeInclusive<u32>) -> bool {
     let digits = text.bytes().all(|b| b.is_ascii_digit());
     digits && lengths.contains(&text.len()) && text.parse().is_ok_and(|value| range.contains(&value))
@@ -177,7 +177,7 @@ fn is_clock(text: &str) -> bool {
     let (hours, minutes) = (parts.next().unwrap_or(""), parts.next().unwrap_or(""));
     let seconds = parts.next().unwrap_or("00");
     let (whole, fraction) = seconds.split_once('.').unwrap_or((seconds, ""));
-    // Leap seconds exist.
+    // A leap second has number 60.
     zone_is_right
         && parts.next().is_none()
         && field(hours, 2..=2, 0..=24)

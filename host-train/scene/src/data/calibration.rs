@@ -1,4 +1,4 @@
-//! Tiles on which the exporter measures ranges and compares.
+//! Tiles for the exporter, which measures ranges and compares results on them.
 
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
@@ -8,10 +8,10 @@ use elunar_net::export::CalibrationTile;
 use elunar_net::export::calibrate::Ground;
 use elunar_raster::{Error, Result};
 
-/// Tiles `first..first + count` of a source, normalised as the network wants them.
+/// Returns the tiles `first..first + count` of a source, normalised as `config` says.
 ///
 /// # Errors
-/// If a tile cannot be made or has the wrong size; tiles without relief are skipped.
+/// If a tile cannot be made or has the wrong size. Tiles without relief are skipped.
 pub fn calibration_tiles(
     source: &dyn TileSource,
     config: &NetConfig,

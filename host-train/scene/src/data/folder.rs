@@ -19,7 +19,7 @@ pub struct Triple {
     pub truth: PathBuf,
 }
 
-/// The triples of a folder, in order of name.
+/// Returns the triples of a folder, in order of name.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder cannot be read, [`Error::Usage`] if it holds no image or an image lacks its DTMs.
@@ -54,7 +54,7 @@ struct Scene {
     coarse_px: f32,
 }
 
-/// Every whole tile of a folder's scenes, without overlap and without invalid pixels (Sec. III-A).
+/// All whole tiles of a folder's scenes, without overlap and without invalid pixels (Sec. III-A).
 pub struct FolderSource {
     scenes: Vec<Scene>,
     /// Scene, first row and first column of each tile.
@@ -62,7 +62,7 @@ pub struct FolderSource {
 }
 
 impl FolderSource {
-    /// Reads the folder's triples and cuts their grids.
+    /// Reads the folder's triples and cuts their grids into tiles.
     ///
     /// # Errors
     /// If files are missing or unreadable, do not overlap, or hold no whole valid tile.
@@ -87,12 +87,12 @@ impl FolderSource {
         Ok(Self { scenes, tiles })
     }
 
-    /// Number of different tiles.
+    /// Returns the number of different tiles.
     pub fn len(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Whether there are none; never, once opened.
+    /// Returns whether the source has no tile. A source that `open` returned has at least one.
     pub fn is_empty(&self) -> bool {
         self.tiles.is_empty()
     }

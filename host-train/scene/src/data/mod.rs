@@ -1,4 +1,4 @@
-//! Tiles to learn from and to calibrate with: where they come from, and how a network sees them.
+//! Tiles for training and calibration: their sources, and their form as input of a network.
 
 pub mod calibration;
 pub mod folder;

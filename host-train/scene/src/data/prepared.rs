@@ -1,4 +1,4 @@
-//! A prepared folder as a source of tiles: shards stay on disk, tiles are read as they are asked for.
+//! A prepared folder as a source of tiles. Shards stay on disk; a tile is read when it is needed.
 
 use super::sample::RawTile;
 use super::source::TileSource;
@@ -11,12 +11,12 @@ use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// One split of a prepared folder. Each pass over its tiles has an order of its own, always the same.
+/// One split of a prepared folder. Each pass over its tiles has a different order. The order of a pass is always the same.
 pub struct PreparedSource {
     shards: Vec<ShardFile>,
-    /// Shard and number of each tile.
+    /// Index of the shard, and of the tile within it.
     tiles: Vec<(usize, usize)>,
-    /// The order of the pass asked for last.
+    /// Number of the latest pass, and its order.
     order: Mutex<(u64, Vec<u32>)>,
 }
 
@@ -24,7 +24,7 @@ impl PreparedSource {
     /// Opens the shards of a split.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the folder has no manifest of prepared tiles, or no tile in that split; else if a shard is broken.
+    /// [`Error::Usage`] if the folder has no manifest of prepared tiles, or no tile in that split; otherwise, if a shard is broken.
     pub fn open(folder: &Path, split: Split) -> Result<Self> {
         let at = folder.display();
         let manifest = Manifest::find(folder)?
@@ -47,12 +47,12 @@ impl PreparedSource {
         Ok(Self { shards, tiles, order })
     }
 
-    /// Number of different tiles.
+    /// Returns the number of different tiles.
     pub fn len(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Whether there are none; never, once opened.
+    /// Returns whether the source has no tile. A source that `open` returned has at least one.
     pub fn is_empty(&self) -> bool {
         self.tiles.is_empty()
     }
@@ -74,7 +74,7 @@ impl TileSource for PreparedSource {
     }
 }
 
-/// The order of a pass: neighbours of one scene must not fill a batch.
+/// Returns the order of a pass. It is shuffled, so that neighbours of one scene do not fill a batch.
 fn order(pass: u64, count: usize) -> Vec<u32> {
     let mut order: Vec<u32> = (0..count as u32).collect();
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(pass));

@@ -1,4 +1,4 @@
-//! One tile as the network sees it: normalised image, coarse DTM and truth.
+//! One tile as input of the network: normalised image, coarse DTM and truth.
 
 use crate::maps::Maps;
 use elunar_core::nn::{TileInput, TileLight, TileScale};
@@ -8,7 +8,7 @@ use elunar_net::config::NetConfig;
 use elunar_net::illumination::{KnownSun, Mirror, mirrored};
 use elunar_raster::{Error, Result};
 
-/// A tile in metres and relative brightness; the source of a [`Sample`].
+/// A tile in metres and relative brightness. A [`Sample`] is made from it.
 #[derive(Debug, Clone)]
 pub struct RawTile {
     /// Rows.
@@ -25,13 +25,13 @@ pub struct RawTile {
     pub truth_m: Vec<f32>,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// What is known of the Sun.
+    /// The known parts of the Sun's direction.
     pub sun: KnownSun,
 }
 
 impl RawTile {
-    /// The tile with a truth that a network can reach: at the wavelengths the coarse DTM resolves it has the coarse heights,
-    /// errors included, since no image shows those ([`Anchor`]).
+    /// Replaces the truth by one that a network can reach. At the wavelengths that the coarse DTM resolves, the new truth has the coarse
+    /// heights with their errors, because no image shows these waves ([`Anchor`]).
     ///
     /// # Errors
     /// [`Error::Usage`] if the maps differ in size.
@@ -45,25 +45,25 @@ impl RawTile {
     }
 }
 
-/// A normalised tile, mirrored so that the Sun shines from where the network expects it.
+/// A normalised tile, mirrored so that its Sun shines from the north-west.
 #[derive(Debug, Clone)]
 pub struct Sample {
     /// Rows.
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// What the network sees of the image, its maps side by side in every pixel ([`NetConfig::image_maps`]).
+    /// The image's maps as the network reads them, side by side in every pixel ([`NetConfig::image_maps`]).
     pub image: Vec<f32>,
-    /// Coarse DTM in [0, NR], or in pixels.
+    /// Coarse DTM, in [0, NR] or in pixels.
     pub coarse: Vec<f32>,
-    /// Truth in the same unit: in [0, NR] (own range), about that (reference range), or in pixels.
+    /// Truth, in the unit of the coarse DTM. In [0, NR] for the own range, about that for the reference range, or in pixels.
     pub truth: Vec<f32>,
-    /// How the whole tile was mirrored, and its coarse DTM normalised: turns the network's output into metres (Eq. 8).
+    /// The mirror and the coarse DTM's normalisation of the whole tile. They turn the network's output into metres (Eq. 8).
     pub scale: TileScale,
 }
 
 impl Sample {
-    /// Normalises a tile as `config` wants it (Eq. 2, Sec. III-A2), and its truth; the tile has a light of its own ([`TileLight::Own`]).
+    /// Normalises a tile and its truth as `config` says (Eq. 2, Sec. III-A2). The tile has its own light ([`TileLight::Own`]).
     ///
     /// # Errors
     /// [`Error::Usage`] if the tile has no relief or a constant image.
@@ -79,7 +79,7 @@ impl Sample {
         Ok(Self { rows, cols, image, coarse, truth, scale })
     }
 
-    /// A window of the normalised tile, mirrored as asked; image and heights are mirrored alike, so that light and shape agree.
+    /// Returns a window of the normalised tile, with `mirror` applied. Image and heights are mirrored alike, so that light and shape agree.
     pub fn window(&self, [top, left]: [usize; 2], [rows, cols]: [usize; 2], mirror: Mirror) -> Self {
         let cut = |map: &[f32]| -> Vec<f32> {
             let maps = map.len() / (self.rows * self.cols);
@@ -87,7 +87,7 @@ impl Sample {
             for i in 0..rows {
                 out.extend_from_slice(&map[maps * ((top + i) * self.cols + left)..][..maps * cols]);
             }
-            // Slopes have a direction; networks that are given them are never mirrored.
+            // A mirror would reverse the direction of slopes. Networks with slopes as input are never mirrored.
             if mirror.is_none() { out } else { mirrored(mirror, &out, cols) }
         };
         Self {

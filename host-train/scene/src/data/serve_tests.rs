@@ -1,4 +1,4 @@
-//! Training tiles and served tiles of one scene: the same bytes, on the ground and in flight.
+//! A tile of a scene has the same bytes in training and in prediction, on the ground and in flight.
 
 use super::prepared::PreparedSource;
 use super::sample::{RawTile, Sample};
@@ -22,13 +22,13 @@ use std::sync::Mutex;
 
 const SHAPE: Shape = tile::TILE;
 
-/// A network that keeps what it sees.
+/// A network that keeps its input.
 struct Recorder {
     rules: InputRules,
     seen: Mutex<Vec<(Vec<f32>, Vec<f32>)>>,
 }
 
-/// Its answer, whatever it sees.
+/// Returns the recorder's output at a pixel. It does not depend on the input.
 fn answer(pixel: usize) -> f32 {
     (pixel % 97) as f32 * 0.3
 }
@@ -63,7 +63,7 @@ fn config(illumination: Illumination, target_range: TruthRange) -> NetConfig {
     NetConfig { head: Head::Residual, target_range, range_margin, illumination, ..NetConfig::preset(Preset::Nano) }
 }
 
-/// A scene of one tile on disk, as it is served, and the training tile that `prepare` makes of it.
+/// Writes a scene of one tile. Returns the scene as prediction reads it, and the training tile that `prepare` makes of it.
 fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
     let scene = Moon::new(21, SynthOptions::default()).unwrap().scene(index, TILE_ROWS, TILE_COLS).unwrap();
     let path = |what: &str| folder.join(format!("{index}_{what}.tif"));
@@ -87,7 +87,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
     (Scene::new(open("image"), open("coarse")).unwrap(), tile)
 }
 
-/// Relief under an image that does not answer to it: wherever the light is looked for, both its shades are equally many.
+/// Returns relief under an image that does not fit it: in every direction of the light, bright and dark slopes are equally many.
 fn lightless() -> (Scene, RawTile) {
     let georef = |origin: (f64, f64), pixel_m: f64| GeoRef {
         transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m],
@@ -118,7 +118,7 @@ fn lightless() -> (Scene, RawTile) {
     (scene, tile)
 }
 
-/// One scene for each way to a light: the Sun given, fitted, assumed.
+/// Returns one scene for each source of light: given, fitted, assumed.
 fn scenes(folder: &Path) -> [(Scene, RawTile, LightSource); 3] {
     let (given, fitted, (scene, tile)) = (prepared(folder, 0), prepared(folder, 1), lightless());
     let unknown = RawTile { sun: KnownSun::default(), ..fitted.1 };
@@ -154,7 +154,7 @@ fn training_tiles_are_served_tiles() {
                 assert_same(&sample.coarse, coarse, &format!("{what}: coarse DTM"));
                 let asked = if illumination == Illumination::Any { LightSource::NotAsked } else { source };
                 assert_eq!(made.tally.light, asked, "{what}");
-                // The way back is one, too.
+                // Scale recovery agrees, too.
                 let mut heights_m: Vec<f32> = (0..TILE_ROWS * TILE_COLS).map(answer).collect();
                 sample.scale.recover(SHAPE, &mut heights_m);
                 assert_same(&made.dtm.samples, &heights_m, &format!("{what}: heights"));
@@ -195,7 +195,7 @@ fn the_flight_runner_sees_training_tiles() {
     }
 }
 
-/// Against maps that are mirrored first and normalised then, by the paper's equations.
+/// Compares with maps that are mirrored first and then normalised, by the paper's equations.
 #[test]
 fn samples_are_mirrored_and_normalised_maps() {
     let folder = tempfile::tempdir().unwrap();

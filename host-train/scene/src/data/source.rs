@@ -1,4 +1,4 @@
-//! Where training tiles come from, as a run records it.
+//! Sources of training tiles, as a run records them.
 
 use super::sample::RawTile;
 use crate::prepare::{Manifest, Split};
@@ -9,24 +9,24 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A source of tiles; `index` runs without end, and the same index gives the same tile.
+/// A source of tiles. `index` has no upper end. The same index always gives the same tile.
 pub trait TileSource: Send + Sync {
-    /// The tile of an index.
+    /// Returns the tile of an index.
     ///
     /// # Errors
-    /// If it cannot be made or read.
+    /// If the tile cannot be made or read.
     fn tile(&self, index: u64) -> Result<RawTile>;
 }
 
-/// A source of tiles by description.
+/// Description of a source of tiles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DataSpec {
     /// The synthetic Moon of a seed.
     Synth {
-        /// Seed of the Moon; training and validation use different ones.
+        /// Seed of the Moon. Training and validation use different seeds.
         seed: u64,
-        /// Its options.
+        /// Options of the Moon.
         options: SynthOptions,
     },
     /// A folder of `*_image.tif`, `*_coarse.tif`, `*_truth.tif` triples.
@@ -34,19 +34,19 @@ pub enum DataSpec {
         /// The folder.
         path: PathBuf,
     },
-    /// A folder written by `prepare`.
+    /// A folder that `prepare` wrote.
     Prepared {
         /// The folder.
         path: PathBuf,
-        /// Which of its tiles.
+        /// The split of its tiles.
         split: Split,
     },
 }
 
-/// The Moon that networks are trained on, wide, since what a network never saw it does not do (our choice): as most NAC DTMs every other
-/// tile, finer and coarser ones between them, a Sun that is sometimes low, ground up to three times as rough and patches up to three
-/// times as contrasty as usual, photometry and tones that are not the average ground's and a calibrated camera's, and coarse DTMs with
-/// stripes and steps.
+/// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
+/// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
+/// times as rough as usual, and patches have up to three times the usual contrast. Photometry and tones differ from the average ground and
+/// a calibrated camera. Coarse DTMs have stripes and steps.
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
@@ -61,15 +61,15 @@ fn training_moon() -> SynthOptions {
     }
 }
 
-/// Added to a run's seed to get the seed of its validation Moon.
+/// The seed of the validation Moon is the run's seed plus this number.
 pub const VALIDATION_SEED: u64 = 0x5EED_0000_0000;
 
 impl DataSpec {
-    /// `None` or `synth`: the synthetic Moon of `seed`, in several pixel sizes; anything else is a folder: what `prepare` wrote, of which
-    /// `split` is taken, if it has such a manifest, else one of triples.
+    /// Reads a description. `None` or `synth` means the synthetic Moon of `seed`, in several pixel sizes. Anything else is a folder. With a
+    /// manifest of `prepare`, the source is its `split`; without one, the folder holds triples.
     ///
     /// # Errors
-    /// If there is a manifest that cannot be read.
+    /// If the manifest exists and cannot be read.
     pub fn parse(data: Option<PathBuf>, seed: u64, split: Split) -> Result<Self> {
         Ok(match data {
             Some(path) if path.as_os_str() != "synth" => match Manifest::find(&path)? {
@@ -80,8 +80,8 @@ impl DataSpec {
         })
     }
 
-    /// What to validate on where nothing is named: the validation tiles of a prepared folder, else a Moon of another seed, like the one
-    /// trained on if that is one.
+    /// Returns the validation source for a run that names none: the validation tiles of a prepared folder, otherwise a Moon of another
+    /// seed. If the training source is a Moon, the validation Moon has its options.
     pub fn validation(&self, seed: u64) -> Self {
         match self {
             Self::Prepared { path, .. } => Self::Prepared { path: path.clone(), split: Split::Validation },

@@ -1,4 +1,4 @@
-//! The difference of two DTMs, as the Ames Stereo Pipeline's `geodiff` takes it: on the grid of the first, the second interpolated
+//! The difference of two DTMs, as in the Ames Stereo Pipeline's `geodiff`: on the grid of the first, with the second interpolated
 //! bilinearly.
 
 mod statistics;
@@ -8,19 +8,19 @@ pub use statistics::{PERCENTILES, Statistics};
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::{Error, Raster, Result};
 
-/// What is subtracted from what.
+/// Sign of the difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
-    /// The second minus the first, instead of the first minus the second; the grid stays that of the first.
+    /// The second minus the first, instead of the first minus the second. The grid is that of the first in both cases.
     pub reverse: bool,
-    /// The difference without its sign.
+    /// The absolute value of the difference.
     pub absolute: bool,
 }
 
-/// First minus second, metres, on the grid of the first; NaN where either is invalid.
+/// Returns first minus second, metres, on the grid of the first; NaN where either is invalid.
 ///
 /// # Errors
-/// [`Error::Usage`] if the DTMs have no place, cannot be put on one grid, or have no valid pixel in common.
+/// [`Error::Usage`] if a DTM has no georeference, they cannot be put on one grid, or they have no valid pixel in common.
 pub fn difference(first: Named, second: Named, options: Options) -> Result<Raster> {
     let second_placed = onto(second, first, Interpolation::Bilinear)?;
     let subtract = |(&a, &b): (&f32, &f32)| {

@@ -1,4 +1,4 @@
-//! What a difference looks like as a whole.
+//! Statistics of a difference.
 
 use elunar_core::metrics::HeightErrors;
 use elunar_core::metrics::height::LIMITS_M;
@@ -14,7 +14,7 @@ const NMAD_FACTOR: f64 = 1.4826;
 /// Statistics of differences, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Statistics {
-    /// Pixels with a difference.
+    /// Number of pixels with a difference.
     pub pixels: u64,
     /// Mean.
     pub mean_m: f64,
@@ -26,13 +26,13 @@ pub struct Statistics {
     pub rmse_m: f64,
     /// Mean of the absolute values.
     pub mae_m: f64,
-    /// Normalised median absolute deviation, 1.4826 · median |d − median d|: a standard deviation that outliers leave alone.
+    /// Normalised median absolute deviation, 1.4826 · median |d − median d|: a standard deviation that outliers hardly change.
     pub nmad_m: f64,
-    /// Smallest.
+    /// Smallest value.
     pub min_m: f64,
-    /// Largest.
+    /// Largest value.
     pub max_m: f64,
-    /// Values below which [`PERCENTILES`] of all lie.
+    /// The percentiles [`PERCENTILES`].
     #[serde(skip)]
     pub percentiles_m: [f64; 8],
     /// Shares, in [0, 1], of |d| below 2, 4 and 10 m (the paper's RE, Sec. V).
@@ -41,7 +41,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Of the finite values among `differences_m`; `None` if there is none.
+    /// Computes the statistics of the finite values among `differences_m`; `None` if there is none.
     #[must_use]
     pub fn of(differences_m: &[f32]) -> Option<Self> {
         let mut values: Vec<f64> = differences_m.iter().filter(|d| d.is_finite()).map(|&d| f64::from(d)).collect();
@@ -68,7 +68,7 @@ impl Statistics {
         })
     }
 
-    /// One line per figure; ends with a newline.
+    /// Returns the table: one line per figure. The text ends with a newline.
     #[must_use]
     pub fn table(&self) -> String {
         let mut lines = vec![
@@ -90,7 +90,7 @@ impl Statistics {
         text
     }
 
-    /// The same for programs: one object, units in the names, shares in [0, 1].
+    /// Returns the statistics as JSON: one object, units in the names, shares in [0, 1].
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
         let mut object = serde_json::to_value(self).unwrap_or_default();

@@ -1,33 +1,33 @@
-//! Co-alignment of a finished DTM to the coarse one, in the two forms the field uses.
+//! Co-alignment of a finished DTM to the coarse DTM, in the two usual forms.
 //!
-//! Networks that normalise by their own range return relief of a scale of their own; DLunarDTMNet and its relatives then align the
-//! result to the coarse DTM. The papers leave the details open; these are the forms of LISTER: a linear fit, and exchange of the
-//! low frequencies.
+//! Networks that normalise by their own range return relief of an arbitrary scale. DLunarDTMNet and related networks then align the result
+//! to the coarse DTM. The papers do not give the details. The forms here are the two of LISTER: a linear fit, and an exchange of the low
+//! frequencies.
 
 use super::lowpass::LowPass;
 use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
-/// How a DTM is brought to the coarse one.
+/// How a DTM is aligned to the coarse DTM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum CoAlignment {
-    /// It stays as it is.
+    /// No change.
     #[default]
     None,
-    /// Factor and offset that bring its low frequencies nearest to the coarse DTM's, by least squares.
+    /// Apply the factor and offset that bring the DTM's low frequencies nearest to the coarse DTM's, by least squares.
     Fit,
-    /// The fit; then its low frequencies are exchanged for the coarse DTM's.
+    /// Apply the fit, then replace the low frequencies by the coarse DTM's.
     LowPass,
 }
 
-/// Waves above so many coarse pixels are what a coarse DTM carries; as in [`elunar_core::norm::Anchor`].
+/// A coarse DTM resolves waves longer than this many of its pixels, as in [`elunar_core::norm::Anchor`].
 const RESOLVED_COARSE_PX: f64 = 4.0;
 
 impl CoAlignment {
-    /// `dtm` aligned to `coarse`, both in metres on one grid of `pixel_m` (row, column); `coarse_m` is the side of the coarse DTM's
-    /// own pixels. Pixels without a coarse height become NaN.
+    /// Returns `dtm` aligned to `coarse`. Both are in metres on one grid with pixels of `pixel_m` (row, column). `coarse_m` is the side of
+    /// the coarse DTM's own pixels, metres. Pixels without a coarse height become NaN.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.
@@ -50,7 +50,7 @@ impl CoAlignment {
         let (factor, offset) = line(&low, &low_coarse)?;
         let fitted = |z: f32| (factor * f64::from(z) + offset) as f32;
         let pixel = |i: usize| match self {
-            // The low-pass is linear, so the fitted DTM's need not be computed.
+            // The low-pass is linear: the low-pass of the fitted DTM is the fitted low-pass of the DTM.
             Self::LowPass => fitted(dtm.samples[i]) - fitted(low[i]) + low_coarse[i],
             _ => fitted(dtm.samples[i]),
         };
@@ -58,7 +58,7 @@ impl CoAlignment {
     }
 }
 
-/// Factor and offset of the least-squares line from `x` to `y`; a level `x` keeps its factor of 1.
+/// Returns factor and offset of the least-squares line from `x` to `y`. If `x` is constant, the factor is 1.
 fn line(x: &[f32], y: &[f32]) -> Result<(f64, f64)> {
     let pairs =
         || x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite()).map(|(x, y)| (f64::from(*x), f64::from(*y)));

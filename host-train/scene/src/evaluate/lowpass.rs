@@ -1,26 +1,26 @@
-//! Long and short waves of a map apart, voids included: what a coarse DTM knows, and what only an image can add.
+//! Separates long and short waves of a map with voids. The coarse DTM has the long waves; only an image can add the short ones.
 
 use elunar_raster::Raster;
 
 /// Standard deviation of a Gaussian over the wavelength that it halves: exp(-2 π² σ² / λ²) = 1/2.
 const SIGMA_PER_WAVELENGTH: f64 = 0.187_390_625_129_277_6; // √(ln 2 / 2) / π
 
-/// Where the kernel reaches to, in standard deviations; beyond lies 0.3 % of its weight.
+/// The kernel ends at this many standard deviations. 0.3 % of its weight lies beyond.
 const REACH_SIGMAS: f64 = 3.0;
 
-/// Share of the kernel's weight that must lie on valid samples for a short wave to count ([`high_pass`]).
+/// For a short wave to count, at least this share of the kernel's weight must lie on valid samples ([`high_pass`]).
 const LEAST_WEIGHT: f64 = 0.9;
 
-/// A Gaussian low-pass with half amplitude at a wavelength.
+/// A Gaussian low-pass. It halves the amplitude of waves of one wavelength.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LowPass {
-    /// Half kernels, centre first, down and across.
+    /// Half kernels down and across. The first value is the centre.
     down: Vec<f64>,
     across: Vec<f64>,
 }
 
 impl LowPass {
-    /// Halves waves of `wavelength_m` on pixels of (row, column) metres.
+    /// Returns the low-pass that halves waves of `wavelength_m`, for pixels of (row, column) metres.
     #[must_use]
     pub fn new(wavelength_m: f64, (row_m, col_m): (f64, f64)) -> Self {
         let kernel = |pixel_m: f64| {
@@ -34,12 +34,12 @@ impl LowPass {
         Self { down: kernel(row_m), across: kernel(col_m) }
     }
 
-    /// The smoothed map and, for every pixel, the share of the kernel that lay on valid samples. Means are taken over those;
-    /// where a sample is not finite the result is NaN.
+    /// Returns the smoothed map and, for every pixel, the share of the kernel's weight on valid samples. The mean is taken over valid
+    /// samples. Where a sample is not finite, the result is NaN.
     #[must_use]
     pub fn apply(&self, map: &Raster) -> (Vec<f32>, Vec<f64>) {
         let (rows, cols) = (map.rows, map.cols);
-        // Heights lie thousands of metres off zero; sums keep their digits without that.
+        // Heights may be thousands of metres. Sums of differences from a base keep their precision.
         let base = map.samples.iter().find(|v| v.is_finite()).copied().map_or(0.0, f64::from);
         let valid: Vec<f64> = map.samples.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
         let value = |v: &f32| if v.is_finite() { f64::from(*v) - base } else { 0.0 };
@@ -51,8 +51,8 @@ impl LowPass {
     }
 }
 
-/// The waves of `map` that are shorter than about `wavelength_m`: the map minus its [`LowPass`]. NaN where the map is, and
-/// within about one standard deviation (a fifth of the wavelength) of edges and voids, where the low-pass is one-sided.
+/// Returns the waves of `map` that are shorter than about `wavelength_m`: the map minus its [`LowPass`]. The result is NaN where the map is
+/// NaN, and within about one standard deviation (a fifth of the wavelength) of edges and voids, where the low-pass is one-sided.
 #[must_use]
 pub fn high_pass(map: &Raster, wavelength_m: f64, pixel_m: (f64, f64)) -> Vec<f32> {
     let (smooth, weight) = LowPass::new(wavelength_m, pixel_m).apply(map);
@@ -99,7 +99,7 @@ mod tests {
         Raster { rows, cols, samples, georef: None }
     }
 
-    /// Root mean square over the middle.
+    /// Returns the root mean square over the inner pixels.
     fn amplitude(samples: &[f32], rows: usize, cols: usize) -> f64 {
         let inner = (0..samples.len())
             .filter(|i| (rows / 4..3 * rows / 4).contains(&(i / cols)) && (40..cols - 40).contains(&(i % cols)));
@@ -155,7 +155,7 @@ mod tests {
         ramp.samples[30 * 60 + 30] = f32::NAN;
         let short = high_pass(&ramp, 40.0, (2.0, 2.0));
         assert!(short[0].is_nan() && short[30 * 60 + 1].is_nan() && short[30 * 60 + 30].is_nan());
-        // Inside, a plane has no short waves; one missing sample is no reason to drop its neighbours.
+        // Away from voids, a plane has no short waves. One missing sample does not drop its neighbours.
         assert!(short[20 * 60 + 20].abs() < 1e-3 && short[30 * 60 + 33].is_finite());
     }
 }

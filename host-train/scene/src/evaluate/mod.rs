@@ -1,4 +1,4 @@
-//! How good a DTM is, beside what it started from: all candidates are scored on the same pixels.
+//! Scores of DTMs against a truth. All candidates are scored on the same pixels.
 
 mod coalign;
 pub mod lowpass;
@@ -15,30 +15,31 @@ use elunar_core::terrain::PixelSize;
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::{Error, Raster, Result};
 
-/// A raster to be scored.
+/// A DTM to be scored.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate<'a> {
     /// Name and heights, metres.
     pub dtm: Named<'a>,
-    /// How it is brought onto the truth's grid, if it lies on another.
+    /// Interpolation onto the truth's grid, if the grids differ.
     pub interpolation: Interpolation,
 }
 
 impl<'a> Candidate<'a> {
-    /// A DTM of about the truth's resolution: bilinear, invalid where a sample is missing.
+    /// Makes a candidate from a DTM of about the truth's resolution. Interpolation is bilinear; a pixel is invalid where a sample is
+    /// missing.
     #[must_use]
     pub fn fine(name: &'a str, dtm: &'a Raster) -> Self {
         Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bilinear }
     }
 
-    /// A coarse DTM on its own grid: bicubic, as the network gets it.
+    /// Makes a candidate from a coarse DTM on its own grid. Interpolation is bicubic, as for the network's input.
     #[must_use]
     pub fn coarse(name: &'a str, dtm: &'a Raster) -> Self {
         Self { dtm: Named::new(name, dtm), interpolation: Interpolation::Bicubic }
     }
 }
 
-/// The verdict on one candidate.
+/// The result for one candidate.
 #[derive(Debug, Clone)]
 pub struct Scored {
     /// The candidate's name.
@@ -51,22 +52,22 @@ pub struct Scored {
     pub error_m: Raster,
 }
 
-/// What [`compare`] found.
+/// The result of [`compare`].
 #[derive(Debug, Clone)]
 pub struct Comparison {
     /// Name of the truth.
     pub truth: String,
     /// Valid pixels of the truth.
     pub truth_pixels: usize,
-    /// Pixels valid in the truth and in every candidate: the ones scored.
+    /// Pixels valid in the truth and in every candidate. Only these are scored.
     pub common_pixels: usize,
     /// Ground size of the truth's pixels.
     pub pixel: PixelSize,
-    /// One per candidate, in their order.
+    /// One result per candidate, in the order of the candidates.
     pub scored: Vec<Scored>,
 }
 
-/// Scores `candidates` against `truth`, all on the truth's grid and on the pixels they have in common.
+/// Scores `candidates` against `truth` on the truth's grid, on the pixels that are valid in all of them.
 ///
 /// # Errors
 /// [`Error::Usage`] if a raster has no place, reference systems differ, or no pixel is common to all.
@@ -180,7 +181,7 @@ mod tests {
         assert_eq!(value["common_pixels"], 100);
     }
 
-    /// Two rasters with gaps on shifted grids, scored by numpy from the files.
+    /// Two rasters with gaps on shifted grids; numpy computes the scores from the files.
     #[test]
     fn scores_match_numpy() {
         use elunar_raster::geotiff::{WriteOptions, write};
@@ -189,7 +190,7 @@ mod tests {
             |r: usize, c: usize, k: f32| (r as f32 * 0.31 * k).sin() * 20.0 + (c as f32 * 0.17).cos() * 15.0 - 1900.0;
         let mut truth = raster(60, 80, |r, c| bumps(r, c, 1.0));
         let mut dtm = raster(50, 90, |r, c| bumps(r, c, 1.07) + 0.7);
-        // Three rows and two columns of the truth lie before the DTM's first; the rest of the grid is shared.
+        // The DTM begins three rows and two columns after the truth. The grids coincide otherwise.
         dtm.georef.as_mut().unwrap().transform = [4.0, 2.0, 0.0, -6.0, 0.0, -2.0];
         for i in [5 * 80 + 7, 30 * 80 + 30, 30 * 80 + 31] {
             truth.samples[i] = f32::NAN;

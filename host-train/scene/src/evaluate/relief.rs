@@ -1,4 +1,4 @@
-//! How well a DTM has the relief that the coarse one lacks: slopes as vectors, short waves, bright and shaded sides, shading.
+//! Scores of the relief that the coarse DTM lacks: slope vectors, short waves, bright and shaded sides, shading.
 
 use super::lowpass::{LowPass, high_pass};
 use super::{Comparison, Scored};
@@ -8,7 +8,7 @@ use elunar_core::terrain::{PixelSize, Sun, gradient, hillshade};
 use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
-/// What is known of a scene beside its heights.
+/// Image and Sun of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Light<'a> {
     /// The image, on the truth's grid.
@@ -19,38 +19,38 @@ pub struct Light<'a> {
     pub elevation_deg: f64,
 }
 
-/// The ground of one side (Sec. VI-C).
+/// Scores of the ground on one side, bright or shaded (Sec. VI-C).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Side {
     /// Pixels scored.
     pub pixels: u64,
     /// Root mean square height error, metres.
     pub rmse_m: f64,
-    /// Mean length of the slope's error, metres per metre.
+    /// Mean length of the slope vector's error, metres per metre.
     pub slope_vector_error: f64,
 }
 
-/// Errors of the relief; figures that cannot be had are `None`.
+/// Errors of the relief. A figure that cannot be computed is `None`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReliefScores {
-    /// Mean |∇z* − ∇z| over all pixels, metres per metre; Horn's gradients.
+    /// Mean |∇z* − ∇z| over all pixels, metres per metre, with Horn's gradients.
     pub slope_vector_error: Option<f64>,
-    /// Root mean square error of the waves longer than the high-pass wavelength, metres: what the coarse DTM is answerable for.
+    /// Root mean square error of the waves longer than the high-pass wavelength, metres. The coarse DTM determines these waves.
     pub low_pass_rmse_m: Option<f64>,
-    /// Root mean square error of the waves shorter than [`Comparison`]'s high-pass wavelength, metres ([`high_pass`]).
+    /// Root mean square error of the waves shorter than the high-pass wavelength, metres ([`high_pass`]).
     pub high_pass_rmse_m: Option<f64>,
-    /// Correlation of those waves with the truth's, [-1, 1].
+    /// Correlation of the short waves with the truth's short waves, [-1, 1].
     pub high_pass_correlation: Option<f64>,
-    /// Ground that falls towards the Sun by 3 degrees or more, by the truth.
+    /// Ground that falls towards the Sun by 3 degrees or more in the truth.
     pub bright: Option<Side>,
-    /// Ground that falls away from it.
+    /// Ground that falls away from the Sun by 3 degrees or more in the truth.
     pub shaded: Option<Side>,
-    /// Correlation of the DTM's hillshade under the image's Sun with the image.
+    /// Correlation of the image with the DTM's hillshade under the image's Sun.
     pub shading_correlation: Option<f64>,
 }
 
-/// Scores one candidate of a [`super::compare`]. `truth` is the raster it was compared with; waves below `wavelength_m` are the short
-/// ones.
+/// Scores the relief of one candidate of [`super::compare`]. `truth` is the truth of that comparison. Waves shorter than `wavelength_m` are
+/// the short waves.
 ///
 /// # Errors
 /// [`Error::Usage`] if rasters differ in size.
@@ -64,7 +64,7 @@ pub fn relief(
     let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", scored.name));
     let pixel = comparison.pixel;
     let placed = &scored.placed;
-    // Both on the same pixels: a void in one must not lie in the other's low-pass.
+    // Both low-passes use the same pixels, so that a void of one map does not change only one low-pass.
     let common = Raster {
         samples: truth
             .samples
@@ -94,7 +94,7 @@ pub fn relief(
     })
 }
 
-/// Root mean square of a map's long waves, over its valid pixels.
+/// Returns the root mean square of a map's long waves over its valid pixels.
 fn long_waves(error_m: &Raster, wavelength_m: f64, pixel_m: (f64, f64)) -> Option<f64> {
     let (smooth, _) = LowPass::new(wavelength_m, pixel_m).apply(error_m);
     let squares = smooth.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v).powi(2));
@@ -158,7 +158,7 @@ mod tests {
         relief(&found, &found.scored[0], truth, 60.0, light).unwrap()
     }
 
-    /// Ripples of 24 m on a slope that changes over 800 m.
+    /// Returns ripples of 24 m on a slope that changes over 800 m.
     fn hills(r: f64, c: f64) -> f64 {
         6.0 * (r * 0.0157 + c * 0.01).sin() + 0.8 * (c * 0.52).sin() + 0.5 * (r * 0.6).cos()
     }
@@ -179,17 +179,17 @@ mod tests {
         let truth = raster(100, 140, hills);
         let smooth = raster(100, 140, |r, c| 6.0 * (r * 0.0157 + c * 0.01).sin());
         let found = score(&truth, &smooth, None);
-        // RMS of the ripples, which the filter lets pass almost whole.
+        // RMS of the ripples. The filter passes almost all of their amplitude.
         let ripples = (0.5_f64 * (0.8 * 0.8 + 0.5 * 0.5)).sqrt();
         assert!((found.high_pass_rmse_m.unwrap() / ripples - 1.0).abs() < 0.05, "{found:?}");
         assert!(found.high_pass_correlation.unwrap().abs() < 0.2, "{found:?}");
-        // But for the edges, where means are one-sided and ripples do not quite cancel.
+        // At edges the means are one-sided, and ripples do not cancel exactly.
         assert!(found.low_pass_rmse_m.unwrap() < 0.1 * ripples, "{found:?}");
         let inverted = raster(100, 140, |r, c| 2.0 * 6.0 * (r * 0.0157 + c * 0.01).sin() - hills(r, c));
         assert!(score(&truth, &inverted, None).high_pass_correlation.unwrap() < -0.9);
     }
 
-    /// All figures of a DTM with a void, by numpy from the definitions.
+    /// All figures of a DTM with a void; numpy computes them from the definitions.
     #[test]
     fn figures_match_numpy() {
         use elunar_raster::geotiff::{WriteOptions, write};
@@ -249,7 +249,7 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
         assert_eq!(figures.len(), expected.len());
         assert!(expected[4] > 300.0 && expected[7] > 300.0, "enough of either side: {expected:?}");
         for (k, (found, expected)) in figures.iter().zip(&expected).enumerate() {
-            // Low-passes are kept in single precision.
+            // Low-passes are stored in single precision.
             assert!(
                 (found - expected).abs() < 2e-5 * expected.abs().max(1.0),
                 "figure {k}: {found} instead of {expected}"
@@ -260,9 +260,9 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
     #[test]
     fn sides_are_scored_apart_and_shading_tells_the_right_relief() {
         let truth = raster(100, 140, hills);
-        let image = raster(100, 140, |r, c| hills(r, c + 1.0) - hills(r, c - 1.0)); // bright where it faces west
+        let image = raster(100, 140, |r, c| hills(r, c + 1.0) - hills(r, c - 1.0)); // bright where the ground faces west
         let light = Light { image: &image, azimuth_deg: 270.0, elevation_deg: 45.0 };
-        // Wrong on the side that faces east, by 2 m.
+        // The side that faces east is wrong by 2 m.
         let dtm = raster(100, 140, |r, c| hills(r, c) + if hills(r, c + 1.0) < hills(r, c - 1.0) { 2.0 } else { 0.0 });
         let found = score(&truth, &dtm, Some(light));
         let (bright, shaded) = (found.bright.unwrap(), found.shaded.unwrap());

@@ -6,7 +6,7 @@ use serde_json::{Value, json as value};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A row of the table: heading, unit, and how to get the figure.
+/// A row of the table: heading, unit, and the function that returns the figure.
 type Line = (&'static str, &'static str, fn(&Scored) -> f64);
 
 const LINES: [Line; 12] = [
@@ -24,7 +24,7 @@ const LINES: [Line; 12] = [
     ("slope mean error", "deg", |j| j.scores.slope_bias_deg),
 ];
 
-/// One column per candidate, one line per figure; ends with a newline.
+/// Returns the table: one column per candidate, one line per figure. The text ends with a newline.
 #[must_use]
 pub fn table(comparison: &Comparison) -> String {
     let heading = LINES.iter().map(|(name, unit, _)| name.len() + unit.len() + 3).max().unwrap_or(0);
@@ -53,7 +53,7 @@ pub fn table(comparison: &Comparison) -> String {
     text
 }
 
-/// File names without their folders, unless two candidates would then be called the same.
+/// Returns file names without their folders, unless two candidates would then have the same name.
 fn short_names(comparison: &Comparison) -> Vec<String> {
     let full: Vec<String> = comparison.scored.iter().map(|j| j.name.clone()).collect();
     let short: Vec<String> = full
@@ -66,7 +66,7 @@ fn short_names(comparison: &Comparison) -> Vec<String> {
     if distinct { short } else { full }
 }
 
-/// The same for programs: one object, units in the names, shares in [0, 1].
+/// Returns the comparison as JSON: one object, units in the names, shares in [0, 1].
 #[must_use]
 pub fn json(comparison: &Comparison) -> String {
     let candidates: Vec<Value> = comparison.scored.iter().map(candidate).collect();
@@ -83,7 +83,7 @@ pub fn json(comparison: &Comparison) -> String {
 
 fn candidate(scored: &Scored) -> Value {
     let mut object = serde_json::to_value(scored.scores).unwrap_or_default();
-    // Each share gets a name of its own below.
+    // Each share gets a separate name below.
     object.as_object_mut().map(|object| object.remove("share_within"));
     object["name"] = scored.name.clone().into();
     for (limit_m, share) in LIMITS_M.iter().zip(scored.scores.share_within) {

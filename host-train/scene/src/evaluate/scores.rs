@@ -1,4 +1,4 @@
-//! The figures of one candidate.
+//! The scores of one candidate.
 
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
@@ -22,22 +22,22 @@ pub struct Scores {
     pub bias_m: f64,
     /// Median error, metres.
     pub median_m: f64,
-    /// Root mean square error after taking away the median: what remains when the datum is off by a constant.
+    /// Root mean square error after the median is subtracted. A constant error of the datum does not change it.
     pub rmse_median_removed_m: f64,
     /// Largest |error|, metres.
     pub largest_m: f64,
-    /// Pixels with a slope in both, which needs 3 x 3 valid pixels; 0 makes the slope figures below 0 as well.
+    /// Pixels with a slope in both, which needs 3 x 3 valid pixels. If there are 0, the slope figures below are 0 as well.
     pub slope_pixels: u64,
     /// Mean absolute error of the Horn slope, degrees.
     pub slope_mae_deg: f64,
     /// Root mean square error of the slope, degrees.
     pub slope_rmse_deg: f64,
-    /// Mean error of the slope, degrees; negative for a candidate that is too smooth.
+    /// Mean error of the slope, degrees. It is negative for a candidate that is too smooth.
     pub slope_bias_deg: f64,
 }
 
 impl Scores {
-    /// Scores `dtm` against `truth`, both in metres on one grid, over the pixels valid in both.
+    /// Scores `dtm` against `truth`, both in metres on one grid, over the pixels that are valid in both.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.

@@ -1,4 +1,4 @@
-//! What a file is understood as, in words: raster, PDS3 label, table of laser points, model, weights or golden case; or why not.
+//! Descriptions of files: raster, PDS3 label, table of laser points, model, weights or golden case.
 
 mod raster;
 mod text;
@@ -10,10 +10,10 @@ use elunar_raster::format::{Format, head};
 use elunar_raster::{Error, Result, pds3, source};
 use std::path::Path;
 
-/// Describes a file, in several lines without the last line's end. Where a label is sound but its image is not, `aside` gets the label.
+/// Describes a file in several lines, without a newline at the end. If a label is valid but its image is not, `aside` gets the label.
 ///
 /// # Errors
-/// Why the file is not understood.
+/// If the file is of no known kind, or broken.
 pub fn describe(path: &Path, aside: impl FnOnce(String)) -> Result<String> {
     let head = head(path)?;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
@@ -49,7 +49,7 @@ pub fn describe(path: &Path, aside: impl FnOnce(String)) -> Result<String> {
     }
 }
 
-/// The plan of a model file; with a kernel and a number of tiles, measured.
+/// Returns the plan of a model file. With a kernel and a number of tiles, the plan has measured times.
 ///
 /// # Errors
 /// As [`elunar_net::inspect::plan`], or if the file cannot be read.

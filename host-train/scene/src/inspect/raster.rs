@@ -1,10 +1,10 @@
-//! A raster in words.
+//! Description of a raster.
 
 use elunar_core::tile::Window;
 use elunar_raster::source::{Info, Source};
 use elunar_raster::{GeoRef, Projection, Result};
 
-/// Larger rasters are sampled: whole rows at even distances.
+/// Greatest number of samples read. Larger rasters are sampled in whole rows at even distances.
 const MOST_SAMPLES: usize = 1 << 22;
 
 pub(super) fn describe(source: &dyn Source) -> Result<String> {
@@ -34,13 +34,13 @@ fn place(georef: &GeoRef, rows: usize, cols: usize) -> String {
     text
 }
 
-/// Range and valid share of all samples, or of rows at even distances.
+/// Describes the range and the valid share of all samples, or of rows at even distances.
 fn values(source: &dyn Source) -> Result<String> {
     let &Info { rows, cols, .. } = source.info();
     let looked_at = (MOST_SAMPLES / cols.max(1)).clamp(1, rows.max(1));
     let (mut valid, mut low, mut high) = (0usize, f32::INFINITY, f32::NEG_INFINITY);
     for index in 0..looked_at {
-        // Every row, or rows at the middle of as many equal parts.
+        // Every row, or the middle rows of equal parts.
         let row = (2 * index + 1) * rows / (2 * looked_at);
         for value in source.read(Window { row, col: 0, rows: 1, cols })? {
             if value.is_finite() {

@@ -1,4 +1,4 @@
-//! Every kind of file is told for what it is.
+//! Every kind of file is recognised.
 
 use super::describe;
 use elunar_raster::{Crs, GeoRef, Raster, geotiff};

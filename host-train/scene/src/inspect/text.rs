@@ -1,11 +1,11 @@
-//! Labels and tables in words.
+//! Descriptions of labels and tables.
 
 use crate::lola::{csv, track};
 use elunar_raster::pds3::Block;
 use elunar_raster::{MOON_RADIUS_M, Result};
 use std::path::Path;
 
-/// Keywords that say what a product is.
+/// Keywords that identify a product.
 const TELLING: [&str; 8] = [
     "DATA_SET_ID",
     "PRODUCT_ID",
@@ -17,7 +17,7 @@ const TELLING: [&str; 8] = [
     "PRODUCT_CREATION_TIME",
 ];
 
-/// The label's telling keywords, its pointers and its blocks.
+/// Describes a label by its identifying keywords, its pointers and its blocks.
 pub(super) fn label(label: &Block) -> String {
     let mut text = format!("PDS3 label of {} keywords\n", count(label));
     for key in TELLING {
@@ -47,7 +47,7 @@ fn outline(block: &Block, indent: &str, out: &mut Vec<String>) {
     }
 }
 
-/// The first line of a text, if it is the heading of a table of points.
+/// Returns the first line of a text, if it is the heading of a table of points.
 pub(super) fn heading(head: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(head);
     let line =
@@ -55,7 +55,7 @@ pub(super) fn heading(head: &[u8]) -> Option<String> {
     csv::is_heading(line).then(|| line.trim().to_owned())
 }
 
-/// A table of points, radii taken from the Moon's sphere.
+/// Describes a table of points. Radii are relative to the Moon's sphere.
 pub(super) fn points(path: &Path, heading: &str) -> Result<String> {
     let table = csv::read(path, None, MOON_RADIUS_M)?;
     let tracks = track::split(&table.points, track::TRACK_GAP_S).len();

@@ -8,10 +8,10 @@ use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Lines of these tables have a few hundred bytes.
+/// Greatest length of a line, bytes. Lines of these tables have a few hundred bytes.
 const MOST_LINE_BYTES: usize = 1 << 16;
 
-/// What a column holds.
+/// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
     LonDeg,
@@ -20,12 +20,12 @@ enum Role {
     RadiusM,
     HeightM,
     Time,
-    /// Anything but 0 marks a point that is no measurement of the ground.
+    /// Any value but 0 marks a point that is not a measurement of the ground.
     Flag,
 }
 
-/// Which column is what: ASP's `--csv-format`, such as `2:lon 3:lat 4:radius_km`. Columns are counted from 1; names are `lon`, `lat`,
-/// `radius_km`, `radius_m`, `height_above_datum` (metres), and, beyond ASP's, `time` and `flag`.
+/// The meaning of the columns, in the form of ASP's `--csv-format`, such as `2:lon 3:lat 4:radius_km`. Columns are counted from 1. Names
+/// are `lon`, `lat`, `radius_km`, `radius_m`, `height_above_datum` (metres). Our additions are `time` and `flag`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CsvFormat {
     /// (column counted from 0, role).
@@ -62,7 +62,8 @@ impl FromStr for CsvFormat {
 }
 
 impl CsvFormat {
-    /// By the names of a heading, in any case and with any marks between words; `None` if it names no table of points.
+    /// Returns the format that a heading describes, in any case and with any marks between words. `None` if it does not describe a table of
+    /// points.
     fn of_heading(cells: &[&str]) -> Option<Self> {
         let role = |cell: &&str| match name(cell).as_str() {
             "pt_longitude" | "longitude" | "lon" | "lon_deg" | "longitude_deg" => Some(Role::LonDeg),
@@ -78,7 +79,7 @@ impl CsvFormat {
         Self { columns }.checked().ok()
     }
 
-    /// Each role at most once, a place, and exactly one kind of height.
+    /// Checks that each role occurs at most once, that there is a position, and that there is exactly one kind of height.
     fn checked(self) -> std::result::Result<Self, String> {
         let count = |role: Role| self.columns.iter().filter(|column| column.1 == role).count();
         let heights = [Role::RadiusKm, Role::RadiusM, Role::HeightM].map(count).iter().sum::<usize>();
@@ -91,7 +92,7 @@ impl CsvFormat {
     }
 }
 
-/// `Pt_Longitude` and ` "pt longitude"` to `pt_longitude`.
+/// Brings `Pt_Longitude` and ` "pt longitude"` to `pt_longitude`.
 fn name(cell: &str) -> String {
     let words = cell.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("_")
@@ -100,30 +101,30 @@ fn name(cell: &str) -> String {
 /// A table of points.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
-    /// Points in the order of the file; heights in metres above the sphere asked for.
+    /// Points in the order of the file. Heights are in metres above the given sphere.
     pub points: Vec<Point>,
-    /// Rows left out because their flag says that they are no measurement of the ground.
+    /// Number of rows left out because their flag marks them as no measurement of the ground.
     pub flagged: usize,
 }
 
-/// True if a line is the heading of a table this module knows.
+/// Returns whether a line is the heading of a table that this module can read.
 #[must_use]
 pub fn is_heading(line: &str) -> bool {
     let first = Rows::new(Path::new(""), line.as_bytes(), usize::MAX).next();
     first.is_ok_and(|row| row.is_some_and(|row| CsvFormat::of_heading(&cells(&row)).is_some()))
 }
 
-/// Reads the points of a file as heights above a sphere of `sphere_m`; the columns are found by the heading unless `format` names them.
+/// Reads the points of a file. Heights are above a sphere of radius `sphere_m`. Without `format`, the heading determines the columns.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read, [`Error::Unsupported`] without a known heading, [`Error::Broken`] with the line of what is no
-/// number, no place, or a radius more than a tenth off the sphere's.
+/// [`Error::Io`] if the file cannot be read, [`Error::Unsupported`] without a known heading. [`Error::Broken`], with the line, for a value
+/// that is not a number, a bad position, or a radius that differs from the sphere's by more than a tenth.
 pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
     let file = File::open(path).map_err(Error::io(path))?;
     parse(path, file, format, sphere_m)
 }
 
-/// As [`read`], from any text; `path` is its name in messages.
+/// Reads the points of any text, as [`read`]. `path` is the name of the text in messages.
 ///
 /// # Errors
 /// As [`read`].
@@ -131,7 +132,7 @@ pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m:
     let mut table = Table::default();
     let mut format = format.cloned();
     let mut rows = Rows::new(path, text, MOST_LINE_BYTES);
-    // Under a stated format the first line may be a heading, which is then passed over.
+    // With a given format the first line may be a heading, which is skipped.
     let mut first = true;
     while let Some(row) = rows.next()? {
         let cells = cells(&row);
@@ -163,7 +164,7 @@ fn unknown_heading(line: &str) -> String {
     )
 }
 
-/// Cells between commas, or else semicolons, or else blanks; without the quotes around them.
+/// Returns the cells without their quotes. Separators are commas, otherwise semicolons, otherwise blanks.
 fn cells(row: &Row) -> Vec<&str> {
     let cells = match row.cells().as_slice() {
         [line] if line.contains(';') => line.split(';').collect(),
@@ -173,7 +174,7 @@ fn cells(row: &Row) -> Vec<&str> {
     cells.into_iter().map(|cell| cell.trim().trim_matches('"').trim()).collect()
 }
 
-/// One row; `None` if it is flagged, whatever else it holds.
+/// Reads one row. Returns `None` if the row is flagged, whatever its other cells hold.
 fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Result<Option<Point>, String> {
     let missing = |column: usize| format!("column {} expected, found {} columns", column + 1, cells.len());
     let mut row = Vec::with_capacity(format.columns.len());
@@ -222,7 +223,7 @@ impl Cell<'_> {
         self.text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| self.refuse("a number"))
     }
 
-    /// Height above the sphere of a radius in units of `metres`.
+    /// Reads the cell as a radius in units of `metres`. Returns the height above the sphere, metres.
     fn height_m(&self, metres: f64, sphere_m: f64) -> std::result::Result<f64, String> {
         let radius_m = self.number()? * metres;
         if (radius_m - sphere_m).abs() > 0.1 * sphere_m {
@@ -238,7 +239,7 @@ impl Cell<'_> {
     }
 }
 
-/// Seconds since some moment: of `2009-07-17T00:46:24.5`, `2009-198T00:46:24.5`, or a plain number of seconds.
+/// Returns seconds since a fixed moment. Forms: `2009-07-17T00:46:24.5`, `2009-198T00:46:24.5`, or a plain number of seconds.
 fn seconds(text: &str) -> Option<f64> {
     if let Ok(seconds) = text.parse::<f64>() {
         return seconds.is_finite().then_some(seconds);

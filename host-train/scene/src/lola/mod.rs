@@ -1,8 +1,8 @@
-//! Laser altimeter tracks beside DTMs: the paper's Eq. 18.
+//! Comparison of DTMs with laser altimeter tracks (the paper's Eq. 18).
 //!
-//! [`csv`] reads points, [`track`] cuts them into tracks, [`shift`] moves each track over a DTM to where it fits best. LOLA spots are
-//! placed on the ground to some ten metres, a DTM of an orbiter image lies where its own camera model put it: only what is left
-//! after the best shift says how good the DTM's shape is.
+//! [`csv`] reads points, [`track`] cuts them into tracks, [`shift`] moves each track over a DTM to the best fit. The position of a LOLA
+//! spot has an error of about ten metres. The position of a DTM depends on the camera model of its image. Only the difference that remains
+//! after the best shift shows the error of the DTM's shape.
 
 pub mod csv;
 pub mod report;

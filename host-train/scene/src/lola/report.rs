@@ -6,11 +6,11 @@ use serde_json::{Value, json as value};
 /// One track of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ComparedTrack {
-    /// File name, with the number of the track where the file holds several.
+    /// File name, with the number of the track if the file holds several.
     pub name: String,
-    /// Points of the track, on the DTM or not.
+    /// Number of points of the track, on and off the DTM.
     pub points: usize,
-    /// How it fits; `None` if too few of its points lie on valid heights.
+    /// The best fit; `None` if too few points lie on valid heights.
     pub fit: Option<Fit>,
 }
 
@@ -21,18 +21,19 @@ pub struct Report {
     pub dtm: String,
     /// Tracks in the order of the files.
     pub tracks: Vec<ComparedTrack>,
-    /// Rows whose flag says that they are no measurement of the ground.
+    /// Number of rows whose flag marks them as no measurement of the ground.
     pub flagged: usize,
 }
 
-/// Means over the tracks that could be compared, each track counting once: (STD, STD unshifted, STD with the median removed), metres.
+/// Returns means over the tracks that were compared, each track with equal weight: (STD, STD unshifted, STD with the median removed),
+/// metres.
 fn means(report: &Report) -> Option<(f64, f64, f64)> {
     let fits: Vec<&Fit> = report.tracks.iter().filter_map(|track| track.fit.as_ref()).collect();
     let mean = |of: fn(&Fit) -> f64| fits.iter().map(|fit| of(fit)).sum::<f64>() / fits.len() as f64;
     (!fits.is_empty()).then(|| (mean(|f| f.std_m), mean(|f| f.std_unshifted_m), mean(|f| f.std_median_removed_m)))
 }
 
-/// One line per track; ends with a newline.
+/// Returns the table: one line per track. The text ends with a newline.
 #[must_use]
 pub fn table(report: &Report) -> String {
     let width = report.tracks.iter().map(|track| track.name.chars().count()).max().unwrap_or(0).max(5);
@@ -77,7 +78,7 @@ pub fn table(report: &Report) -> String {
     text
 }
 
-/// The same as JSON.
+/// Returns the report as JSON.
 #[must_use]
 pub fn json(report: &Report) -> Value {
     let track = |track: &ComparedTrack| match &track.fit {

@@ -1,35 +1,35 @@
-//! Where a track fits a DTM best, and how well it fits there.
+//! The shift at which a track fits a DTM best, and the fit's error.
 
 use super::track::Point;
 use elunar_core::tile::Window;
 use elunar_raster::source::Source;
 use elunar_raster::{Error, GeoRef, Projection, Result};
 
-/// Steps per pixel of the search (the paper moves by half a pixel).
+/// Steps per pixel of the search. The paper moves by half a pixel.
 const STEPS_PER_PX: usize = 2;
 
-/// Most shifts along one axis: 20 m either way at 0.2 m a pixel.
+/// Greatest shift along one axis, either way, in steps. It is enough for 20 m at 0.2 m per pixel.
 const MOST_STEPS: usize = 200;
 
-/// A DTM ready for tracks.
+/// A DTM prepared for the comparison with tracks.
 pub struct Ground<'a> {
     dtm: &'a dyn Source,
     georef: GeoRef,
     projection: Projection,
-    /// Shifts along rows and columns, either way, in steps.
+    /// Greatest shifts along rows and columns, either way, in steps.
     reach: (usize, usize),
     /// Metres along x and y per map unit, at the DTM's centre.
     metres: (f64, f64),
 }
 
-/// How a track fits.
+/// The fit of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
     /// Points compared: those with a valid height under every shift, so that all shifts are compared on the same points.
     pub points: usize,
     /// Standard deviation of DTM minus track as Eq. 18 has it (no mean removed, divided by points − 1), metres, at the best shift.
     pub std_m: f64,
-    /// The same where the track lies in the file.
+    /// The same standard deviation without a shift, metres.
     pub std_unshifted_m: f64,
     /// Best shift of the track along the map's x, metres.
     pub x_m: f64,
@@ -37,17 +37,17 @@ pub struct Fit {
     pub y_m: f64,
     /// Median of DTM minus track at the best shift, metres.
     pub median_m: f64,
-    /// Standard deviation at the best shift with the median taken off.
+    /// Standard deviation at the best shift after the median is subtracted, metres.
     pub std_median_removed_m: f64,
-    /// True if the best shift is as far as the search goes: a better one may lie beyond.
+    /// True if the best shift lies at the limit of the search. A better shift may lie beyond.
     pub at_edge: bool,
 }
 
 impl<'a> Ground<'a> {
-    /// Takes a DTM, `name` for messages, and searches up to `search_m` metres along either axis in steps of half a pixel.
+    /// Prepares a DTM. `name` is its name in messages. The search goes up to `search_m` metres along either axis, in steps of half a pixel.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the DTM has no place, its projection is unknown here, or the search has too many steps.
+    /// [`Error::Usage`] if the DTM has no georeference, its projection is not supported, or the search has too many steps.
     pub fn new(dtm: &'a dyn Source, name: &str, search_m: f64) -> Result<Self> {
         let info = dtm.info();
         let missing = |what: &str| Error::usage(format!("{name}: a DTM with {what} expected, none found"));
@@ -78,13 +78,13 @@ impl<'a> Ground<'a> {
         Ok(Self { dtm, georef, projection, reach: (rows as usize, cols as usize), metres })
     }
 
-    /// Radius of the DTM's sphere, metres.
+    /// Returns the radius of the DTM's sphere, metres.
     #[must_use]
     pub fn sphere_m(&self) -> f64 {
         self.projection.radius_m()
     }
 
-    /// Finds the best shift of a track. `None` with fewer than `least` comparable points.
+    /// Finds the best shift of a track. Returns `None` with fewer than `least` comparable points.
     ///
     /// # Errors
     /// If the DTM cannot be read.
@@ -137,13 +137,13 @@ impl<'a> Ground<'a> {
         (2 * self.reach.0 + 1) * (2 * self.reach.1 + 1)
     }
 
-    /// Shift `index` as steps down and right.
+    /// Returns shift `index` as steps down and right.
     fn steps(&self, index: usize) -> (isize, isize) {
         let across = 2 * self.reach.1 + 1;
         ((index / across) as isize - self.reach.0 as isize, (index % across) as isize - self.reach.1 as isize)
     }
 
-    /// The shift of the smallest sum; of equal ones the shortest.
+    /// Returns the shift with the smallest sum. Among equal sums, the shortest shift is returned.
     fn best(&self, squares: &[f64]) -> Option<usize> {
         let length = |index: usize| {
             let (down, right) = self.steps(index);
@@ -152,11 +152,11 @@ impl<'a> Ground<'a> {
         (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(length(a).cmp(&length(b))))
     }
 
-    /// The part of the DTM all shifts of a point fall into, and the point's own row and column there; `None` beyond the edge.
+    /// Returns the window of the DTM that all shifts of a point reach, and the point's row and column in it; `None` beyond the edge.
     fn patch(&self, point: &Point) -> Option<(Window, f64, f64)> {
         let info = self.dtm.info();
         let reach = [self.reach.0, self.reach.1].map(|steps| steps as f64 / STEPS_PER_PX as f64);
-        // Geographic maps keep longitudes as they are: those of tracks and maps may be a turn apart.
+        // Geographic maps keep their longitudes. Longitudes of tracks and maps may differ by 360 degrees.
         let turns = if self.georef.crs.is_projected() { &[0.0][..] } else { &[0.0, 360.0, -360.0] };
         turns.iter().find_map(|turn| {
             let (x, y) = self.projection.forward(point.lon_deg + turn, point.lat_deg);
@@ -171,7 +171,7 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// DTM minus height under every shift; `None` if the DTM has a gap under any.
+    /// Returns DTM minus height under every shift, metres; `None` if the DTM has a gap under any of them.
     fn errors(&self, patch: &[f32], window: Window, row: f64, col: f64, height_m: f64) -> Option<Vec<f64>> {
         let shifts = self.shifts();
         let mut errors = Vec::with_capacity(shifts);
@@ -188,7 +188,7 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Row and column of a map point, counted between pixel centres.
+/// Returns row and column of a map point. (0, 0) is the centre of the first pixel.
 fn pixel(t: &[f64; 6], x: f64, y: f64) -> Option<(f64, f64)> {
     let determinant = t[1] * t[5] - t[2] * t[4];
     let (dx, dy) = (x - t[0], y - t[3]);
@@ -196,7 +196,7 @@ fn pixel(t: &[f64; 6], x: f64, y: f64) -> Option<(f64, f64)> {
     (row.is_finite() && col.is_finite()).then_some((row - 0.5, col - 0.5))
 }
 
-/// Bilinear; NaN where a sample with any weight is.
+/// Interpolates bilinearly. The result is NaN if a sample with weight is NaN.
 fn bilinear(patch: &[f32], window: Window, row: f64, col: f64) -> f64 {
     let (top, left) = (row.floor().max(0.0), col.floor().max(0.0));
     let (down, right) = (row - top, col - left);

@@ -1,4 +1,4 @@
-//! Planted shifts are found.
+//! Known shifts are found.
 
 use super::csv;
 use super::report::{ComparedTrack, Report, json, table};
@@ -10,12 +10,12 @@ use elunar_testing::rasterio;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Smooth terrain without symmetries; x and y in metres.
+/// Returns the height of smooth terrain without symmetries; x and y in metres.
 fn height(x: f64, y: f64) -> f64 {
     30.0 * (x / 60.0).sin() + 20.0 * (y / 45.0 + 0.7).cos() + 10.0 * ((x + 2.0 * y) / 37.0).sin() + 0.02 * x
 }
 
-/// A DTM of 2 m pixels (in metres of its map), with a place far from the map's origin.
+/// Returns a DTM of 2 m pixels, far from the map's origin. `unit` is the map unit.
 fn dtm(crs: Crs, rows: usize, cols: usize, unit: f64) -> (Raster, GeoRef) {
     let lat = if crs.is_projected() { 2000.0 } else { 0.0 };
     let georef = GeoRef { transform: [5000.0 * unit, 2.0 * unit, 0.0, lat * unit, 0.0, -2.0 * unit], crs };
@@ -26,7 +26,7 @@ fn dtm(crs: Crs, rows: usize, cols: usize, unit: f64) -> (Raster, GeoRef) {
     (Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: Some(georef.clone()) }, georef)
 }
 
-/// A track down the middle whose spots are reported `moved` metres beside the ground they measured, `above` it.
+/// Returns a track down the middle. Its spots are `moved` metres beside the measured ground and `above` metres over it.
 fn track(georef: &GeoRef, rows: usize, cols: usize, unit: f64, moved: (f64, f64), above: f64) -> Vec<Point> {
     let projection = Projection::of(&georef.crs).unwrap();
     let spot = |i: usize| {
@@ -55,11 +55,11 @@ fn planted_shifts_are_found() {
             let (raster, georef) = dtm(crs.clone(), 200, 140, unit);
             let track = track(&georef, 200, 140, unit, moved, 0.0);
             let fit = fit(raster, &track, 20.0).unwrap();
-            // Bilinear interpolation of this terrain is good to some millimetres; spots lie within a millimetre of half pixels.
+            // The error of bilinear interpolation is some millimetres on this terrain. Spots lie within a millimetre of half pixels.
             assert!((fit.x_m - moved.0).abs() < 1e-3 && (fit.y_m - moved.1).abs() < 1e-3, "{moved:?}: {fit:?}");
             assert!(fit.std_m < 0.02 && fit.std_median_removed_m <= fit.std_m && !fit.at_edge, "{fit:?}");
             assert!(moved == (0.0, 0.0) || fit.std_unshifted_m > 1.0, "{fit:?}");
-            // Some points near the edge cannot be shifted everywhere.
+            // Some points near the edge cannot be moved by every shift.
             assert!(fit.points >= 100 && fit.points <= 150, "{fit:?}");
         }
     }
@@ -70,7 +70,7 @@ fn the_deviation_is_that_of_eq_18() {
     let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
     let mut track = track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0);
     track.iter_mut().enumerate().for_each(|(i, p)| p.height_m += if i % 2 == 0 { 1.0 } else { -2.0 } - 0.25);
-    // Without a search the figures are those of the definition: e = -1 + 0.25 and 2 + 0.25, no mean removed, divided by n - 1.
+    // Without a search the figures follow the definition: e = -1 + 0.25 and 2 + 0.25, no mean removed, divided by n - 1.
     let fit = fit(raster, &track, 0.0).unwrap();
     let n = fit.points as f64;
     assert_eq!(fit.points, 150);
@@ -150,7 +150,7 @@ fn reports_hold_every_track() {
     assert_eq!(json["mean"]["std_median_removed_m"], 1.25);
 }
 
-/// The definition once more in numpy, on rough terrain: every shift tried, bilinear, the same points for all.
+/// The definition in numpy, on rough terrain: every shift is tried, bilinear, with the same points for all.
 const TWIN: &str = "
 d = rasterio.open('d.tif'); z = d.read(1).astype('f8')
 lon, lat, h = np.loadtxt('t.csv', delimiter=',', skiprows=1).T

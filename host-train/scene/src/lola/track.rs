@@ -9,15 +9,15 @@ pub struct Point {
     pub lat_deg: f64,
     /// Metres above the sphere.
     pub height_m: f64,
-    /// Seconds since a moment common to the table, where it states times.
+    /// Seconds since a moment that all points of the table share; `None` if the table has no times.
     pub time_s: Option<f64>,
 }
 
-/// Pauses longer than this end a track (our choice): spots of one pass over a scene follow each other within a second, passes of an orbiter
-/// two hours.
+/// A longer pause ends a track (our choice), seconds. Spots of one pass over a scene follow each other within a second; passes of an
+/// orbiter are two hours apart.
 pub const TRACK_GAP_S: f64 = 600.0;
 
-/// Cuts points, in their order, where the time jumps by more than `gap_s` either way; points without times are one track.
+/// Cuts points, in their order, where the time jumps by more than `gap_s` in either direction. Points without times are one track.
 #[must_use]
 pub fn split(points: &[Point], gap_s: f64) -> Vec<&[Point]> {
     let same = |a: &Point, b: &Point| match (a.time_s, b.time_s) {

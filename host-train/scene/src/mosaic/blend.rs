@@ -9,14 +9,15 @@ struct Row {
     weight: Vec<f64>,
 }
 
-/// A scene being put together from tiles that arrive from top to bottom.
+/// A scene that is joined from tiles in order from top to bottom.
 ///
-/// Only the rows that further tiles can touch are kept as `f64` sums; finished rows can be taken out at any time, so a strip of 50,000
-/// lines costs one band of tiles. Tiles are added in the order they are handed in: the result does not depend on who computed them, or when.
+/// Only the rows that further tiles can reach are kept, as `f64` sums. Finished rows can be taken at any time, so that a strip of 50,000
+/// lines needs memory for one band of tiles. Tiles are added in the order of the calls. The result does not depend on the thread or the
+/// time at which a tile was made.
 pub struct Mosaic {
     cols: usize,
     rows: usize,
-    /// Rows above are nobody's business: made before, and known.
+    /// Rows above this row are ignored, because they exist already.
     from: usize,
     /// First row that is not finished.
     first: usize,
@@ -25,20 +26,20 @@ pub struct Mosaic {
 }
 
 impl Mosaic {
-    /// An empty scene.
+    /// Makes an empty scene.
     #[must_use]
     pub fn new(rows: usize, cols: usize) -> Self {
         Self::from_row(0, rows, cols)
     }
 
-    /// The scene from row `from` on. It must be given every tile that reaches into those rows.
+    /// Makes the scene from row `from` on. The caller must add every tile that reaches these rows.
     #[must_use]
     pub fn from_row(from: usize, rows: usize, cols: usize) -> Self {
         Self { cols, rows, from, first: from, band: VecDeque::new(), finished: vec![] }
     }
 
-    /// Adds a tile with its upper left pixel at (`row`, `col`), `tile_cols` wide; what lies beyond the scene is dropped. Pixels of
-    /// weight 0 are left out whatever their height.
+    /// Adds a tile of `tile_cols` columns with its upper left pixel at (`row`, `col`). The part beyond the scene is dropped. Pixels of
+    /// weight 0 are left out, whatever their height.
     ///
     /// # Errors
     /// [`Error::Usage`] if a tile starts above one that was added before, or heights and weights differ in number.
@@ -71,14 +72,14 @@ impl Mosaic {
         Ok(())
     }
 
-    /// Takes out the rows finished so far, row-major: the first call begins with the scene's first row (or that of
-    /// [`from_row`](Self::from_row)), each later one where the one before ended.
+    /// Takes the rows finished so far, row-major. The first call begins with the scene's first row (or that of
+    /// [`from_row`](Self::from_row)). Each later call begins where the one before ended.
     #[must_use]
     pub fn take_finished(&mut self) -> Vec<f32> {
         std::mem::take(&mut self.finished)
     }
 
-    /// What was not taken out, row-major; NaN where no tile had weight.
+    /// Returns the rows that were not taken, row-major; NaN where no tile had weight.
     #[must_use]
     pub fn finish(mut self) -> Vec<f32> {
         self.finish_above(self.rows);
@@ -88,7 +89,7 @@ impl Mosaic {
     fn finish_above(&mut self, row: usize) {
         while self.first < row.min(self.rows) {
             match self.band.pop_front() {
-                // 0 / 0 is NaN, which is what a pixel without any tile is.
+                // A pixel without any tile becomes 0 / 0 = NaN.
                 Some(sums) => {
                     self.finished.extend(sums.weighted_m.iter().zip(&sums.weight).map(|(z, w)| (z / w) as f32))
                 }
@@ -113,7 +114,7 @@ mod tests {
         weights: Vec<f64>,
     }
 
-    /// All sums at once, no band.
+    /// Joins all tiles in one array, without a band.
     fn naive(rows: usize, cols: usize, tiles: &[Tile]) -> Vec<f32> {
         let (mut sum, mut weight) = (vec![0.0; rows * cols], vec![0.0; rows * cols]);
         for Tile { row, col, cols: tile_cols, heights_m, weights } in tiles {
@@ -149,7 +150,7 @@ mod tests {
         let (found, expected) = (mosaic.finish(), naive(rows, cols, &tiles));
         let same =
             |a: &[f32], b: &[f32]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
-        // In pieces, and begun anew at any row.
+        // In pieces, and started at several rows.
         for from in [0, 1, 16, 37, rows - 1] {
             let (mut mosaic, mut pieces) = (Mosaic::from_row(from, rows, cols), vec![]);
             for tile in tiles.iter().filter(|tile| tile.row + 16 > from) {
@@ -193,7 +194,7 @@ mod tests {
         assert_eq!((found.len(), expected.len()), (6300, 6300));
         let ulps = |a: f32, b: f32| a.to_bits().abs_diff(b.to_bits());
         for (i, (&a, &b)) in found.iter().zip(expected).enumerate() {
-            // Both sum in f64, in different orders: the rounding to f32 may fall either way.
+            // Both sum in f64, in different orders. The rounding to f32 may differ.
             assert!((a.is_nan() && b.is_nan()) || ulps(a, b) <= 1, "pixel {i}: {a} instead of {b}");
         }
     }

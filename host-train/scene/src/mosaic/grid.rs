@@ -1,49 +1,49 @@
-//! The grid that holds all DTMs of a mosaic.
+//! The grid of a mosaic. It contains all its DTMs.
 
 use elunar_raster::source::{Info, Source};
 use elunar_raster::{Error, GeoRef, GeoTransform, Result};
 
-/// Corners closer than this to a whole pixel are taken as whole: a transform's last digits differ between writers.
+/// Corners closer than this to a whole pixel count as whole, because writers differ in the last digits of a transform.
 const WHOLE_PX: f64 = 1e-3;
 
-/// Largest mosaic, pixels: its sums take 20 bytes each.
+/// Largest mosaic, pixels. Its sums take 20 bytes per pixel.
 const LARGEST_PX: f64 = 2e9;
 
 /// One DTM of a mosaic.
 pub struct Input {
-    /// Name that messages call it by.
+    /// Name of the DTM in messages.
     pub name: String,
-    /// Its heights.
+    /// The heights.
     pub source: Box<dyn Source>,
 }
 
-/// Departures from the grid of the first DTM.
+/// Changes to the grid of the first DTM.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GridOptions {
     /// Side of a pixel, map units (`--tr`); `None` takes the first DTM's.
     pub spacing: Option<f64>,
-    /// West, south, east and north of the region wanted, map units (`--t_projwin`).
+    /// West, south, east and north limits of the region, map units (`--t_projwin`).
     pub window: Option<[f64; 4]>,
 }
 
-/// Size and place of a mosaic.
+/// Size and georeference of a mosaic.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     /// Rows.
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// Place; the transform is north-up.
+    /// Georeference; the transform is north-up.
     pub georef: GeoRef,
 }
 
 impl Grid {
-    /// The grid `dem_mosaic` makes: spacing and reference system of the first DTM, the outer edges of all, or of the window as far as
-    /// a DTM reaches into it. Its corner is a whole pixel of the first DTM only if the edges say so.
+    /// Returns the grid that `dem_mosaic` makes. Spacing and reference system are the first DTM's. The extent covers all DTMs, or the part
+    /// of the window that a DTM reaches. The corner lies on a whole pixel of the first DTM only if the outer edges do.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a DTM has no place, is rotated, or lies in another reference system than the first; if the spacing is not
-    /// positive, the window is empty or touches no DTM, or the mosaic would be absurdly large.
+    /// [`Error::Usage`] if a DTM has no georeference, is rotated, or has another reference system than the first; if the spacing is not
+    /// positive, the window is empty or touches no DTM, or the mosaic would exceed the largest size.
     pub fn around(inputs: &[Input], options: GridOptions) -> Result<Self> {
         let first = inputs.first().ok_or_else(|| Error::usage("mosaic: at least one DTM expected, none found"))?;
         let place = placed(&first.name, first.source.info())?;
@@ -67,7 +67,7 @@ impl Grid {
             Some(window) => cut(box_of_all, window)?,
             None => box_of_all,
         };
-        // Snapped to whole pixels of the first DTM where it is as good as there.
+        // Snapped to whole pixels of the first DTM if almost there.
         let snap = |at: f64, origin: f64, step: f64| {
             let px = (at - origin) / step;
             if (px - px.round()).abs() < WHOLE_PX { origin + px.round() * step } else { at }
@@ -85,7 +85,7 @@ impl Grid {
 }
 
 impl Grid {
-    /// The grid of these rows alone.
+    /// Returns the grid of these rows alone.
     #[must_use]
     pub fn rows(&self, rows: std::ops::Range<usize>) -> Self {
         let mut part = Self { rows: rows.len(), ..self.clone() };
@@ -111,7 +111,7 @@ fn same_system(first_name: &str, first: &GeoRef, name: &str, georef: &GeoRef) ->
     Err(Error::usage(format!("{name}: the reference system of {first_name} ({expected}) expected, {found} found")))
 }
 
-/// West, south, east, north.
+/// Returns west, south, east and north limits.
 fn extent(info: &Info, t: &GeoTransform) -> [f64; 4] {
     [t[0], t[3] + info.rows as f64 * t[5], t[0] + info.cols as f64 * t[1], t[3]]
 }

@@ -1,4 +1,4 @@
-//! The weighted mean of whole DTMs, each on a grid of its own.
+//! The weighted mean of whole DTMs on different grids.
 
 use super::grid::{Grid, Input};
 use super::weights::{WeightRules, grassfire};
@@ -7,29 +7,29 @@ use elunar_raster::resample::PixelMap;
 use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 
-/// Positions closer than this, in pixels, to a row or column of centres lie on it: no neighbour beyond it is asked.
+/// Positions closer than this, in pixels, to a row or column of pixel centres lie on it. Then no neighbour beyond it is read.
 const ON_GRID_PX: f64 = 1e-3;
 
-/// How DTMs are joined.
+/// Rules for joining DTMs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JoinRules {
     /// Weight by distance from edges and gaps.
     pub weights: WeightRules,
-    /// If positive, an earlier DTM stands as it is but for a band this wide, in pixels, along its edges and gaps, where the next one is
-    /// blended in (`--priority-blending-length`).
+    /// If positive, an earlier DTM is kept unchanged, except in a band this wide, in pixels, along its edges and gaps. In the band the next
+    /// DTM is blended in (`--priority-blending-length`).
     pub priority_px: u32,
 }
 
-/// Joins the DTMs on `grid`, earlier ones first: heights row-major, NaN where no DTM has one. A part of a mosaic's grid ([`Grid::rows`])
-/// gives that part of the mosaic, whatever lies around it, so that a large one can be made band by band.
+/// Joins the DTMs on `grid`, earlier ones first. Heights are row-major, NaN where no DTM has one. A part of a mosaic's grid
+/// ([`Grid::rows`]) gives the same values as the whole mosaic there, so that a large mosaic can be made band by band.
 ///
-/// Each DTM is weighed on its own grid and read at the mosaic's pixel centres: as it is on its own pixels, else bilinearly, and not at
-/// all where one of the four neighbours has no weight (`dem_mosaic`).
+/// Each DTM is weighted on its own grid and sampled at the mosaic's pixel centres. Where its own pixels coincide, samples are taken
+/// unchanged, otherwise bilinearly. If one of the four neighbours has no weight, the pixel gets nothing (`dem_mosaic`).
 ///
 /// # Errors
-/// [`Error::Usage`] if a DTM's transform has no inverse; else as reading the DTMs.
+/// [`Error::Usage`] if a DTM's transform has no inverse. Errors of reading the DTMs are passed on.
 pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>> {
-    // With priorities, what lies around the grid decides about weights within it.
+    // With priorities, pixels around the grid influence the weights within it.
     let frame = if rules.priority_px > 0 { Frame::around(inputs, grid, rules) } else { Frame::of(grid) };
     let mut sums = Sums::new(frame.rows * frame.cols);
     let mut room = vec![f64::INFINITY; if rules.priority_px > 0 { frame.rows * frame.cols } else { 0 }];
@@ -45,11 +45,11 @@ pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>
     Ok(frame.crop(&sums.mean(), grid))
 }
 
-/// The pixels that are worked on: those of the grid, or more around it.
+/// The pixels that are computed: the grid's, or more around it.
 struct Frame {
-    /// Rows above the grid.
+    /// Number of rows above the grid.
     above: usize,
-    /// Columns left of the grid.
+    /// Number of columns left of the grid.
     left: usize,
     rows: usize,
     cols: usize,
@@ -60,7 +60,7 @@ impl Frame {
         Self { above: 0, left: 0, rows: grid.rows, cols: grid.cols }
     }
 
-    /// The grid and what of the DTMs around it can have a say: twice the reach of a weight, since weights are made twice.
+    /// Returns the grid and a margin: twice the reach of a weight, since weights are computed twice.
     fn around(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Self {
         let reach = f64::from(2 * rules.reach_px() + rules.priority_px);
         let (mut low, mut high) = ([0.0_f64; 2], [grid.rows as f64, grid.cols as f64]);
@@ -88,7 +88,7 @@ impl Frame {
 }
 
 impl JoinRules {
-    /// How far away a gap or edge can change a weight.
+    /// Returns the greatest distance at which a gap or edge changes a weight, pixels.
     fn reach_px(&self) -> u32 {
         self.weights.farthest_px() + self.weights.taps() as u32
     }
@@ -104,24 +104,24 @@ impl Sums {
         Self { weighted_m: vec![0.0; count], weight: vec![0.0; count] }
     }
 
-    /// 0 / 0 is NaN, which is what a pixel without any DTM is.
+    /// Returns the mean. A pixel without any DTM becomes 0 / 0 = NaN.
     fn mean(&self) -> Vec<f32> {
         self.weighted_m.par_iter().zip(&self.weight).map(|(z, w)| (z / w) as f32).collect()
     }
 }
 
-/// What is needed of one DTM: heights and weights on its own grid.
+/// The part of one DTM that the frame needs: heights and weights on the DTM's own grid.
 struct Part {
     heights_m: Vec<f32>,
     weights: Vec<f64>,
     rows: usize,
     cols: usize,
-    /// From the frame's pixels to this part's.
+    /// Map from the frame's pixels to this part's pixels.
     map: PixelMap,
 }
 
 impl Part {
-    /// `None` if the DTM does not reach the frame.
+    /// Returns `None` if the DTM does not reach the frame.
     fn read(input: &Input, grid: &Grid, frame: &Frame, rules: &JoinRules) -> Result<Option<Self>> {
         let info = input.source.info();
         let map = info.georef.as_ref().and_then(|from| PixelMap::between(&grid.georef.transform, &from.transform));
@@ -144,7 +144,7 @@ impl Part {
         let heights_m = input.source.read(window)?;
         let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
         let weights = if rules.priority_px > 0 {
-            // Only where it falls below the priority length does the distance matter here.
+            // The distance matters here only where it falls below the priority length.
             let eroded = |d: u32| f64::from(d.saturating_sub(rules.weights.erode_px));
             grassfire(&valid, window.rows, window.cols).into_iter().map(eroded).collect()
         } else {
@@ -154,7 +154,7 @@ impl Part {
         Ok(Some(Self { heights_m, weights, rows: window.rows, cols: window.cols, map }))
     }
 
-    /// Height and weight at a pixel of the frame; `None` off the DTM and where a neighbour has no weight.
+    /// Returns height and weight at a pixel of the frame; `None` off the DTM and where a neighbour has no weight.
     fn at(&self, row: usize, col: usize) -> Option<(f64, f64)> {
         let (r, c) = self.map.apply(row as f64, col as f64);
         let snap = |v: f64| if (v - v.round()).abs() < ON_GRID_PX { v.round() } else { v };
@@ -189,8 +189,8 @@ impl Part {
         });
     }
 
-    /// Cuts away what earlier DTMs keep for themselves, and weighs what is left anew, on the mosaic's pixels. `room` is the weight
-    /// still to be had at each pixel.
+    /// Removes the pixels that earlier DTMs keep, and computes the weights of the remaining pixels again, on the mosaic's grid. `room` is
+    /// the remaining weight at each pixel.
     fn add_with_priority(&self, frame: &Frame, rules: &JoinRules, room: &mut [f64], sums: &mut Sums) {
         let length = f64::from(rules.priority_px);
         let mut heights_m = vec![f64::NAN; room.len()];
@@ -206,7 +206,7 @@ impl Part {
             }
         });
         let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
-        // Erosion has been done on the DTM's own grid; only its part in the largest distance remains.
+        // Erosion was done on the DTM's own grid. Here it only contributes to the largest distance.
         let weights = rules.weights.weights_of_eroded(&valid, frame.rows, frame.cols);
         for (i, (z, w)) in heights_m.into_iter().zip(weights).enumerate() {
             if w > 0.0 {

@@ -1,7 +1,7 @@
-//! Joining overlapping heights, as the Ames Stereo Pipeline's `dem_mosaic` does by default: each part weighs most where it is far
-//! from its edges and gaps, and the weighted mean is taken in `f64`.
+//! Joining of overlapping heights, as the Ames Stereo Pipeline's `dem_mosaic` does by default. The weight of a DTM grows with the distance
+//! from its edges and gaps. The weighted mean is computed in `f64`.
 //!
-//! [`Mosaic`] joins the tiles of a prediction, [`join`] whole DTMs on grids of their own.
+//! [`Mosaic`] joins the tiles of a prediction. [`join`] joins whole DTMs on different grids.
 
 mod blend;
 mod grid;

@@ -1,15 +1,15 @@
-//! Weights that fall only where tiles overlap.
+//! Weights that fall only in the overlap of tiles.
 //!
-//! `dem_mosaic` joins DEMs of any shape, so every gap and edge is one. Tiles of one prediction share the scene's gaps and its border:
-//! there both of two neighbours would weigh next to nothing, and the better-placed one no more than the other, which leaves a
-//! visible step along their seam. Here only edges towards other tiles count (our choice, see [`elunar_core::overlap`]).
+//! `dem_mosaic` joins DEMs of any shape, so weights fall towards every gap and edge. Tiles of one prediction share the scene's gaps and its
+//! border. There both neighbours would have almost no weight, and the tile that reaches further would weigh no more than the other. This
+//! leaves a visible step along their seam. Here only edges towards other tiles count (our choice, see [`elunar_core::overlap`]).
 
 use super::weights::Blend;
 use elunar_core::overlap::{self, Open};
 use elunar_core::tile::{Shape, Window};
 use std::collections::HashMap;
 
-/// The weights of a scene's tiles: nine kinds at the most, each made once.
+/// The weights of a scene's tiles. There are at most nine kinds; each is computed once.
 pub struct OverlapWeights {
     scene: Shape,
     blend: Blend,
@@ -17,13 +17,13 @@ pub struct OverlapWeights {
 }
 
 impl OverlapWeights {
-    /// For tiles of a scene of this shape.
+    /// Makes the weights for tiles of a scene of this shape.
     #[must_use]
     pub fn new(scene: Shape, blend: Blend) -> Self {
         Self { scene, blend, made: HashMap::new() }
     }
 
-    /// Weights of the tile at `window`, all positive, row-major.
+    /// Returns the weights of the tile at `window`, all positive, row-major.
     pub fn of(&mut self, window: Window) -> &[f64] {
         let open = Open::of(window, self.scene);
         self.made.entry(open).or_insert_with(|| {
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
     use crate::mosaic::tile_weights;
 
-    /// As if the tile went on far beyond the scene.
+    /// Returns the weights of a tile cut from a larger one that extends far beyond the scene.
     fn cut_from_beyond(Shape { rows, cols }: Shape, open: Open, blend: Blend) -> Vec<f64> {
         let [top, bottom, left, right] =
             [open.top, open.bottom, open.left, open.right].map(|open| if open { 320 } else { 0 });
@@ -70,7 +70,7 @@ mod tests {
             {
                 let window = Window { row, col, rows: tile.rows, cols: tile.cols };
                 let expected = cut_from_beyond(tile, Open::of(window, scene), blend);
-                // Every sum has its terms in the same order.
+                // The order of the terms of each sum is the same.
                 assert!(weights.of(window) == expected, "{blend:?} {row} {col}");
             }
             let mut whole = OverlapWeights::new(Shape::new(60, 80), blend);
@@ -93,7 +93,7 @@ mod tests {
             corner[0],
             inner[50 * cols + 60]
         );
-        // Towards the neighbour on the right it falls as inside, at the scene's border as everywhere.
+        // Towards the neighbour on the right, weights fall as inside. At the scene's border, they do not fall.
         for row in [0, 40] {
             let (edge, top) = (corner[row * cols + cols - 1], corner[cols - 1]);
             assert!((edge / top - 1.0).abs() < 1e-9 && edge < 1e-2 * corner[row * cols], "{row}: {edge} {top}");

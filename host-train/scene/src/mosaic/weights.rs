@@ -1,25 +1,25 @@
-//! How much a tile counts at each of its pixels.
+//! The weight of a tile at each of its pixels.
 
 use elunar_core::overlap;
 
-/// How weights are made from the distance to the nearest gap or edge.
+/// How weights follow from the distance to the nearest gap or edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Blend {
-    /// `dem_mosaic`'s default: the distance, blurred by a Gaussian of 5 px and squared.
+    /// The default of `dem_mosaic`: the distance, blurred by a Gaussian of 5 px and squared.
     DemMosaic,
-    /// The distance itself: blends over the whole overlap, with creases in slope.
+    /// The distance itself. It blends over the whole overlap, with sudden changes of slope.
     Linear,
 }
 
-/// How `dem_mosaic` turns the distance to the nearest gap or edge into a weight; the default is its default.
+/// Rules by which `dem_mosaic` computes weights from the distance to the nearest gap or edge. The default is that of `dem_mosaic`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightRules {
-    /// Pixels taken off at every edge and gap (`--erode-length`).
+    /// Number of pixels removed at every edge and gap (`--erode-length`).
     pub erode_px: u32,
-    /// Gaussian blur of the weights, pixels; 0 for none (`--weights-blur-sigma`).
+    /// Standard deviation of the Gaussian blur of the weights, pixels; 0 for none (`--weights-blur-sigma`).
     pub blur_sigma_px: f64,
-    /// Power of the weights, at least 1 (`--weights-exponent`).
+    /// Exponent of the weights, at least 1 (`--weights-exponent`).
     pub exponent: i32,
 }
 
@@ -30,7 +30,7 @@ impl Default for WeightRules {
 }
 
 impl WeightRules {
-    /// Weights of a tile, row-major `rows` x `cols`: 0 where `valid` is false or eroded, positive elsewhere.
+    /// Returns the weights of a tile, row-major `rows` x `cols`: 0 where `valid` is false or eroded, positive elsewhere.
     ///
     /// # Panics
     /// If `valid` does not hold `rows * cols` values.
@@ -39,7 +39,7 @@ impl WeightRules {
         self.of_distance(grassfire(valid, rows, cols), rows, cols, self.erode_px)
     }
 
-    /// The same for a tile that has been eroded before.
+    /// Returns the weights of a tile that has already been eroded.
     pub(super) fn weights_of_eroded(&self, valid: &[bool], rows: usize, cols: usize) -> Vec<f64> {
         self.of_distance(grassfire(valid, rows, cols), rows, cols, 0)
     }
@@ -53,19 +53,19 @@ impl WeightRules {
         blurred.into_iter().zip(distance).map(weight).collect()
     }
 
-    /// Distances beyond this count no more: erosion and [`overlap::farthest_px`]. 271 by default: no pixel of a 256 x 320 tile is that far
-    /// from an edge.
+    /// Returns the distance beyond which weights do not change, pixels: erosion plus [`overlap::farthest_px`]. It is 271 by default. No
+    /// pixel of a 256 x 320 tile is that far from an edge.
     #[must_use]
     pub fn farthest_px(&self) -> u32 {
         self.erode_px + overlap::farthest_px(self.taps())
     }
 
-    /// Taps of the blur.
+    /// Returns the number of taps of the blur.
     pub(super) fn taps(&self) -> usize {
         overlap::taps(self.blur_sigma_px)
     }
 
-    /// One side of the blur's symmetric kernel, centre first.
+    /// Returns one side of the blur's symmetric kernel, centre first.
     fn kernel(&self) -> Vec<f64> {
         let mut kernel = vec![0.0; self.taps() / 2 + 1];
         overlap::half_kernel(self.blur_sigma_px, &mut kernel);
@@ -73,7 +73,7 @@ impl WeightRules {
     }
 }
 
-/// Weights of one tile, row-major `rows` x `cols`: 0 exactly where `valid` is false, positive elsewhere.
+/// Returns the weights of one tile, row-major `rows` x `cols`: 0 exactly where `valid` is false, positive elsewhere.
 ///
 /// # Panics
 /// If `valid` does not hold `rows * cols` values.
@@ -88,12 +88,13 @@ pub fn tile_weights(valid: &[bool], rows: usize, cols: usize, blend: Blend) -> V
     }
 }
 
-/// Manhattan distance (steps over 4 neighbours) to the nearest invalid pixel; beyond the border everything is invalid, so a valid
+/// Returns the Manhattan distance (steps over 4 neighbours) to the nearest invalid pixel. Pixels beyond the border are invalid, so a valid
 /// pixel at the edge has 1.
 pub(super) fn grassfire(valid: &[bool], rows: usize, cols: usize) -> Vec<u32> {
     assert_eq!(valid.len(), rows * cols, "a mask of {rows} x {cols}");
     let mut distance = vec![0; rows * cols];
-    // Forwards from the upper and left neighbours, then back from the lower and right ones: exact for Manhattan distance.
+    // A forward pass from the upper and left neighbours, then a backward pass from the lower and right ones. This is exact for the
+    // Manhattan distance.
     for row in 0..rows {
         for col in 0..cols {
             let i = row * cols + col;
@@ -117,9 +118,9 @@ pub(super) fn grassfire(valid: &[bool], rows: usize, cols: usize) -> Vec<u32> {
     distance
 }
 
-/// Separable Gaussian blur with zeros beyond the border.
+/// Applies a separable Gaussian blur with zeros beyond the border.
 fn blur(values: &[f64], rows: usize, cols: usize, kernel: &[f64]) -> Vec<f64> {
-    // Along columns of the transpose is along rows of the original, so one routine does both.
+    // Columns of the transpose are rows of the original, so one routine does both directions.
     let along_rows = transpose(&blur_down(values, rows, cols, kernel), rows, cols);
     transpose(&blur_down(&along_rows, cols, rows, kernel), cols, rows)
 }
@@ -152,7 +153,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// By definition, over all pairs.
+    /// Computes the distance by its definition, over all pairs.
     fn naive_grassfire(valid: &[bool], rows: usize, cols: usize) -> Vec<u32> {
         let outside = |r: i64, c: i64| r < 0 || c < 0 || r >= rows as i64 || c >= cols as i64;
         let nearest = |row: i64, col: i64| {

@@ -1,4 +1,4 @@
-//! Horizontal bars, several values to a line.
+//! Bar charts with horizontal bars, several values per line.
 
 use super::text::{Anchor, write};
 use elunar_raster::{Error, Result};
@@ -8,25 +8,25 @@ use image::{Rgb, RgbImage};
 const WIDTH_PX: (u32, u32) = (1000, 320);
 /// Height of a bar, and the gap between lines, pixels.
 const BAR_PX: (u32, u32) = (7, 6);
-/// Above the first line: title and legend.
+/// Height above the first line, for title and legend, pixels.
 const HEAD_PX: u32 = 64;
-/// Right of the longest bar: its value.
+/// Width right of the longest bar, for its value, pixels.
 const VALUE_PX: u32 = 90;
 /// Colours of the values of a line.
 const COLOURS: [Rgb<u8>; 4] = [Rgb([214, 90, 30]), Rgb([31, 90, 165]), Rgb([40, 140, 70]), Rgb([120, 80, 170])];
 
-/// What to draw.
+/// Contents of a bar chart.
 #[derive(Debug, Clone)]
 pub struct Bars<'a> {
     /// Title, with the unit.
     pub title: &'a str,
-    /// What each value of a line is; at most four.
+    /// Names of the values of a line; at most four.
     pub legend: &'a [&'a str],
     /// Name and values of every line; a value may be missing.
     pub lines: Vec<(String, Vec<Option<f64>>)>,
 }
 
-/// Draws them from 0 on; the first value that a line has is written behind its bars.
+/// Draws the bars from 0 on. The first value of a line is written behind its bars.
 ///
 /// # Errors
 /// [`Error::Usage`] without a positive value.
@@ -55,7 +55,7 @@ pub fn bars(bars: &Bars<'_>) -> Result<RgbImage> {
         let mut longest = 0;
         for (k, (value, colour)) in values.iter().zip(COLOURS).enumerate() {
             let Some(value) = finite(value) else { continue };
-            // What is there is seen.
+            // Every positive value is at least one pixel long.
             let length = (value.max(0.0) / largest * room).ceil() as u32;
             fill(&mut picture, (WIDTH_PX.1, top + k as u32 * BAR_PX.0), (length, BAR_PX.0 - 1), colour);
             longest = longest.max(length);
@@ -86,7 +86,7 @@ mod tests {
         let of = |colour: Rgb<u8>, from: u32| {
             made.enumerate_pixels().filter(|(_, row, p)| **p == colour && *row >= from).count() as f64
         };
-        // Without the legend's squares.
+        // The legend's squares are left out.
         let (a, b) = (of(COLOURS[0], HEAD_PX), of(COLOURS[1], HEAD_PX));
         assert!((a / b - 6.0).abs() < 0.05, "{a} {b}");
         assert!(bars(&Bars { title: "None", legend: &["a"], lines: vec![("x".into(), vec![None])] }).is_err());

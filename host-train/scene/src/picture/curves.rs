@@ -12,22 +12,22 @@ use std::path::Path;
 /// One curve.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Its points (x, y), in order of x; points that are not finite are left out.
+    /// Points (x, y), in order of x. Points that are not finite are left out.
     pub points: Vec<(f64, f64)>,
 }
 
-/// What is around the curves.
+/// Title and axes of a chart.
 #[derive(Debug, Clone, Copy)]
 pub struct Chart<'a> {
     /// Title.
     pub title: &'a str,
-    /// What x is, with its unit.
+    /// Name of x, with its unit.
     pub x: &'a str,
-    /// What y is, with its unit.
+    /// Name of y, with its unit.
     pub y: &'a str,
-    /// Whether y is logarithmic; points that are not positive are left out then.
+    /// Whether y is logarithmic. Points with y ≤ 0 are then left out.
     pub log_y: bool,
 }
 
@@ -58,7 +58,7 @@ pub fn curves(path: &Path, chart: &Chart, series: &[Series]) -> Result<()> {
     write_png(path, plot(chart, series)?)
 }
 
-/// As [`curves`], in memory.
+/// Draws the curves as [`curves`] does, in memory.
 ///
 /// # Errors
 /// [`Error::Usage`] if there is no point to draw.
@@ -98,7 +98,7 @@ pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
     Ok(pixels)
 }
 
-/// Axes, curves and legend.
+/// Draws axes, curves and legend.
 fn fill<'a, Y>(
     mut context: ChartContext<'a, BitMapBackend<'a>, Cartesian2d<plotters::coord::types::RangedCoordf64, Y>>,
     chart: &Chart,
@@ -137,7 +137,7 @@ where
         .map_err(|e| text(&e))
 }
 
-/// Smallest and largest; a single value gets a little room. `None` without values.
+/// Returns the smallest and largest value. A single value gets a small margin. `None` without values.
 fn range(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     match low <= high {

@@ -6,15 +6,15 @@ use elunar_core::metrics::height::LIMITS_M;
 use elunar_raster::Result;
 use image::{Rgb, RgbImage};
 
-/// Colours of errors that are too high, by class: white, orange, red, dark red.
+/// Colours of positive errors, by class: white, orange, red, dark red.
 const HIGH: [[u8; 3]; 4] = [[245, 245, 240], [253, 204, 138], [240, 100, 60], [150, 0, 20]];
-/// Colours of errors that are too low, by class: white, light blue, blue, dark blue.
+/// Colours of negative errors, by class: white, light blue, blue, dark blue.
 const LOW: [[u8; 3]; 4] = [[235, 240, 245], [166, 200, 230], [60, 130, 200], [10, 40, 120]];
 /// Height of the legend, pixels.
 const LEGEND_PX: u32 = 22;
 
-/// Colours `error_m` (DTM minus truth) by class, too high in reds and too low in blues, with a legend of
-/// `LEGEND_PX` rows below. Black where there is no error.
+/// Colours `error_m` (DTM minus truth) by class: positive errors red, negative errors blue. A legend of `LEGEND_PX` rows is added below.
+/// Pixels without an error are black.
 ///
 /// # Errors
 /// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
@@ -37,7 +37,7 @@ fn class_colour(error_m: f32) -> [u8; 3] {
     }
 }
 
-/// Eight swatches from far too low to far too high, labelled where there is room.
+/// Draws eight swatches from the lowest to the highest class, with labels if there is room.
 fn legend(picture: &mut RgbImage, top: u32) {
     let width = picture.width();
     let swatches: Vec<[u8; 3]> = LOW.iter().rev().chain(&HIGH).copied().collect();

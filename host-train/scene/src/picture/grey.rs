@@ -6,8 +6,8 @@ use elunar_core::terrain::{PixelSize, Sun};
 use elunar_raster::{Error, Result};
 use image::{GrayImage, Luma};
 
-/// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Black where there is no
-/// height, and on the outermost pixels.
+/// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Pixels without a height and the
+/// outermost pixels are black.
 ///
 /// # Errors
 /// [`Error::Usage`] if there are not `rows · cols` samples.
@@ -20,7 +20,7 @@ pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) 
     Ok(GrayImage::from_fn(width, height, |col, row| Luma([shade[row as usize * cols + col as usize]])))
 }
 
-/// Row-major bytes as a picture.
+/// Returns row-major bytes as a picture.
 ///
 /// # Errors
 /// [`Error::Usage`] if there are not `rows · cols` bytes.
@@ -30,7 +30,7 @@ pub fn grey(bytes: Vec<u8>, rows: usize, cols: usize) -> Result<GrayImage> {
     GrayImage::from_raw(width, height, bytes).ok_or_else(misfit)
 }
 
-/// An orbiter image as a viewer shows it: the central 99 % of its samples stretched over grey; invalid samples are black.
+/// Stretches the central 99 % of an image's samples over the grey range. Invalid samples are black.
 ///
 /// # Errors
 /// [`Error::Usage`] if there are not `rows · cols` samples.
@@ -40,7 +40,7 @@ pub fn stretch(samples: &[f32], rows: usize, cols: usize) -> Result<GrayImage> {
     let gain = 255.0 / (high - low).max(f32::MIN_POSITIVE);
     Ok(GrayImage::from_fn(width, height, |col, row| {
         let value = samples[row as usize * cols + col as usize];
-        // NaN becomes 0, and so does a saturated infinity's product.
+        // NaN becomes 0. An infinite range makes the gain 0, and infinity times 0 is NaN, too.
         Luma([((value - low) * gain).clamp(0.0, 255.0) as u8])
     }))
 }

@@ -1,4 +1,4 @@
-//! How often which value occurs.
+//! Histograms.
 
 use super::text::{FONT, install_font};
 use elunar_raster::{Error, Result};
@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// Size of the picture, pixels.
 const SIZE_PX: (u32, u32) = (900, 480);
-/// Bars.
+/// Number of bars.
 const BINS: usize = 60;
 const BAR: RGBColor = RGBColor(31, 90, 165);
 const LINE: RGBColor = RGBColor(214, 90, 30);
@@ -61,7 +61,7 @@ fn draw(
     chart.draw_series(counts.iter().enumerate().filter(|(_, n)| **n > 0).map(bar)).map_err(|e| text(&e))?;
     for (label, at) in lines {
         chart.draw_series([PathElement::new([(*at, 0.0), (*at, top)], LINE.stroke_width(2))]).map_err(|e| text(&e))?;
-        // Beside the line, on the side where there is room.
+        // Beside the line, on the side with more room.
         let (side, shift) = if *at > low + 0.75 * (high - low) { (HPos::Right, -0.4) } else { (HPos::Left, 0.4) };
         let style = (FONT, 14).into_font().color(&BLACK).pos(Pos::new(side, VPos::Top));
         let label = Text::new(label.clone(), (*at + shift * step, 0.99 * top), style);

@@ -1,6 +1,6 @@
 //! PNG pictures: images, hillshades, coloured relief, error maps, contact sheets and training curves.
 //!
-//! Everything is drawn in memory and written whole or not at all by [`write_png`]; [`png_bytes`] serves those who embed pictures.
+//! Pictures are drawn in memory. [`write_png`] writes them whole or not at all; [`png_bytes`] returns them for embedding.
 
 mod bars;
 mod curves;
@@ -26,7 +26,7 @@ use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
 use std::path::Path;
 
-/// The picture as the bytes of a PNG file.
+/// Returns the picture as the bytes of a PNG file.
 ///
 /// # Errors
 /// [`Error::Usage`] if the picture has no pixels.
@@ -44,7 +44,7 @@ pub fn write_png(path: &Path, picture: impl Into<DynamicImage>) -> Result<()> {
     atomic_write(path, &png_bytes(&picture.into())?)
 }
 
-/// Fails unless there is one sample per pixel and the picture fits a PNG.
+/// Checks that there is one sample per pixel and that the picture fits a PNG.
 fn check_size(samples: usize, rows: usize, cols: usize) -> Result<(u32, u32)> {
     let (Ok(height), Ok(width)) = (u32::try_from(rows), u32::try_from(cols)) else {
         return Err(Error::usage(format!(
@@ -58,7 +58,7 @@ fn check_size(samples: usize, rows: usize, cols: usize) -> Result<(u32, u32)> {
     Ok((width, height))
 }
 
-/// What share of the finite samples lies below the two returned values: `low` and `high` (0–1); `None` without finite samples.
+/// Returns the two percentiles `low` and `high` (0–1) of the finite samples; `None` without finite samples.
 fn percentiles(samples: &[f32], low: f64, high: f64) -> Option<(f32, f32)> {
     let mut finite: Vec<f32> = samples.iter().copied().filter(|v| v.is_finite()).collect();
     Some((nearest_rank(&mut finite, low)?, nearest_rank(&mut finite, high)?))

@@ -1,4 +1,4 @@
-//! Coloured relief: height as colour, shape as shade.
+//! Coloured relief: colour shows height, shading shows shape.
 
 use super::grey::hillshade;
 use super::{check_size, percentiles};
@@ -16,8 +16,8 @@ const RAMP: [[f32; 3]; 6] = [
     [250.0, 245.0, 235.0],
 ];
 
-/// A shaded, coloured DTM; `range_m` are the heights of the lowest and highest colour (`None`: those of the DTM), so that several DTMs can
-/// share one scale. Black where there is no height.
+/// Draws a shaded, coloured DTM. `range_m` are the heights of the lowest and the highest colour, so that several DTMs can share one scale;
+/// `None` takes the DTM's own range. Pixels without a height are black.
 ///
 /// # Errors
 /// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
@@ -36,13 +36,13 @@ pub fn relief(
         if !share.is_finite() {
             return Rgb([0; 3]);
         }
-        // Level ground has a shade of about 180: it keeps its colour.
+        // Level ground has a shade of about 180 and keeps its colour.
         let light = f32::from(shade.get_pixel(col, row).0[0]) / 180.0;
         Rgb(colour(share).map(|c| (c * light).min(255.0) as u8))
     }))
 }
 
-/// The ramp's colour at `share` (clamped to 0–1).
+/// Returns the ramp's colour at `share` (clamped to 0–1).
 fn colour(share: f32) -> [f32; 3] {
     let position = share.clamp(0.0, 1.0) * (RAMP.len() - 1) as f32;
     let k = (position as usize).min(RAMP.len() - 2);

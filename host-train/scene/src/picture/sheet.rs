@@ -11,21 +11,21 @@ const CAPTION_PX: u32 = 20;
 /// One picture of a sheet.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// What it shows; one line, may be empty.
+    /// Description; one line, may be empty.
     pub caption: String,
     /// The picture.
     pub picture: RgbImage,
 }
 
 impl Panel {
-    /// A panel.
+    /// Makes a panel.
     pub fn new(caption: impl Into<String>, picture: impl Into<DynamicImage>) -> Self {
         Self { caption: caption.into(), picture: picture.into().into_rgb8() }
     }
 }
 
-/// Puts panels side by side, `columns` to a row, each caption above its picture. Pictures wider than `panel_px` shrink to that width; all keep
-/// their proportions. No panels make a one-pixel sheet.
+/// Puts panels side by side, `columns` per row, each caption above its picture. Pictures wider than `panel_px` are reduced to that width
+/// with their proportions. Without panels the sheet has one pixel.
 pub fn sheet(panels: &[Panel], columns: usize, panel_px: u32) -> RgbImage {
     let shrunk: Vec<RgbImage> = panels.iter().map(|panel| shrink(&panel.picture, panel_px)).collect();
     let columns = columns.max(1);

@@ -9,7 +9,7 @@ fn bowl(rows: usize, cols: usize) -> Vec<f32> {
 #[test]
 fn hillshade_is_lit_from_the_north_west() {
     let shade = hillshade(&bowl(60, 80), 60, 80, PixelSize::square(2.0)).unwrap();
-    // In a bowl the slope that faces north-west is the south-eastern one.
+    // In a bowl the south-eastern slope faces north-west.
     assert!(shade.get_pixel(60, 50).0[0] > shade.get_pixel(20, 10).0[0] + 50);
     assert_eq!(shade.get_pixel(0, 0).0[0], 0);
 }

@@ -1,4 +1,4 @@
-//! Lettering, with a font that comes inside the program.
+//! Text in pictures, with a built-in font.
 
 use image::RgbImage;
 use plotters::prelude::*;
@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 use std::sync::Once;
 
-/// Name under which plotters knows the font.
+/// Name of the font in plotters.
 pub const FONT: &str = "sans-serif";
 
 /// Registers the font; later calls do nothing.
@@ -14,23 +14,23 @@ pub fn install_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for style in [FontStyle::Normal, FontStyle::Bold] {
-            // It fails only for bytes that are no font.
+            // This fails only for bytes that are not a font.
             let registered = register_font(FONT, style, epaint_default_fonts::UBUNTU_LIGHT);
             debug_assert!(registered.is_ok(), "the built-in font is a font");
         }
     });
 }
 
-/// Which part of the text lies at the given column; its middle always lies at the given row.
+/// The part of the text that lies at the given column. The text's vertical middle lies at the given row.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Anchor {
-    /// Its left end.
+    /// The left end.
     Left,
-    /// Its middle.
+    /// The middle.
     Middle,
 }
 
-/// Writes dark text of `size` pixels onto the picture. What does not fit is cut off.
+/// Writes dark text of `size` pixels onto the picture. The part beyond the picture is cut off.
 pub(super) fn write(picture: &mut RgbImage, text: &str, col: u32, row: u32, size: u32, anchor: Anchor) {
     install_font();
     let (width, height) = picture.dimensions();

@@ -7,17 +7,19 @@ use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use ndarray::{Array2, ArrayView2};
 use std::ops::ControlFlow;
 
-/// Heights of an image, metres, from arrays: as [`predict`] of a [`Scene`] whose coarse DTM lies on the image's grid already.
+/// Predicts heights of an image, metres, from arrays. The result is that of [`predict`] for a [`Scene`] whose coarse DTM is already on the
+/// image's grid.
 ///
-/// `image` holds relative brightness and `coarse_m` heights in metres, both (rows, columns) on one grid, rows from north to south, NaN where
-/// invalid; any strides will do. `pixel_m` is the side of a pixel of that grid on the ground, metres. `coarse_px` is the side of a pixel of the
-/// coarse DTM before it was interpolated, in pixels of the image: 1 at least. The result has the shape of the inputs, NaN where either is invalid.
+/// `image` holds relative brightness and `coarse_m` heights in metres, both (rows, columns) on one grid, rows from north to south, NaN
+/// where invalid. Any strides are accepted. `pixel_m` is the side of a pixel of that grid on the ground, metres. `coarse_px` is the side of
+/// a pixel of the coarse DTM before it was interpolated, in pixels of the image, at least 1. The result has the shape of the inputs, NaN
+/// where either is invalid.
 ///
 /// # Errors
-/// [`Error::Usage`] if the shapes differ, there is no pixel, or `pixel_m` or `coarse_px` is out of its range; those of [`predict`].
+/// [`Error::Usage`] if the shapes differ, there is no pixel, or `pixel_m` or `coarse_px` is out of range. Otherwise as [`predict`].
 ///
 /// # Examples
-/// A model that answers with the coarse DTM gives the coarse DTM back:
+/// A model that returns the coarse DTM gives the coarse DTM back:
 /// ```
 /// use elunar_core::nn::{Illumination, InputRules, TruthRange};
 /// use elunar_core::tile::Shape;
@@ -80,7 +82,7 @@ pub fn predict_array(
             "predict_array: pixel_m above 0 and coarse_px of at least 1 expected, found {pixel_m} and {coarse_px}"
         )));
     }
-    // Where the grid lies does not matter; both lie there.
+    // The position of the grid does not matter. Both inputs have the same position.
     let side_m = f64::from(pixel_m);
     let georef = GeoRef { transform: [0.0, side_m, 0.0, 0.0, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
     let input = |name: &str, samples: ArrayView2<'_, f32>| {
@@ -102,7 +104,8 @@ mod tests {
     use elunar_core::tile::Shape;
     use ndarray::s;
 
-    /// Raises the coarse DTM by the image. It is lit from one quadrant and counts heights in pixels: all that a scene knows is asked for.
+    /// Adds the image to the coarse DTM. Its light comes from one quadrant and its heights are in pixels, so that all properties of a scene
+    /// are used.
     struct Raised;
 
     impl TileNetwork for Raised {
@@ -134,7 +137,7 @@ mod tests {
         Options { overlap_px: 10, threads: 2, ..Options::default() }
     }
 
-    /// A scene of two rasters, and what it holds as arrays.
+    /// Returns a scene of two rasters, and their samples as arrays.
     fn scene() -> (Scene, Array2<f32>, Array2<f32>) {
         let (rows, cols) = SHAPE;
         let mut image = Array2::from_shape_fn(SHAPE, |(row, col)| 100.0 + ((row * 90 + col) * 7919 % 251) as f32);
@@ -170,7 +173,7 @@ mod tests {
     fn views_of_any_strides_are_taken() {
         let (_, image, coarse_m) = scene();
         let expected = predict_array(image.view(), coarse_m.view(), 2.0, 15.0, &Raised, &options()).unwrap();
-        // Columns first, and every second column of a wider array.
+        // In column-major order, and as every second column of a wider array.
         let turned = image.t().as_standard_layout().into_owned();
         let wide = Array2::from_shape_fn((70, 180), |(row, col)| coarse_m[[row, col / 2]]);
         let (image, coarse_m) = (turned.t(), wide.slice(s![.., ..;2]));

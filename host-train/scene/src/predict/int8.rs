@@ -1,4 +1,4 @@
-//! An exported model file as a model the tile loop can run.
+//! An exported model file as a model for the tile loop.
 
 use super::network::{Model, TileNetwork};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
@@ -7,7 +7,7 @@ use elunar_net::digest::sha256_hex;
 use elunar_raster::{Error, Result};
 use std::path::Path;
 
-/// Multiply-accumulates between looks at the runner's state; on the ground nobody waits for the watchdog.
+/// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.
 const STEP_MACS: u64 = 1 << 28;
 
 /// A validated `.eld` file in memory.
@@ -21,7 +21,7 @@ pub struct Int8Model {
 /// Opens a model file and validates all of it.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not right.
+/// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not valid.
 pub fn open(path: &Path) -> Result<Int8Model> {
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
@@ -31,19 +31,19 @@ pub fn open(path: &Path) -> Result<Int8Model> {
 }
 
 impl Int8Model {
-    /// The same model computed by a kernel of the caller's choice instead of the fastest: same results, other speed.
+    /// Replaces the kernel. The default is the fastest kernel. Results are the same with every kernel; the speed differs.
     #[must_use]
     pub fn with_kernel(self, kernel: Kernel) -> Self {
         Self { kernel, ..self }
     }
 
-    /// What computes it.
+    /// Returns the kernel.
     #[must_use]
     pub fn kernel(&self) -> Kernel {
         self.kernel
     }
 
-    /// The validated model; its bytes are validated when the file is opened, not again.
+    /// Returns the validated model. Its bytes are validated when the file is opened, not again.
     ///
     /// # Panics
     /// Never: [`open`] has validated these bytes.

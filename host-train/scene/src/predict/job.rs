@@ -1,4 +1,4 @@
-//! A DTM being made in a file: rows that an interrupted run left are kept, the rest is made, and the whole becomes a GeoTIFF.
+//! Work on a DTM file. Rows of an interrupted run are kept and the missing rows are made; then all rows become a GeoTIFF.
 
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
 use crate::{interrupt, progress};
@@ -7,13 +7,14 @@ use elunar_raster::{Error, Result};
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Hears finished rows; see [`super::predict_rows`].
+/// Receives finished rows; see [`super::predict_rows`].
 pub type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
-/// Makes the rows that `part` lacks, from the first of them on, under a bar that counts tiles. A run that stops leaves them for the next.
+/// Makes the rows that `part` lacks, in order. A progress bar counts tiles. If the run stops, the finished rows stay on disk for the next
+/// run.
 ///
 /// # Errors
-/// Those of `make`; the message says where the finished rows are, if there are any.
+/// As `make`. The message says where the finished rows are, if there are any.
 pub fn fill(
     mut part: Part,
     scene: &Scene,
@@ -37,7 +38,8 @@ pub fn fill(
     }
 }
 
-/// Turns finished rows into the DTM and its hillshade; the lowest and highest height, metres. `model` says how the heights were made.
+/// Writes finished rows as the DTM and its hillshade. Returns the lowest and the highest height, metres. `model` says how the heights were
+/// made.
 ///
 /// # Errors
 /// If a file cannot be read or written.
@@ -62,10 +64,10 @@ pub fn finish(
     Ok(range)
 }
 
-/// What changes when a file does.
+/// Returns a text that changes when the file changes.
 ///
 /// # Errors
-/// [`Error::Io`] if nothing is known of the file.
+/// [`Error::Io`] if the file's metadata cannot be read.
 pub fn state(path: &Path) -> Result<String> {
     let known = path.metadata().map_err(Error::io(path))?;
     Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
@@ -82,7 +84,7 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
     result
 }
 
-/// One line about a finished DTM.
+/// Returns one line about a finished DTM.
 #[must_use]
 pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
     let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light } = *tally;

@@ -1,8 +1,8 @@
-//! A scene through the network, tile by tile.
+//! Prediction of a scene, tile by tile.
 //!
-//! [`Scene::new`] puts the coarse DTM on the image's grid; [`predict_rows`] cuts the scene into overlapping tiles, runs a
-//! [`network::Model`] over them and joins the heights, a band of rows at a time; [`Part`] keeps finished rows on disk. [`int8`] is the network of a model file.
-//! [`predict_array`] is all of it for callers that hold arrays.
+//! [`Scene::new`] puts the coarse DTM on the image's grid. [`predict_rows`] cuts the scene into overlapping tiles, runs a
+//! [`network::Model`] on them and joins the heights, one band of rows at a time. [`Part`] keeps finished rows on disk. [`int8`] is the
+//! network of a model file. [`predict_array`] does the same for arrays.
 
 mod arrays;
 pub mod int8;

@@ -1,28 +1,28 @@
-//! What the tile loop needs of a network, float or int8.
+//! Interface between the tile loop and a network, float or integer.
 
 use elunar_core::nn::InputRules;
 use elunar_core::tile::Shape;
 use elunar_raster::Result;
 
-/// A loaded model: immutable, shared by all threads.
+/// A loaded model. It is immutable; all threads share it.
 pub trait Model: Sync {
-    /// Tile rows and columns the model takes.
+    /// Returns the rows and columns of the model's tile.
     fn tile(&self) -> Shape;
-    /// How tiles are normalised.
+    /// Returns the rules by which tiles are normalised.
     fn input_rules(&self) -> InputRules;
-    /// One line for file metadata: kind, name, SHA-256 of the model file.
+    /// Returns one line for file metadata: kind, name, SHA-256 of the model file.
     fn description(&self) -> String;
-    /// A worker with its own scratch memory; one per thread.
+    /// Makes a worker with its own scratch memory. Each thread needs one.
     ///
     /// # Errors
     /// If the worker's memory cannot be set up.
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>>;
 }
 
-/// One thread's instance of a model.
+/// The instance of a model for one thread.
 pub trait TileNetwork {
-    /// Predicts one tile. `image` in [0, 1] (or a guide's maps, four in every pixel), `coarse` in [0, NR] (or pixels), `output` in the same
-    /// units as `coarse` (a residual head may leave the range slightly); all row-major `rows * cols`.
+    /// Predicts one tile. `image` is in [0, 1] (or a guide's maps, four in every pixel), `coarse` in [0, NR] (or pixels). `output` has the
+    /// units of `coarse` (a residual head may exceed the range slightly). All are row-major `rows * cols`.
     ///
     /// # Errors
     /// If the network reports a fault.

@@ -1,4 +1,4 @@
-//! A prediction as files: the DTM with its provenance, and a hillshade beside it.
+//! Files of a prediction: the DTM with its provenance, and a hillshade beside it.
 
 use super::preview::Preview;
 use crate::picture;
@@ -7,10 +7,10 @@ use elunar_raster::geotiff::{WriteOptions, Writer};
 use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result};
 use std::path::{Path, PathBuf};
 
-/// Where a DTM comes from; goes into the file's metadata.
+/// Provenance of a DTM, for the file's metadata.
 #[derive(Debug, Clone, Copy)]
 pub struct Provenance<'a> {
-    /// The model's own description, with its hash.
+    /// Description of the model, with its hash.
     pub model: &'a str,
     /// Name of the image.
     pub image: &'a str,
@@ -18,8 +18,8 @@ pub struct Provenance<'a> {
     pub coarse: &'a str,
 }
 
-/// A DTM being written, rows from top to bottom, as a GeoTIFF (heights in metres, the image's place, nodata, model hash and
-/// input names) and its hillshade, whose path is [`hillshade_path`].
+/// A writer of a DTM, rows from top to bottom. It writes a GeoTIFF (heights in metres, the image's georeference, NoData value, model hash
+/// and input names) and its hillshade at [`hillshade_path`].
 pub struct DtmWriter {
     output: PathBuf,
     file: Writer,
@@ -27,10 +27,10 @@ pub struct DtmWriter {
 }
 
 impl DtmWriter {
-    /// Begins a DTM of `rows` x `cols` pixels.
+    /// Starts a DTM of `rows` x `cols` pixels.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if the file cannot be begun.
+    /// [`elunar_raster::Error::Io`] if the file cannot be created.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
         let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
         let Provenance { model, image, coarse } = from;
@@ -56,10 +56,10 @@ impl DtmWriter {
         self.file.write_rows(samples)
     }
 
-    /// Writes what is left. The DTM comes last, so one that is there is a finished one.
+    /// Writes the remaining data. The DTM is written last, so that a DTM on disk is always complete.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if a file cannot be written; neither is left behind then.
+    /// [`elunar_raster::Error::Io`] if a file cannot be written. Then neither file exists.
     pub fn finish(self) -> Result<()> {
         let shade = hillshade_path(&self.output);
         write_hillshade(&shade, &self.preview.finish())?;
@@ -73,7 +73,7 @@ fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
     picture::write_png(path, picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?)
 }
 
-/// `dtm.tif` has `dtm_hillshade.png` beside it.
+/// Returns the path of the hillshade: `dtm_hillshade.png` beside `dtm.tif`.
 #[must_use]
 pub fn hillshade_path(output: &Path) -> PathBuf {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();

@@ -1,4 +1,4 @@
-//! Finished rows of an unfinished prediction, on disk: what a killed run leaves, and the next one goes on from.
+//! Finished rows of an unfinished prediction, on disk. The next run continues an interrupted run with them.
 
 use elunar_raster::{Error, Result};
 use sha2::{Digest, Sha256};
@@ -6,10 +6,10 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes before the first row: the job's SHA-256.
+/// Number of bytes before the first row: the job's SHA-256.
 const HEADER_BYTES: u64 = 32;
 
-/// The rows made so far, beside the output: `dtm.tif` has `dtm.tif.part`.
+/// File of the finished rows, beside the output: `dtm.tif.part` for `dtm.tif`.
 pub struct Part {
     path: PathBuf,
     file: File,
@@ -18,10 +18,10 @@ pub struct Part {
 }
 
 impl Part {
-    /// Goes on with the rows of the same job, or begins anew. `job` is any text that tells jobs apart: inputs, model, options.
+    /// Opens the rows of the same job, or starts a new file. `job` is a text that differs between jobs: inputs, model, options.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be made or read.
+    /// [`Error::Io`] if the file cannot be created or read.
     pub fn open(output: &Path, job: &str, cols: usize) -> Result<Self> {
         let mut name = output.file_name().unwrap_or_default().to_os_string();
         name.push(".part");
@@ -36,7 +36,7 @@ impl Part {
                 file.rewind()?;
                 file.write_all(&id)?;
             }
-            // A run that was killed while writing leaves part of a row.
+            // A run that was killed during a write leaves an incomplete row.
             let rows = (file.metadata()?.len() - HEADER_BYTES) / row_bytes.max(1);
             file.set_len(HEADER_BYTES + rows * row_bytes)?;
             file.seek(SeekFrom::End(0))?;
@@ -46,19 +46,19 @@ impl Part {
         Ok(Self { path, file, cols, rows })
     }
 
-    /// Whole rows on disk.
+    /// Returns the number of whole rows on disk.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Where they are.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Adds whole rows and waits until they are on the disk.
+    /// Appends whole rows and waits until they are on disk.
     ///
     /// # Errors
     /// [`Error::Io`] if they cannot be written, [`Error::Usage`] if they are not whole.
@@ -73,10 +73,10 @@ impl Part {
         Ok(())
     }
 
-    /// Hands all rows to `take`, in order, some at a time.
+    /// Passes all rows to `take`, in order, in blocks.
     ///
     /// # Errors
-    /// [`Error::Io`] if they cannot be read; `take`'s own.
+    /// [`Error::Io`] if they cannot be read. Errors of `take` are passed on.
     pub fn read(&mut self, take: &mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()> {
         const ROWS_AT_ONCE: usize = 256;
         self.file.seek(SeekFrom::Start(HEADER_BYTES)).map_err(Error::io(&self.path))?;
@@ -92,7 +92,7 @@ impl Part {
         Ok(())
     }
 
-    /// Removes the file: its rows are safe elsewhere, or worthless.
+    /// Removes the file, once its rows are stored elsewhere or not needed.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be removed.
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!((part.rows(), part.path()), (0, folder.path().join("dtm.tif.part").as_path()));
         part.append(&[1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0]).unwrap();
         assert!(part.append(&[1.0]).is_err());
-        // Killed in the middle of a row.
+        // The run was killed in the middle of a row.
         drop(part);
         let path = folder.path().join("dtm.tif.part");
         OpenOptions::new().append(true).open(&path).unwrap().write_all(&[7; 9]).unwrap();

@@ -1,11 +1,11 @@
-//! A DTM small enough to look at, made from rows as they pass.
+//! A reduced DTM for a picture, made while the rows are written.
 
 use elunar_raster::{GeoRef, Raster};
 
-/// Longest side of a picture, pixels: browsers and viewers open it, and a strip of any length costs bounded memory.
+/// Longest side of a picture, pixels. Browsers and viewers can open it, and the memory for a strip of any length is bounded.
 const LONGEST_PX: usize = 8192;
 
-/// Means over square cells of a raster that passes row by row; invalid samples are left out.
+/// Means over square cells of a raster whose rows arrive one by one. Invalid samples are left out.
 pub(super) struct Preview {
     cell: usize,
     rows: usize,
@@ -22,7 +22,7 @@ impl Preview {
         Self { cell, rows, cols, georef, row: 0, sums: vec![(0.0, 0); cols.div_ceil(cell)], samples: vec![] }
     }
 
-    /// Whole rows, in order.
+    /// Adds whole rows, in order.
     pub(super) fn add(&mut self, samples: &[f32]) {
         for line in samples.chunks_exact(self.cols) {
             for (sum, cell) in self.sums.iter_mut().zip(line.chunks(self.cell)) {
@@ -32,14 +32,14 @@ impl Preview {
             }
             self.row += 1;
             if self.row.is_multiple_of(self.cell) || self.row == self.rows {
-                // 0 / 0 is NaN, which is what a cell without a valid sample is.
+                // A cell without a valid sample becomes 0 / 0 = NaN.
                 self.samples.extend(self.sums.iter().map(|(sum, n)| (sum / f64::from(*n)) as f32));
                 self.sums.fill((0.0, 0));
             }
         }
     }
 
-    /// The small raster, on its own grid.
+    /// Returns the reduced raster with its georeference.
     pub(super) fn finish(self) -> Raster {
         let [x0, x_col, x_row, y0, y_col, y_row] = self.georef.transform;
         let k = self.cell as f64;

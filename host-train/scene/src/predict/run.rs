@@ -1,4 +1,4 @@
-//! All tiles of a scene, on several threads, in one order.
+//! All tiles of a scene on several threads, joined in a fixed order.
 
 use super::network::Model;
 use super::scene::{Band, Scene};
@@ -13,19 +13,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 
-/// How a scene is cut, shared out and joined.
+/// Options of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Pixels by which neighbouring tiles overlap; less than either side of a tile. See [`Options::overlap_for`].
+    /// Overlap of neighbouring tiles, pixels; less than either side of a tile. See [`Options::overlap_for`].
     pub overlap_px: usize,
-    /// How overlapping tiles are weighed.
+    /// Weights of overlapping tiles.
     pub blend: Blend,
-    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]; our choice) or those the
-    /// network gives it (the paper).
+    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]; our choice). Otherwise they come from
+    /// the network (the paper).
     pub anchor: bool,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     pub threads: usize,
-    /// What is known of the Sun; the rest is fitted to image and coarse DTM. Models that know any light do not ask for it.
+    /// The known parts of the Sun's direction. The unknown parts are fitted to image and coarse DTM. Models for any light do not use it.
     pub sun: KnownSun,
 }
 
@@ -42,8 +42,8 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B); for tiles smaller than
-    /// the paper's a third of their shorter side (our choice).
+    /// Returns the overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B). For tiles smaller than the
+    /// paper's it is a third of their shorter side (our choice).
     #[must_use]
     pub fn overlap_for(tile: Shape) -> usize {
         let side = tile.rows.min(tile.cols);
@@ -51,37 +51,37 @@ impl Options {
     }
 }
 
-/// What became of the tiles of a scene.
+/// Number of tiles of a scene, by their result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
-    /// Tiles the scene was cut into.
+    /// Tiles of the scene.
     pub tiles: usize,
-    /// Tiles left out because their rows were made before.
+    /// Tiles left out because their rows existed already.
     pub tiles_before: usize,
-    /// Of those made now, tiles without image contrast or coarse relief: there the coarse heights stand.
+    /// Tiles of this run without image contrast or coarse relief. They keep the coarse heights.
     pub tiles_coarse: usize,
-    /// Of those made now, tiles without a valid pixel.
+    /// Tiles of this run without a valid pixel.
     pub tiles_empty: usize,
-    /// Where the scene's light comes from.
+    /// Source of the scene's light.
     pub light: LightSource,
 }
 
-/// What [`predict`] made.
+/// The result of [`predict`].
 #[derive(Debug, Clone)]
 pub struct Prediction {
-    /// Heights, metres, on the image's grid; NaN where image or coarse DTM are invalid.
+    /// Heights, metres, on the image's grid; NaN where image or coarse DTM is invalid.
     pub dtm: Raster,
-    /// What became of the tiles.
+    /// Number of tiles, by their result.
     pub tally: Tally,
 }
 
-/// Hears (tiles done, tiles in all) at the start and after each tile, and may stop the run.
+/// Receives (tiles done, all tiles) at the start and after each tile, and can stop the run.
 pub type Progress<'a> = &'a mut dyn FnMut(usize, usize) -> ControlFlow<()>;
 
-/// As [`predict_rows`], into memory.
+/// Predicts a scene as [`predict_rows`] does, in memory.
 ///
 /// # Errors
-/// As there.
+/// As [`predict_rows`].
 pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Progress) -> Result<Prediction> {
     let mut samples = Vec::with_capacity(scene.rows * scene.cols);
     let mut keep = |rows: &[f32]| {
@@ -93,17 +93,17 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
     Ok(Prediction { dtm, tally })
 }
 
-/// Runs `model` over `scene` from row `from` on and hands finished rows to `keep`, in order, heights in metres, NaN where image or
-/// coarse DTM are invalid. Memory does not depend on the number of rows.
+/// Runs `model` on `scene` from row `from` on. Passes finished rows to `keep` in order: heights in metres, NaN where image or coarse DTM is
+/// invalid. Memory does not depend on the number of rows.
 ///
-/// The scene is cut into overlapping tiles ([`Tiling`]); one smaller than a tile is continued by its last row and column to the tile's
-/// size. Every tile is mirrored if it is lit from elsewhere than the model knows ([`elunar_net::illumination`]), normalised by its own
-/// ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, mirrored back and blended.
-/// The result is the same for every number of threads and every `from`: tiles are blended in reading order, whoever finished first.
+/// The scene is cut into overlapping tiles ([`Tiling`]). A scene smaller than a tile is extended to the tile's size by its last row and
+/// column. Every tile is mirrored if its light does not come from the model's direction ([`elunar_net::illumination`]), normalised by its
+/// own ranges, predicted, recovered to metres (Eq. 8), anchored to the coarse DTM if `options` says so, mirrored back and blended. Tiles
+/// are blended in reading order, whichever thread finishes first. The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] if the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid
-/// coarse height, or the run was stopped; the model's, the files' and `keep`'s own errors.
+/// [`Error::Usage`] if the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
+/// height, or the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
     model: &dyn Model,
@@ -120,23 +120,23 @@ pub fn predict_rows(
     Ok(Tally { light: lighting.source, ..make_rows(scene, cut, &makers, from, keep, progress)? })
 }
 
-/// How a scene is cut into tiles and shared out.
+/// How a scene is cut into tiles and shared between threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cut {
     /// Rows and columns of a tile.
     pub(crate) tile: Shape,
-    /// Pixels by which neighbouring tiles overlap; less than either side of a tile.
+    /// Overlap of neighbouring tiles, pixels; less than either side of a tile.
     pub(crate) overlap_px: usize,
-    /// Threads; 0 takes as many as the machine offers.
+    /// Number of threads; 0 takes as many as the machine offers.
     pub(crate) threads: usize,
 }
 
-/// What makes the heights of a tile, with its own scratch memory: one per thread.
+/// Makes the heights of a tile, with its own scratch memory. Each thread has one.
 pub(crate) trait TileMaker {
-    /// Makes the heights of `window` of the scene, of which `band` holds the rows.
+    /// Makes the heights of `window` of the scene. `band` holds the window's rows.
     ///
     /// # Errors
-    /// The maker's own; they end the run.
+    /// Errors of the maker. They end the run.
     fn make(&mut self, band: &Band, window: Window) -> Result<Outcome>;
 }
 
@@ -146,13 +146,13 @@ impl TileMaker for TileWorker<'_> {
     }
 }
 
-/// Where each thread gets its maker from.
+/// Makes the maker of each thread.
 pub(crate) type Makers<'a> = dyn Fn() -> Result<Box<dyn TileMaker + 'a>> + Sync + 'a;
 
-/// As [`predict_rows`], whoever makes the tiles.
+/// Makes rows as [`predict_rows`] does, with any maker of tiles.
 ///
 /// # Errors
-/// As there, with the makers' errors in place of the model's.
+/// As [`predict_rows`], with the makers' errors in place of the model's.
 pub(crate) fn make_rows<'a>(
     scene: &Scene,
     cut: Cut,
@@ -180,12 +180,12 @@ pub(crate) fn make_rows<'a>(
             let (take, send, stopped) = (take.clone(), send.clone(), &stopped);
             scope.spawn(move || work(makers, &take, stopped, &send));
         }
-        // With the last worker its end of the channel goes, so the reader does not wait for anybody.
+        // The channel closes with the last worker, so that the reader does not block.
         drop(take);
         scope.spawn(move || read(scene, tiling, first, &give, &send));
         let joined = sink.collect(first, &receive, progress);
         stopped.store(true, Ordering::Relaxed);
-        // A worker may be waiting for room in the channel: it must see that nobody listens any more.
+        // A worker may wait for room in the channel. It must notice that the receiver is gone.
         drop(receive);
         joined
     })?;
@@ -195,12 +195,12 @@ pub(crate) fn make_rows<'a>(
     sink.finish()
 }
 
-/// A tile to be made: its number, its place, and the rows it lies in.
+/// A tile to be made: its number, its window, and the band that holds its rows.
 type Job = (usize, Window, Arc<Band>);
-/// A tile that was made, or why not.
+/// A tile that was made, or the error.
 type Made = (usize, Result<Outcome>);
 
-/// Reads the scene band by band and hands out its tiles in reading order.
+/// Reads the scene band by band and sends its tiles in reading order.
 fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, send: &SyncSender<Made>) {
     let mut band: Option<Arc<Band>> = None;
     for (index, window) in tiling.iter().enumerate().skip(first) {
@@ -209,7 +209,7 @@ fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, sen
             None => match scene.band(window.row, window.rows.min(scene.rows - window.row)) {
                 Ok(band) => Arc::new(band),
                 Err(error) => {
-                    // Nobody listens only if the run ended for another reason.
+                    // Sending fails only if the run has ended for another reason.
                     let _ = send.send((index, Err(error)));
                     return;
                 }
@@ -222,7 +222,7 @@ fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, sen
     }
 }
 
-/// One thread: makes tiles until none is left.
+/// Makes tiles on one thread until none is left.
 fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &AtomicBool, send: &SyncSender<Made>) {
     let mut worker = makers();
     while !stopped.load(Ordering::Relaxed) {
@@ -230,7 +230,7 @@ fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &Atomi
             Ok(worker) => worker,
             Err(_) => break,
         };
-        // The lock is held while waiting: whoever waits longest gets the next tile.
+        // The lock is held during the wait, so that the thread that waits longest gets the next tile.
         let job = take.lock().map(|take| take.recv());
         let Ok(Ok((index, window, band))) = job else { return };
         if send.send((index, worker.make(&band, window))).is_err() {
@@ -238,12 +238,12 @@ fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &Atomi
         }
     }
     if let Err(error) = worker {
-        // Nobody listens only if another thread reported first.
+        // Sending fails only if another thread has reported first.
         let _ = send.send((0, Err(error)));
     }
 }
 
-/// Puts outcomes back into order and joins them.
+/// Sorts the results of tiles into reading order and joins them.
 struct Sink<'a> {
     mosaic: Mosaic,
     tiling: Tiling,
@@ -269,7 +269,7 @@ impl Sink<'_> {
                 joined += 1;
             }
         }
-        // Too late to stop: the work is done.
+        // The work is complete, so a request to stop has no effect.
         let _ = progress(done, all);
         Ok(())
     }

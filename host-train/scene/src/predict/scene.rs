@@ -1,4 +1,4 @@
-//! What a prediction starts from: an image and a coarse DTM on one grid, read a band of rows at a time.
+//! Input of a prediction: an image and a coarse DTM on one grid, read one band of rows at a time.
 
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
@@ -12,10 +12,10 @@ use elunar_raster::stated::Statements;
 use elunar_raster::{Error, GeoRef, Raster, Result};
 use std::sync::Arc;
 
-/// A raster open for reading, with the name messages call it by.
+/// A raster open for reading, with its name in messages.
 #[derive(Clone)]
 pub struct Input {
-    /// File name, or what the raster is.
+    /// File name, or a description of the raster.
     pub name: String,
     /// The raster.
     pub source: Arc<dyn Source>,
@@ -30,30 +30,30 @@ impl Input {
         Ok(Self { name: path.display().to_string(), source: elunar_raster::source::open(path)?.into() })
     }
 
-    /// Opens a file, with what the user says of it in place of what the file says.
+    /// Opens a file. The user's statements replace those of the file.
     ///
     /// # Errors
-    /// As [`Self::open`], and those of [`Statements::of`].
+    /// As [`Self::open`] and [`Statements::of`].
     pub fn stated(path: &std::path::Path, stated: Statements) -> Result<Self> {
         let name = path.display().to_string();
         let source = stated.of(&name, elunar_raster::source::open(path)?)?;
         Ok(Self { name, source: source.into() })
     }
 
-    /// A raster in memory.
+    /// Makes an input from a raster in memory.
     #[must_use]
     pub fn in_memory(name: impl Into<String>, raster: Raster) -> Self {
         Self { name: name.into(), source: Arc::new(InMemory::new(raster, None, "memory")) }
     }
 }
 
-/// Image and coarse DTM on the image's grid, wherever they are kept.
+/// Image and coarse DTM on the image's grid, from files or memory.
 pub struct Scene {
     /// Rows of the image.
     pub rows: usize,
     /// Columns of the image.
     pub cols: usize,
-    /// Where the image lies.
+    /// Georeference of the image.
     pub georef: GeoRef,
     /// Ground size of a pixel of the image, metres.
     pub pixel_m: f32,
@@ -79,49 +79,49 @@ pub struct Band {
     pub coarse_m: Vec<f32>,
 }
 
-/// Maps of a tile without gaps, and which of its pixels are real: row-major.
+/// Maps of a tile without gaps, row-major, and which of its pixels are valid.
 pub(crate) struct Cutout {
-    /// Relative brightness, gaps filled from their nearest neighbours within the tile.
+    /// Relative brightness. Gaps are filled from their nearest neighbours within the tile.
     pub(crate) image: Vec<f32>,
-    /// Coarse DTM, metres, gaps filled likewise.
+    /// Coarse DTM, metres. Gaps are filled likewise.
     pub(crate) coarse_m: Vec<f32>,
-    /// Pixels where both inputs are real; none lie beyond the scene.
+    /// Pixels where both inputs are valid. Pixels beyond the scene are never valid.
     pub(crate) valid: Vec<bool>,
 }
 
-/// What a look at a sample of a scene's rows tells.
+/// Properties of a scene, measured on a sample of its rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Survey {
-    /// How brightness answers to the coarse DTM's slopes.
+    /// Fit of brightness to the coarse DTM's slopes.
     pub light: LightFit,
     /// Highest minus lowest valid height of the coarse DTM, metres.
     pub relief_m: f32,
-    /// What that is spread over, metres: the longer side of the rows looked at.
+    /// Extent of the relief, metres: the longer side of the rows that were read.
     pub extent_m: f64,
 }
 
 impl Survey {
-    /// Relief over extent below which heights are more likely kilometres taken for metres: 0.06 degrees from end to end, where the
-    /// Moon's flattest maria have a degree or two.
+    /// Relief over extent below which heights are more likely kilometres read as metres. It is 0.06 degrees from end to end; the Moon's
+    /// flattest maria have a degree or two.
     const FLATTEST: f64 = 1e-3;
 
-    /// Whether the coarse DTM's heights look like kilometres.
+    /// Returns whether the coarse DTM's heights look like kilometres.
     #[must_use]
     pub fn suspects_kilometres(&self) -> bool {
         self.relief_m > 0.0 && f64::from(self.relief_m) < Self::FLATTEST * self.extent_m
     }
 }
 
-/// Rows a survey reads at once, and at most so often: the light is one over a scene, so long strips are sampled.
+/// Rows that a survey reads at once, and the greatest number of such blocks. Long strips are sampled, because a scene has one light.
 const SURVEY_ROWS: usize = 960;
 const SURVEY_BLOCKS: usize = 16;
 
 impl Scene {
-    /// Pairs an image with a coarse DTM, which is interpolated onto the image's grid (bicubic, through map coordinates) as it is
+    /// Pairs an image with a coarse DTM. The coarse DTM is interpolated onto the image's grid (bicubic, through map coordinates) when it is
     /// read.
     ///
     /// # Errors
-    /// [`Error::Usage`] if either has no place, their reference systems differ, or a pixel size is unknown.
+    /// [`Error::Usage`] if either has no georeference, their reference systems differ, or a pixel size is unknown.
     pub fn new(image: Input, coarse: Input) -> Result<Self> {
         let georef = place(&image)?.clone();
         place(&coarse)?;
@@ -139,23 +139,23 @@ impl Scene {
         Ok(Self { rows, cols, georef, pixel_m, coarse_px, image, coarse_name, coarse: placed })
     }
 
-    /// Rows `first..first + rows`.
+    /// Reads rows `first..first + rows`.
     ///
     /// # Errors
-    /// If they leave the scene or a file cannot be read there.
+    /// If rows lie outside the scene or a file cannot be read there.
     pub fn band(&self, first: usize, rows: usize) -> Result<Band> {
         let window = Window { row: first, col: 0, rows, cols: self.cols };
         let (image, coarse_m) = (self.image.source.read(window)?, self.coarse.read(window)?);
         Ok(Band { first, rows, cols: self.cols, image, coarse_m })
     }
 
-    /// The error that says so.
+    /// Returns the error for a scene without valid pixels.
     pub(super) fn nothing_valid(&self) -> Error {
         let (coarse, image) = (&self.coarse_name, &self.image.name);
         Error::usage(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
     }
 
-    /// The interpolated coarse DTM as a raster, NaN where it or the image is invalid: what a prediction must beat.
+    /// Returns the interpolated coarse DTM as a raster, NaN where it or the image is invalid. It is the baseline of a prediction.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -165,7 +165,7 @@ impl Scene {
         Ok(Raster { rows: self.rows, cols: self.cols, samples, georef: Some(self.georef.clone()) })
     }
 
-    /// The scene's light for a network that knows `illumination`: from what is known of the Sun, the rest fitted to the scene.
+    /// Returns the scene's light for a network that expects `illumination`. Unknown parts of the Sun's direction are fitted to the scene.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -174,7 +174,7 @@ impl Scene {
         Ok(Lighting::decide(illumination, sun, &fit))
     }
 
-    /// Looks at all of a small scene, at evenly spread rows of a long one.
+    /// Surveys all rows of a small scene, or evenly spread rows of a long one.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -184,7 +184,7 @@ impl Scene {
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
         for block in 0..blocks {
-            // Evenly spread, the last one at the end.
+            // Evenly spread, with the last block at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let mut band = self.band(first, rows)?;
             let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
@@ -197,7 +197,7 @@ impl Scene {
     }
 }
 
-/// The place of `input`, which must be complete.
+/// Returns the georeference of `input`, which must be complete.
 fn place(input: &Input) -> Result<&GeoRef> {
     input.source.info().place(&input.name).map_err(|error| {
         let unnamed = input.source.info().georef.is_some();
@@ -215,12 +215,12 @@ fn close_gaps(maps: [&mut Vec<f32>; 2], cols: usize) {
 }
 
 impl Band {
-    /// Whether both inputs are real, pixel by pixel.
+    /// Returns whether both inputs are valid, pixel by pixel.
     pub(crate) fn valid(&self) -> impl Iterator<Item = bool> {
         self.image.iter().zip(&self.coarse_m).map(|(i, z)| i.is_finite() && z.is_finite())
     }
 
-    /// Cuts `window` (of the scene) out of the band and closes its gaps; `None` if it has no valid pixel. Beyond the band its last row and
+    /// Cuts `window` (of the scene) out of the band and fills its gaps; `None` if it has no valid pixel. Beyond the band, its last row and
     /// column repeat.
     pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
         let (first, rows, cols) = (window.row - self.first, window.rows, window.cols);

@@ -1,4 +1,4 @@
-//! The flight's push-broom pipeline against the ground's mosaic: same tiles, same bits.
+//! The flight pipeline for strips gives the same tiles and the same bits as the mosaic on the ground.
 
 use super::int8::{self, Int8Model};
 use super::network::Model;
@@ -16,12 +16,12 @@ fn nano() -> Int8Model {
     int8::open(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap()
 }
 
-/// Hills with craters finer than the coarse DTM.
+/// Returns the height of hills with craters that are finer than the coarse DTM.
 fn hills(x: f64, y: f64) -> f64 {
     20.0 * (x / 180.0).sin() * (y / 140.0).cos() + 3.0 * (x / 31.0 + y / 53.0).sin() + 2.0 * (y / 24.0 - x / 47.0).cos()
 }
 
-/// Lit from the south-east, so that every tile is mirrored both ways.
+/// Returns the brightness under light from the south-east, so that every tile is mirrored both ways.
 fn brightness(x: f64, y: f64) -> f64 {
     let (dx, dy) = ((hills(x + 1.0, y) - hills(x - 1.0, y)) / 2.0, (hills(x, y + 1.0) - hills(x, y - 1.0)) / 2.0);
     1000.0 * (0.57 - 0.58 * dx + 0.58 * dy).max(0.0) / (1.0 + dx * dx + dy * dy).sqrt()
@@ -36,7 +36,7 @@ fn raster((rows, cols): (usize, usize), origin: (f64, f64), pixel_m: f64, value:
     Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: georef.clone() }
 }
 
-/// Image and coarse DTM with gaps: single pixels, a bar across tiles, lines, a corner of the coarse DTM.
+/// Returns image and coarse DTM with gaps: single pixels, a bar across tiles, lines, a corner of the coarse DTM.
 fn pair(rows: usize, cols: usize) -> (Raster, Raster) {
     let mut image = raster((rows, cols), (0.0, 0.0), 2.0, brightness);
     for (i, v) in image.samples.iter_mut().enumerate() {
@@ -72,7 +72,7 @@ fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usi
     }
 }
 
-/// A scene line by line, `budget_macs` between two lines, and as much as is needed while there is no room.
+/// Sends a scene line by line, with `budget_macs` between two lines. Without room for a line, it works until there is room.
 fn line_by_line(
     scene: &Scene,
     model: &Int8Model,
@@ -175,7 +175,7 @@ fn posts_row_by_row_are_the_resampled_coarse_dtm() {
     assert_same(&found, &expected, "posts");
 }
 
-/// The figures of `core/docs/strip.md`, which names this test.
+/// Checks the figures of `core/docs/strip.md`, which names this test.
 #[test]
 fn memory_is_as_documented() {
     let file = nano();

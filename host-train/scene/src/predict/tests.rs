@@ -1,4 +1,4 @@
-//! Networks whose answer is known, over scenes with every kind of edge.
+//! Networks with known output, on scenes with every kind of edge.
 
 use super::network::{Model, TileNetwork};
 use super::*;
@@ -8,10 +8,10 @@ use elunar_core::tile::Shape;
 use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
 use std::ops::ControlFlow;
 
-/// Of the networks below.
+/// Tile of the networks below.
 const TILE: Shape = Shape::new(64, 80);
 
-/// Gives back its coarse input, bit for bit, or raised by as much everywhere.
+/// Returns its coarse input, bit for bit, or raised by a constant.
 struct Identity {
     tile: Shape,
     range_margin: f32,
@@ -56,7 +56,7 @@ impl TileNetwork for Copy {
     }
 }
 
-/// Knows the truth: recognises a tile by its normalised image and gives its true heights, normalised.
+/// Recognises a tile by its normalised image and returns its true heights, normalised.
 struct Truth {
     tile: Shape,
     answers: Vec<Answer>,
@@ -103,7 +103,7 @@ fn hills(x: f64, y: f64) -> f64 {
     -1900.0 + 40.0 * (x / 300.0).sin() * (y / 250.0).cos() + 6.0 * (x / 12.0).cos() + 0.01 * x
 }
 
-/// A raster of [`hills`].
+/// Returns a raster of [`hills`].
 fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster {
     let georef = place(origin, pixel_m);
     let height = |i: usize| {
@@ -265,7 +265,7 @@ fn a_run_can_be_stopped_and_counts_its_tiles() {
     assert!(error.contains("stopped after 3 of"), "{error}");
 }
 
-/// Fails in one of the ways a model can.
+/// Fails in each way that a model can fail.
 struct Faulty {
     at_start: bool,
 }

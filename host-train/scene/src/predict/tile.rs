@@ -11,18 +11,17 @@ use elunar_core::tile::{Shape, Window};
 use elunar_net::illumination::Lighting;
 use elunar_raster::{Error, Result};
 
-/// What became of a tile.
+/// Result of a tile.
 pub(crate) enum Outcome {
     /// Heights, metres, and their weights in the mosaic.
     Predicted { heights_m: Vec<f32>, weights: Vec<f64> },
-    /// The image has no contrast or the coarse DTM no relief here, so there is nothing for the network to work with: the coarse heights
-    /// stand.
+    /// The image has no contrast or the coarse DTM has no relief here. The network cannot use such a tile, so the coarse heights are kept.
     Coarse { heights_m: Vec<f32>, weights: Vec<f64> },
     /// No valid pixel.
     Empty,
 }
 
-/// What all tiles of a job have in common.
+/// Settings that all tiles of a job share.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
     pub(super) input: InputRules,
@@ -39,7 +38,7 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// For a scene and its light.
+    /// Makes the rules for a scene and its light.
     pub(super) fn new(input: InputRules, lighting: Lighting, scene: &Scene, options: &Options) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
@@ -47,7 +46,7 @@ impl Rules {
     }
 }
 
-/// A thread's network and what it keeps between tiles.
+/// A thread's network and its buffers.
 pub(super) struct TileWorker<'a> {
     network: Box<dyn TileNetwork + 'a>,
     rules: Rules,
@@ -62,10 +61,10 @@ impl<'a> TileWorker<'a> {
         Self { network, rules, sums: vec![], scratch: vec![], weights }
     }
 
-    /// Predicts `window` of the scene, of which `band` holds the rows.
+    /// Predicts `window` of the scene. `band` holds the window's rows.
     ///
     /// # Errors
-    /// If the network fails, or gives a height that is not finite.
+    /// If the network fails, or returns a height that is not finite.
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
         let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weights = self.weights(&valid, window);
@@ -75,11 +74,11 @@ impl<'a> TileWorker<'a> {
         }
     }
 
-    /// A tile without gaps, made ready; `None` for one without contrast or relief.
+    /// Prepares a tile without gaps; `None` for one without contrast or relief.
     fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: Shape) -> Result<Option<Maps>> {
         let Rules { input, pixel_m, coarse_px, lighting, .. } = self.rules;
         let light = TileLight::Scene(lighting);
-        // Filled pixels count: they hold values of real neighbours, so they widen no range by much and need no clamping.
+        // Filled pixels count in the ranges. They hold values of valid neighbours, so they hardly widen a range and need no clamping.
         let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
         match Maps::new(&input, shape, &tile, &mut self.scratch) {
             Ok(maps) => Ok(Some(maps)),
@@ -88,7 +87,7 @@ impl<'a> TileWorker<'a> {
         }
     }
 
-    /// Heights of a normalised tile, metres.
+    /// Returns the heights of a normalised tile, metres.
     fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
         let Maps { image, coarse, scale } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
@@ -101,7 +100,7 @@ impl<'a> TileWorker<'a> {
         }
         if let Some(anchor) = self.rules.anchor {
             self.sums.resize(Anchor::sums_len(window.rows, window.cols), 0.0);
-            // The normalised heights have served; their room does for the difference.
+            // The normalised heights are no longer needed. Their memory is used for the difference.
             let mut difference = coarse;
             anchor
                 .apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums)

@@ -4,9 +4,9 @@ use super::inspect::Tile;
 use super::manifest::{Reason, ThreeSigma};
 use elunar_core::norm::nr_from_reliefs;
 
-/// Drops the tiles whose relief differs between truth and coarse DTM as it does nowhere else: kept is |ΔZ_N − ΔZ_S − μ| < 3σ
-/// (Eq. 9–10), with mean μ and standard deviation σ (divided by the number) over the tiles not dropped before. Where all
-/// differences are alike, nothing is dropped. `None` without such tiles.
+/// Drops tiles whose relief differs unusually between truth and coarse DTM. A tile is kept if |ΔZ_N − ΔZ_S − μ| < 3σ (Eq. 9–10). Mean μ and
+/// standard deviation σ (divided by the number) are over the tiles not dropped before. If all differences are equal, nothing is dropped.
+/// Returns `None` without such tiles.
 pub(super) fn three_sigma<'a>(tiles: impl IntoIterator<Item = &'a mut Tile>) -> Option<ThreeSigma> {
     let mut tiles: Vec<&mut Tile> = tiles.into_iter().filter(|t| t.dropped.is_none()).collect();
     let count = tiles.len() as f64;
@@ -21,12 +21,12 @@ pub(super) fn three_sigma<'a>(tiles: impl IntoIterator<Item = &'a mut Tile>) -> 
     (!tiles.is_empty()).then_some(rule)
 }
 
-/// ΔZ_N − ΔZ_S, metres.
+/// Returns ΔZ_N − ΔZ_S, metres.
 pub(super) fn difference_m(tile: &Tile) -> f64 {
     f64::from(tile.relief_truth_m) - f64::from(tile.relief_coarse_m)
 }
 
-/// NR (Eq. 1) from the true reliefs of these tiles; `None` without any.
+/// Returns NR (Eq. 1) from the true reliefs of these tiles; `None` without tiles.
 pub(super) fn nr<'a>(tiles: impl IntoIterator<Item = &'a Tile>) -> Option<f32> {
     nr_from_reliefs(tiles.into_iter().map(|t| t.relief_truth_m)).ok()
 }
@@ -41,7 +41,7 @@ mod tests {
 
     #[test]
     fn outliers_go_and_the_figures_are_those_of_the_definition() {
-        // Twenty-four tiles that differ by 4 or 6 m, one by 100: mean 8.8, sigma 18.6; the last lies 4.9 sigma away.
+        // Twenty-four tiles differ by 4 or 6 m, one by 100 m: mean 8.8, sigma 18.6. The last one lies 4.9 sigma away.
         let mut tiles: Vec<Tile> = (0..24).map(|i| tile(50.0 + if i % 2 == 0 { 4.0 } else { 6.0 }, 50.0)).collect();
         tiles.push(tile(150.0, 50.0));
         tiles.push(Tile { dropped: Some(Reason::Nulls), ..tile(1e6, 0.0) });

@@ -1,4 +1,4 @@
-//! Whether a tile can teach anything.
+//! Checks whether a tile is useful for training.
 
 use super::manifest::{Parameters, Reason};
 use super::offset::{Offset, measure};
@@ -10,13 +10,13 @@ use elunar_raster::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Elevation of the Sun where none is listed, degrees. The hillshade's pattern hardly depends on it.
+/// Elevation of the Sun if none is listed, degrees. The hillshade's pattern hardly depends on it.
 const ELEVATION_DEG: f64 = 45.0;
 
-/// Share of pixels at the darkest value beyond which a tile lies in shadow or is clipped (our choice).
+/// If a greater share of pixels has the darkest value, the tile lies in shadow or is clipped (our choice).
 const DARKEST_SHARE: f64 = 0.25;
 
-/// What is known of one tile.
+/// Results of the inspection of one tile.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tile {
     /// First row in the scene.
@@ -27,13 +27,13 @@ pub(super) struct Tile {
     pub(super) relief_truth_m: f32,
     /// ΔZ_S: relief of the coarse DTM, metres.
     pub(super) relief_coarse_m: f32,
-    /// Offset of the true DTM from the image, where it could be measured.
+    /// Offset of the true DTM from the image; `None` if it could not be measured.
     pub(super) offset: Option<Offset>,
-    /// Why it was dropped, if it was.
+    /// Reason for dropping the tile, if it was dropped.
     pub(super) dropped: Option<Reason>,
 }
 
-/// Inspects every tile of a scene on its own; `done` is called after each.
+/// Inspects every tile of a scene separately. Calls `done` after each.
 pub(super) fn tiles(
     scene: &Scene,
     sun_elevation_deg: Option<f64>,
@@ -83,7 +83,7 @@ fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters
     Ok(tile)
 }
 
-/// A tile without a measured offset has the median one of its scene; without that, it stays.
+/// Drops tiles with too large an offset. A tile without a measured offset gets the median of its scene; if there is no median, it is kept.
 fn drop_displaced(tiles: &mut [Tile], parameters: &Parameters) {
     let mut distances: Vec<f64> = tiles.iter().filter_map(|t| t.offset).map(|o| o.distance_px()).collect();
     let median_px = elunar_raster::quantile::quantile(&mut distances, 0.5);

@@ -1,20 +1,20 @@
-//! Which files belong together.
+//! Lists of the files of scenes.
 
 use crate::table::Rows;
 use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The files of one scene, and what is known of it.
+/// The files of one scene, and the known direction to the Sun.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneFiles {
     /// Orbiter image.
     pub image: PathBuf,
-    /// DTM of about the image's resolution: the truth.
+    /// DTM of about the image's resolution, the truth.
     pub dtm: PathBuf,
     /// Coarse DTM on its own grid.
     pub coarse: PathBuf,
-    /// Region the scene belongs to. Scenes of one region never end up in different splits, if there are enough regions.
+    /// Region of the scene. If there are enough regions, scenes of one region are all in the same split.
     pub site: String,
     /// Azimuth of the Sun, degrees clockwise from the grid's up; `None` to estimate it.
     pub sun_azimuth_deg: Option<f64>,
@@ -22,15 +22,15 @@ pub struct SceneFiles {
     pub sun_elevation_deg: Option<f64>,
 }
 
-/// Names of the columns; the first three are needed.
+/// Names of the columns. The first three are required.
 const COLUMNS: [&str; 6] = ["image", "dtm", "coarse", "site", "sun_azimuth_deg", "sun_elevation_deg"];
 
-/// Reads a CSV list: a header naming the columns `image`, `dtm`, `coarse` and, if wanted, `site`, `sun_azimuth_deg` and
-/// `sun_elevation_deg`, then one scene a line. Relative paths start at the list's folder. A scene without a site is a site of its
-/// own, named after its image. Empty lines and lines that begin with # are left out; there is no quoting.
+/// Reads a CSV list. The header names the columns `image`, `dtm`, `coarse` and, optionally, `site`, `sun_azimuth_deg` and
+/// `sun_elevation_deg`. Each further line is one scene. Relative paths start at the list's folder. A scene without a site gets its own
+/// site, named after its image. Empty lines and lines that begin with # are left out. There is no quoting.
 ///
 /// # Errors
-/// [`Error::Io`] if the list cannot be read, [`Error::Broken`] naming the line that is wrong.
+/// [`Error::Io`] if the list cannot be read, [`Error::Broken`] with the line that is wrong.
 pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
     let folder = path.parent().unwrap_or(Path::new(""));

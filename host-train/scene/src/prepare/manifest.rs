@@ -1,4 +1,4 @@
-//! What is in a prepared folder, and how it came there.
+//! Contents and provenance of a prepared folder.
 
 use super::list::SceneFiles;
 use elunar_raster::{Error, Result};
@@ -9,26 +9,26 @@ use std::path::Path;
 /// Name of the manifest in its folder.
 pub const MANIFEST: &str = "manifest.json";
 
-/// What the field `format` of a manifest says.
+/// Value of a manifest's field `format`.
 pub const FORMAT: &str = "elunar prepared tiles 1";
 
-/// What a tile is used for.
+/// Use of a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
     /// Training.
     Train,
-    /// Choosing weights during training.
+    /// Choice of weights during training.
     Validation,
-    /// Nothing until the end.
+    /// Final evaluation only.
     Test,
 }
 
 impl Split {
-    /// All, in order.
+    /// All splits, in order.
     pub const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
 
-    /// As in file names.
+    /// Returns the name as in file names.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -39,46 +39,47 @@ impl Split {
     }
 }
 
-/// Why a tile was left out; the first that applies.
+/// Reason for dropping a tile. If several apply, it is the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// Image or a DTM has a gap in it.
+    /// Image or a DTM has a gap.
     Nulls,
-    /// All pixels of the image are alike.
+    /// All pixels of the image are equal.
     ConstantImage,
     /// Too many pixels at the brightest value, or more than a quarter at the darkest.
     SaturatedImage,
-    /// One of the DTMs is level.
+    /// One of the DTMs is constant.
     NoRelief,
-    /// Image and true DTM lie too far apart.
+    /// The offset between image and true DTM is too large.
     Offset,
     /// The reliefs of true and coarse DTM differ beyond 3 sigma (Eq. 9–10).
     ThreeSigma,
-    /// It lies across the border between two splits.
+    /// The tile lies across the border between two splits.
     BetweenSplits,
 }
 
-/// What was asked for.
+/// Options of a preparation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
-    /// How both DTMs were put on the image's grid: `bicubic`, `bilinear` or `cubicspline`.
+    /// Interpolation of both DTMs onto the image's grid: `bicubic`, `bilinear` or `cubicspline`.
     pub interpolation: String,
-    /// Unit of the coarse DTM's heights, where the file does not say it: `m` or `km`; `None` for metres that have to look like it.
+    /// Unit of the coarse DTM's heights, if the file does not state it: `m` or `km`. `None` means metres; heights that look like kilometres
+    /// are then refused.
     pub coarse_unit: Option<String>,
     /// Largest offset between image and true DTM, pixels.
     pub max_offset_px: f64,
-    /// How far an offset is looked for each way, pixels.
+    /// Greatest offset that is searched in each direction, pixels.
     pub search_px: usize,
-    /// Least correlation between image and hillshade at which an offset counts as measured.
+    /// Least correlation between image and hillshade for a valid offset.
     pub min_correlation: f64,
     /// Largest share of pixels at the brightest value of a tile.
     pub max_saturated: f64,
-    /// Shares of training, validation and test wanted; they sum to one.
+    /// Desired shares of training, validation and test. Their sum is 1.
     pub shares: [f64; 3],
-    /// Tiles in a shard.
+    /// Number of tiles in a shard.
     pub shard_tiles: usize,
-    /// Seed of what is drawn at random: the order of equal sites, and the contact sheet.
+    /// Seed of random choices: the order of equal sites, and the contact sheet.
     pub seed: u64,
 }
 
@@ -110,12 +111,12 @@ pub struct ThreeSigma {
 /// One scene of the set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneRecord {
-    /// Its files.
+    /// Files of the scene.
     #[serde(flatten)]
     pub files: SceneFiles,
     /// SHA-256 of image, DTM and coarse DTM.
     pub sha256: [String; 3],
-    /// Reference system of image and tiles, in words.
+    /// Description of the reference system of image and tiles.
     pub system: String,
     /// Ground size of a pixel from row to row and from column to column, metres.
     pub pixel_m: [f64; 2],
@@ -123,24 +124,24 @@ pub struct SceneRecord {
     pub coarse_px: f32,
     /// Azimuth of the Sun that was used, degrees clockwise from up.
     pub azimuth_used_deg: Option<f64>,
-    /// Median offset of the true DTM from the image over the tiles where it was measured: pixels downwards, pixels to the right.
+    /// Median offset of the true DTM from the image, over tiles with a measured offset: pixels down, pixels to the right.
     pub offset_px: Option<[f64; 2]>,
-    /// Tiles where the offset was measured.
+    /// Number of tiles with a measured offset.
     pub offset_measured: usize,
-    /// Whole tiles.
+    /// Number of whole tiles.
     pub tiles: usize,
-    /// Tiles kept.
+    /// Number of tiles kept.
     pub kept: usize,
-    /// Tiles left out, by reason.
+    /// Number of tiles dropped, by reason.
     pub dropped: BTreeMap<Reason, usize>,
 }
 
 /// One file of a split.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ShardRecord {
-    /// Its name in the folder.
+    /// File name within the folder.
     pub file: String,
-    /// Tiles in it.
+    /// Number of tiles in the file.
     pub tiles: usize,
     /// SHA-256 of the file.
     pub sha256: String,
@@ -149,9 +150,9 @@ pub struct ShardRecord {
 /// One split.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct SplitRecord {
-    /// Tiles in all its shards.
+    /// Number of tiles in all its shards.
     pub tiles: usize,
-    /// Sites it has tiles of.
+    /// Sites with tiles in the split.
     pub sites: Vec<String>,
     /// Its shards, in order.
     pub shards: Vec<ShardRecord>,
@@ -162,35 +163,35 @@ pub struct SplitRecord {
 pub struct Manifest {
     /// [`FORMAT`].
     pub format: String,
-    /// Program and version that made it.
+    /// Program and version that made the folder.
     pub made_by: String,
     /// Rows and columns of a tile.
     pub tile: [usize; 2],
-    /// What was asked for.
+    /// Options of the preparation.
     pub parameters: Parameters,
-    /// NR (Eq. 1): harmonic mean of the true relief of the training tiles, metres; of all tiles where none is for training.
+    /// NR (Eq. 1): harmonic mean of the true relief of the training tiles, metres. Without training tiles, of all tiles.
     pub nr: f32,
     /// The 3-sigma rule as it was applied.
     pub three_sigma: ThreeSigma,
-    /// Whole tiles of all scenes.
+    /// Number of whole tiles of all scenes.
     pub tiles: usize,
-    /// Tiles kept.
+    /// Number of tiles kept.
     pub kept: usize,
-    /// Tiles left out, by reason.
+    /// Number of tiles dropped, by reason.
     pub dropped: BTreeMap<Reason, usize>,
-    /// How the ground was divided: by site, or in blocks along an axis of the map.
+    /// Division of the ground: by site, or in blocks along an axis of the map.
     pub divided_by: String,
-    /// Training, validation and test.
+    /// The three splits.
     pub splits: BTreeMap<Split, SplitRecord>,
-    /// The scenes, in order; tiles name them by their number.
+    /// The scenes, in order. Tiles refer to them by number.
     pub scenes: Vec<SceneRecord>,
 }
 
 impl Manifest {
-    /// The manifest of a folder; `None` if it has none, or one of something else.
+    /// Reads the manifest of a folder; `None` if there is none, or one of another program.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if it says it is one of these and is not.
+    /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if it has this format's name and is not valid.
     pub fn find(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(MANIFEST);
         let bytes = match std::fs::read(&path) {

@@ -1,36 +1,36 @@
-//! How far a DTM lies from the image it should explain: its hillshade, lit as the image is, is moved over the image until both
-//! agree best.
+//! The offset between a DTM and its image. The DTM's hillshade, under the image's light, is moved over the image to the best agreement.
 
 use crate::hillshade::{Shading, shade_rows};
 use elunar_core::terrain::{PixelSize, Sun};
 use elunar_raster::source::InMemory;
 use elunar_raster::{Error, Raster, Result};
 
-/// Radius of the box whose mean is taken away from both pictures, pixels: albedo and slow changes of light are not to be matched.
+/// Radius, in pixels, of the box whose mean is subtracted from both pictures. It removes albedo and slow changes of light.
 const BOX_PX: usize = 12;
 
-/// The place of best agreement.
+/// The offset with the best agreement.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Offset {
     /// Rows by which the DTM lies below the image; negative above.
     pub rows_px: f64,
     /// Columns by which the DTM lies right of the image; negative left.
     pub cols_px: f64,
-    /// Normalised cross-correlation there, -1 to 1.
+    /// Normalised cross-correlation at this offset, -1 to 1.
     pub correlation: f64,
 }
 
 impl Offset {
-    /// Distance, pixels.
+    /// Returns the length of the offset, pixels.
     #[must_use]
     pub fn distance_px(&self) -> f64 {
         self.rows_px.hypot(self.cols_px)
     }
 }
 
-/// Measures the offset of `heights_m` from `image`, both row-major `rows` x `cols` without gaps, by normalised cross-correlation of
-/// image and hillshade within `search_px` pixels each way; the peak of a paraboloid through its neighbours gives the fraction. At the
-/// border of the search the offset is that border's: at least as much. `None` if one of them is featureless.
+/// Measures the offset of `heights_m` from `image`, both row-major `rows` x `cols` without gaps. It is the maximum of the normalised
+/// cross-correlation of image and hillshade within `search_px` pixels in each direction. A paraboloid through the maximum and its
+/// neighbours gives the fraction. At the border of the search, the offset is that of the border; the true offset is at least as large.
+/// `None` if image or hillshade is constant.
 ///
 /// # Errors
 /// [`Error::Usage`] if the maps are too small for the search or do not have `rows · cols` samples.
@@ -62,7 +62,7 @@ pub fn measure(
     } else {
         peak(std::array::from_fn(|k| scores[(row + k / 3 - 1) * side + col + k % 3 - 1]))
     };
-    // The image was looked for around the shade: where it lies to the right, the DTM lies to the left.
+    // The image was searched around the hillshade. If the image lies to the right, the DTM lies to the left.
     Ok(Some(Offset {
         rows_px: search_px as f64 - row as f64 - row_fraction,
         cols_px: search_px as f64 - col as f64 - col_fraction,
@@ -70,18 +70,18 @@ pub fn measure(
     }))
 }
 
-/// Where the paraboloid that fits 3 x 3 values best (least squares) has its peak: rows and columns from the middle one; (0, 0) if
-/// it has none.
+/// Returns the peak of the paraboloid that fits 3 x 3 values best (least squares): rows and columns from the centre; (0, 0) if there is no
+/// peak.
 ///
-/// Light from one side stretches the peak across its direction, askew to rows and columns: two parabolas along them would miss the
-/// top by a third of a pixel.
+/// Light from one side stretches the peak across its direction, oblique to rows and columns. Two parabolas along rows and columns would
+/// miss the peak by a third of a pixel.
 fn peak(values: [f64; 9]) -> (f64, f64) {
     let sum = |weight: fn(f64, f64) -> f64| -> f64 {
         let weighted = |(k, v): (usize, &f64)| v * weight((k / 3) as f64 - 1.0, (k % 3) as f64 - 1.0);
         values.iter().enumerate().map(weighted).sum()
     };
     let level = sum(|_, _| 1.0) / 3.0;
-    // Half the second derivatives, then the mixed one, then the first ones.
+    // Half the second derivatives, then the mixed derivative, then the first derivatives.
     let (rr, cc) = (0.5 * sum(|r, _| r * r) - level, 0.5 * sum(|_, c| c * c) - level);
     let (rc, r, c) = (0.25 * sum(|r, c| r * c), sum(|r, _| r) / 6.0, sum(|_, c| c) / 6.0);
     let determinant = 4.0 * rr * cc - rc * rc;
@@ -99,9 +99,9 @@ fn shaded(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Su
     Ok(bytes.into_iter().map(f32::from).collect())
 }
 
-/// What is left of a map without its mean over a box around each pixel, as far as the box lies within.
+/// Subtracts from a map its mean over a box around each pixel. Only the part of the box within the map counts.
 fn detail(map: &[f32], rows: usize, cols: usize) -> Vec<f32> {
-    // Sums over all above and left, so that any box costs four reads.
+    // Sums over all pixels above and to the left, so that the sum over any box needs four reads.
     let stride = cols + 1;
     let mut sums = vec![0.0_f64; (rows + 1) * stride];
     for row in 0..rows {
@@ -121,13 +121,13 @@ fn detail(map: &[f32], rows: usize, cols: usize) -> Vec<f32> {
     (0..rows * cols).map(|i| map[i] - mean(i / cols, i % cols) as f32).collect()
 }
 
-/// The inner part of a picture, to be found in another of the same size.
+/// The inner part of a picture, to be searched in another picture of the same size.
 struct Template {
-    /// Without its mean, row-major.
+    /// Samples minus their mean, row-major.
     values: Vec<f32>,
     rows: usize,
     cols: usize,
-    /// Columns of the whole.
+    /// Number of columns of the whole picture.
     stride: usize,
     square: f64,
 }
@@ -143,14 +143,14 @@ impl Template {
         Self { values, rows: inner_rows, cols: inner_cols, stride: cols, square }
     }
 
-    /// Normalised cross-correlation with the part of `picture` whose upper left pixel is (`row` + 1, `col` + 1); `None` where
-    /// one of them is featureless.
+    /// Returns the normalised cross-correlation with the part of `picture` whose upper left pixel is (`row` + 1, `col` + 1); `None` if
+    /// either is constant.
     fn correlate(&self, picture: &[f32], row: usize, col: usize) -> Option<f64> {
         let (mut product, mut sum, mut square) = (0.0_f64, 0.0_f64, 0.0_f64);
         for r in 0..self.rows {
             let here = &self.values[r * self.cols..][..self.cols];
             let there = &picture[(r + row + 1) * self.stride + col + 1..][..self.cols];
-            // A row at a time in f32, for speed: at most some hundred addends.
+            // Each row is summed in f32 for speed. It has some hundred addends at most.
             let (mut p, mut s, mut q) = (0.0_f32, 0.0_f32, 0.0_f32);
             for (a, b) in here.iter().zip(there) {
                 p += a * b;
@@ -161,7 +161,7 @@ impl Template {
             sum += f64::from(s);
             square += f64::from(q);
         }
-        // The template has no mean, so that of the picture does not matter for the product.
+        // The template's mean is 0, so the picture's mean does not change the product.
         let variance = square - sum * sum / self.values.len() as f64;
         let scale = (self.square * variance.max(0.0)).sqrt();
         (scale > 0.0).then(|| product / scale)
@@ -186,7 +186,7 @@ mod tests {
         for (index, &(down, right)) in planted.iter().enumerate() {
             let tile = moon.tile(index as u64);
             let sun = sun_of(tile.sun_azimuth_deg, tile.sun_elevation_deg);
-            // The ground at (row - down, col - right) comes to (row, col): moved down and right.
+            // The ground at (row - down, col - right) appears at (row, col): moved down and right.
             let map = PixelMap {
                 row0: 22.0 - down,
                 row_per_row: 1.0,

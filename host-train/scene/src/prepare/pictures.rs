@@ -1,4 +1,4 @@
-//! A prepared set to look at: samples, and the two histograms that its filters and NR rest on.
+//! Pictures of a prepared set: samples, and the histograms for the 3-sigma rule and NR.
 
 use super::filter::difference_m;
 use super::inspect::Tile;
@@ -12,13 +12,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 
-/// Samples on the contact sheet.
+/// Number of samples on the contact sheet.
 const SAMPLES: usize = 6;
-/// Width of a picture on it, pixels.
+/// Width of a picture on the contact sheet, pixels.
 const PANEL_PX: u32 = 240;
 
-/// Writes `contact_sheet.png`: random samples of the shards, in rows of images, coarse DTMs and true DTMs (after Fig. 9); the two DTMs
-/// of a sample share their colours.
+/// Writes `contact_sheet.png`: random samples of the shards, in rows of images, coarse DTMs and true DTMs (after Fig. 9). The two DTMs of a
+/// sample have the same colour scale.
 pub(super) fn write_sheet(folder: &Path, shards: &[(&str, PathBuf)], seed: u64) -> Result<()> {
     let mut files = vec![];
     for (name, path) in shards {
@@ -54,8 +54,8 @@ fn panels(name: &str, index: usize, tile: &RawTile) -> Result<[Panel; 3]> {
     ])
 }
 
-/// Writes `relief.png`, the true reliefs of the kept tiles with NR (after Fig. 3), and `relief_difference.png`, ΔZ_N − ΔZ_S of all tiles
-/// the 3-sigma rule saw, with its limits (after Fig. 7).
+/// Writes two histograms. `relief.png` shows the true reliefs of the kept tiles with NR (after Fig. 3). `relief_difference.png` shows ΔZ_N
+/// − ΔZ_S of all tiles under the 3-sigma rule, with its limits (after Fig. 7).
 pub(super) fn write_histograms(folder: &Path, seen: &[&Tile], kept: &[&Tile], rule: ThreeSigma, nr: f32) -> Result<()> {
     let reliefs: Vec<f64> = kept.iter().map(|t| f64::from(t.relief_truth_m)).collect();
     let lines = [(format!("NR {nr:.1} m"), f64::from(nr))];

@@ -1,4 +1,4 @@
-//! The whole of it: inspect every tile, drop, divide, write; able to go on after an interruption.
+//! The whole preparation: inspect every tile, drop, divide, write. An interrupted run can be continued.
 
 use super::inspect::{self, Tile};
 use super::list::SceneFiles;
@@ -20,22 +20,22 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
-/// What is kept until the manifest is there.
+/// Folder of intermediate files, until the manifest is written.
 const UNFINISHED: &str = "unfinished";
 
-/// Reliefs of true and coarse DTM never differ by this factor; kilometres and metres differ by a thousand.
+/// Reliefs of true and coarse DTM differ by less than this factor. Kilometres and metres differ by a thousand.
 const FAR_OFF: f64 = 100.0;
 
-/// A tile: number of its scene, number in the scene.
+/// A tile: number of its scene, number within the scene.
 type Place = (usize, usize);
 
-/// What each kept tile is for, in order of tiles.
+/// The split of each kept tile, in order of tiles.
 type Splits = BTreeMap<Place, Split>;
 
 /// One scene, inspected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Inspected {
-    /// What the inspection depends on.
+    /// Everything that the inspection depends on.
     key: String,
     record: SceneRecord,
     tiles: Vec<Tile>,
@@ -43,14 +43,14 @@ struct Inspected {
     transforms: Vec<[f64; 6]>,
 }
 
-/// Prepares `scenes` into the folder `out`, made if absent. `bar` is told the work of each phase.
+/// Prepares `scenes` into the folder `out`, which is created if absent. `bar` shows the progress of each phase.
 ///
-/// An interrupted run leaves a folder `unfinished` in it; the same call goes on from there. The manifest comes last: a folder with one
-/// is complete.
+/// An interrupted run leaves a folder `unfinished` in `out`. The same call continues from there. The manifest is written last: a folder
+/// with a manifest is complete.
 ///
 /// # Errors
-/// [`Error::Usage`] if the folder is complete already, no tile can be kept, or parameters are out of range; else from reading and
-/// writing.
+/// [`Error::Usage`] if the folder is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
+/// are passed on.
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
     if out.join(MANIFEST).exists() {
@@ -136,7 +136,7 @@ fn stop_if_asked() -> Result<()> {
     if interrupt::requested() { Err(Error::usage("interrupted; the same command goes on from here")) } else { Ok(()) }
 }
 
-/// Inspects a scene, or takes the inspection from `notes` if nothing it depends on has changed.
+/// Inspects a scene, or reads the inspection from `notes` if nothing it depends on has changed.
 fn inspect_scene(
     files: &SceneFiles,
     notes: &Path,
@@ -176,11 +176,11 @@ fn inspect_scene(
     let transforms = windows.iter().map(|&window| scene.transform(window)).collect();
     let inspected = Inspected { key, record, tiles, transforms };
     atomic_write(notes, &serde_json::to_vec(&inspected).map_err(wrong)?)?;
-    // Numbers are taken as they read back, so that a run that was interrupted ends like one that was not.
+    // Numbers are used as they read back, so that an interrupted run gives the same result as an uninterrupted one.
     serde_json::from_slice(&std::fs::read(notes).map_err(Error::io(notes))?).map_err(wrong)
 }
 
-/// Refuses reliefs of which one is that of kilometres taken for metres, or the other way round.
+/// Refuses reliefs that differ as kilometres and metres do.
 fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
@@ -202,7 +202,7 @@ fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
     Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
 }
 
-/// Scene and number of every tile that has not been dropped, in order.
+/// Returns scene and number of every tile that has not been dropped, in order.
 fn kept(inspected: &[Inspected]) -> Vec<Place> {
     let of = |(scene, inspected): (usize, &Inspected)| {
         let tiles = inspected.tiles.iter().enumerate().filter(|(_, t)| t.dropped.is_none());
@@ -211,7 +211,7 @@ fn kept(inspected: &[Inspected]) -> Vec<Place> {
     inspected.iter().enumerate().flat_map(of).collect()
 }
 
-/// The splits of the kept tiles, in order of tiles; drops those across a border.
+/// Returns the splits of the kept tiles, in order of tiles. Drops tiles across a border.
 fn divide_ground(inspected: &mut [Inspected], parameters: &Parameters) -> Result<(Splits, String)> {
     let places = kept(inspected);
     let ground: Vec<Ground> = places
@@ -232,7 +232,7 @@ fn divide_ground(inspected: &mut [Inspected], parameters: &Parameters) -> Result
     Ok((found, how))
 }
 
-/// Writes the shards of all splits, leaving those that are there from an interrupted run with the same plan.
+/// Writes the shards of all splits. Shards of an interrupted run with the same plan are kept.
 fn write_shards(
     inspected: &[Inspected],
     splits: &Splits,
@@ -281,7 +281,7 @@ fn write_shards(
     Ok(records)
 }
 
-/// Removes shards of another plan.
+/// Removes shards of a different plan.
 fn keep_or_clear(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<()> {
     let path = out.join(UNFINISHED).join("plan");
     let keys: Vec<&str> = inspected.iter().map(|j| j.key.as_str()).collect();

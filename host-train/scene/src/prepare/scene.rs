@@ -1,4 +1,4 @@
-//! One scene with its three maps on the image's grid.
+//! One scene: three maps on the image's grid.
 
 use super::list::SceneFiles;
 use crate::hillshade::pixel_of;
@@ -12,17 +12,17 @@ use elunar_raster::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Pixels on a side over which the Sun's azimuth is estimated at most: enough relief, and little to read.
+/// Greatest side of the area in which the Sun's azimuth is estimated, pixels. It has enough relief and is quick to read.
 const AZIMUTH_PX: usize = 2048;
 
-/// How files are taken.
+/// How files are read.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reading {
     pub(super) interpolation: Interpolation,
     pub(super) coarse_unit: Option<HeightUnit>,
 }
 
-/// Image, DTM and coarse DTM on the image's grid, read by windows.
+/// Image, DTM and coarse DTM on the image's grid, read in windows.
 pub(super) struct Scene {
     image: Arc<dyn Source>,
     dtm: Onto,
@@ -31,7 +31,7 @@ pub(super) struct Scene {
     pub(super) pixel: PixelSize,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub(super) coarse_px: f32,
-    /// Azimuth of the Sun, degrees clockwise from up: as listed, else as estimated; `None` where neither is to be had.
+    /// Azimuth of the Sun, degrees clockwise from up: as listed, otherwise as estimated. `None` if neither is available.
     pub(super) sun_azimuth_deg: Option<f64>,
 }
 
@@ -46,10 +46,10 @@ pub(super) struct Maps {
 }
 
 impl Scene {
-    /// Opens the files and looks how both DTMs come onto the image's grid.
+    /// Opens the files and computes how both DTMs are put on the image's grid.
     ///
     /// # Errors
-    /// From opening, and if a file has no place, they do not overlap, or the coarse DTM is finer than the image.
+    /// If a file cannot be opened or has no georeference, the files do not overlap, or the coarse DTM is finer than the image.
     pub(super) fn open(files: &SceneFiles, reading: Reading) -> Result<Self> {
         let open = |path: &Path| source::open(path).map(Arc::from);
         let name = |path: &Path| path.display().to_string();
@@ -75,7 +75,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// From the middle of the scene, by the slopes of the true DTM.
+    /// Estimates the azimuth in the middle of the scene, by the slopes of the true DTM.
     fn estimate_azimuth_deg(&self) -> Result<Option<f64>> {
         let Info { rows: all_rows, cols: all_cols, .. } = *self.image.info();
         let (rows, cols) = (all_rows.min(AZIMUTH_PX), all_cols.min(AZIMUTH_PX));
@@ -86,7 +86,7 @@ impl Scene {
         Ok(fit.light().map(|light| light.azimuth_deg()))
     }
 
-    /// All whole tiles, row by row, without overlap; what remains at the right and lower edge is left out.
+    /// Returns all whole tiles, row by row, without overlap. The rest at the right and lower edge is left out.
     pub(super) fn windows(&self) -> Vec<Window> {
         let (down, across) = (self.image.info().rows / TILE_ROWS, self.image.info().cols / TILE_COLS);
         let window = |k: usize| Window {
@@ -98,7 +98,7 @@ impl Scene {
         (0..down * across).map(window).collect()
     }
 
-    /// The maps of a tile.
+    /// Reads the maps of a tile.
     ///
     /// # Errors
     /// If a file cannot be read there.
@@ -110,7 +110,7 @@ impl Scene {
         })
     }
 
-    /// Pixel-to-map transform of a tile.
+    /// Returns the pixel-to-map transform of a tile.
     pub(super) fn transform(&self, window: Window) -> [f64; 6] {
         let mut t = self.image.info().georef.as_ref().map_or([0.0, 1.0, 0.0, 0.0, 0.0, 1.0], |georef| georef.transform);
         let (row, col) = (window.row as f64, window.col as f64);
@@ -119,7 +119,7 @@ impl Scene {
         t
     }
 
-    /// The reference system in a few words.
+    /// Returns a short description of the reference system.
     pub(super) fn system(&self) -> String {
         self.image.info().georef.as_ref().map_or_else(String::new, |georef| georef.crs.summary())
     }

@@ -1,4 +1,4 @@
-//! Tiles in files: safetensors with one row per tile.
+//! Files of tiles: safetensors with one row per tile.
 //!
 //! | tensor | type and shape | what |
 //! |---|---|---|
@@ -24,13 +24,13 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Pixels of a tile.
+/// Number of pixels of a tile.
 const TILE_PX: usize = TILE_ROWS * TILE_COLS;
 
-/// Longest header believed, bytes.
+/// Longest header that is accepted, bytes.
 const LONGEST_HEADER: u64 = 1 << 20;
 
-/// The tiles of one shard, one entry after the other in every list.
+/// The tiles of one shard. Every list has one entry per tile.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Shard {
     pub(super) image: Vec<f32>,
@@ -46,12 +46,12 @@ pub(super) struct Shard {
 }
 
 impl Shard {
-    /// Tiles in it.
+    /// Returns the number of tiles.
     pub(super) fn len(&self) -> usize {
         self.scene.len()
     }
 
-    /// Writes the file, whole or not at all; `about` becomes its metadata entry of that name.
+    /// Writes the file, whole or not at all. `about` is stored in its metadata under that name.
     pub(super) fn write(&self, path: &Path, about: &str) -> Result<()> {
         let n = self.len();
         let f32s = |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
@@ -75,17 +75,17 @@ impl Shard {
                 Ok((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(wrong)?))
             })
             .collect();
-        // A single entry: several would be written in random order.
+        // A single entry, because several would be written in random order.
         let metadata = HashMap::from([("about".to_owned(), about.to_owned())]);
         atomic_write(path, &safetensors::serialize(views?, Some(metadata)).map_err(wrong)?)
     }
 }
 
-/// A shard open for reading, tile by tile; only its small tensors are in memory.
+/// A shard open for reading, tile by tile. Only its small tensors are in memory.
 pub struct ShardFile {
     path: PathBuf,
     file: Mutex<File>,
-    /// Byte of the file where image, coarse DTM and true DTM begin.
+    /// Byte offsets of image, coarse DTM and true DTM in the file.
     maps: [u64; 3],
     pixel_m: Vec<f32>,
     coarse_px: Vec<f32>,
@@ -143,13 +143,13 @@ impl ShardFile {
         })
     }
 
-    /// Tiles in it.
+    /// Returns the number of tiles.
     #[must_use]
     pub fn len(&self) -> usize {
         self.coarse_px.len()
     }
 
-    /// Whether it has no tile.
+    /// Returns whether the shard has no tile.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -168,7 +168,7 @@ impl ShardFile {
             )));
         }
         let [image, coarse_m, truth_m] = {
-            // A reader that panicked left nothing half done that matters: every read seeks first.
+            // A reader that panicked leaves no bad state, because every read seeks first.
             let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let at = |start: u64| start + (index * TILE_PX * size_of::<f32>()) as u64;
             let mut read = |start: u64| numbers(&mut file, &self.path, at(start), TILE_PX);

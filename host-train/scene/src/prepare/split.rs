@@ -1,4 +1,4 @@
-//! Training, validation and test never share ground: whole sites go to one of them, or whole blocks of a map.
+//! Training, validation and test never share ground. Whole sites go to one split, or whole blocks of a map.
 
 use super::manifest::Split;
 use elunar_raster::{Error, Result};
@@ -7,22 +7,22 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 
-/// Sites needed to divide by site; with fewer, the map is divided.
+/// Number of sites needed to divide by site. With fewer, the map is divided.
 const SITES: usize = 3;
 
-/// A kept tile, as dividing the ground sees it.
+/// The position of a kept tile, for dividing the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ground<'a> {
-    /// Its site.
+    /// Site of the tile.
     pub(super) site: &'a str,
     /// Reference system of its scene.
     pub(super) system: &'a str,
-    /// Least and greatest x and y of its edges, map units.
+    /// Least and greatest x, least and greatest y of the tile's edges, map units.
     pub(super) span: [[f64; 2]; 2],
 }
 
 impl<'a> Ground<'a> {
-    /// A tile of `rows` x `cols` pixels with this transform.
+    /// Makes the ground of a tile of `rows` x `cols` pixels with this transform.
     pub(super) fn new(site: &'a str, system: &'a str, t: &[f64; 6], rows: usize, cols: usize) -> Self {
         let (rows, cols) = (rows as f64, cols as f64);
         let corners = [(0.0, 0.0), (rows, 0.0), (0.0, cols), (rows, cols)];
@@ -38,11 +38,11 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// The split of every tile (`None`: across a border), and how the ground was divided, in words.
+/// Returns the split of every tile (`None`: across a border), and a description of the division.
 ///
-/// From three sites on, whole sites: the largest first, each to the split that lacks most of its share, but so that no split is left
-/// without any; which of equally large ones comes first is drawn from `seed`. With fewer, each site's map is cut across its longer axis into three blocks, training first,
-/// and tiles that lie across a cut are left out.
+/// With three or more sites, whole sites go to one split. The largest come first, each to the split that lacks most of its share, but every
+/// split gets at least one. The order of equally large sites is drawn from `seed`. With fewer sites, each site's map is cut across its
+/// longer axis into three blocks, training first. Tiles that lie across a cut are left out.
 ///
 /// # Errors
 /// [`Error::Usage`] if a site that must be cut has scenes in different reference systems.
@@ -99,7 +99,7 @@ fn longer_axis(tiles: &[Ground], members: &[usize]) -> usize {
     usize::from(extent(1) > extent(0))
 }
 
-/// Cuts at the lower edges of tiles, so that a scene's own rows of tiles are never cut.
+/// Cuts at the lower edges of tiles, so that no cut crosses a scene's own rows of tiles.
 fn cut(tiles: &[Ground], members: &[usize], axis: usize, shares: [f64; 3], splits: &mut [Option<Split>]) {
     let mut edges: Vec<f64> = members.iter().map(|&i| tiles[i].span[axis][0]).collect();
     edges.sort_by(f64::total_cmp);
@@ -110,7 +110,7 @@ fn cut(tiles: &[Ground], members: &[usize], axis: usize, shares: [f64; 3], split
     let (first, second) = (at(shares[0]), at(shares[0] + shares[1]));
     for &i in members {
         let [low, high] = tiles[i].span[axis];
-        // Neighbouring tiles share an edge; rounding must not make it an overlap.
+        // Neighbouring tiles share an edge. Rounding must not turn it into an overlap.
         let slack = 1e-6 * (high - low);
         splits[i] = if high <= first + slack {
             Some(Split::Train)
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn one_site_is_cut_into_blocks_that_share_no_ground() {
-        // A strip of 4 x 30 tiles, and a second image of the same ground that lies a third of a tile further north.
+        // A strip of 4 x 30 tiles, and a second image of the same ground, a third of a tile further north.
         let mut tiles: Vec<Ground> =
             (0..120).map(|i| tile("A", (i % 4) as f64 * 640.0, (i / 4) as f64 * 512.0)).collect();
         tiles.extend((0..120).map(|i| tile("A", (i % 4) as f64 * 640.0, (i / 4) as f64 * 512.0 + 170.0)));

@@ -1,4 +1,4 @@
-//! Whole runs on synthetic scenes.
+//! Whole preparations of synthetic scenes.
 
 use super::list::SceneFiles;
 use super::manifest::{MANIFEST, Reason};
@@ -16,7 +16,7 @@ fn scene(index: u64, rows: usize, cols: usize) -> SynthScene {
     Moon::new(21, SynthOptions::default()).unwrap().scene(index, rows, cols).unwrap()
 }
 
-/// Writes a scene, its maps changed by `spoil`, as a site of its own.
+/// Writes a scene as a separate site. `spoil` changes its maps first.
 fn files(folder: &Path, scene: &SynthScene, spoil: impl Fn(&mut Raster, &mut Raster)) -> SceneFiles {
     let (mut image, mut truth) = (scene.image_raster(), scene.truth_raster());
     spoil(&mut image, &mut truth);
@@ -58,7 +58,7 @@ fn a_set_is_made_read_and_made_again() {
     for name in ["contact_sheet.png", "relief.png", "relief_difference.png"] {
         assert!(image::open(out.join(name)).unwrap().width() > 400, "{name}");
     }
-    // Sites stay whole, and all tiles are somewhere.
+    // Sites stay whole, and every tile is in a split.
     let sites: Vec<&String> = made.splits.values().flat_map(|s| &s.sites).collect();
     let mut distinct = sites.clone();
     distinct.sort();
@@ -71,7 +71,7 @@ fn a_set_is_made_read_and_made_again() {
         tiles += source.len();
     }
     assert_eq!(tiles, made.kept);
-    // A tile is what the rasters hold.
+    // A tile holds the rasters' samples.
     let source = PreparedSource::open(&out, Split::Train).unwrap();
     let images: Vec<Raster> = scenes.iter().map(|s| geotiff::read(&s.image).unwrap()).collect();
     for index in 0..source.len() as u64 {
@@ -88,7 +88,7 @@ fn a_set_is_made_read_and_made_again() {
             (tile.coarse_px - 29.6).abs() < 0.1 && tile.sun.azimuth_deg.is_some() && tile.sun.elevation_deg.is_some()
         );
     }
-    // Every pass has all tiles, in an order of its own; training opens the folder by what it holds.
+    // Every pass has all tiles, in a different order. Training recognises the folder by its content.
     let DataSpec::Prepared { split: Split::Train, .. } = DataSpec::parse(Some(out.clone()), 0, Split::Train).unwrap()
     else {
         panic!("a prepared folder")
@@ -103,7 +103,7 @@ fn a_set_is_made_read_and_made_again() {
     first.sort_unstable();
     second.sort_unstable();
     assert_eq!(first, second);
-    // The same again is the same to the last byte; over a finished set nothing is written.
+    // A second run gives the same bytes. Nothing is written over a finished set.
     let again = folder.path().join("again");
     prepared(&scenes, &again, &parameters).unwrap();
     assert_eq!(contents(&out), contents(&again));
@@ -120,7 +120,7 @@ fn an_unfinished_set_is_finished_and_another_plan_starts_afresh() {
     assert!(made.divided_by.contains("blocks of the map"), "{}", made.divided_by);
     let out = folder.path().join("out");
     prepared(&scenes, &out, &parameters).unwrap();
-    // As a kill leaves it: notes, some shards, no manifest.
+    // The state after a kill: notes, some shards, no manifest.
     let again = || std::fs::remove_file(out.join(MANIFEST)).unwrap();
     again();
     std::fs::remove_file(out.join("train-00000.safetensors")).unwrap();
@@ -136,7 +136,7 @@ fn an_unfinished_set_is_finished_and_another_plan_starts_afresh() {
 fn what_cannot_teach_is_dropped_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let (rows, cols) = (512, 960);
-    // Six tiles: the spoilt ones are 0 to 3.
+    // There are six tiles; 0 to 3 are spoilt.
     let spoilt = scene(3, rows, cols);
     let spoil = |image: &mut Raster, truth: &mut Raster| {
         let fill = |tile: usize, of: &mut dyn FnMut(&mut f32, usize, usize), map: &mut Raster| {
@@ -185,7 +185,7 @@ fn displaced_dtms_are_measured_and_dropped() {
     };
     let good = files(folder.path(), &scene(0, 540, 690), |_, _| {});
     let off = files(folder.path(), &scene(1, 540, 690), displace);
-    // The Sun is looked for, not told.
+    // The Sun is estimated, not given.
     let off = SceneFiles { sun_azimuth_deg: None, sun_elevation_deg: None, ..off };
     let made = prepared(&[good, off], &folder.path().join("out"), &Parameters::default()).unwrap();
     let [good, off] = [&made.scenes[0], &made.scenes[1]];
@@ -195,7 +195,7 @@ fn displaced_dtms_are_measured_and_dropped() {
     assert!(off.dropped[&Reason::Offset] + off.dropped.get(&Reason::Nulls).unwrap_or(&0) == 4, "{off:?}");
 }
 
-/// The coarse DTM in degrees, the image in metres: the tiles are nearly those of a coarse DTM in metres.
+/// The coarse DTM is in degrees, the image in metres. The tiles nearly equal those of a coarse DTM in metres.
 #[test]
 fn systems_may_differ() {
     use elunar_raster::align::{Interpolation, Named, onto};
@@ -206,7 +206,7 @@ fn systems_may_differ() {
     let coarse = scene.coarse_raster();
     let [x0, step, _, y0, _, _] = coarse.georef.as_ref().unwrap().transform;
     let degrees = 1.0 / MOON_RADIUS_M.to_radians();
-    // A fourth of the pixel, so that interpolating twice costs little.
+    // A fourth of the pixel, so that the second interpolation adds little error.
     let fine = 0.25 * step * degrees;
     let transform = [x0 * degrees, fine, 0.0, y0 * degrees, 0.0, -fine];
     let georef = Some(GeoRef { transform, crs: Crs::parse("IAU_2015:30100").unwrap() });
@@ -275,7 +275,7 @@ fn useless_input_is_named() {
     ] {
         assert!(refused(std::slice::from_ref(&level), &parameters).contains("expected"), "{parameters:?}");
     }
-    // A folder with a manifest of something else is not one of these.
+    // A folder with a manifest of another program is not a prepared folder.
     let other = folder.path().join("other");
     std::fs::create_dir(&other).unwrap();
     atomic_write(&other.join(MANIFEST), b"{\"seed\": 1}").unwrap();
@@ -285,7 +285,7 @@ fn useless_input_is_named() {
     assert!(Manifest::find(&other).unwrap_err().to_string().contains("broken"));
 }
 
-/// Data the project's own generator did not make.
+/// Data from a source other than the project's generator.
 #[test]
 fn an_independent_scene_is_prepared() {
     let Some(shared) = elunar_testing::shared_folder() else { return };

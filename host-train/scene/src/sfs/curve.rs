@@ -10,24 +10,24 @@ use elunar_raster::{Error, Result, atomic_write};
 use serde::Serialize;
 use std::path::Path;
 
-/// One point of the curve: means over all tiles, those that are done with the level at their last step.
+/// One point of the curve: means over all tiles. A tile that has finished the level counts with its last step.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Point {
-    /// Steps so far, over all levels; the start of each level counts as one.
+    /// Number of steps so far, over all levels. The start of each level counts as one.
     pub step: usize,
-    /// How often the image was halved.
+    /// Number of times the image was halved.
     pub level: usize,
     /// Step within the level; 0 is its start.
     pub level_step: usize,
-    /// Tiles that took this step.
+    /// Number of tiles that took this step.
     pub tiles: usize,
-    /// Cost per pixel: all terms.
+    /// Cost per pixel: the sum of all terms.
     pub cost: f64,
-    /// Its term of brightness.
+    /// Brightness term of the cost.
     pub brightness: f64,
-    /// Its term of roughness.
+    /// Roughness term of the cost.
     pub smoothness: f64,
-    /// Its term of departing from the coarse DTM.
+    /// Term of the departure from the coarse DTM.
     pub dem: f64,
     /// Root mean square error of height, metres, if there is a truth.
     pub rmse_m: Option<f64>,
@@ -35,7 +35,7 @@ pub struct Point {
     pub slope_mae_deg: Option<f64>,
 }
 
-/// The curve of a scene's tiles.
+/// Returns the curve of a scene's tiles.
 #[must_use]
 pub fn curve(tiles: &[TileLog]) -> Vec<Point> {
     let depth = tiles.iter().map(|tile| tile.levels.len()).max().unwrap_or(0);
@@ -117,7 +117,7 @@ fn picture(points: &[Point]) -> Result<image::RgbImage> {
     plot(&chart, &all)
 }
 
-/// Median, mean and largest of the tiles' seconds; `None` without tiles.
+/// Returns median, mean and largest of the tiles' seconds; `None` without tiles.
 #[must_use]
 pub fn seconds_per_tile(tiles: &[TileLog]) -> Option<(f64, f64, f64)> {
     let mut seconds: Vec<f64> = tiles.iter().map(|tile| tile.seconds).collect();
@@ -126,7 +126,7 @@ pub fn seconds_per_tile(tiles: &[TileLog]) -> Option<(f64, f64, f64)> {
     Some((quantile(&mut seconds, 0.5)?, mean, largest))
 }
 
-/// Everything about a run as JSON.
+/// Returns all settings and logs of a run as JSON.
 #[must_use]
 pub fn json(settings: &Settings, tiles: &[TileLog]) -> String {
     let one = |tile: &TileLog| {

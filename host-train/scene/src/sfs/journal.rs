@@ -1,4 +1,4 @@
-//! What solvers did, tile by tile: time, steps, costs, and errors if a truth is at hand.
+//! Log of the solvers, tile by tile: time, steps, costs, and errors if a truth is given.
 
 use super::level::Level;
 use super::solver::Step;
@@ -20,23 +20,23 @@ pub struct Journal {
     tiles: Mutex<BTreeMap<(usize, usize), TileLog>>,
 }
 
-/// What became of one tile.
+/// Log of one tile.
 #[derive(Debug, Clone)]
 pub struct TileLog {
     /// First row of the tile in the scene.
     pub row: usize,
     /// First column of the tile in the scene.
     pub col: usize,
-    /// Seconds of the one thread that solved it, comparisons with the truth left out.
+    /// Seconds of the thread that solved the tile, without comparisons with the truth.
     pub seconds: f64,
-    /// Pixels whose brightness counted.
+    /// Number of pixels whose brightness counted.
     pub lit_px: usize,
-    /// The pyramid's levels, coarsest first.
+    /// Levels of the pyramid, coarsest first.
     pub levels: Vec<LevelLog>,
 }
 
 impl TileLog {
-    /// Whether every level went on until its cost fell no more.
+    /// Returns whether every level ran until its cost no longer fell.
     #[must_use]
     pub fn converged(&self) -> bool {
         self.levels.iter().all(|level| level.converged)
@@ -50,24 +50,24 @@ pub struct LevelLog {
     pub rows: usize,
     /// Columns.
     pub cols: usize,
-    /// Whether it went on until the cost fell no more.
+    /// Whether the level ran until the cost no longer fell.
     pub converged: bool,
-    /// Its start and its steps.
+    /// The start, then the steps.
     pub steps: Vec<StepLog>,
 }
 
-/// One Gauss–Newton step. Costs are means over the level's pixels, of brightness relative to its mean, squared.
+/// One Gauss–Newton step. Costs are means over the level's pixels of squares of brightness relative to its mean.
 #[derive(Debug, Clone, Copy)]
 pub struct StepLog {
     /// Cost of brightness.
     pub brightness: f64,
     /// Cost of roughness.
     pub smoothness: f64,
-    /// Cost of departing from the coarse DTM.
+    /// Cost of the departure from the coarse DTM.
     pub dem: f64,
     /// Relative brightness per unit reflectance.
     pub exposure: f64,
-    /// Conjugate gradients spent.
+    /// Number of conjugate gradient iterations.
     pub gradients: usize,
     /// Errors of height (metres) and slope (degrees) against the truth, on the image's grid.
     pub errors: Option<(HeightErrors, SlopeErrors)>,
@@ -87,7 +87,7 @@ impl StepLog {
         }
     }
 
-    /// All terms of the cost.
+    /// Returns the sum of all terms of the cost.
     #[must_use]
     pub fn cost(&self) -> f64 {
         self.brightness + self.smoothness + self.dem
@@ -95,8 +95,8 @@ impl StepLog {
 }
 
 impl Journal {
-    /// An empty journal for a scene; with a truth, every step is scored by it (bilinearly on the image's grid), which takes time that is
-    /// not counted as the tile's.
+    /// Makes an empty journal for a scene. With a truth, every step is scored (bilinearly, on the image's grid). The time for this is not
+    /// counted as the tile's time.
     ///
     /// # Errors
     /// As [`Onto::new`], for the truth.
@@ -108,7 +108,7 @@ impl Journal {
         Ok(Self { truth, scene: (scene.rows, scene.cols), tiles: Mutex::default() })
     }
 
-    /// The logs so far, in reading order.
+    /// Returns the logs so far, in reading order.
     #[must_use]
     pub fn tiles(&self) -> Vec<TileLog> {
         self.tiles.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect()
@@ -118,7 +118,7 @@ impl Journal {
         self.tiles.lock().unwrap_or_else(PoisonError::into_inner).insert((log.row, log.col), log);
     }
 
-    /// True heights of a tile, metres, NaN beyond the scene; `None` without a truth.
+    /// Returns the true heights of a tile, metres, NaN beyond the scene; `None` without a truth.
     pub(super) fn truth(&self, window: Window) -> Result<Option<Vec<f32>>> {
         let Some(truth) = &self.truth else { return Ok(None) };
         let rows = window.rows.min(self.scene.0.saturating_sub(window.row));
@@ -132,7 +132,7 @@ impl Journal {
     }
 }
 
-/// Errors of a tile's heights.
+/// Returns the errors of a tile's heights.
 ///
 /// # Errors
 /// If sizes differ.

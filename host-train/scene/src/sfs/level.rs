@@ -1,42 +1,42 @@
-//! One level of the pyramid: what is known, what it costs to depart from it, and the cost's derivatives.
+//! One level of the pyramid: its maps, the cost of a departure from them, and the derivatives of the cost.
 
 use super::reflectance::Light;
 
-/// Image and coarse DTM of one resolution, row-major.
+/// Image and coarse DTM at one resolution, row-major.
 #[derive(Debug, Clone)]
 pub(super) struct Level {
     /// Rows; at least 3.
     pub(super) rows: usize,
     /// Columns; at least 3.
     pub(super) cols: usize,
-    /// From one row to the next, metres.
+    /// Distance from one row to the next, metres.
     pub(super) row_m: f64,
-    /// From one column to the next, metres.
+    /// Distance from one column to the next, metres.
     pub(super) col_m: f64,
     /// Brightness, relative to its mean.
     pub(super) image: Vec<f64>,
-    /// What a pixel's brightness counts, 0 to 1; 0 on the outermost ring, where slopes would need pixels beyond.
+    /// Weight of each pixel's brightness, 0 to 1. It is 0 on the outermost ring, where slopes would need pixels beyond the level.
     pub(super) weight: Vec<f64>,
     /// Heights of the coarse DTM, metres.
     pub(super) coarse_m: Vec<f64>,
 }
 
-/// What is minimised over the heights z:
+/// The function of the heights z that is minimised:
 ///
 /// Σ w (I − A R)² + Σ smoothness² (z_xx² + 2 z_xy² + z_yy²) + Σ dem² (z − coarse)²
 ///
-/// in the form of the Ames Stereo Pipeline's `sfs`, with I relative to its mean, A the best scalar for each z, and R by central
-/// differences. Second differences are those that stay on the grid.
+/// This is the form of the Ames Stereo Pipeline's `sfs`. I is relative to its mean, A is the best scalar for each z, and R uses central
+/// differences. Only second differences that lie within the grid count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Objective {
     pub(super) light: Light,
-    /// Weight of the second derivatives, metres (they are per metre).
+    /// Weight of the second derivatives, metres (second derivatives are per metre).
     pub(super) smoothness_m: f64,
     /// Weight of the departure from the coarse DTM, per metre.
     pub(super) dem_per_m: f64,
 }
 
-/// The terms of the cost at some heights, sums over all pixels.
+/// The terms of the cost at given heights, sums over all pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Cost {
     pub(super) brightness: f64,
@@ -52,21 +52,21 @@ impl Cost {
     }
 }
 
-/// The cost's quadratic model around some heights (Gauss–Newton).
+/// The quadratic model of the cost around given heights (Gauss–Newton).
 pub(super) struct Model {
     rows: usize,
     cols: usize,
     /// √w A ∂R/∂z across and down, for differences over two pixels.
     across: Vec<f64>,
     down: Vec<f64>,
-    /// √w R as a unit vector, and its image under the transposed derivative: what A takes up of any change.
+    /// √w R as a unit vector, and its product with the transposed derivative. A absorbs this part of any change.
     unit: Vec<f64>,
     unit_back: Vec<f64>,
     bends: Bends,
     dem: f64,
     /// Half the cost's gradient.
     pub(super) gradient: Vec<f64>,
-    /// Diagonal of the model's matrix (away from the edges in the smoothness term).
+    /// Diagonal of the model's matrix. The smoothness term is exact only away from the edges.
     pub(super) diagonal: Vec<f64>,
 }
 
@@ -85,7 +85,7 @@ impl Objective {
         Bends { across: weight / x.powi(4), mixed: 2.0 * weight / (4.0 * x * y).powi(2), down: weight / y.powi(4) }
     }
 
-    /// Calls `at(index, shade)` for every pixel that counts.
+    /// Calls `at(index, shade)` for every pixel with weight.
     fn shades(&self, level: &Level, heights_m: &[f64], mut at: impl FnMut(usize, super::reflectance::Shade)) {
         let cols = level.cols;
         let (per_col, per_row) = (0.5 / level.col_m, 0.5 / level.row_m);
@@ -98,7 +98,7 @@ impl Objective {
         }
     }
 
-    /// The cost of some heights.
+    /// Returns the cost of given heights.
     pub(super) fn cost(&self, level: &Level, heights_m: &[f64]) -> Cost {
         let (mut ii, mut ir, mut rr) = (0.0, 0.0, 0.0);
         self.shades(level, heights_m, |i, shade| {
@@ -110,7 +110,7 @@ impl Objective {
         let exposure = if rr > 0.0 { ir / rr } else { 0.0 };
         let departure = heights_m.iter().zip(&level.coarse_m).map(|(z, coarse)| (z - coarse).powi(2)).sum::<f64>();
         Cost {
-            // What is left of I beside its share along R.
+            // The part of I that is not along R.
             brightness: (ii - exposure * ir).max(0.0),
             smoothness: bending(heights_m, level.rows, level.cols, self.bends(level)),
             dem: self.dem_per_m.powi(2) * departure,
@@ -118,8 +118,8 @@ impl Objective {
         }
     }
 
-    /// The quadratic model around some heights. A is eliminated (variable projection, Kaufman's form): whatever a change of heights
-    /// does to R along R itself costs nothing.
+    /// Returns the quadratic model around given heights. A is eliminated (variable projection, Kaufman's form): a change of R along R
+    /// itself has no cost.
     pub(super) fn model(&self, level: &Level, heights_m: &[f64], exposure: f64) -> Model {
         let (rows, cols, count) = (level.rows, level.cols, level.rows * level.cols);
         let (per_col, per_row) = (0.5 / level.col_m, 0.5 / level.row_m);
@@ -165,7 +165,7 @@ impl Objective {
 }
 
 impl Model {
-    /// out += transposed derivative of brightness times `values`, which are 0 on the outermost ring.
+    /// Adds the transposed derivative of brightness times `values` to `out`. `values` are 0 on the outermost ring.
     fn scatter(&self, values: &[f64], out: &mut [f64]) {
         let cols = self.cols;
         for row in 1..self.rows - 1 {
@@ -175,7 +175,7 @@ impl Model {
         }
     }
 
-    /// out = matrix times `p`.
+    /// Sets `out` to the matrix times `p`.
     pub(super) fn apply(&self, p: &[f64], out: &mut [f64]) {
         let cols = self.cols;
         for (out, p) in out.iter_mut().zip(p) {
@@ -218,7 +218,7 @@ impl Model {
     }
 }
 
-/// One row of [`Model::scatter`]; `out` are the rows above, at and below it.
+/// Computes one row of [`Model::scatter`]. `out` holds the row above, the row itself and the row below.
 fn scatter_row(across: &[f64], down: &[f64], values: &[f64], out: &mut [f64], cols: usize) {
     let (above, rest) = out.split_at_mut(cols);
     let (middle, below) = rest.split_at_mut(cols);
@@ -228,7 +228,7 @@ fn scatter_row(across: &[f64], down: &[f64], values: &[f64], out: &mut [f64], co
         above[i] -= step;
         below[i] += step;
     }
-    // Gathered, not scattered: ring values are 0, so only what comes from inside is added.
+    // The sum is gathered per output pixel. Values on the ring are 0, so only inner values contribute.
     let inner = cols - 2;
     let (al, vl, ar, vr) = (&across[..inner], &values[..inner], &across[2..][..inner], &values[2..][..inner]);
     let here = &mut middle[1..][..inner];
@@ -243,7 +243,7 @@ fn three(p: &[f64], row: usize, cols: usize) -> (&[f64], &[f64], &[f64]) {
     (&p[(row - 1) * cols..][..cols], &p[row * cols..][..cols], &p[(row + 1) * cols..][..cols])
 }
 
-/// Second differences of a row, 0 at its ends.
+/// Computes second differences along a row, 0 at its ends.
 fn bend_across(line: &[f64], out: &mut [f64]) {
     let inner = line.len() - 2;
     let (l, m, r) = (&line[..inner], &line[1..][..inner], &line[2..][..inner]);
@@ -253,7 +253,7 @@ fn bend_across(line: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Weighted sum of squared second differences.
+/// Returns the weighted sum of squared second differences.
 fn bending(p: &[f64], rows: usize, cols: usize, bends: Bends) -> f64 {
     let mut line = vec![0.0; cols];
     let (mut across, mut mixed, mut down) = (0.0, 0.0, 0.0);
@@ -273,7 +273,7 @@ fn bending(p: &[f64], rows: usize, cols: usize, bends: Bends) -> f64 {
     bends.across * across + bends.mixed * mixed + bends.down * down
 }
 
-/// out += half the gradient of [`bending`] at `p`.
+/// Adds half the gradient of [`bending`] at `p` to `out`.
 fn add_bends(p: &[f64], rows: usize, cols: usize, bends: Bends, out: &mut [f64]) {
     let inner = cols - 2;
     let mut line = vec![0.0; cols];
@@ -305,7 +305,7 @@ fn add_bends(p: &[f64], rows: usize, cols: usize, bends: Bends, out: &mut [f64])
             out_middle[i] -= 2.0 * bend;
             out_below[i] += bend;
         }
-        // Its own transpose, but for the sign: what a column gets from its neighbours.
+        // The operator equals its transpose up to the sign: here a column gets the values of its neighbours.
         out_below[0] -= mixed[1];
         out_above[0] += mixed[1];
         out_below[cols - 1] += mixed[cols - 2];
@@ -320,7 +320,7 @@ fn add_bends(p: &[f64], rows: usize, cols: usize, bends: Bends, out: &mut [f64])
     }
 }
 
-/// Sum of products, in eight running sums: always the same order, and quick.
+/// Returns the sum of products. Eight running sums make it fast; the order of additions is always the same.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a8, a_rest) = a.as_chunks::<8>();
     let (b8, b_rest) = b.as_chunks::<8>();
@@ -341,7 +341,7 @@ mod tests {
     const ROWS: usize = 9;
     const COLS: usize = 11;
 
-    /// Values without a pattern in [-1, 1].
+    /// Returns irregular values in [-1, 1].
     fn rough(seed: usize) -> Vec<f64> {
         let value = |i: usize| ((i * 7919 + seed * 104_729 + i * i * 31) % 2003) as f64 / 1001.0 - 1.0;
         (0..ROWS * COLS).map(value).collect()
@@ -387,7 +387,7 @@ mod tests {
         let (level, objective, heights_m, p) = (level(), objective(), rough(3), rough(4));
         let exposure = objective.cost(&level, &heights_m).exposure;
         let model = objective.model(&level, &heights_m, exposure);
-        // Change of A R along p by finite differences, less its share along R.
+        // Change of A R along p by finite differences, minus its part along R.
         let at = |change: f64| {
             let moved: Vec<f64> = heights_m.iter().zip(&p).map(|(z, p)| z + change * p).collect();
             let mut values = vec![0.0; p.len()];
@@ -405,11 +405,11 @@ mod tests {
         model.apply(&p, &mut image);
         let found = dot(&p, &image);
         assert!((found - expected).abs() < 1e-8 * expected, "{found} {expected}");
-        // Symmetric.
+        // The matrix is symmetric.
         let (q, mut other) = (rough(5), vec![0.0; p.len()]);
         model.apply(&q, &mut other);
         assert!((dot(&q, &image) - dot(&p, &other)).abs() < 1e-10 * expected);
-        // The preconditioner's diagonal, where no edge is near: without what A takes up.
+        // The preconditioner's diagonal away from the edges, without the part that A absorbs.
         let i = 4 * COLS + 5;
         let mut one = vec![0.0; p.len()];
         one[i] = 1.0;
@@ -426,7 +426,7 @@ mod tests {
         let level = level();
         let bends = Objective { smoothness_m: 1.0, ..objective() }.bends(&level);
         assert!(bending(&height(|y, x| 3.0 * x - y), ROWS, COLS, bends) < 1e-20);
-        // z_xx = 2 on all rows but not at their ends, z_xy = 3 inside, z_yy = -4.
+        // z_xx = 2 on all rows except at their ends, z_xy = 3 inside, z_yy = -4.
         let expected = 4.0 * (ROWS * (COLS - 2)) as f64
             + 2.0 * 9.0 * ((ROWS - 2) * (COLS - 2)) as f64
             + 16.0 * ((ROWS - 2) * COLS) as f64;

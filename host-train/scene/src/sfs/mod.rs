@@ -1,10 +1,10 @@
-//! Shape from shading: heights from one image and a coarse DTM without a network, as the paper's rival does it (Sec. V-B).
+//! Shape from shading: heights from one image and a coarse DTM without a network. The paper compares itself with this method (Sec. V-B).
 //!
-//! The scene is cut into tiles as for [`crate::predict`]. A tile's heights are those for which a Lunar–Lambert model of the ground,
-//! seen from straight above under a known Sun, looks most like the image, without bending more than needed or leaving the coarse DTM
-//! further than needed (`level` has the cost, in the form of the Ames Stereo Pipeline's `sfs`). It is minimised by Gauss–Newton steps
-//! with conjugate gradients (`solver`), on a pyramid from coarse to fine that starts from the coarse DTM (`pyramid`, `tile`). The albedo
-//! is one number per tile. [`Journal`] keeps what every step did.
+//! The scene is cut into tiles as in [`crate::predict`]. The ground has a Lunar–Lambert reflectance, seen from straight above under a known
+//! Sun. The solver finds the heights whose brightness fits the image best. Roughness and departure from the coarse DTM add to the cost
+//! (`level` defines it, in the form of the Ames Stereo Pipeline's `sfs`). Gauss–Newton steps with conjugate gradients minimise the cost
+//! (`solver`), on a pyramid from coarse to fine that starts from the coarse DTM (`pyramid`, `tile`). The albedo is one number per tile.
+//! [`Journal`] records every step.
 
 mod curve;
 mod journal;
@@ -27,10 +27,10 @@ use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_ro
 use elunar_core::tile::Shape;
 use elunar_raster::{Error, Raster, Result};
 
-/// As [`solve_rows`], into memory.
+/// Solves a scene as [`solve_rows`] does, in memory.
 ///
 /// # Errors
-/// As there.
+/// As [`solve_rows`].
 pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Progress) -> Result<Prediction> {
     let mut samples = Vec::with_capacity(scene.rows * scene.cols);
     let mut keep = |rows: &[f32]| {
@@ -42,12 +42,12 @@ pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Pr
     Ok(Prediction { dtm, tally })
 }
 
-/// Solves `scene` from row `from` on and hands finished rows to `keep`, in order, heights in metres, NaN where image or coarse DTM are
-/// invalid. The result is the same for every number of threads and every `from`.
+/// Solves `scene` from row `from` on. Passes finished rows to `keep` in order: heights in metres, NaN where image or coarse DTM is invalid.
+/// The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel
-/// size in metres, and if the run was stopped; the files' and `keep`'s own errors.
+/// [`Error::Usage`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
+/// in metres, and if the run was stopped. Errors of the files and of `keep` are passed on.
 pub fn solve_rows(
     scene: &Scene,
     settings: &Settings,

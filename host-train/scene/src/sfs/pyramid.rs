@@ -1,11 +1,11 @@
-//! From fine to coarse and back.
+//! Halving and doubling of maps.
 
 use super::level::Level;
 
-/// Levels do not become smaller than this, pixels a side.
+/// Smallest side of a level, pixels.
 const SMALLEST_PX: usize = 16;
 
-/// The levels of a tile, finest first; fewer than `levels` if they would become tiny.
+/// Returns the levels of a tile, finest first. There are fewer than `levels` if a level would become too small.
 pub(super) fn pyramid(finest: Level, levels: usize) -> Vec<Level> {
     let mut all = vec![finest];
     while all.len() < levels {
@@ -15,7 +15,7 @@ pub(super) fn pyramid(finest: Level, levels: usize) -> Vec<Level> {
     all
 }
 
-/// Half the resolution: means of 2 x 2 pixels, of fewer at an odd end. Brightness is the mean of what counts.
+/// Returns the level at half the resolution: means of 2 x 2 pixels, of fewer at an odd end. Brightness is the weighted mean.
 fn halved(fine: &Level) -> Option<Level> {
     let (rows, cols) = (fine.rows.div_ceil(2), fine.cols.div_ceil(2));
     if rows < SMALLEST_PX || cols < SMALLEST_PX {
@@ -43,10 +43,10 @@ fn halved(fine: &Level) -> Option<Level> {
     Some(Level { rows, cols, row_m: 2.0 * fine.row_m, col_m: 2.0 * fine.col_m, image, weight, coarse_m })
 }
 
-/// A map of half the resolution, interpolated bilinearly; beyond its outermost centres it goes on straight.
+/// Interpolates a map of half the resolution bilinearly. Beyond the outermost pixel centres it extrapolates linearly.
 pub(super) fn doubled(half: &[f64], half_cols: usize, rows: usize, cols: usize) -> Vec<f64> {
     let half_rows = half.len() / half_cols;
-    // Centres of fine pixels lie a quarter of a pixel before and behind those of coarse ones.
+    // Centres of fine pixels lie a quarter of a coarse pixel before and behind the centres of coarse pixels.
     let at = |i: usize, count: usize| {
         let position = 0.5 * i as f64 - 0.25;
         let first = (position.floor().max(0.0) as usize).min(count - 2);

@@ -1,31 +1,31 @@
-//! How bright a slope is: Lunar–Lambert, seen from straight above, with its derivatives.
+//! Reflectance of a slope: Lunar–Lambert, seen from straight above, with its derivatives.
 
 use elunar_core::terrain::lunar_lambert_weight;
 use elunar_raster::{Error, Result};
 
-/// Where the Sun stands, and what that does to reflectance.
+/// Direction to the Sun, and its Lunar–Lambert weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Unit vector towards the Sun: its share towards columns (east), rows (south), and up.
+    /// Unit vector towards the Sun: components along columns (east), along rows (south), and up.
     towards: [f64; 3],
     /// The Lunar–Lambert weight L.
     weight: f64,
 }
 
-/// Reflectance of a slope, and its derivatives by the slope's two components.
+/// Reflectance of a slope, and its derivatives with respect to the slope's two components.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shade {
     /// Reflectance per unit albedo.
     pub value: f64,
-    /// Derivative by the gradient towards columns (east).
+    /// Derivative with respect to the gradient along columns (east).
     pub by_east: f64,
-    /// Derivative by the gradient towards rows (south).
+    /// Derivative with respect to the gradient along rows (south).
     pub by_south: f64,
 }
 
 impl Light {
-    /// Light from `azimuth_deg` (clockwise from the grid's up), `elevation_deg` above the horizontal. Seen from straight above, the
-    /// phase angle is 90° less the elevation; L is McEwen's polynomial of it (1991), clamped to [0, 1].
+    /// Makes the light from `azimuth_deg` (clockwise from the grid's up) and `elevation_deg` above the horizon. Seen from straight above,
+    /// the phase angle is 90° minus the elevation. L is McEwen's polynomial of the phase angle (1991), clamped to [0, 1].
     ///
     /// # Errors
     /// [`Error::Usage`] unless the azimuth is finite and the elevation above 0 and at most 90°.
@@ -42,12 +42,13 @@ impl Light {
         Ok(Self { towards: [sin_az * cos_el, -cos_az * cos_el, sin_el], weight })
     }
 
-    /// Reflectance of ground that rises by `east` and `south` (metres per metre):
+    /// Returns the reflectance of ground that rises by `east` and `south` (metres per metre):
     ///
     /// R = 2 L u / (u + 1) + (1 − L) u / N, with N = |(−east, −south, 1)|, μ = 1 / N and μ0 = u / N the cosines towards camera and Sun.
     ///
-    /// Ground that faces away from the Sun (u < 0) is dark. So that a solver still sees which way is brighter, both terms go on below zero
-    /// there, the first one straight on; value and derivatives are continuous. The Ames Stereo Pipeline does not clamp either.
+    /// Ground that faces away from the Sun (u < 0) is dark. Both terms continue below zero there, the first one linearly, so that a solver
+    /// still finds the direction in which brightness increases. Value and derivatives are continuous. The Ames Stereo Pipeline does not
+    /// clamp either.
     #[must_use]
     pub fn shade(&self, east: f64, south: f64) -> Shade {
         let [to_east, to_south, to_up] = self.towards;
@@ -70,7 +71,7 @@ impl Light {
 mod tests {
     use super::*;
 
-    /// Written down from the definition, with vectors and angles.
+    /// Computes the reflectance from its definition, with vectors and angles.
     fn independent(azimuth_deg: f64, elevation_deg: f64, east: f64, south: f64) -> f64 {
         let (azimuth, elevation) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
         let sun = [elevation.cos() * azimuth.sin(), elevation.cos() * azimuth.cos(), elevation.sin()];

@@ -1,4 +1,4 @@
-//! What a caller may choose.
+//! Options of shape from shading.
 
 use super::reflectance::Light;
 use crate::mosaic::Blend;
@@ -6,44 +6,46 @@ use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
 use elunar_raster::{Error, Result};
 use serde::Serialize;
 
-/// Default weight of second derivatives, in pixels: enlarged ground under enlarged pixels looks the same, so weights go with the pixel.
+/// Default weight of second derivatives, in pixels. Weights scale with the pixel, because ground and pixels enlarged alike give the same
+/// image.
 pub const SMOOTHNESS_PX: f64 = 0.25;
 /// Default weight of the departure from the coarse DTM, per pixel.
 pub const DEM_CONSTRAINT_PER_PX: f64 = 0.06;
 
-/// Options of shape from shading. The default weights are those that a sweep over synthetic scenes found best (`docs/sfs.md`).
+/// Options of shape from shading. The default weights are the best of a sweep over synthetic scenes (`docs/sfs.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Settings {
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
     pub sun_azimuth_deg: f64,
-    /// Elevation of the Sun above the horizontal, degrees, above 0 and at most 90.
+    /// Elevation of the Sun above the horizon, degrees, above 0 and at most 90.
     pub sun_elevation_deg: f64,
     /// Weight of the heights' second derivatives (per metre) against brightness (relative to the tile's mean), metres.
     pub smoothness_weight_m: f64,
     /// Weight of the departure from the coarse DTM (metres) against brightness (relative to the tile's mean), per metre.
     pub dem_constraint_weight_per_m: f64,
-    /// Pixels at or below this share of the tile's mean brightness are shadow: their brightness counts nothing.
+    /// Pixels at or below this share of the tile's mean brightness are shadow. Their brightness has no weight.
     pub shadow_threshold: f64,
-    /// Levels of the pyramid, each of half the resolution of the one before; 1 is the image alone.
+    /// Levels of the pyramid. Each has half the resolution of the one before; 1 is the image alone.
     pub levels: usize,
-    /// Most Gauss–Newton steps of a level.
+    /// Greatest number of Gauss–Newton steps of a level.
     pub iterations: usize,
-    /// A level is done when three steps together lower its cost by no more than this share.
+    /// A level is finished when three steps together lower its cost by no more than this share.
     pub tolerance: f64,
     /// Rows and columns of a tile.
     pub tile: (usize, usize),
-    /// Pixels by which neighbouring tiles overlap.
+    /// Overlap of neighbouring tiles, pixels.
     pub overlap_px: usize,
-    /// How overlapping tiles are weighed.
+    /// Weights of overlapping tiles.
     #[serde(skip)]
     pub blend: Blend,
-    /// Threads; 0 takes as many as the machine offers. The result is the same.
+    /// Number of threads; 0 takes as many as the machine offers. The result does not depend on it.
     #[serde(skip)]
     pub threads: usize,
 }
 
 impl Settings {
-    /// The default for a Sun and for pixels of `pixel_m` metres: [`SMOOTHNESS_PX`] and [`DEM_CONSTRAINT_PER_PX`] of them.
+    /// Returns the default for a Sun and for pixels of `pixel_m` metres. The weights follow from [`SMOOTHNESS_PX`] and
+    /// [`DEM_CONSTRAINT_PER_PX`].
     #[must_use]
     pub fn new(sun_azimuth_deg: f64, sun_elevation_deg: f64, pixel_m: f64) -> Self {
         Self {
@@ -62,7 +64,7 @@ impl Settings {
         }
     }
 
-    /// The light, once all settings have been found legal.
+    /// Checks all settings and returns the light.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the first setting out of range.
@@ -88,7 +90,7 @@ impl Settings {
         Light::new(self.sun_azimuth_deg, self.sun_elevation_deg)
     }
 
-    /// One line for file metadata.
+    /// Returns one line for file metadata.
     #[must_use]
     pub fn description(&self) -> String {
         format!(

@@ -1,35 +1,35 @@
-//! Heights of one level: Gauss–Newton steps with Levenberg–Marquardt damping, each by conjugate gradients.
+//! Heights of one level: Gauss–Newton steps with Levenberg–Marquardt damping. Conjugate gradients solve each step.
 
 use super::level::{Cost, Level, Model, Objective, dot};
 use super::settings::Settings;
 
-/// A step's equations are solved until their residual has fallen to this share.
+/// The equations of a step are solved until their residual has fallen to this share.
 const CG_TOLERANCE: f64 = 0.03;
-/// Most conjugate gradients of a step.
+/// Greatest number of conjugate gradient iterations of a step.
 const CG_MOST: usize = 300;
-/// Steps over which the fall of the cost decides about convergence.
+/// Number of steps over which the fall of the cost is measured for convergence.
 const WINDOW: usize = 3;
-/// Damping, as a share of the diagonal: after a step that failed at least this, and at most this before giving up.
+/// Damping, as a share of the diagonal: at least the first value after a failed step. Beyond the second value the solver gives up.
 const DAMPING: (f64, f64) = (1e-3, 1e6);
 
-/// One step, or (the first of a level) its start.
+/// One step, or the start of a level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
     pub(super) cost: Cost,
-    /// Conjugate gradients spent, on attempts that failed too.
+    /// Number of conjugate gradient iterations, failed attempts included.
     pub(super) gradients: usize,
 }
 
-/// How a level ended.
+/// Why a level ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// The cost falls no more.
+    /// The cost no longer falls.
     Converged,
-    /// The most steps allowed.
+    /// The greatest number of steps was reached.
     Steps,
 }
 
-/// Improves `heights_m` until the cost falls by less than the settings' tolerance over [`WINDOW`] steps. `watch` hears each step.
+/// Improves `heights_m` until the cost falls by less than the settings' tolerance over [`WINDOW`] steps. Calls `watch` with each step.
 pub(super) fn solve(
     level: &Level,
     objective: &Objective,
@@ -57,7 +57,7 @@ pub(super) fn solve(
                 break None;
             }
         };
-        // No direction leads down: the cost is at its least, to rounding.
+        // No direction lowers the cost: it is at its minimum, to rounding.
         let Some((found, tried)) = improved else { return End::Converged };
         (cost, *heights_m) = (found, tried);
         watch(&Step { cost, gradients }, heights_m);
@@ -70,7 +70,7 @@ pub(super) fn solve(
     End::Steps
 }
 
-/// Conjugate gradients with the diagonal as preconditioner, and their scratch memory.
+/// Conjugate gradients with the diagonal as preconditioner, and scratch memory.
 struct Conjugate {
     step: Vec<f64>,
     residual: Vec<f64>,
@@ -85,7 +85,7 @@ impl Conjugate {
         Self { step: zeros(), residual: zeros(), direction: zeros(), image: zeros(), scaled: zeros() }
     }
 
-    /// Solves (matrix + damping diagonal) step = -gradient from 0; how many gradients it took.
+    /// Solves (matrix + damping diagonal) step = -gradient from 0. Returns the number of iterations.
     fn solve(&mut self, model: &Model, damping: f64) -> usize {
         self.step.fill(0.0);
         for (r, g) in self.residual.iter_mut().zip(&model.gradient) {

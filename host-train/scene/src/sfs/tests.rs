@@ -1,4 +1,4 @@
-//! Hills rendered in closed form, found again.
+//! The solver finds hills that were rendered in closed form.
 
 use super::*;
 use crate::predict::Input;
@@ -20,11 +20,11 @@ fn raster(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64, value: imp
     Raster { rows, cols, samples: (0..rows * cols).map(sample).collect(), georef: Some(georef) }
 }
 
-/// Hills of (east, north, radius, height), metres, on a slope.
+/// Hills on a slope: (east, north, radius, height), metres.
 const HILLS: [(f64, f64, f64, f64); 4] =
     [(60.0, -70.0, 14.0, 5.0), (150.0, -60.0, 18.0, -6.0), (100.0, -130.0, 12.0, 4.0), (185.0, -140.0, 15.0, 5.0)];
 
-/// Height and its gradient towards east and north, in closed form.
+/// Returns height and its gradient towards east and north, in closed form.
 fn ground(x: f64, y: f64) -> [f64; 3] {
     let mut found = [-1900.0 + 0.03 * x - 0.02 * y, 0.03, -0.02];
     for (east, north, radius, height) in HILLS {
@@ -37,7 +37,7 @@ fn ground(x: f64, y: f64) -> [f64; 3] {
     found
 }
 
-/// Brightness by the definition: angles between normal, Sun and zenith; McEwen's polynomial.
+/// Returns the brightness by the definition: angles between normal, Sun and zenith; McEwen's polynomial.
 fn brightness(x: f64, y: f64) -> f64 {
     let [_, by_east, by_north] = ground(x, y);
     let (azimuth, elevation) = (SUN.0.to_radians(), SUN.1.to_radians());
@@ -57,7 +57,7 @@ fn image() -> Raster {
     raster(ROWS, COLS, (0.0, 0.0), PIXEL_M, brightness)
 }
 
-/// Means over 40 m, wider than the hills' radii.
+/// Returns means over 40 m, wider than the hills' radii.
 fn coarse() -> Raster {
     raster(9, 10, (-80.0, 80.0), 40.0, |x, y| {
         let at = |k: i32| f64::from(k) * 4.0 - 18.0;
@@ -65,7 +65,7 @@ fn coarse() -> Raster {
     })
 }
 
-/// The hills have one albedo and little noise, so the coarse DTM need not be trusted as much as by default.
+/// Returns settings with a lower weight of the coarse DTM than the default, because the hills have one albedo and little noise.
 fn settings() -> Settings {
     let default = Settings::new(SUN.0, SUN.1, PIXEL_M);
     Settings { tile: (64, 80), overlap_px: 24, threads: 2, dem_constraint_weight_per_m: 0.01, ..default }
@@ -94,8 +94,8 @@ fn solved(image: &Raster, coarse: &Raster, settings: &Settings) -> Found {
     found(image, coarse, settings, 0).unwrap()
 }
 
-/// Root mean squares of the error of height (metres) and of its slope towards the Sun, which alone an image shows. Away from the border,
-/// which tiles see from one side only.
+/// Returns root mean squares of the height error (metres) and of the error of the slope towards the Sun, the only slope that an image
+/// shows. The border is left out, because tiles see it from one side only.
 fn errors(dtm: &[f32]) -> (f64, f64) {
     let (truth, border) = (truth(), 4);
     let error = |i: usize| f64::from(dtm[i]) - f64::from(truth.samples[i]);
@@ -109,13 +109,13 @@ fn errors(dtm: &[f32]) -> (f64, f64) {
     (rms(&error), rms(&towards))
 }
 
-/// Those of the coarse DTM.
+/// Returns the same errors for the coarse DTM.
 fn start_errors() -> (f64, f64) {
     let scene = Scene::new(Input::in_memory("image", image()), Input::in_memory("coarse", coarse())).unwrap();
     errors(&scene.coarse_raster().unwrap().samples)
 }
 
-/// Repeatable, about normal, variance 1.
+/// Returns repeatable noise: about normal, variance 1.
 fn noise(i: usize) -> f64 {
     let uniform = |k: usize| ((i * 12 + k).wrapping_mul(2_654_435_761) % 65_536) as f64 / 65_536.0;
     (0..12).map(uniform).sum::<f64>() - 6.0
@@ -123,7 +123,7 @@ fn noise(i: usize) -> f64 {
 
 #[test]
 fn hills_rendered_in_closed_form_are_found() {
-    // One tile: neighbours that err differently across the light meet in a slope of its own.
+    // One tile: neighbours with different errors across the light would have a false slope between them.
     let weights = Settings { smoothness_weight_m: 0.05, dem_constraint_weight_per_m: 1e-3, ..settings() };
     let exact = Settings { tile: (ROWS, COLS), tolerance: 1e-6, ..weights };
     let (start, found) = (start_errors(), solved(&image(), &coarse(), &exact));
@@ -131,7 +131,7 @@ fn hills_rendered_in_closed_form_are_found() {
     eprintln!("coarse {start:.3?}, found {height_m:.3} m, {slope:.4}");
     assert!(start.0 > 0.5 && start.1 > 0.03, "{start:?}");
     assert!(slope < 0.03 * start.1, "slope towards the Sun: {slope}, of the coarse DTM {}", start.1);
-    // Across the light nothing is seen; there the coarse DTM's own error stays.
+    // The image shows no slope across the light. There the coarse DTM's error remains.
     assert!(height_m < 0.4 * start.0, "{height_m} m, of the coarse DTM {} m", start.0);
     assert!(found.tiles.iter().all(TileLog::converged));
 }
@@ -181,7 +181,7 @@ fn datum_and_exposure_change_nothing() {
     image.samples.iter_mut().for_each(|v| *v *= 0.25);
     coarse.samples.iter_mut().for_each(|z| *z += 2048.0);
     for (a, b) in solved(&image, &coarse, &settings()).dtm.iter().zip(&plain) {
-        // Heights of thousands of metres have steps of 0.0001 m as `f32`, and the pyramid's start moves with them.
+        // As `f32`, heights of thousands of metres have steps of 0.0001 m. The start of the pyramid changes by such steps.
         assert!((a - b - 2048.0).abs() < 5e-3, "{a} {b}");
     }
 }
@@ -208,7 +208,7 @@ fn shadows_and_gaps_count_nothing() {
     let dtm = solved(&image, &coarse(), &settings).dtm;
     for (i, (a, b)) in dtm.iter().zip(&plain).enumerate() {
         assert_eq!(a.is_nan(), i == gap);
-        // As ground, a pixel that dark would be a wall of metres.
+        // Read as ground, a pixel that dark would be a steep wall several metres high.
         assert!(i == gap || (a - b).abs() < 0.1, "pixel {i}: {a} instead of {b}");
     }
 }

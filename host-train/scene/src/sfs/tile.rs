@@ -1,4 +1,4 @@
-//! One tile: from image and coarse DTM to heights.
+//! One tile: heights from image and coarse DTM.
 
 use super::journal::{Journal, LevelLog, StepLog, TileLog, errors};
 use super::level::{Level, Objective};
@@ -12,11 +12,11 @@ use elunar_core::tile::{Shape, Window};
 use elunar_raster::Result;
 use std::time::{Duration, Instant};
 
-/// Makes tiles on one thread.
+/// Solves tiles on one thread.
 pub(super) struct Solver<'a> {
     objective: Objective,
     settings: Settings,
-    /// From one row and one column to the next, metres.
+    /// Distance from one row and from one column to the next, metres.
     pixel_m: (f64, f64),
     weights: OverlapWeights,
     journal: &'a Journal,
@@ -50,7 +50,7 @@ impl TileMaker for Solver<'_> {
     }
 }
 
-/// What is known of a tile, row-major.
+/// The maps of a tile, row-major.
 struct Maps<'a> {
     image: &'a [f32],
     coarse_m: &'a [f32],
@@ -59,18 +59,18 @@ struct Maps<'a> {
 }
 
 impl Solver<'_> {
-    /// Heights, metres; `None` for a tile without contrast.
+    /// Returns the heights, metres; `None` for a tile without contrast.
     fn heights(&self, maps: &Maps, window: Window) -> Result<Option<(Vec<f32>, TileLog)>> {
         let start = Instant::now();
         let mut watching = Duration::ZERO;
         let Some((finest, lit_px)) = self.finest(maps, window) else { return Ok(None) };
-        // Heights are counted from here, so that squares of them do not drown differences.
+        // Heights are relative to this datum, so that their squares do not swamp small differences.
         let datum_m = maps.coarse_m.iter().map(|&z| f64::from(z)).sum::<f64>() / maps.coarse_m.len() as f64;
         let finest = Level { coarse_m: finest.coarse_m.iter().map(|z| z - datum_m).collect(), ..finest };
         let levels = pyramid(finest, self.settings.levels);
         let pixel = PixelSize { row_m: self.pixel_m.0, col_m: self.pixel_m.1 };
         let mut logs = vec![];
-        // What is added to the coarse DTM, of the level below.
+        // The correction to the coarse DTM, from the coarser level.
         let mut correction: Option<(Vec<f64>, usize)> = None;
         for (index, level) in levels.iter().enumerate().rev() {
             let mut heights_m = level.coarse_m.clone();
@@ -101,13 +101,13 @@ impl Solver<'_> {
         Ok(Some((heights_m, TileLog { row: window.row, col: window.col, seconds, lit_px, levels: logs })))
     }
 
-    /// The image's own level, and how many of its pixels count.
+    /// Returns the level of the full image, and the number of its pixels with weight.
     fn finest(&self, maps: &Maps, window: Window) -> Option<(Level, usize)> {
         let Window { rows, cols, .. } = window;
         let seen = || maps.image.iter().zip(maps.valid).filter(|(_, valid)| **valid).map(|(v, _)| f64::from(*v));
         let mean = seen().sum::<f64>() / seen().count() as f64;
         let (low, high) = seen().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        // Nothing to see: not an image of ground in sunlight.
+        // Without contrast it is not an image of sunlit ground.
         if !(mean > 0.0 && low < high) || rows < 3 || cols < 3 {
             return None;
         }
@@ -125,7 +125,7 @@ impl Solver<'_> {
     }
 }
 
-/// Heights of a level on the finest one's grid.
+/// Returns the heights of a level on the grid of the finest level.
 fn at_full_size(levels: &[Level], index: usize, heights_m: &[f64]) -> Vec<f64> {
     let mut added: Vec<f64> = heights_m.iter().zip(&levels[index].coarse_m).map(|(z, coarse)| z - coarse).collect();
     for (fine, half) in levels.iter().zip(&levels[1..]).take(index).rev() {

@@ -1,9 +1,9 @@
-//! The figures of a tour, for programs.
+//! The figures of a tour as JSON.
 
 use super::Story;
 use serde_json::{Value, json};
 
-/// All of them in one object; units in the names.
+/// Returns all figures in one object, with units in the names.
 pub(super) fn figures(story: &Story) -> Value {
     let Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times } = story;
     let against_truth: Value =

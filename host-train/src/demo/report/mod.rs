@@ -1,4 +1,4 @@
-//! Step 6: one page that shows and tells everything, with its pictures inside; the same figures for programs.
+//! Step 6: writes one page with all results and pictures, and the same figures as JSON.
 
 mod figures;
 mod page;
@@ -19,27 +19,27 @@ use std::path::{Path, PathBuf};
 /// Image and hillshades side by side.
 const OVERVIEW: &str = "overview.png";
 
-/// Everything a tour found.
+/// All results of a tour.
 pub(super) struct Story<'a> {
-    /// What was asked for.
+    /// Settings of the tour.
     pub settings: &'a Settings,
     /// The Moons of the tour.
     pub seeds: Seeds,
-    /// Step 1.
+    /// Result of step 1.
     pub scene: DemoScene,
-    /// Step 2.
+    /// Result of step 2.
     pub tuned: Tuned,
-    /// Step 3.
+    /// Result of step 3.
     pub shrunk: Shrunk,
-    /// Step 4: float and int8.
+    /// Results of step 4: float and int8.
     pub predicted: [Predicted; 2],
-    /// Step 5.
+    /// Result of step 5.
     pub verdict: Verdict,
-    /// How long these steps took.
+    /// Times of these steps.
     pub times: Vec<StepTime>,
 }
 
-/// Pictures by their place in the report.
+/// Pictures by their section of the report.
 struct Pictures {
     scene: Vec<Picture>,
     errors: Vec<Picture>,
@@ -76,7 +76,7 @@ impl Story<'_> {
     }
 }
 
-/// Writes overview, figures and report; returns the report's path.
+/// Writes overview, figures and report. Returns the report's path.
 ///
 /// # Errors
 /// If a picture cannot be read or a file cannot be written.
@@ -91,7 +91,7 @@ pub(super) fn write(folder: &Folder, story: &Story) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// All views of the scene on one sheet, for those who want a single picture.
+/// Writes all views of the scene on one sheet.
 fn overview(path: &Path, pictures: &[Picture]) -> Result<()> {
     let panel = |picture: &Picture| -> Result<Panel> {
         let broken = |e: image::ImageError| Error::broken(&picture.file, format!("expected a PNG: {e}"));

@@ -9,7 +9,7 @@ use crate::report::html::{Cell, document, escaped, figure, table};
 use elunar_raster::Result;
 use elunar_scene::evaluate::Scores;
 
-/// The report as one HTML document.
+/// Returns the report as one HTML document.
 ///
 /// # Errors
 /// If a picture cannot be read.
@@ -26,12 +26,12 @@ pub(super) fn page(story: &Story, pictures: &Pictures) -> Result<String> {
     Ok(document("ELunarDTM: a tour", &sections.concat()))
 }
 
-/// Scores of coarse DTM, float and int8.
+/// Returns the scores of coarse DTM, float and int8.
 fn scores(story: &Story) -> Vec<Scores> {
     story.verdict.against_truth.scored.iter().map(|scored| scored.scores).collect()
 }
 
-/// `from 3.21° to 1.70° (−47 %)`.
+/// Returns a change as `from 3.21° to 1.70° (−47 %)`.
 fn change(from: f64, to: f64, unit: &str) -> String {
     let percent = 100.0 * (to / from - 1.0);
     format!("from {from:.2}{unit} to {to:.2}{unit} ({})", format!("{percent:+.0} %").replace('-', "−"))
@@ -73,7 +73,7 @@ fn scene(story: &Story, pictures: &Pictures) -> Result<String> {
     ))
 }
 
-/// A row of the accuracy table: heading, figure, and whether more is better (else: what is nearer to 0).
+/// A row of the accuracy table: heading, figure, and whether a larger figure is better. Otherwise, the figure nearest to 0 is best.
 type Row = (&'static str, fn(&Scores) -> f64, bool);
 
 const ROWS: [Row; 9] = [
@@ -93,7 +93,7 @@ fn accuracy(story: &Story, pictures: &Pictures) -> Result<String> {
     let rows: Vec<Vec<Cell>> = ROWS
         .iter()
         .map(|(heading, figure, more)| {
-            // Best as shown: a difference beyond the last digit is none.
+            // The best figure is chosen by the printed digits, so differences beyond them do not count.
             let shown: Vec<String> = all.iter().map(|s| format!("{:.2}", figure(s)).replace('-', "−")).collect();
             let merit = |text: &String| {
                 let figure: f64 = text.trim_start_matches('−').parse().unwrap_or(f64::NAN);

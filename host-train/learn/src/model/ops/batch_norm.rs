@@ -1,14 +1,14 @@
-//! Batch normalisation with an optional ReLU behind it, on slices: two passes over the map each way.
+//! Batch normalisation with an optional ReLU, on slices. Forward and backward each take two passes over the map.
 //!
-//! Sums run over a thousand numbers in vectors and over those sums in double precision, plane by plane: no number of
-//! threads changes them.
+//! Sums over a thousand numbers use vectors. Sums of these sums use double precision, plane by plane. The number of threads does not change
+//! them.
 
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Numbers summed in single precision.
+/// Number of values summed in single precision.
 const RUN: usize = 1024;
-/// Sums kept side by side, for vectors to hold them.
+/// Number of parallel sums, so that vectors can hold them.
 const LANES: usize = 32;
 
 /// Sizes of a map `[images, channels, pixels]`.
@@ -22,11 +22,11 @@ pub(super) struct Shape {
     pub(super) pixels: usize,
 }
 
-/// How a channel is normalised: `scale * (x - mean) + bias`, with `scale = weight / sqrt(variance + epsilon)`.
+/// Normalisation of a channel: `scale * (x - mean) + bias`, with `scale = weight / sqrt(variance + epsilon)`.
 #[derive(Debug, Clone, Copy)]
 struct Channel {
     mean: f32,
-    /// 1 / sqrt(variance + epsilon).
+    /// Equals 1 / sqrt(variance + epsilon).
     shrink: f32,
     weight: f32,
     bias: f32,
@@ -55,7 +55,7 @@ impl Parameters<'_> {
 }
 
 impl Shape {
-    /// Sums per channel of per-plane sums.
+    /// Adds per-plane sums to sums per channel.
     fn per_channel<const N: usize>(&self, of_plane: impl Fn(usize) -> [f64; N] + Send + Sync) -> Vec<[f64; N]> {
         let planes: Vec<[f64; N]> = (0..self.images * self.channels).into_par_iter().map(of_plane).collect();
         let mut sums = vec![[0.0; N]; self.channels];
@@ -70,7 +70,7 @@ impl Shape {
     }
 }
 
-/// Sums `N` figures of each number (and its partner in `b`, of the same length) over a plane.
+/// Sums `N` figures of each number (and of its partner in `b`, which has the same length) over a plane.
 #[inline(always)]
 fn sums<const N: usize>(a: &[f32], b: &[f32], figures: impl Fn(f32, f32) -> [f32; N]) -> [f64; N] {
     let mut total = [0.0; N];
@@ -98,12 +98,12 @@ fn sums<const N: usize>(a: &[f32], b: &[f32], figures: impl Fn(f32, f32) -> [f32
     total
 }
 
-/// Mean and biased variance of every channel: `[2, channels]`.
+/// Returns mean and biased variance of every channel: `[2, channels]`.
 pub(super) fn statistics(shape: &Shape, x: &[f32]) -> Vec<f32> {
     let arch = Arch::new();
     let totals = shape.per_channel(|i| {
         let plane = &x[i * shape.pixels..][..shape.pixels];
-        // Squares of each run around its own mean, while it is in the cache; the rest in double precision.
+        // Squares of each run are around its own mean, while it is in the cache. The rest is in double precision.
         plane.chunks(RUN).fold([0.0, 0.0], |[sum, squares], run| {
             let [of_run] = arch.dispatch(|| sums(run, run, |x, _| [x]));
             let mean = of_run / run.len() as f64;
@@ -119,7 +119,7 @@ pub(super) fn statistics(shape: &Shape, x: &[f32]) -> Vec<f32> {
     means.clone().chain(variances.map(|variance| variance.max(0.0))).map(|figure| figure as f32).collect()
 }
 
-/// The normalised map.
+/// Returns the normalised map.
 pub(super) fn forward(shape: &Shape, x: &[f32], parameters: &Parameters) -> Vec<f32> {
     let arch = Arch::new();
     let mut out = vec![0.0; x.len()];
@@ -138,11 +138,11 @@ pub(super) fn forward(shape: &Shape, x: &[f32], parameters: &Parameters) -> Vec<
     out
 }
 
-/// Gradients of the map, the weight and the bias, from the output's; the statistics count as functions of the map.
+/// Returns the gradients of the map, the weight and the bias, from the output's gradient. The statistics count as functions of the map.
 pub(super) fn backward(shape: &Shape, x: &[f32], parameters: &Parameters, gradient: &[f32]) -> [Vec<f32>; 3] {
     let arch = Arch::new();
     let relu = parameters.relu;
-    // What of the gradient passed the ReLU; the same expression as forward, so that the sign is the same.
+    // The part of the gradient that passed the ReLU. The expression is the same as in `forward`, so that the sign is the same.
     let passed = |x: f32, g: f32, c: &Channel| {
         let out = c.shrink * c.weight * (x - c.mean) + c.bias;
         if relu && out <= 0.0 { 0.0 } else { g }

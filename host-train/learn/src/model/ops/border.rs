@@ -1,7 +1,7 @@
-//! The two outermost rows or columns along one edge of [`super::up2`]: three small rows make four upsampled ones, which the
-//! convolution turns into two. Across the edge both steps are folded into one kernel; along it they follow each other.
+//! The two outermost rows or columns along one edge of [`super::up2`]. Three small rows become four upsampled ones, and the convolution
+//! makes two of them. Across the edge both steps are folded into one kernel; along it they follow each other.
 //!
-//! All four edges are the same strip, seen from the edge inwards ("deep") and along it; kernels turn with it.
+//! All four edges use the same strip, with one axis from the edge inwards ("deep") and one along it. Kernels are rotated accordingly.
 
 use super::correlate::correlate;
 use super::frame::Frame;
@@ -13,22 +13,22 @@ use rayon::prelude::*;
 
 /// Side of the kernel.
 const SIDE: usize = 5;
-/// Numbers of a kernel.
+/// Number of weights of a kernel.
 const KERNEL: usize = SIDE * SIDE;
 /// Small rows and output rows of a strip.
 const SMALL: usize = 3;
 const OUT: usize = 2;
-/// Kernels worth a task of their own.
+/// Least number of kernels for a separate task.
 const MIN_KERNELS: usize = 512;
-/// Columns a kernel reaches.
+/// Columns that a kernel reads.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
-/// Numbers of a folded kernel: small rows by columns.
+/// Number of weights of a folded kernel: small rows times columns.
 const FOLDED: usize = SMALL * SIDE;
 
-/// Folds one column of a kernel's rows: what each small row gives to output row 0, and to output row 1.
+/// Folds one column of a kernel's rows into the weights of each small row for output row 0 and for output row 1.
 ///
-/// Counted from the edge, which is repeated, the upsampled rows are `s0, (3 s0 + s1) / 4, (s0 + 3 s1) / 4, (3 s1 + s2) / 4`; kernel row r meets
-/// upsampled row r - 2 for output row 0, r - 1 for output row 1, and zeros beyond the edge.
+/// Counted from the edge, which is repeated, the upsampled rows are `s0, (3 s0 + s1) / 4, (s0 + 3 s1) / 4, (3 s1 + s2) / 4`. Kernel row r
+/// is multiplied with upsampled row r - 2 for output row 0, with r - 1 for output row 1, and with zeros beyond the edge.
 #[inline(always)]
 fn fold_column([_, b, c, d, e]: [f32; SIDE]) -> [[f32; SMALL]; OUT] {
     let first = [c + NEAR * d + FAR * e, FAR * d + NEAR * e, 0.0];
@@ -36,7 +36,7 @@ fn fold_column([_, b, c, d, e]: [f32; SIDE]) -> [[f32; SMALL]; OUT] {
     [first, second]
 }
 
-/// The transpose of [`fold_column`].
+/// Applies the transpose of [`fold_column`].
 #[inline(always)]
 fn unfold_column([[f0, f1, _], [s0, s1, s2]]: [[f32; SMALL]; OUT]) -> [f32; SIDE] {
     let c = f0 + NEAR * s0 + FAR * s1;
@@ -45,7 +45,7 @@ fn unfold_column([[f0, f1, _], [s0, s1, s2]]: [[f32; SMALL]; OUT]) -> [f32; SIDE
     [0.0, s0, c, d, e]
 }
 
-/// Folds every kernel of `weight` whose row and column stand at `at(row, column)`.
+/// Folds every kernel of `weight`. `at(row, column)` is the index of a row and column in the kernel.
 fn fold(weight: &[f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
     let kernels = weight.len() / KERNEL;
     let mut folded = Scratch::new(OUT * kernels * FOLDED);
@@ -63,7 +63,7 @@ fn fold(weight: &[f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scr
     folded
 }
 
-/// Adds to the gradient of the weights what that of the folded weights says; `at` as in [`fold`].
+/// Adds the gradient of the folded weights, unfolded, to the gradient of the weights. `at` is as in [`fold`].
 fn unfold(folded: &[f32], whole: &mut [f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) {
     let (first, second) = folded.split_at(whole.len() / KERNEL * FOLDED);
     let from = first.par_chunks_exact(FOLDED).zip(second.par_chunks_exact(FOLDED));
@@ -77,7 +77,7 @@ fn unfold(folded: &[f32], whole: &mut [f32], at: impl Fn(usize, usize) -> usize 
     });
 }
 
-/// Writes `[outputs, images, columns]` of lines whose images have one row each.
+/// Writes `[outputs, images, columns]` from lines whose images have one row each.
 fn multiply_rows(taps: &Taps, lines: &[f32], frame: &Frame, cols: usize, out: &mut [f32]) {
     multiply(taps, lines, &frame.images_as_rows(), Area { origin: [0, 0], size: [frame.images, cols] }, out);
 }
@@ -96,10 +96,10 @@ pub(super) enum Edge {
 }
 
 impl Edge {
-    /// All of them.
+    /// All edges.
     pub(super) const ALL: [Self; 4] = [Self::Top, Self::Bottom, Self::Left, Self::Right];
 
-    /// Index into a map (or kernel) of `size` of what is `deep` from the edge and at `along` it.
+    /// Returns the index in a map (or kernel) of `size` of the value `deep` from the edge, at `along` it.
     #[inline(always)]
     fn index(self, [rows, cols]: [usize; 2], deep: usize, along: usize) -> usize {
         match self {
@@ -110,7 +110,7 @@ impl Edge {
         }
     }
 
-    /// Small pixels along the edge.
+    /// Returns the number of small pixels along the edge.
     fn length(self, shape: &Shape) -> usize {
         match self {
             Self::Top | Self::Bottom => shape.small[1],
@@ -118,7 +118,7 @@ impl Edge {
         }
     }
 
-    /// Output pixels along the edge that are this edge's.
+    /// Returns the output pixels along the edge that belong to this edge.
     fn own(self, shape: &Shape) -> std::ops::Range<usize> {
         match self {
             Self::Top | Self::Bottom => 0..2 * self.length(shape),
@@ -126,12 +126,12 @@ impl Edge {
         }
     }
 
-    /// One line per channel and small row, and per output row and channel.
+    /// Returns the layout: one line per channel and small row, and per output row and channel.
     fn frame(self, shape: &Shape) -> Frame {
         Frame::new(shape.images, [1, 2 * self.length(shape)], [0, SIDE / 2])
     }
 
-    /// The strip, upsampled along the edge, as lines.
+    /// Returns the strip, upsampled along the edge, as lines.
     fn input_lines(self, shape: &Shape, frame: &Frame, x: &[f32]) -> Scratch {
         let (length, channels) = (self.length(shape), shape.channels[0]);
         let plane = shape.small[0] * shape.small[1];
@@ -151,7 +151,7 @@ impl Edge {
         lines
     }
 
-    /// The gradient of this edge's pixels of the output as lines.
+    /// Returns the gradient of this edge's output pixels as lines.
     fn gradient_lines(self, shape: &Shape, frame: &Frame, gradient: &[f32]) -> Scratch {
         let (outputs, own) = (shape.channels[1], self.own(shape));
         let mut lines = Scratch::new(OUT * outputs * frame.length);
@@ -165,9 +165,9 @@ impl Edge {
         lines
     }
 
-    /// The folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
+    /// Returns the folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
     fn fold(self, weight: &[f32]) -> Scratch {
-        // One loop per edge, each with places it knows.
+        // One loop per edge, so that the compiler knows the indices of each.
         match self {
             Self::Top => fold(weight, |row, x| Self::Top.index([SIDE; 2], row, x)),
             Self::Bottom => fold(weight, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
@@ -176,7 +176,7 @@ impl Edge {
         }
     }
 
-    /// Adds to the gradient of the weights what that of the folded weights says.
+    /// Adds the gradient of the folded weights, unfolded, to the gradient of the weights.
     fn unfold(self, folded: &[f32], whole: &mut [f32]) {
         match self {
             Self::Top => unfold(folded, whole, |row, x| Self::Top.index([SIDE; 2], row, x)),
@@ -186,13 +186,13 @@ impl Edge {
         }
     }
 
-    /// Where an output reads the input's lines, in the order of the folded weights.
+    /// Returns the positions in the input's lines that an output reads, in the order of the folded weights.
     fn shifts(self, shape: &Shape, frame: &Frame) -> Vec<usize> {
         let lines = 0..shape.channels[0] * SMALL;
         lines.flat_map(|line| REACH.map(move |dx| (line, dx))).map(|(line, dx)| frame.neighbour(line, 0, dx)).collect()
     }
 
-    /// Index into the output of a pixel of the strip.
+    /// Returns the index in the output of a pixel of the strip.
     fn output(self, shape: &Shape, map: usize, deep: usize, along: usize) -> usize {
         let size = shape.small.map(|n| 2 * n);
         map * size[0] * size[1] + self.index(size, deep, along)
@@ -216,7 +216,7 @@ impl Edge {
         }
     }
 
-    /// Adds what this edge's pixels of the output say about input and weight.
+    /// Adds the gradients of input and weight from this edge's pixels of the output.
     pub(super) fn backward(
         self,
         shape: &Shape,
@@ -242,12 +242,12 @@ impl Edge {
         let reads = (0..OUT * outputs).flat_map(|line| REACH.map(move |dx| (line, dx)));
         let shifts = reads.map(|(line, dx)| frame.neighbour(line, 0, -dx)).collect();
         let columns: Vec<usize> = (0..OUT * outputs * SIDE).map(|k| k / SIDE * inputs * FOLDED + k % SIDE).collect();
-        // Small rows follow each other in the folded weights, and so do inputs.
+        // In the folded weights, small rows are consecutive, and so are inputs.
         let taps = Taps::new(inputs * SMALL, shifts, &folded, |m| m * SIDE, &columns);
         let wide = 2 * length;
         let mut up = Scratch::new(shape.images * inputs * SMALL * wide);
         multiply_rows(&taps, lines, frame, wide, &mut up);
-        // The transpose of the upsampling along the edge.
+        // This is the transpose of the upsampling along the edge.
         let plane = shape.small[0] * shape.small[1];
         for (i, row) in up.chunks_exact(wide).enumerate() {
             let (input, small, image) = (i / shape.images / SMALL, i / shape.images % SMALL, i % shape.images);

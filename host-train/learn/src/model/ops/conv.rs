@@ -1,7 +1,7 @@
 //! Convolutions on slices: forward, and the gradients of input and weight.
 //!
-//! A stride of s is s x s convolutions of stride 1, each on the pixels of one phase (y mod s, x mod s): every channel becomes
-//! s x s lines, and each weight reads the line of its phase.
+//! A convolution with stride s equals s x s convolutions of stride 1, each on the pixels of one phase (y mod s, x mod s). Every channel
+//! becomes s x s lines, and each weight reads the line of its phase.
 
 use super::correlate::correlate;
 use super::frame::Frame;
@@ -9,7 +9,7 @@ use super::product::{Area, Taps, multiply};
 use super::scratch::Scratch;
 use rayon::prelude::*;
 
-/// Shape of a convolution. Zeros stand around the input as far as the output reaches.
+/// Shape of a convolution. Outside the input there are zeros as far as the output needs them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shape {
     /// Images.
@@ -24,12 +24,12 @@ pub(super) struct Shape {
     pub(super) kernel: [usize; 2],
     /// Stride, of rows and columns alike.
     pub(super) stride: usize,
-    /// Rows above and columns left of the input that the first output pixel sees.
+    /// Rows above and columns left of the input that the first output pixel reads.
     pub(super) padding: [usize; 2],
 }
 
 impl Shape {
-    /// Numbers of the input, the weight and the output.
+    /// Returns the number of values of the input, the weight and the output.
     pub(super) fn lengths(&self) -> [usize; 3] {
         let area = |[rows, cols]: [usize; 2]| rows * cols;
         let [input, output] = self.channels;
@@ -37,13 +37,13 @@ impl Shape {
         [x, input * output * area(self.kernel), y]
     }
 
-    /// Phase and distance, in pixels of that phase, of kernel position k along an axis.
+    /// Returns phase and distance, in pixels of that phase, of kernel position k along an axis.
     fn tap(&self, axis: usize, k: usize) -> (usize, isize) {
         let (t, s) = (k as isize - self.padding[axis] as isize, self.stride as isize);
         (t.rem_euclid(s) as usize, t.div_euclid(s))
     }
 
-    /// Size of a phase of the input.
+    /// Returns the size of a phase of the input.
     fn phase(&self, phase: [usize; 2]) -> [usize; 2] {
         std::array::from_fn(|i| self.input[i].saturating_sub(phase[i]).div_ceil(self.stride))
     }
@@ -57,13 +57,13 @@ impl Shape {
         Frame::new(self.images, size, [reach(0), reach(1)])
     }
 
-    /// Kernel positions (row, column).
+    /// Returns the kernel positions (row, column).
     fn positions(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
         let cols = self.kernel[1];
         (0..self.kernel[0]).flat_map(move |y| (0..cols).map(move |x| (y, x)))
     }
 
-    /// Where the weights of one output read the input's lines, in the weights' order.
+    /// Returns the positions in the input's lines that the weights of one output read, in the weights' order.
     fn input_shifts(&self, frame: &Frame) -> Vec<usize> {
         let s = self.stride;
         let shift = |channel: usize, (ky, kx): (usize, usize)| {
@@ -73,7 +73,7 @@ impl Shape {
         (0..self.channels[0]).flat_map(|c| self.positions().map(move |at| shift(c, at))).collect()
     }
 
-    /// The input as lines, one per channel and phase.
+    /// Returns the input as lines, one per channel and phase.
     fn input_lines(&self, frame: &Frame, x: &[f32]) -> Scratch {
         let ([channels, _], [rows, cols], s) = (self.channels, self.input, self.stride);
         let mut lines = Scratch::new(channels * s * s * frame.length);
@@ -93,7 +93,7 @@ impl Shape {
         lines
     }
 
-    /// The gradient of the output as lines.
+    /// Returns the gradient of the output as lines.
     fn gradient_lines(&self, frame: &Frame, gradient: &[f32]) -> Scratch {
         let ([_, channels], [rows, cols]) = (self.channels, self.output);
         let mut lines = Scratch::new(channels * frame.length);
@@ -108,7 +108,7 @@ impl Shape {
     }
 }
 
-/// `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to `[B, O, H', W']`.
+/// Maps `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to `[B, O, H', W']`.
 pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let frame = shape.frame();
     let lines = shape.input_lines(&frame, x);
@@ -121,7 +121,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     out
 }
 
-/// Gradients of input and weight, each if wanted, from the output's.
+/// Returns the requested gradients of input and weight, from the output's gradient.
 pub(super) fn backward(
     shape: &Shape,
     x: &[f32],
@@ -144,7 +144,7 @@ fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -
     let kernel = shape.kernel[0] * shape.kernel[1];
     let mut whole = vec![0.0; shape.lengths()[0]];
     for (py, px) in (0..s * s).map(|phase| (phase / s, phase % s)) {
-        // Weights that read this phase, and from which pixel they wrote.
+        // The weights that read this phase, and the first pixel that each wrote to.
         let taps: Vec<(usize, usize, usize)> = (0..outputs)
             .flat_map(|o| shape.positions().map(move |(ky, kx)| (o, ky, kx)))
             .filter(|&(_, ky, kx)| (shape.tap(0, ky).0, shape.tap(1, kx).0) == (py, px))

@@ -1,26 +1,26 @@
 //! The weight gradient of convolutions: `out[m][r] = Σ_n gradient[m][n] * line[shift[r] + n]` over all pixels n.
 //!
-//! Pixels are taken in chunks that fit a core's cache; chunks are summed in a fixed order, so the result does not depend on the
-//! number of threads.
+//! Pixels are divided into chunks that fit a core's cache. Chunks are summed in a fixed order, so the result does not depend on the number
+//! of threads.
 
 use super::frame::Frame;
 use super::scratch::Scratch;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Pixels of a chunk.
+/// Number of pixels of a chunk.
 const CHUNK: usize = 768;
-/// Sums over chunks that run side by side at most.
+/// Greatest number of parallel sums over chunks.
 const GROUPS: usize = 8;
-/// Pieces of work at least, if there are that many shifts.
+/// Least number of pieces of work, if there are that many shifts.
 const PIECES: usize = 16;
-/// Shifts computed together.
+/// Number of shifts computed together.
 const SHIFTS: usize = 3;
-/// Outputs computed together at most.
+/// Greatest number of outputs computed together.
 const OUTPUTS: usize = 8;
 
-/// `[outputs, shifts]` of the `gradient`'s lines with the shifted `lines`, both laid out by `frame`. What stands between the
-/// pixels of `gradient` must be zero.
+/// Returns `[outputs, shifts]` of the `gradient`'s lines with the shifted `lines`. Both have the layout `frame`. Values between the pixels
+/// of `gradient` must be zero.
 pub(super) fn correlate(gradient: &[f32], lines: &[f32], shifts: &[usize], frame: &Frame) -> Vec<f32> {
     let outputs = gradient.len() / frame.length;
     let chunks = frame.span().div_ceil(CHUNK);
@@ -66,7 +66,7 @@ struct Chunk<'a> {
     start: usize,
     length: usize,
     outputs: usize,
-    /// The gradients of a block of outputs, vector by vector side by side.
+    /// The gradients of a block of outputs, interleaved vector by vector.
     panel: &'a mut [f32],
     out: &'a mut [f32],
 }
@@ -91,7 +91,7 @@ impl WithSimd for Chunk<'_> {
 }
 
 impl Chunk<'_> {
-    /// `M` outputs from `first` on, or as many as there are: all shifts. Returns M.
+    /// Computes `M` outputs from `first` on, or as many as exist, with all shifts. Returns M.
     #[inline(always)]
     fn block<S: Simd, const M: usize>(&mut self, simd: S, first: usize) -> usize {
         // Beyond the last pixel the gradient is zero.
@@ -100,7 +100,7 @@ impl Chunk<'_> {
         let panel = &mut S::as_mut_simd_f32s(self.panel).0[..M * steps];
         let count = M.min(self.outputs - first);
         for i in 0..M {
-            // Outputs that are not there repeat the last one.
+            // Missing outputs repeat the last one.
             let line = (first + i.min(count - 1)) * self.frame.length + self.frame.front + self.start;
             let (line, _) = S::as_simd_f32s(&self.gradient[line..][..length]);
             panel.iter_mut().skip(i).step_by(M).zip(line).for_each(|(to, from)| *to = *from);
@@ -121,7 +121,7 @@ impl Chunk<'_> {
     }
 }
 
-/// Sums of products of a panel `[steps][M]` with each line.
+/// Adds the products of a panel `[steps][M]` with each line to sums.
 #[inline(always)]
 fn products<S: Simd, const M: usize>(simd: S, panel: &[S::f32s], lines: [&[S::f32s]; SHIFTS], sums: &mut [S::f32s]) {
     let mut acc = [[simd.splat_f32s(0.0); SHIFTS]; M];
@@ -133,7 +133,7 @@ fn products<S: Simd, const M: usize>(simd: S, panel: &[S::f32s], lines: [&[S::f3
             acc[i][2] = simd.mul_add_e_f32s(gradient[i], c, acc[i][2]);
         }
     }
-    // One by one: a copy of rows would keep the sums in memory during the loop above.
+    // One by one, because a copy of rows would keep the sums in memory during the loop above.
     let sums = &mut sums[..M * SHIFTS];
     for i in 0..M {
         for j in 0..SHIFTS {

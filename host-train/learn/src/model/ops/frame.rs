@@ -1,22 +1,22 @@
-//! How the kernels lay out maps: each channel is one line of numbers, on which a step of the kernel is a step along the line.
+//! Layout of maps for the kernels. Each channel is one line of numbers, so that a step of the kernel is a step along the line.
 //!
-//! Pixel (y, x) of image b stands at `at(b, y, x)`; between rows and between images stand as many zeros as the kernel reaches
-//! over an edge, so a neighbour (dy, dx) is always `dy * pitch + dx` further on, and one zero serves the row before and the row
-//! after it. All images of a batch share a line: small maps make long lines, too.
+//! Pixel (y, x) of image b is at `at(b, y, x)`. Between rows and between images there are as many zeros as the kernel reads beyond an edge.
+//! So a neighbour (dy, dx) is always at distance `dy * pitch + dx`, and one zero serves the row before and the row after it. All images of
+//! a batch share a line, so that small maps also make long lines.
 
 use rayon::prelude::*;
 
-/// Numbers a kernel may read beyond the last pixel: the widest block of pixels any of them computes at once.
+/// Number of values that a kernel may read beyond the last pixel: the widest block of pixels that any kernel computes at once.
 pub(super) const SLACK: usize = 128;
 
 /// Layout of one line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Frame {
-    /// Images on the line.
+    /// Number of images on the line.
     pub(super) images: usize,
-    /// Rows of an image, zeros included.
+    /// Number of rows of an image, with zeros.
     pub(super) rows: usize,
-    /// Distance between rows, zeros included.
+    /// Distance between rows, with zeros.
     pub(super) pitch: usize,
     /// Position of the first pixel.
     pub(super) front: usize,
@@ -25,31 +25,31 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// For maps of up to `size` rows and columns, and neighbours up to `reach` rows and columns away.
+    /// Makes the layout for maps of up to `size` rows and columns, and neighbours up to `reach` rows and columns away.
     pub(super) fn new(images: usize, size: [usize; 2], reach: [usize; 2]) -> Self {
         let (rows, pitch) = (size[0] + reach[0], size[1] + reach[1]);
-        // Whole vectors before the first pixel: the lines of a gradient are read from there on.
+        // Whole vectors before the first pixel, because the lines of a gradient are read from there on.
         let front = (reach[0] * pitch + reach[1]).next_multiple_of(16);
-        // An odd number of cache lines: lines a power of two apart would evict each other.
+        // An odd number of cache lines, because lines at distances of a power of two would evict each other.
         let length = (2 * front + images * rows * pitch + SLACK).div_ceil(16) | 1;
         Self { images, rows, pitch, front, length: 16 * length }
     }
 
-    /// Position of a pixel.
+    /// Returns the position of a pixel.
     pub(super) fn at(&self, image: usize, y: usize, x: usize) -> usize {
         self.front + (image * self.rows + y) * self.pitch + x
     }
 
-    /// Position of a neighbour relative to a pixel, from the start of line `line`.
+    /// Returns the position of a neighbour relative to a pixel, from the start of line `line`.
     ///
     /// # Panics
-    /// If it lies beyond the reach.
+    /// If the neighbour lies beyond the reach.
     pub(super) fn neighbour(&self, line: usize, dy: isize, dx: isize) -> usize {
         let ahead = self.front as isize + dy * self.pitch as isize + dx;
         line * self.length + usize::try_from(ahead).expect("neighbour within the frame's reach")
     }
 
-    /// The images of a line as the rows of one: blocks of pixels reach over them, which short rows are glad of.
+    /// Returns a layout with the images of a line as the rows of one image. Blocks of pixels then extend over several short rows.
     ///
     /// # Panics
     /// If images have more than one row.
@@ -58,13 +58,13 @@ impl Frame {
         Self { images: 1, rows: self.images, ..*self }
     }
 
-    /// From the first pixel's position to beyond the last one's.
+    /// Returns the distance from the first pixel to the position beyond the last one.
     pub(super) fn span(&self) -> usize {
         self.images * self.rows * self.pitch
     }
 
-    /// Fills `lines` line by line: `row(line, image, y, into)` writes the start of a row and returns how much it wrote; the
-    /// rest becomes zero. `y` runs from 0 over all rows.
+    /// Fills `lines` line by line. `row(line, image, y, into)` writes the start of a row and returns the number of values written; the rest
+    /// becomes zero. `y` runs from 0 over all rows.
     pub(super) fn fill(&self, lines: &mut [f32], row: impl Fn(usize, usize, usize, &mut [f32]) -> usize + Sync) {
         lines.par_chunks_mut(self.length).enumerate().for_each(|(line, to)| {
             let (front, rest) = to.split_at_mut(self.front);

@@ -1,9 +1,9 @@
-//! Convolutions of our own for the CPU backend, where training spends its time; other backends get Burn's.
+//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's.
 //!
-//! Burn's flex turns every convolution into a matrix of patches and a product, and its gradients into further convolutions with
-//! kernels as large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]), for all channel counts at
-//! the full width of the processor's vectors. They plug into Burn as a backend extension ([`extension`]), so the rest of the
-//! network does not know. Results do not depend on the number of threads.
+//! Burn's flex computes a convolution as a product with a matrix of patches, and its gradients as further convolutions with kernels as
+//! large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]). For all channel counts they use the full width
+//! of the processor's vectors. They are a backend extension of Burn ([`extension`]), so the rest of the network does not depend on them.
+//! Results do not depend on the number of threads.
 
 #[cfg(feature = "flex")]
 mod batch_norm;
@@ -35,7 +35,7 @@ use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
 #[cfg(feature = "flex")]
 use extension::{convolutions, norms, takes};
 
-/// Convolution without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
+/// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
 /// `[B, O, (H + 2 p - kh) / stride + 1, (W + 2 p - kw) / stride + 1]`, with p = `padding` zeros around `x`.
 pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) -> Tensor<4> {
     #[cfg(feature = "flex")]
@@ -45,8 +45,8 @@ pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) ->
     module::conv2d(x, weight, None, ConvOptions::new([stride; 2], [padding; 2], [1, 1], 1))
 }
 
-/// Bilinear upsampling by two (half-pixel centres, align_corners = false; our choice, the paper is silent), then a 5x5
-/// convolution with two zeros on every side: `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
+/// Upsamples by two bilinearly (half-pixel centres, align_corners = false; our choice, the paper does not state it), then convolves 5x5
+/// with two zeros on every side: `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
 pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
     #[cfg(feature = "flex")]
     if takes(&[&x, &weight]) && x.dims()[2].min(x.dims()[3]) >= up2::MIN_SIDE {
@@ -55,16 +55,16 @@ pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
     up2_then_conv5(x, weight)
 }
 
-/// [`up2_conv5`] in two steps.
+/// Computes [`up2_conv5`] in two steps.
 fn up2_then_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
     let options =
         InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_scale_factor([2.0, 2.0]);
     conv2d(module::interpolate(x, options), weight, 1, 2)
 }
 
-/// What [`batch_norm_train`] found.
+/// Result of [`batch_norm_train`].
 pub struct Normalised {
-    /// The map.
+    /// The normalised map.
     pub output: Tensor<4>,
     /// Mean of each channel, `[C]`, without gradient.
     pub mean: Tensor<1>,
@@ -72,8 +72,7 @@ pub struct Normalised {
     pub variance: Tensor<1>,
 }
 
-/// Batch normalisation of `x` `[B, C, H, W]` by its own statistics over B, H and W, then `weight` and `bias` `[C]`, then
-/// optionally a ReLU.
+/// Normalises `x` `[B, C, H, W]` by its own statistics over B, H and W, then applies `weight` and `bias` `[C]`, then optionally a ReLU.
 pub fn batch_norm_train(x: Tensor<4>, weight: Tensor<1>, bias: Tensor<1>, epsilon: f64, with_relu: bool) -> Normalised {
     #[cfg(feature = "flex")]
     if takes(&[&x]) {

@@ -1,19 +1,19 @@
 //! The inner loop of convolutions: sums of shifted lines, `out[m][n] = Σ_k weight[m][k] * line[shift[k] + n]`.
 //!
-//! A block of eight outputs by three vectors of pixels stays in registers while k runs, so memory is read once per block; every
-//! sum runs over k in order, whatever the number of threads.
+//! A block of eight outputs by three vectors of pixels stays in registers while k runs, so memory is read once per block. Every sum runs
+//! over k in order, whatever the number of threads.
 
 use super::frame::Frame;
 use super::scratch::Scratch;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Outputs computed together.
+/// Number of outputs computed together.
 const BLOCK: usize = 8;
-/// Blocks of pixels are at most this wide.
+/// Greatest width of a block of pixels.
 const MAX_WIDTH: usize = super::frame::SLACK;
 
-/// Weights packed for the inner loop, and where each of them reads.
+/// Weights packed for the inner loop, and the position that each of them reads.
 pub(super) struct Taps {
     outputs: usize,
     shifts: Vec<usize>,
@@ -21,7 +21,7 @@ pub(super) struct Taps {
     packed: Scratch,
 }
 
-/// Outputs of the block that starts at `m`: eight, then one of 4, 2 or 1 as needed.
+/// Returns the number of outputs of the block that starts at `m`: eight, then 4, 2 or 1 as needed.
 fn block_at(m: usize, outputs: usize) -> usize {
     match outputs - m {
         1 => 1,
@@ -32,7 +32,8 @@ fn block_at(m: usize, outputs: usize) -> usize {
 }
 
 impl Taps {
-    /// The weight of output `m < outputs` and shift k is `weights[output(m) + columns[k]]`; `shifts[k]` as [`Frame::neighbour`] gives it.
+    /// Packs weights. The weight of output `m < outputs` and shift k is `weights[output(m) + columns[k]]`; `shifts[k]` is as in
+    /// [`Frame::neighbour`].
     pub(super) fn new(
         outputs: usize,
         shifts: Vec<usize>,
@@ -60,7 +61,7 @@ impl Taps {
     }
 }
 
-/// Which pixels to compute: `size` of them from `origin` on in every image of the frame.
+/// The pixels to compute: `size` of them from `origin` on, in every image of the frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Area {
     /// First row and column.
@@ -77,7 +78,7 @@ pub(super) fn multiply(taps: &Taps, lines: &[f32], frame: &Frame, area: Area, ou
         return;
     }
     debug_assert_eq!(out.len(), tasks * taps.outputs);
-    // Bands of some thousand pixels; where maps are small, outputs are divided as well.
+    // Bands of some thousand pixels. With small maps, outputs are divided as well.
     let band = (4096 / cols).clamp(1, rows);
     let bands = rows.div_ceil(band);
     let parts = (16 / (frame.images * bands)).clamp(1, taps.outputs.div_ceil(BLOCK));
@@ -103,11 +104,11 @@ pub(super) fn multiply(taps: &Taps, lines: &[f32], frame: &Frame, area: Area, ou
 struct Strip<'a> {
     taps: &'a Taps,
     lines: &'a [f32],
-    /// Position of the first pixel, without the front that `shifts` holds.
+    /// Position of the first pixel, without the front, which `shifts` includes.
     start: usize,
     pitch: usize,
     cols: usize,
-    /// The first output; a multiple of [`BLOCK`].
+    /// The first output, a multiple of [`BLOCK`].
     first: usize,
     /// One slice of whole rows per output.
     strips: Vec<&'a mut [f32]>,
@@ -140,7 +141,7 @@ impl WithSimd for Strip<'_> {
 }
 
 impl Strip<'_> {
-    /// Outputs `from..to` in blocks of `M` by `N` vectors of pixels.
+    /// Computes outputs `from..to` in blocks of `M` by `N` vectors of pixels.
     #[inline(always)]
     fn blocks<S: Simd, const M: usize, const N: usize>(&mut self, simd: S, from: usize, to: usize, end: usize) {
         let width = N * S::F32_LANES;
@@ -159,7 +160,7 @@ impl Strip<'_> {
     }
 }
 
-/// One block of sums: `sums[m * width..]` for each of M outputs.
+/// Computes one block of sums: `sums[m * width..]` for each of M outputs.
 #[inline(always)]
 fn block<S: Simd, const M: usize, const N: usize>(
     simd: S,
@@ -180,7 +181,7 @@ fn block<S: Simd, const M: usize, const N: usize>(
             }
         }
     }
-    // One by one: a copy of rows would keep the sums in memory during the loop above.
+    // One by one, because a copy of rows would keep the sums in memory during the loop above.
     let sums = S::as_mut_simd_f32s(&mut sums[..M * width]).0;
     for i in 0..M {
         for j in 0..N {
@@ -189,7 +190,7 @@ fn block<S: Simd, const M: usize, const N: usize>(
     }
 }
 
-/// Copies a block of sums that starts at position `n` of a strip into its rows, leaving out what stands between rows.
+/// Copies a block of sums that starts at position `n` of a strip into its rows, without the values between rows.
 #[inline(always)]
 fn scatter(sums: &[f32], strip: &mut [f32], n: usize, pitch: usize, cols: usize) {
     let (mut y, mut x, mut from) = (n / pitch, n % pitch, 0);

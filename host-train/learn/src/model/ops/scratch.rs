@@ -1,17 +1,17 @@
-//! Working memory that is used again: fresh pages from the system cost more than filling them.
+//! Working memory that is reused, because new pages from the system cost more time than filling them.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Mutex;
 
-/// Buffers at rest.
+/// Unused buffers.
 static POOL: Mutex<Vec<Vec<f32>>> = Mutex::new(Vec::new());
 
-/// Buffers kept at rest; more than one training step has in use at once.
+/// Greatest number of unused buffers. It is more than one training step needs at once.
 const KEPT: usize = 16;
 
-/// A buffer of arbitrary numbers, returned to the pool when dropped.
+/// A buffer of arbitrary numbers. It returns to the pool when dropped.
 ///
-/// It begins at a cache line, because a vector that straddles two costs two reads.
+/// It begins at a cache line, because a vector across two lines needs two reads.
 pub(super) struct Scratch {
     buffer: Vec<f32>,
     start: usize,
@@ -22,11 +22,11 @@ pub(super) struct Scratch {
 const LINE_BYTES: usize = 64;
 
 impl Scratch {
-    /// `length` numbers left over from earlier uses.
+    /// Takes a buffer of `length` numbers with arbitrary content.
     pub(super) fn new(length: usize) -> Self {
         let needed = length + LINE_BYTES / size_of::<f32>();
         let mut pool = POOL.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        // The tightest fit, else the largest to grow.
+        // The smallest sufficient buffer, otherwise the largest, which grows.
         let best = (0..pool.len()).min_by_key(|&i| {
             let capacity = pool[i].capacity();
             if capacity >= needed { (0, capacity) } else { (1, usize::MAX - capacity) }

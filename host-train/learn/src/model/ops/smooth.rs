@@ -1,7 +1,7 @@
-//! The bilinear filter behind a transposed convolution: phases of one map interleaved and smoothed, and the transpose of that.
+//! The bilinear filter after a transposed convolution: it interleaves the phases of one map and smooths them. Also its transpose.
 //!
-//! Bilinear upsampling by two puts zeros between the pixels and filters with (1, 3, 3, 1)/4 at -1 .. 2. Along one axis, with V0
-//! and V1 the even and odd pixels of what is to be filtered:
+//! Bilinear upsampling by two puts zeros between the pixels and filters with (1, 3, 3, 1)/4 at -1 .. 2. Along one axis, with V0 and V1 the
+//! even and odd pixels of the filter's input:
 //!
 //! ```text
 //! out[2y]     = (V1[y] + 3 V0[y] + 3 V1[y-1] + V0[y-1]) / 4
@@ -14,8 +14,8 @@ use pulp::Arch;
 pub(super) const NEAR: f32 = 0.75;
 pub(super) const FAR: f32 = 0.25;
 
-/// Row `n` of the smoothed map, `n` in `2..2 * rows - 2`, from four phases `[2][2][rows, cols]`; columns `2..2 * cols - 2` of
-/// `out` are written. `columns` is working memory of `2 * cols`.
+/// Computes row `n` of the smoothed map, `n` in `2..2 * rows - 2`, from four phases `[2][2][rows, cols]`. Writes columns `2..2 * cols - 2`
+/// of `out`. `columns` is working memory of `2 * cols`.
 pub(super) fn row(arch: Arch, phases: [&[f32]; 4], cols: usize, n: usize, columns: &mut [f32], out: &mut [f32]) {
     let y = n / 2;
     let (even, odd) = columns.split_at_mut(cols);
@@ -43,8 +43,8 @@ pub(super) fn row(arch: Arch, phases: [&[f32]; 4], cols: usize, n: usize, column
     });
 }
 
-/// The transpose of [`row`] for row `y` of phase (p, q): what the gradient `[2 * rows, 2 * cols]` of the smoothed map, of which
-/// only rows and columns from 2 to the second last but one count, says about it. `columns` is working memory of `2 * cols + 4`.
+/// Applies the transpose of [`row`] for row `y` of phase (p, q) to the gradient `[2 * rows, 2 * cols]` of the smoothed map. Only its rows
+/// and columns from 2 to the second last but one count. `columns` is working memory of `2 * cols + 4`.
 pub(super) fn transposed_row(
     arch: Arch,
     gradient: &[f32],
@@ -58,11 +58,11 @@ pub(super) fn transposed_row(
     let columns = &mut columns[..width + 4];
     arch.dispatch(|| {
         columns.fill(0.0);
-        // The rows this one was far from, near, near, far.
+        // The rows for which this one has the weights far, near, near, far.
         for (n, weight) in (2 * y + p..).zip([FAR, NEAR, NEAR, FAR]) {
             let Some(n) = n.checked_sub(1).filter(|n| (2..2 * rows - 2).contains(n)) else { continue };
             let line = &gradient[n * width..][..width];
-            // Columns stand one to the right of their place, so that column -1 exists.
+            // Columns are shifted by one to the right, so that column -1 exists.
             columns[3..width - 1].iter_mut().zip(&line[2..width - 2]).for_each(|(to, from)| *to += weight * from);
         }
         let columns = &columns[q..][..width + 2];

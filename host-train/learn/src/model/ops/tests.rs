@@ -1,14 +1,14 @@
-//! Each operator against Burn's composition: values and all gradients, on shapes chosen to be awkward.
+//! Each operator agrees with Burn's composition: values and all gradients, on unusual shapes.
 
 use super::*;
 use burn::tensor::{Device, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Sums of up to a few thousand products in another order, relative to the largest value.
+/// Error of sums of up to a few thousand products in another order, relative to the largest value.
 const TOLERANCE: f32 = 2e-5;
 
-/// Numbers between -1 and 1, the same ones for a shape and a seed.
+/// Returns numbers between -1 and 1, always the same for a shape and a seed.
 fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let numbers: Vec<f32> = (0..shape.iter().product()).map(|_| rng.random_range(-1.0..1.0)).collect();
@@ -45,7 +45,7 @@ fn compare(
 
 #[test]
 fn convolutions_equal_burns_with_gradients() {
-    // [images, channels in, channels out, rows, columns, kernel, stride, padding]
+    // Columns are images, channels in, channels out, rows, columns, kernel, stride, padding.
     for [b, i, o, h, w, k, stride, padding] in [
         [1, 1, 1, 5, 7, 3, 1, 1],
         [2, 3, 13, 9, 50, 3, 1, 1],
@@ -83,7 +83,7 @@ fn batch_norm_equals_burns_with_gradients() {
     let device = Device::flex().autodiff();
     for ([b, c, h, w], with_relu) in [([2, 3, 5, 7], false), ([3, 4, 40, 33], true), ([1, 2, 4, 5], true)] {
         let what = format!("{b}x{c}x{h}x{w}, ReLU {with_relu}");
-        // Far from zero, to see cancellation.
+        // The mean is far from zero, to test cancellation.
         let x = random([b, c, h, w], 1, &device).mul_scalar(0.5).add_scalar(3.0).detach().require_grad();
         let (weight, bias) = (random([c], 2, &device), random([c], 3, &device));
         let other = random([b, c, h, w], 4, &device);

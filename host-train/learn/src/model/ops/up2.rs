@@ -1,11 +1,11 @@
 //! Bilinear upsampling by two followed by a 5x5 convolution with zero padding, as one operator of the small map.
 //!
-//! Both are linear filters, so they commute: put zeros between the small pixels, convolve, smooth last. The zeros need no
-//! products, which leaves 25 a small pixel where the plain order has 100, and the smoothing runs over output channels alone.
-//! Convolving a map with zeros between its pixels gives four phases, each a convolution of the small map with the weights of
-//! one parity: 3x3, 3x2, 2x3 and 2x2 of them.
+//! Both are linear filters, so they commute: put zeros between the small pixels, convolve, then smooth. The zeros need no products. This
+//! leaves 25 products per small pixel, where the plain order has 100, and the smoothing runs over output channels only. The convolution of
+//! a map with zeros between its pixels gives four phases. Each is a convolution of the small map with the weights of one parity: 3x3, 3x2,
+//! 2x3 and 2x2 of them.
 //!
-//! The two steps do not commute where the upsampling repeats the edge while the convolution sees zeros beyond it: two pixels
+//! The two steps do not commute at the border, where the upsampling repeats the edge but the convolution has zeros beyond it. Two pixels
 //! along each border are computed in the plain order ([`super::border`]).
 
 use super::border::Edge;
@@ -17,10 +17,10 @@ use super::smooth;
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Smallest side of the small map: a border strip is made of three rows.
+/// Smallest side of the small map, because a border strip has three rows.
 pub(super) const MIN_SIDE: usize = 3;
 
-/// Numbers of a kernel.
+/// Number of weights of a kernel.
 const KERNEL: usize = 25;
 
 /// Sizes of the operator.
@@ -34,32 +34,32 @@ pub(super) struct Shape {
     pub(super) small: [usize; 2],
 }
 
-/// Per axis and phase: which small pixel (relative) meets which of the five weights.
+/// Per axis and phase: (offset of the small pixel, index of the weight that it is multiplied with).
 const TAPS: [&[(isize, usize)]; 2] = [&[(-1, 0), (0, 2), (1, 4)], &[(0, 1), (1, 3)]];
 
 /// The four phases as (row, column).
 const PHASES: [[usize; 2]; 4] = [[0, 0], [0, 1], [1, 0], [1, 1]];
 
-/// (dy, dx, position in the kernel) of a phase.
+/// Returns (dy, dx, position in the kernel) of a phase.
 fn taps(phase: [usize; 2]) -> impl Iterator<Item = (isize, isize, usize)> + Clone {
     TAPS[phase[0]].iter().flat_map(move |&(dy, ky)| TAPS[phase[1]].iter().map(move |&(dx, kx)| (dy, dx, 5 * ky + kx)))
 }
 
 impl Shape {
-    /// Numbers of the input, the weight and the output.
+    /// Returns the number of values of the input, the weight and the output.
     pub(super) fn lengths(&self) -> [usize; 3] {
         let ([input, output], [rows, cols]) = (self.channels, self.small);
         let pixels = self.images * rows * cols;
         [pixels * input, input * output * KERNEL, 4 * pixels * output]
     }
 
-    /// The small map with its edge repeated once around it: small pixel (y, x) is at (y + 1, x + 1). The last row and column
-    /// are where neighbours over the edge are found, which nothing but zeros of a gradient makes use of.
+    /// Returns the layout of the small map with its edge repeated once around it. Small pixel (y, x) is at (y + 1, x + 1). Neighbours over
+    /// the edge fall on the last row and column. Only products with zeros of a gradient read them.
     fn frame(&self) -> Frame {
         Frame::new(self.images, self.small.map(|n| n + 1), [1, 1])
     }
 
-    /// The small map as lines.
+    /// Returns the small map as lines.
     fn input_lines(&self, frame: &Frame, x: &[f32]) -> Scratch {
         let ([channels, _], [rows, cols]) = (self.channels, self.small);
         let mut lines = Scratch::new(channels * frame.length);
@@ -73,7 +73,7 @@ impl Shape {
         lines
     }
 
-    /// What the output's gradient says about the four phases, as lines: those of phase 0 first.
+    /// Returns the gradients of the four phases from the output's gradient, as lines, phase 0 first.
     fn phase_lines(&self, frame: &Frame, gradient: &[f32]) -> Scratch {
         let ([_, channels], [rows, cols], arch) = (self.channels, self.small, Arch::new());
         let mut lines = Scratch::new(4 * channels * frame.length);
@@ -92,7 +92,7 @@ impl Shape {
     }
 }
 
-/// `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
+/// Maps `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
 pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let ([inputs, outputs], [rows, cols]) = (shape.channels, shape.small);
     let frame = shape.frame();
@@ -121,7 +121,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     out
 }
 
-/// Gradients of input and weight, each if wanted, from the output's.
+/// Returns the requested gradients of input and weight, from the output's gradient.
 pub(super) fn backward(
     shape: &Shape,
     x: &[f32],
@@ -150,7 +150,7 @@ fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -
     let wide = cols + 2;
     let mut around = Scratch::new(shape.images * inputs * (rows + 2) * wide);
     multiply(&taps, lines, frame, Area { origin: [0, 0], size: [rows + 2, wide] }, &mut around);
-    // What fell on the repeated edge belongs to the edge.
+    // Gradients of the repeated edge are added to the edge.
     let mut whole = vec![0.0; shape.lengths()[0]];
     let around = &*around;
     whole.par_chunks_mut(rows * cols).enumerate().for_each(|(i, map)| {

@@ -7,7 +7,7 @@ use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{DType, Device, Tensor};
 
-/// Attention among the tokens of each window.
+/// Attention between the tokens of each window.
 #[derive(Module, Debug)]
 pub struct WindowAttention {
     qkv: Linear,
@@ -18,7 +18,7 @@ pub struct WindowAttention {
 }
 
 impl WindowAttention {
-    /// For `dim` channels in `heads` heads; `dim` is a multiple of `heads`.
+    /// Makes attention for `dim` channels in `heads` heads; `dim` is a multiple of `heads`.
     pub fn new(dim: usize, window: usize, heads: usize, device: &Device) -> Self {
         let side = 2 * window - 1;
         Self {
@@ -30,7 +30,7 @@ impl WindowAttention {
         }
     }
 
-    /// `[B * windows, n, C]` to the same shape; `mask` as [`super::windows::WindowPlan::mask`] makes it.
+    /// Maps `[B * windows, n, C]` to the same shape; `mask` is that of [`super::windows::WindowPlan::mask`].
     pub fn forward(&self, x: Tensor<3>, mask: Option<Tensor<4>>) -> Tensor<3> {
         let [b, n, c] = x.dims();
         let (heads, depth) = (self.heads, c / self.heads);
@@ -52,7 +52,7 @@ impl WindowAttention {
         self.proj.forward(mixed)
     }
 
-    /// Relative position bias `[1, heads, n, n]`.
+    /// Returns the relative position bias `[1, heads, n, n]`.
     fn bias(&self) -> Tensor<4> {
         let n = self.window * self.window;
         let table = self.relative_position_bias_table.val();

@@ -1,4 +1,4 @@
-//! One Swin block: windowed attention and a two-layer perceptron, each behind a layer norm and a residual connection.
+//! One Swin block: windowed attention and a two-layer perceptron, each after a layer norm and with a residual connection.
 
 use super::attention::WindowAttention;
 use super::windows::{WindowPlan, merge, partition};
@@ -9,15 +9,15 @@ use burn::tensor::activation::gelu;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor};
 
-/// Two linear layers, four times as wide between them, with GELU.
+/// Two linear layers with GELU. The hidden layer is four times as wide.
 #[derive(Module, Debug)]
 pub struct Mlp {
     fc1: Linear,
     fc2: Linear,
 }
 
-/// Swin block. Pads right and bottom to whole windows after `norm1` (padded tokens are zeros and are not masked, as published
-/// segmentation code does), then shifts, attends, shifts back and crops.
+/// Swin block. After `norm1` it pads right and bottom to whole windows (padded tokens are zeros and are not masked, as in published
+/// segmentation code), then shifts, attends, shifts back and crops.
 #[derive(Module, Debug)]
 pub struct Block {
     norm1: LayerNorm,
@@ -29,7 +29,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// A block of `dim` channels; `shift` is 0 or half a window.
+    /// Makes a block of `dim` channels; `shift` is 0 or half a window.
     pub fn new(dim: usize, window: usize, heads: usize, shift: usize, device: &Device) -> Self {
         let mlp = Mlp {
             fc1: LinearConfig::new(dim, 4 * dim).init(device),
@@ -45,7 +45,7 @@ impl Block {
         }
     }
 
-    /// `[B, H, W, C]` to the same shape.
+    /// Maps `[B, H, W, C]` to the same shape.
     pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
         let x = x.clone().add(self.attend(in_f32(x, |x| self.norm1.forward(x))));
         let y = self.mlp.fc1.forward(in_f32(x.clone(), |x| self.norm2.forward(x)));

@@ -1,4 +1,4 @@
-//! Swin transformer encoder (Sec. III-B) with timm's parameter names, so that published checkpoints load by prefix.
+//! Swin transformer encoder (Sec. III-B) with timm's parameter names, so that published checkpoints can be loaded by prefix.
 
 pub mod attention;
 pub mod block;
@@ -12,14 +12,14 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::NetConfig;
 
-/// 4x4 patches to tokens.
+/// Makes tokens from 4x4 patches.
 #[derive(Module, Debug)]
 pub struct PatchEmbed {
     proj: Conv2d,
     norm: LayerNorm,
 }
 
-/// 2x2 tokens to one of twice the channels, in the order x00, x10, x01, x11 (row, column).
+/// Merges 2x2 tokens into one with twice the channels, in the order x00, x10, x01, x11 (row, column).
 #[derive(Module, Debug)]
 pub struct PatchMerging {
     norm: LayerNorm,
@@ -35,7 +35,7 @@ impl PatchMerging {
     }
 }
 
-/// Blocks at one resolution, behind a patch merging (all stages but the first).
+/// Blocks at one resolution, after a patch merging (in all stages but the first).
 #[derive(Module, Debug)]
 pub struct Stage {
     downsample: Option<PatchMerging>,
@@ -54,7 +54,7 @@ pub struct Swin {
 }
 
 impl Swin {
-    /// Builds the encoder; the weights are set later.
+    /// Builds the encoder. The weights are set later.
     pub fn new(config: &NetConfig, device: &Device) -> Self {
         let embed = config.embed;
         let norm = |i: usize| LayerNormConfig::new(embed << i).init(device);
@@ -66,7 +66,7 @@ impl Swin {
         Self { patch_embed, layers, norm0: norm(0), norm1: norm(1), norm2: norm(2), norm3: norm(3) }
     }
 
-    /// `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
+    /// Maps `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 4] {
         let tokens = self.patch_embed.proj.forward(image).permute([0, 2, 3, 1]);
         let mut x = in_f32(tokens, |x| self.patch_embed.norm.forward(x));

@@ -1,8 +1,8 @@
-//! Geometry of shifted windows: padding, shift, partition, mask, relative position index. No weights here.
+//! Geometry of shifted windows: padding, shift, partition, mask, relative position index. It has no weights.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-/// How one block lays windows over a token map.
+/// Arrangement of one block's windows on a token map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindowPlan {
     /// Window side.
@@ -14,19 +14,19 @@ pub struct WindowPlan {
 }
 
 impl WindowPlan {
-    /// The plan for `rows` x `cols` tokens.
+    /// Returns the plan for `rows` x `cols` tokens.
     pub fn new(rows: usize, cols: usize, window: usize, shift: usize) -> Self {
         let padded = [rows.next_multiple_of(window), cols.next_multiple_of(window)];
         Self { window, padded, shift: padded.map(|n| if n > window { shift } else { 0 }) }
     }
 
-    /// Whether anything is shifted at all.
+    /// Returns whether there is a shift along any axis.
     pub fn shifted(&self) -> bool {
         self.shift != [0, 0]
     }
 
-    /// Which of the (up to nine) regions a shifted token belongs to: tokens of different regions were not neighbours before
-    /// the shift and must not attend to each other.
+    /// Returns the region (of up to nine) of a shifted token. Tokens of different regions were not neighbours before the shift and must not
+    /// attend to each other.
     fn region(&self, row: usize, col: usize) -> usize {
         let band = |i: usize, n: usize, shift: usize| match i {
             _ if i < n - self.window => 0,
@@ -36,7 +36,7 @@ impl WindowPlan {
         3 * band(row, self.padded[0], self.shift[0]) + band(col, self.padded[1], self.shift[1])
     }
 
-    /// Additive attention mask `[windows, 1, n, n]` (n = window²): 0 within a region, -100 across; `None` without a shift.
+    /// Returns the additive attention mask `[windows, 1, n, n]` (n = window²): 0 within a region, -100 across; `None` without a shift.
     pub fn mask(&self, device: &Device) -> Option<Tensor<4>> {
         if !self.shifted() {
             return None;
@@ -56,21 +56,21 @@ impl WindowPlan {
     }
 }
 
-/// `[B, H, W, C]` to `[B * windows, k², C]`.
+/// Converts `[B, H, W, C]` to `[B * windows, k², C]`.
 pub fn partition(x: Tensor<4>, k: usize) -> Tensor<3> {
     let [b, h, w, c] = x.dims();
     let x: Tensor<6> = x.reshape([b, h / k, k, w / k, k, c]);
     x.permute([0, 1, 3, 2, 4, 5]).reshape([b * (h / k) * (w / k), k * k, c])
 }
 
-/// The inverse of [`partition`] for a `[B, H, W, C]` map.
+/// Inverts [`partition`] for a `[B, H, W, C]` map.
 pub fn merge(x: Tensor<3>, k: usize, [b, h, w]: [usize; 3]) -> Tensor<4> {
     let c = x.dims()[2];
     let x: Tensor<6> = x.reshape([b, h / k, w / k, k, k, c]);
     x.permute([0, 1, 3, 2, 4, 5]).reshape([b, h, w, c])
 }
 
-/// Row of the relative position bias table for each (query, key) pair of a window: `[n * n]`.
+/// Returns the row of the relative position bias table for each (query, key) pair of a window: `[n * n]`.
 pub fn relative_index(k: usize, device: &Device) -> Tensor<1, Int> {
     let n = k * k;
     let side = 2 * k - 1;

@@ -1,4 +1,4 @@
-//! The integer runner against the f64 emulation, operator by operator, on random networks of every kind.
+//! The integer runner agrees with the f64 emulation, operator by operator, on random networks of every kind.
 
 use super::super::compile::{Export, Precision};
 use super::super::graph::{Activation, Operation};
@@ -10,16 +10,17 @@ use elunar_core::nn::{Model, Progress, Runner, required};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// What the comparison found, per operator kind.
+/// Result of the comparison for one kind of operator.
 #[derive(Debug, Default, Clone, Copy)]
 struct Agreement {
     samples: usize,
     exact: usize,
-    /// Largest difference in code steps (16-bit maps of attention and norms: in coarser ones, see below; the head: relative).
+    /// Largest difference in code steps. For 16-bit maps of attention and norms the steps are coarser, see below; for the head it is
+    /// relative.
     largest: f64,
 }
 
-/// Rows `rows` of a tensor as the runner has them now: codes (or floats) without margins.
+/// Returns rows `rows` of a tensor from the runner's memory: codes (or floats) without margins.
 fn rows_now(runner: &Runner<'_, '_>, tensor: u32, rows: Range<usize>, codes: &mut Vec<f64>) {
     let (t, bytes) = (runner.model().tensor(tensor), runner.tensor_bytes(tensor));
     for row in rows {
@@ -38,12 +39,12 @@ fn rows_now(runner: &Runner<'_, '_>, tensor: u32, rows: Range<usize>, codes: &mu
     }
 }
 
-/// Runs a tile unit by unit and keeps every row of every tensor when it has just been made.
+/// Runs a tile unit by unit and keeps every row of every tensor at the time when it is written.
 fn record(made: &Export, tile: &CalibrationTile) -> Vec<Vec<f64>> {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0xa5; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    // Steps of one unit each, and none behind the last.
+    // Each step has one unit. No step follows the last one.
     runner.protect(false);
     runner.begin(&tile.image, &tile.coarse).unwrap();
     let mut maps = vec![Vec::new(); model.tensor_count()];
@@ -137,13 +138,13 @@ fn runner_agrees_with_the_emulation_of_every_operator() {
         }
         println!("{precision:?} {found:#?}");
         let wide = precision == Precision::Int16;
-        // Convolutions and norms differ only where the exact value lies within the multipliers' rounding of a tie. C²ε is an
-        // integer, so that a norm of nearly constant pixels is within one step of 8 bits, but only within 1/8192 of a 16-bit
-        // range. Logits have 8 fraction bits: attention is within one step of 8 bits, and within 1/512 of a 16-bit range.
+        // Convolutions and norms differ only if the exact value is within the multipliers' rounding of a tie. C²ε is an integer, so the
+        // error of a norm of nearly constant pixels is within one step of 8 bits, but only within 1/8192 of a 16-bit range. Logits have 8
+        // fraction bits: attention is within one step of 8 bits, and within 1/512 of a 16-bit range.
         let limits = [
             ("conv", 1.0, 0.9999),
             ("up-conv", 1.0, 0.9999),
-            // Four bits of fraction, rounded once: the same codes, always.
+            // Four fraction bits, rounded once: the codes are always equal.
             ("upsampling", 0.0, 1.0),
             ("layer-norm", 1.0, if wide { 0.9 } else { 0.99 }),
             ("merge-norm", 1.0, if wide { 0.9 } else { 0.98 }),

@@ -1,8 +1,8 @@
-//! The quantised network once more, in f64 and from the definitions: the twin that the runner is held against.
+//! An emulation of the quantised network in f64, from the definitions. The runner is compared with it.
 //!
-//! It shares the quantised weights and the codes of every map with the program, and nothing else: no integer multipliers, no
-//! fixed-point square root, no exponential table, no cut windows, no packed weights. Each node is computed from the codes of its
-//! inputs as the runner made them, so a difference points at one operator.
+//! It shares only the quantised weights and the codes of every map with the program: no integer multipliers, no fixed-point square root, no
+//! exponential table, no cut windows, no packed weights. Each node is computed from the runner's codes of its inputs, so a difference
+//! belongs to one operator.
 
 use super::super::build::NORM_EPSILON;
 use super::super::codes::Codes;
@@ -19,19 +19,19 @@ pub(crate) type Map = Vec<f64>;
 pub(crate) struct Emulator<'a> {
     pub(crate) graph: &'a Graph,
     pub(crate) program: &'a Program,
-    /// Codes of every node so far.
+    /// Codes of all nodes computed so far.
     pub(crate) maps: Vec<Map>,
 }
 
-/// Where a filter or correction lies on an axis of the small map: its number, and the samples that it reads, border repeated.
+/// A filter or correction on an axis of the small map: its number, and the samples that it reads, with repeated border.
 struct Place {
     filter: usize,
     samples: Vec<usize>,
 }
 
 impl Place {
-    /// Output `index` sees five samples of the upsampled map, as if the small one went on behind its border; how many of them are
-    /// padding, and on which side, makes the number of the correction.
+    /// Returns all filters and corrections for output `index`. The output depends on five samples of the upsampled map, continued beyond
+    /// its border. The number and the side of the samples in the padding determine the number of the correction.
     fn all_of(index: usize, len: usize) -> Vec<Self> {
         let seen = (index as isize - 2)..=(index as isize + 2);
         let before = seen.clone().filter(|p| *p < 0).count();
@@ -50,7 +50,7 @@ impl Place {
 }
 
 impl Emulator<'_> {
-    /// Codes of node `id` from those of its inputs.
+    /// Computes the codes of node `id` from the codes of its inputs.
     pub(crate) fn node(&self, id: NodeId) -> Map {
         match &self.graph.nodes[id].operation {
             Operation::Image | Operation::Coarse => unreachable!("inputs are given"),
@@ -60,7 +60,7 @@ impl Emulator<'_> {
         }
     }
 
-    /// Codes of node `id` upsampled twofold, rounded once.
+    /// Computes the codes of node `id` upsampled twofold, rounded once.
     pub(crate) fn upsampled(&self, id: NodeId) -> Map {
         let node = &self.graph.nodes[id];
         let mut out = Vec::with_capacity(4 * node.len());
@@ -70,7 +70,7 @@ impl Emulator<'_> {
         out
     }
 
-    /// The code at (row, col) of the upsampled map, before rounding: bilinear, half-pixel centres, border repeated.
+    /// Computes the code at (row, col) of the upsampled map, before rounding: bilinear, half-pixel centres, border repeated.
     fn between(&self, id: NodeId, row: usize, col: usize, channel: usize) -> f64 {
         let node = &self.graph.nodes[id];
         let at = |r: usize, c: usize| self.maps[id][(r * node.cols + c) * node.channels + channel];
@@ -88,7 +88,7 @@ impl Emulator<'_> {
         &self.program.codes[id]
     }
 
-    /// Real value of a sample.
+    /// Returns the real value of a sample.
     fn real(&self, id: NodeId, index: usize) -> f64 {
         let (codes, channels) = (self.codes(id), self.graph.nodes[id].channels);
         (self.maps[id][index] - codes.zero as f64) * codes.scales[index % channels]
@@ -99,13 +99,13 @@ impl Emulator<'_> {
         ((real / codes.scales[channel] + 0.5).floor() + codes.zero as f64).clamp(codes.lo as f64, codes.hi as f64)
     }
 
-    /// Whether the program computes node `id` on the small maps.
+    /// Returns whether the program computes node `id` on the small maps.
     fn folded(&self, id: NodeId) -> bool {
         let makes = |op: &&Operator| op.output() == self.program.tensor_of[id];
         matches!(self.program.operators.iter().find(makes), Some(Operator::Conv(conv)) if conv.fold)
     }
 
-    /// Sums of products of a plain convolution with zero padding, for all outputs of one pixel.
+    /// Adds the products of a plain convolution with zero padding, for all outputs of one pixel.
     fn plain_sums(sources: &[Read], filter: &IntegerFilter, (top, left): (isize, isize), sums: &mut [f64]) {
         let mut patch = Vec::new();
         for (row, col) in (0..filter.extent.0).flat_map(|r| (0..filter.extent.1).map(move |c| (r, c))) {
@@ -119,7 +119,7 @@ impl Emulator<'_> {
         multiply(filter, &patch, sums);
     }
 
-    /// The same with the upsampling in the filter.
+    /// Adds the products of a convolution whose filter contains the upsampling, for all outputs of one pixel.
     fn folded_sums(sources: &[Read], filters: &[IntegerFilter], (row, col): (usize, usize), sums: &mut [f64]) {
         let (downs, acrosses) = (Place::all_of(row, sources[0].rows), Place::all_of(col, sources[0].cols));
         for (down, across) in downs.iter().flat_map(|down| acrosses.iter().map(move |across| (down, across))) {
@@ -165,7 +165,7 @@ impl Emulator<'_> {
                     continue;
                 }
                 if *activation == Activation::Gelu {
-                    // The table is entered with 8 bits of the sum.
+                    // The index of the table is 8 bits of the sum.
                     let (_, step, zero) = gelu_table(self.codes(id));
                     let code = ((real / step + 0.5).floor() + zero as f64).clamp(0.0, 255.0);
                     real = gelu((code - zero as f64) * step);
@@ -176,7 +176,7 @@ impl Emulator<'_> {
         out
     }
 
-    /// A source as the convolution reads it: the small map where the filters contain the upsampling.
+    /// Returns a source as the convolution reads it. If the filters contain the upsampling, it is the small map.
     fn read(&self, source: &Source, folded: bool) -> Read {
         let (node, zero) = (&self.graph.nodes[source.node], self.codes(source.node).zero as f64);
         let upsampled = source.up && !folded;
@@ -216,7 +216,7 @@ impl Emulator<'_> {
         };
         let (w, size) = (*window, node.channels / heads);
         let (tall, wide) = (node.rows.div_ceil(w) * w, node.cols.div_ceil(w) * w);
-        // The padded, shifted map: for every place its pixel (if real) and its region.
+        // The padded, shifted map: the pixel of every position (if it is in the map), and its region.
         let edge = |at: usize, len: usize, s: usize| (at + w >= len) as usize + (s > 0 && at + s >= len) as usize;
         let place = |r: usize, c: usize| {
             let (pr, pc) = ((r + shift.0) % tall, (c + shift.1) % wide);
@@ -275,7 +275,7 @@ struct Read {
     map: Map,
 }
 
-/// The filters before quantisation.
+/// Returns the filters before quantisation.
 fn filters(kernel: &Kernel, folded: bool) -> Vec<Filter> {
     if folded { fold(kernel) } else { vec![Filter::whole(kernel)] }
 }

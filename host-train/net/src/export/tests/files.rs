@@ -1,4 +1,4 @@
-//! No file harms the runner: flipped, cut, or made up under valid checksums.
+//! No file can harm the runner: with flipped bytes, truncated, or random under valid checksums.
 
 use super::super::compile::Precision;
 use super::{random_export, small_config};
@@ -8,7 +8,7 @@ use elunar_core::nn::{Model, ModelError, Progress, Runner, required};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Fewer weights than [`small_config`], so that every byte can be tried.
+/// Returns a model with fewer weights than [`small_config`], so that every byte can be tried.
 fn tiny() -> Vec<u8> {
     let narrow = NetConfig { embed: 2, depths: [1; 4], heads: [1; 4], window: 2, decoder: [2; 5], ..small_config() };
     let config = NetConfig { head: Head::Residual, dtm: [1; 5], stem: 1, ..narrow };
@@ -40,7 +40,7 @@ fn every_truncation_and_extension_is_refused() {
     assert!(matches!(Model::new(&bytes), Err(ModelError::Length { .. })));
 }
 
-/// Loads and, if it is accepted, runs a file for a bounded time.
+/// Loads a file and, if it is accepted, runs it for a bounded time.
 fn provoke(bytes: &[u8]) -> bool {
     let Ok(model) = Model::new(bytes) else { return false };
     if required(&model) > 1 << 26 {
@@ -75,7 +75,7 @@ fn invented_programs_under_valid_checksums_do_no_harm() {
         for _ in 0..rng.random_range(1..=3) {
             let (start, len) = sections[round % sections.len()];
             let at = start + rng.random_range(0..len / 4) * 4;
-            // The number of chunks says where the checksums lie: a wrong one is caught by the flips above.
+            // The number of chunks determines where the checksums are. The flips above test a wrong number.
             if at == 4 * word::CHUNKS {
                 continue;
             }
@@ -94,6 +94,6 @@ fn invented_programs_under_valid_checksums_do_no_harm() {
         accepted += provoke(&bytes) as usize;
     }
     println!("{accepted} of {rounds} accepted and run");
-    // Constants may change freely within their limits: some must have come through, and most structures must not.
+    // Constants may change freely within their limits. Some files must be accepted, and most structures must not.
     assert!(accepted > rounds / 20 && accepted < rounds / 2, "{accepted}");
 }

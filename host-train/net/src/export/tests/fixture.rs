@@ -1,9 +1,10 @@
-//! The small model file that `core` is shown and tested with.
+//! The small model file for tests and examples of `core`.
 
 use super::*;
 use crate::config::Head;
 
-/// Writes `core/fixtures/tile-v4.eld`: a network of every operator with random weights and a head that corrects the coarse DTM little.
+/// Writes `core/fixtures/tile-v4.eld`: a network with every operator and random weights. Its head makes small corrections of the coarse
+/// DTM.
 #[test]
 #[ignore = "writes core/fixtures/tile-v4.eld, which is kept as it is for as long as its version is read"]
 fn write_the_fixture_of_core() {

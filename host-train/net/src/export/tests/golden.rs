@@ -1,4 +1,4 @@
-//! The float graph and the runner against the reference implementation's golden files.
+//! The float graph and the runner agree with the reference implementation's golden files.
 
 use super::super::build::build;
 use super::super::compile::{Options, Precision, export};
@@ -8,7 +8,7 @@ use crate::config::NetConfig;
 use crate::weights::{Array, Weights};
 use std::path::{Path, PathBuf};
 
-/// The repository's own case, then the shared ones, if any.
+/// Returns the repository's own case, then the shared ones, if any.
 fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let shared = std::env::var_os("ELUNAR_SHARED").map_or_else(|| repository.join("../shared"), PathBuf::from);
@@ -27,7 +27,7 @@ fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
     found
 }
 
-/// `[1, C, H, W]` of a golden map against `[H, W, C]`: largest difference over largest magnitude.
+/// Compares `[1, C, H, W]` of a golden map with `[H, W, C]`. Returns the largest difference over the largest magnitude.
 fn relative_error(expected: &Array, found: &[f32]) -> f64 {
     let (channels, area) = (expected.shape[1], expected.shape[2] * expected.shape[3]);
     let magnitude = expected.data.iter().fold(0.0f64, |m, v| m.max(v.abs() as f64));
@@ -55,8 +55,8 @@ fn float_graph_matches_every_golden_map() {
 
 #[test]
 fn runner_stays_close_to_golden_outputs() {
-    // Random weights are the worst case for 8 bits: every layer adds about 1 %, and the last one was stretched to fill the
-    // range. Trained networks stay within 0.1 %.
+    // Random weights are the worst case for 8 bits: every layer adds about 1 %, and the last one was scaled to fill the range. Trained
+    // networks stay within 0.1 %.
     for (path, weights, config) in cases() {
         let image = &weights.tensors["input.image"];
         let tile = CalibrationTile {

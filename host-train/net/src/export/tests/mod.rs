@@ -1,4 +1,4 @@
-//! The graph is the network, the runner is the graph, and no file can harm the runner.
+//! The graph equals the network, the runner agrees with the graph, and no file can harm the runner.
 
 mod agreement;
 mod emulate;
@@ -16,7 +16,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 
-/// A network of a few thousand weights that has every operator and every kind of map.
+/// Returns a network of a few thousand weights with every operator and every kind of map.
 fn small_config() -> NetConfig {
     NetConfig {
         embed: 4,
@@ -30,7 +30,7 @@ fn small_config() -> NetConfig {
     }
 }
 
-/// Random weights, scaled so that maps keep about their size from layer to layer.
+/// Returns random weights, scaled so that the range of maps hardly changes from layer to layer.
 fn random_weights(config: &NetConfig, seed: u64) -> Weights {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = Weights::default();
@@ -50,7 +50,7 @@ fn random_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
-/// A tile of waves and noise.
+/// Returns a tile of waves and noise.
 fn random_tile(rows: usize, cols: usize, seed: u64) -> CalibrationTile {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let wave =
@@ -60,7 +60,7 @@ fn random_tile(rows: usize, cols: usize, seed: u64) -> CalibrationTile {
     CalibrationTile { image, coarse, ground: None }
 }
 
-/// Exports `config` with random weights, calibrated on two tiles of which the first comes back.
+/// Exports `config` with random weights, calibrated on two tiles. Also returns the first tile.
 fn random_export(
     config: &NetConfig,
     tile: (usize, usize),

@@ -10,7 +10,7 @@ use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
 use elunar_core::tile::Shape;
 use std::path::Path;
 
-/// One tile with steps of `budget_macs`, in an arena full of rubbish.
+/// Runs one tile with steps of `budget_macs`, in an arena with arbitrary content.
 pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec<f32> {
     let model = Model::new(bytes).unwrap();
     let mut arena = vec![0xa5; required(&model)];
@@ -70,7 +70,7 @@ fn a_step_overruns_its_budget_by_less_than_one_unit() {
     while runner.step(budget).unwrap() == Progress::Running {
         let spent = runner.telemetry().macs - before;
         if runner.position() == Some(model.entry_count()) {
-            // Some of this step's budget went into the model's checksums.
+            // A part of this step's budget was used for the model's checksums.
             assert!(spent < budget + largest, "{spent}");
             break;
         }
@@ -140,7 +140,7 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let random = random_tile(shape.0, shape.1, 11);
     let brightness: Vec<f32> = random.image.iter().map(|v| 200.0 + 900.0 * v).collect();
     let coarse_m: Vec<f32> = random.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
-    // A Sun in the south-east.
+    // The Sun is in the south-east.
     let light = Light::from_sun(140.0, 35.0).unwrap();
     let mirror = Mirror { rows: true, cols: true };
     let (image, heights) = (mirrored(mirror, &brightness, shape.1), mirrored(mirror, &coarse_m, shape.1));
@@ -206,7 +206,7 @@ fn self_test_passes_and_notices_a_changed_model() {
         (runner.check_self_test(), runner.telemetry().self_test_faults)
     };
     assert_eq!(check(&made.bytes), (Ok(()), 0));
-    // A head bias other than the one exported, under valid checksums.
+    // A head bias that differs from the exported one, under valid checksums.
     let mut changed = made.bytes.clone();
     let model = Model::new(&made.bytes).unwrap();
     let Some(elunar_core::nn::file::Operator::Conv(head)) = model.operator(model.operator_count() - 1) else {

@@ -1,11 +1,11 @@
-//! GDAL reads the same samples at the same place. Needs `python3` with `rasterio`; says so where it is absent.
+//! GDAL reads the same samples with the same georeference. Needs `python3` with `rasterio`; says so if it is absent.
 
 use super::{EQUIRECTANGULAR, POLAR, attached, sldem_label};
 use crate::source::{open, read_all};
 use elunar_testing::rasterio;
 use std::path::Path;
 
-/// A detached label that points into a TIFF, as those of NAC_DTM products do.
+/// Returns a detached label that points into a TIFF, as in NAC_DTM products.
 fn nac_dtm_label(start: usize, rows: usize, cols: usize) -> String {
     format!(
         "PDS_VERSION_ID = PDS3\r\nRECORD_TYPE = UNDEFINED\r\n^IMAGE = (\"NAC_DTM_SITE.TIF\",{start} <BYTES>)\r\n{EQUIRECTANGULAR}\r
@@ -14,7 +14,7 @@ OBJECT = IMAGE\r\n DESCRIPTION = \"NoDATA value is -3.40282266e+038\"\r\n LINES 
     )
 }
 
-/// GDAL's samples, nodata as NaN and times its scale, beside its transform and the map coordinates' longitude and latitude.
+/// Prints GDAL's samples, with nodata as NaN and times its scale; its transform; longitude and latitude of the map coordinates.
 const SCRIPT: &str = "
 import glob, json
 from rasterio.warp import transform
@@ -43,7 +43,7 @@ fn samples_and_places_agree() {
         heights.iter().flat_map(|v| v.to_le_bytes()).collect(),
         heights.iter().flat_map(|v| v.to_be_bytes()).collect(),
     );
-    // GDAL prefers the packed twin of the image, which is not there.
+    // GDAL prefers the compressed copy of the image, which is absent here.
     let label = sldem_label("SLDEM", 5, 7).replace("^IMAGE                    = \"SLDEM.JP2\"", "");
     std::fs::write(
         path("SLDEM.LBL"),
@@ -73,7 +73,7 @@ fn samples_and_places_agree() {
     }
 }
 
-/// Equal bits, and places within a millimetre.
+/// Compares bits, and positions to a millimetre.
 fn compare(path: &Path, expected: &serde_json::Value, factor: f32) {
     let raster = read_all(&*open(path).unwrap()).unwrap();
     let raw = std::fs::read(format!("{}.raw", path.display())).unwrap();

@@ -93,7 +93,7 @@ fn nesting_is_bounded() {
     assert!(what.contains("32 deep"), "{what}");
     let (_, what) = defect("OBJECT = A\n".repeat(100_000).as_bytes());
     assert!(what.contains("32 deep"), "{what}");
-    // Wide is not deep.
+    // Width does not count as depth.
     let wide = format!("A = ({}1)", "(1), ".repeat(1000));
     assert_eq!(Block::parse(wide.as_bytes()).unwrap().items[0].value.members().len(), 1001);
 }
@@ -140,7 +140,7 @@ fn real_labels_and_grammar_cases() {
             broken.push((name, defect.line));
         }
     }
-    // What is left out is sound here: its only fault elsewhere is a degree sign in Latin-1.
+    // The missing cases are valid here. Other readers refuse them only for a degree sign in Latin-1.
     let expected = [("1", 2), ("11", 1), ("13", 1), ("15", 4), ("2", 2), ("4", 2), ("6", 1), ("8", 4)];
     let expected: Vec<_> = expected.iter().map(|(name, line)| (format!("broken{name}"), *line)).collect();
     assert_eq!(broken, expected);

@@ -1,4 +1,4 @@
-//! Images behind labels.
+//! Images described by labels.
 
 use super::{EQUIRECTANGULAR, POLAR, attached, opened, refused, shared, sldem_label};
 use crate::source::{open, read_all};
@@ -32,7 +32,7 @@ fn sldem_heights_are_metres_above_the_sphere() {
     // The upper left corner is 30 degrees north at longitude 0.
     let (lon_deg, lat_deg) = Projection::of(&georef.crs).unwrap().inverse(georef.transform[0], georef.transform[3]);
     assert!((lat_deg - 30.0).abs() < 1e-6 && lon_deg.abs() < 1e-6, "{lon_deg} {lat_deg}");
-    // The image file leads to its label, whatever the case of either.
+    // The image file leads to its label, in any case of either name.
     let same = open(&folder.path().join(&img)).unwrap();
     assert_eq!(same.info(), source.info());
 }
@@ -107,7 +107,7 @@ fn pointers_of_every_form() {
         let source = opened(folder.path(), &[("A.LBL", text.as_bytes()), ("A.DAT", &data)]).unwrap();
         assert_eq!(read_all(&*source).unwrap().samples[0], first, "{pointer}");
     }
-    // The name beside the pointer, and from the image back to the label.
+    // The name beside the pointer, and back from the image to the label.
     let inside = label("2")
         .replace("^IMAGE", "OBJECT = FILE\nFILE_NAME = \"A.DAT\"\n^IMAGE")
         .replace("END\n", "END_OBJECT = FILE\nEND\n");

@@ -1,4 +1,4 @@
-//! Labels, images, GDAL's opinion of both, and what mutations do to them.
+//! Tests of labels and images: comparison with GDAL, and mutations.
 
 mod gdal;
 mod grammar;
@@ -17,7 +17,7 @@ fn opened(folder: &Path, files: &[(&str, &[u8])]) -> Result<Box<dyn Source>> {
     open(&folder.join(files[0].0))
 }
 
-/// Why the first of the files is refused: one line that names it.
+/// Returns the reason for refusing the first of the files: one line that names it.
 fn refused(files: &[(&str, &[u8])]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let text = opened(folder.path(), files).err().expect("refused").to_string();
@@ -25,8 +25,8 @@ fn refused(files: &[(&str, &[u8])]) -> String {
     text
 }
 
-/// A label as SLDEM2015 has it: two files described, the plain one with its image object and its pointer nested, heights in kilometres,
-/// the sphere's radius as OFFSET.
+/// Returns a label as of SLDEM2015: two files are described, the plain one with nested image object and pointer, heights in kilometres, the
+/// sphere's radius as OFFSET.
 fn sldem_label(name: &str, rows: usize, cols: usize) -> String {
     format!(
         "PDS_VERSION_ID            = \"PDS3\"\r
@@ -80,7 +80,7 @@ END\r
     )
 }
 
-/// A label in front of its image as NAC orthoimages have it, padded to whole records; polar or equirectangular.
+/// Returns a label and its image as in NAC orthoimages, padded to whole records, polar or equirectangular.
 fn attached(rows: usize, cols: usize, image: &str, projection: &str, sample_bytes: usize) -> Vec<u8> {
     let record = cols * sample_bytes;
     let text = |records: usize| {

@@ -1,4 +1,4 @@
-//! Damaged labels and images: refused or read, never a panic, never memory beyond what the file can hold.
+//! Damaged labels and images are refused or read. The reader never panics and never needs more memory than the file can hold.
 
 use super::super::Block;
 use super::{EQUIRECTANGULAR, POLAR, attached, shared, sldem_label};
@@ -7,7 +7,7 @@ use elunar_testing::mutate;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Pieces that mean something to a label: mutations made of them reach deeper than random bytes.
+/// Pieces with a meaning in a label. Mutations with them test more than random bytes do.
 const PIECES: [&str; 24] = [
     "=",
     "(",

@@ -1,4 +1,4 @@
-//! Joining, against numpy and scipy and by properties.
+//! Joining, compared with numpy and scipy, and by its properties.
 
 use super::*;
 use crate::mosaic::GridOptions;
@@ -21,7 +21,7 @@ fn inputs(rasters: &[Raster]) -> Vec<Input> {
     rasters.iter().enumerate().map(input).collect()
 }
 
-/// Three rough DTMs with gaps; the last lies half a pixel off the first.
+/// Returns three rough DTMs with gaps. The last one is shifted by half a pixel from the first.
 fn rough() -> Vec<Raster> {
     let height = |k: usize| {
         move |r: usize, c: usize| {
@@ -44,7 +44,7 @@ fn made(rasters: &[Raster], options: GridOptions, rules: &JoinRules) -> Raster {
     Raster { rows: grid.rows, cols: grid.cols, samples, georef: Some(grid.georef) }
 }
 
-/// Everything in one array per DTM over the whole grid, by numpy and scipy; no windows, no frames.
+/// One array per DTM over the whole grid, in numpy and scipy, without windows and frames.
 const TWIN: &str = "
 from scipy import ndimage, stats
 def bilinear(z, w, rows, cols, r0, c0, sr, sc):
@@ -121,7 +121,7 @@ fn matches_numpy_and_scipy() {
         );
         let Some(text) = rasterio_with(&["scipy"], &script, folder.path()) else { return };
         let numbers: Vec<f64> = text.split_whitespace().map(|v| v.parse().unwrap()).collect();
-        // Sums in f64 in another order, rounded to f32 at about 1900 m: one unit in the last place.
+        // The order of the f64 sums differs. Rounding to f32 at about 1900 m gives one unit in the last place.
         assert!(numbers[0] <= 1.3e-4, "{rules:?}: {text}");
         assert!(numbers[1] > 2000.0 && numbers[2] > 100.0, "{rules:?}: {text}");
     }
@@ -175,7 +175,7 @@ fn a_window_is_a_part_of_the_whole() {
     }
 }
 
-/// Taller than any weight reaches, so that what lies around a band is really left out.
+/// The DTMs are taller than the reach of any weight, so that pixels around a band are really left out.
 #[test]
 fn bands_are_the_whole() {
     let height = |k: usize| {
@@ -195,7 +195,7 @@ fn bands_are_the_whole() {
             let expected = &whole[rows.start * grid.cols..rows.end * grid.cols];
             assert_eq!(part.len(), expected.len());
             for (i, (a, b)) in part.iter().zip(expected).enumerate() {
-                // The place of a band is rounded on its own: one unit in the last place.
+                // The origin of a band is rounded separately: one unit in the last place.
                 assert!((a.is_nan() && b.is_nan()) || (a - b).abs() <= 1e-5, "{priority_px} {rows:?} {i}: {a} {b}");
             }
         }

@@ -1,4 +1,4 @@
-//! The convolutions.
+//! The convolutions of the extension.
 
 use super::super::{conv, up2};
 use super::{dims, numbers, tensor};
@@ -18,27 +18,27 @@ pub(in super::super) enum Kind {
     Conv {
         /// Stride of rows and columns.
         stride: usize,
-        /// Zeros on every side.
+        /// Number of zeros on every side.
         padding: usize,
     },
     /// Bilinear upsampling by two, then a 5x5 convolution with zeros around.
     Up2,
 }
 
-/// An operator with the sizes it is applied to.
+/// An operator with the sizes of its operands.
 enum Sized {
     Conv(conv::Shape),
     Up2(up2::Shape),
 }
 
-/// What flex learns: an operator of `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]`.
+/// Extension of flex: an operator of `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]`.
 #[backend_extension(Flex, Autodiff)]
 pub(super) trait Convolutions: Backend {
     /// Applies the operator.
     fn convolve(x: FloatTensor<Self>, weight: FloatTensor<Self>, kind: Kind) -> FloatTensor<Self>;
 }
 
-/// The operator on tensors that [`super::takes`] accepts.
+/// Applies the operator to tensors that [`super::takes`] accepts.
 pub(in super::super) fn run(x: Tensor<4>, weight: Tensor<4>, kind: Kind) -> Tensor<4> {
     Tensor::from_dispatch(<Dispatch as Convolutions>::convolve(x.into_dispatch(), weight.into_dispatch(), kind))
 }
@@ -81,7 +81,7 @@ impl Convolutions for Flex {
     }
 }
 
-/// Gradients of `x` and `weight`, each if wanted.
+/// Returns the requested gradients of `x` and `weight`.
 fn backward(
     kind: Kind,
     x: &FloatTensor<Flex>,

@@ -1,4 +1,4 @@
-//! The operators as an extension of Burn's flex backend, with their gradients as steps of its automatic differentiation.
+//! The operators as an extension of Burn's flex backend. Their gradients are steps of its automatic differentiation.
 
 pub(super) mod convolutions;
 pub(super) mod norms;
@@ -7,7 +7,7 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata, ops::FloatTensorOps};
 use burn::tensor::{DType, Device, Tensor, TensorData};
 
-/// Whether these tensors are for us: `f32` on flex.
+/// Returns whether the extension supports these tensors: `f32` on flex.
 pub(super) fn takes(tensors: &[&Tensor<4>]) -> bool {
     tensors.iter().all(|t| t.device() == Device::flex() && t.dtype() == DType::F32)
 }

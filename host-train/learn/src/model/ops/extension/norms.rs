@@ -1,4 +1,4 @@
-//! Batch normalisation.
+//! The batch normalisation of the extension.
 
 use super::super::batch_norm::{self, Parameters, Shape};
 use super::{dims, numbers, tensor};
@@ -11,14 +11,14 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, AutodiffBackend, Backend, Dispatch, Flex, backend_extension};
 use burn::tensor::Tensor;
 
-/// What flex learns, for maps `[B, C, H, W]`.
+/// Extension of flex for maps `[B, C, H, W]`.
 #[backend_extension(Flex, Autodiff)]
 pub(super) trait Norms: Backend {
-    /// Mean and biased variance of the channels, `[2, C]`; a constant to automatic differentiation.
+    /// Returns mean and biased variance of the channels, `[2, C]`. Automatic differentiation treats them as constants.
     fn channel_statistics(x: FloatTensor<Self>) -> FloatTensor<Self>;
 
-    /// The map normalised by its own statistics, times `weight`, plus `bias`, and through a ReLU if asked. Its gradient counts
-    /// the statistics as functions of the map.
+    /// Normalises the map by its own statistics, multiplies by `weight`, adds `bias`, and optionally applies a ReLU. For the gradient, the
+    /// statistics count as functions of the map.
     fn normalise_channels(
         x: FloatTensor<Self>,
         weight: FloatTensor<Self>,
@@ -28,7 +28,7 @@ pub(super) trait Norms: Backend {
     ) -> FloatTensor<Self>;
 }
 
-/// How to normalise.
+/// Options of the normalisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Options {
     /// Added to the variance.
@@ -37,7 +37,7 @@ pub(in super::super) struct Options {
     pub(in super::super) relu: bool,
 }
 
-/// Output and statistics of the operator on a map that [`super::takes`] accepts.
+/// Returns output and statistics of the operator on a map that [`super::takes`] accepts.
 pub(in super::super) fn run(
     x: Tensor<4>,
     weight: Tensor<1>,
