@@ -94,27 +94,27 @@
 
 
 /**
- * Version of this interface, major << 16 | minor << 8 | patch: the header's. Compare with `eld_version()`.
+ * Version of the header's interface, major << 16 | minor << 8 | patch. Compare with `eld_version()`.
  */
 #define ELD_VERSION 65536
 
 /**
- * Light: the network takes the image as it is.
+ * Light: the network works with any Sun and takes the image unchanged.
  */
 #define ELD_LIGHT_ANY 0
 
 /**
- * Light: the network knows the Sun in the north-west; tiles lit from elsewhere are mirrored and the heights back.
+ * Light: the network knows the Sun in the north-west; tiles with another Sun are mirrored, and the heights are mirrored back.
  */
 #define ELD_LIGHT_NORTHWEST 1
 
 /**
- * Light: as before, and the network is told how brightness answers to slope.
+ * Light: as `ELD_LIGHT_NORTHWEST`, and the network takes maps computed from the image and the light.
  */
 #define ELD_LIGHT_GIVEN 2
 
 /**
- * Heights: scaled by the relief of the tile's own truth, for which the coarse DTM's stands in.
+ * Heights: scaled by the relief of the tile's own truth, which the relief of the coarse DTM replaces.
  */
 #define ELD_HEIGHTS_OWN_RELIEF 0
 
@@ -134,17 +134,17 @@
 #define ELD_PHASE_EMPTY 0
 
 /**
- * Phase: a tile is at work.
+ * Phase: a tile is in progress.
  */
 #define ELD_PHASE_TILE 1
 
 /**
- * Phase: a tile is finished, its heights can be read.
+ * Phase: a tile is finished; its heights can be read.
  */
 #define ELD_PHASE_TILE_DONE 2
 
 /**
- * Phase: the self test is at work.
+ * Phase: the self test is in progress.
  */
 #define ELD_PHASE_SELF_TEST 3
 
@@ -154,19 +154,18 @@
 #define ELD_PHASE_SELF_TEST_DONE 4
 
 /**
- * A model's working memory and everything known of its tile. It lives at the start of the memory lent to `eld_init`, must not be moved,
- * copied or looked into, and ends with that memory: there is nothing to close. One thread at a time may use it; different contexts are
- * independent.
+ * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
+ * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
 
 /**
- * How a call went: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
+ * Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
  */
 typedef uint32_t eld_status_t;
 
 /**
- * What a model is and needs. All sizes are exact.
+ * Properties and requirements of a model. All sizes are exact.
  */
 typedef struct {
     /**
@@ -186,31 +185,31 @@ typedef struct {
      */
     uint32_t tile_cols;
     /**
-     * Maps the network sees in place of the image: 1, or 4 if it is given the light.
+     * Number of maps for the image: 1, or 4 for a network with a given light.
      */
     uint32_t image_maps;
     /**
-     * Which light the network knows: one of `ELD_LIGHT_*`.
+     * Light that the network knows: one of `ELD_LIGHT_*`.
      */
     uint32_t light;
     /**
-     * How heights are scaled: one of `ELD_HEIGHTS_*`.
+     * Scale of heights: one of `ELD_HEIGHTS_*`.
      */
     uint32_t heights;
     /**
-     * Alignment of the memory that `eld_init` wants, bytes.
+     * Alignment of the memory for `eld_init`, bytes.
      */
     uint32_t memory_align;
     /**
-     * Bytes of memory that `eld_init` wants; one less is refused.
+     * Bytes of memory for `eld_init`; one byte less is refused.
      */
     uint64_t memory_bytes;
     /**
-     * Bytes of that which are the arena of the network's tensors.
+     * Bytes of `memory_bytes` that are the arena of the network's tensors.
      */
     uint64_t arena_bytes;
     /**
-     * Bytes of the file.
+     * Length of the file, bytes.
      */
     uint64_t file_bytes;
     /**
@@ -218,11 +217,11 @@ typedef struct {
      */
     uint64_t tile_macs;
     /**
-     * Largest unit of work, multiply-accumulates: a step overruns its budget by less than this.
+     * Largest unit of work, multiply-accumulates: a step exceeds its budget by less than this.
      */
     uint64_t largest_unit_macs;
     /**
-     * CRC32C of the header, which binds all other bytes: the model's identity.
+     * CRC32C of the header, which depends on all other bytes: the model's identity.
      */
     uint32_t header_crc;
     /**
@@ -234,7 +233,7 @@ typedef struct {
      */
     float nr;
     /**
-     * Share by which the coarse DTM's relief is widened below and above.
+     * Share by which the range of the coarse DTM is widened below and above.
      */
     float range_margin;
 } eld_model_info_t;
@@ -257,11 +256,11 @@ typedef struct {
      */
     float coarse_px;
     /**
-     * Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN: unknown.
+     * Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN if unknown.
      */
     float sun_azimuth_deg;
     /**
-     * Elevation of the Sun above the horizon, degrees; NaN: unknown.
+     * Elevation of the Sun above the horizon, degrees; NaN if unknown.
      */
     float sun_elevation_deg;
     /**
@@ -273,7 +272,7 @@ typedef struct {
      */
     const float *image;
     /**
-     * Samples of the image.
+     * Number of samples of the image.
      */
     size_t image_len;
     /**
@@ -281,11 +280,11 @@ typedef struct {
      */
     const float *coarse_m;
     /**
-     * Samples of the coarse DTM.
+     * Number of samples of the coarse DTM.
      */
     size_t coarse_len;
     /**
-     * Which pixels count, 1 or 0 each; NULL: all that are real.
+     * Mask: 1 or 0 per pixel; NULL: every real pixel is valid.
      */
     const uint8_t *valid;
     /**
@@ -295,7 +294,7 @@ typedef struct {
 } eld_tile_t;
 
 /**
- * Counters of a context since `eld_init`; they wrap never in a mission's time.
+ * Counters of a context since `eld_init`. They do not wrap within the time of a mission.
  */
 typedef struct {
     /**
@@ -307,15 +306,15 @@ typedef struct {
      */
     uint32_t phase;
     /**
-     * Entry of the schedule at work; 0 unless a tile is at work.
+     * Current entry of the schedule; 0 unless a tile is in progress.
      */
     uint32_t entry;
     /**
-     * Pixels of the tile whose heights mean something.
+     * Number of pixels of the tile with valid heights.
      */
     uint32_t valid_px;
     /**
-     * The latest fault; 0: there was none.
+     * Latest fault; 0 if there was none.
      */
     eld_status_t last_fault;
     /**
@@ -335,7 +334,7 @@ typedef struct {
      */
     uint64_t context_repairs;
     /**
-     * Tiles begun under a light that was assumed.
+     * Tiles begun with an assumed light.
      */
     uint64_t lights_assumed;
     /**
@@ -355,7 +354,7 @@ typedef struct {
      */
     uint64_t macs;
     /**
-     * Input samples outside the range the model was calibrated for.
+     * Input samples outside the range that the model was calibrated for.
      */
     uint64_t inputs_clamped;
     /**
@@ -363,7 +362,7 @@ typedef struct {
      */
     uint64_t saturated;
     /**
-     * Model bytes re-checked.
+     * Bytes of the model compared with their checksums.
      */
     uint64_t scrubbed_bytes;
     /**
@@ -371,7 +370,7 @@ typedef struct {
      */
     uint64_t scrub_passes;
     /**
-     * Chunks of the model found changed.
+     * Chunks of the model found to have changed.
      */
     uint64_t scrub_faults;
     /**
@@ -379,7 +378,7 @@ typedef struct {
      */
     uint64_t self_test_faults;
     /**
-     * Tiles given up because the model or a map had changed in memory.
+     * Tiles that were given up because the model or a map had changed in memory.
      */
     uint64_t tile_faults;
 } eld_telemetry_t;
@@ -389,35 +388,34 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * Version of this library's interface, major << 16 | minor << 8 | patch. Another major number than the header's `ELD_VERSION`: do not
- * call on.
+ * Returns the version of this library's interface, major << 16 | minor << 8 | patch. If its major number differs from that of the header's
+ * `ELD_VERSION`, call no other function.
  */
 uint32_t eld_version(void);
 
 /**
- * Version of the model files this library reads.
+ * Returns the version of the model files that this library reads.
  */
 uint32_t eld_format_version(void);
 
 /**
- * What a status means, one line of ASCII; never NULL, and never to be freed.
+ * Returns the meaning of a status in one line of ASCII; never NULL, and never to be freed.
  */
 const char *eld_status_text(eld_status_t status);
 
 /**
- * Writes the name of the kernel that computes on this processor, ended by NUL, into `name` of `name_bytes` bytes; 64 are enough.
+ * Writes the name of the kernel for this processor, ended by NUL, into `name` of `name_bytes` bytes; 64 are enough.
  */
-eld_status_t eld_kernel_name(char *name,
-                             size_t name_bytes);
+eld_status_t eld_kernel_name(char *name, size_t name_bytes);
 
 /**
- * Validates a model file, every byte of it, and says what it is and needs. `info->struct_bytes` must be set.
+ * Validates every byte of a model file and writes its properties and requirements. `info->struct_bytes` must be set.
  */
 eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_info_t *info);
 
 /**
- * Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`, which is lent until the context is used no
- * more; the model is read in place, and lent as long. Writes the context to `*context`; NULL if refused, and then `memory` is as it was.
+ * Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
+ * the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL, and `memory` is unchanged.
  */
 eld_status_t eld_init(void *memory,
                       size_t memory_bytes,
@@ -426,22 +424,23 @@ eld_status_t eld_init(void *memory,
                       eld_context_t **context);
 
 /**
- * Validates and normalises a tile and stands ready for the first step. `tile->struct_bytes` must be set; the maps are not needed any more
- * when this returns. A tile in progress is dropped, with a notice; if the new one is refused, the old one goes on.
+ * Validates and normalises a tile and prepares for the first step. `tile->struct_bytes` must be set. The maps are not needed after this
+ * call. A tile in progress is dropped, with a notice. If the new tile is refused, the old one continues.
  */
 eld_status_t eld_begin(eld_context_t *context,
                        const eld_tile_t *tile);
 
 /**
- * Works until `budget_macs` multiply-accumulates are spent or the tile is done: at least one unit of work, and less than one unit
- * (`largest_unit_macs`) more than the budget. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is done.
+ * Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
+ * by less than one unit (`largest_unit_macs`). The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
+ * done.
  */
 eld_status_t eld_step(eld_context_t *context,
                       uint64_t budget_macs);
 
 /**
- * Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each 1 where it means something, 0 where image or coarse DTM
- * do not count. `valid` may be NULL with length 0. May be called again until the next tile begins.
+ * Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each height 1 if it is valid, 0 where image or coarse
+ * DTM are invalid. `valid` may be NULL with length 0. May be called again until the next tile begins.
  */
 eld_status_t eld_output(eld_context_t *context,
                         float *heights_m,
@@ -450,14 +449,15 @@ eld_status_t eld_output(eld_context_t *context,
                         size_t valid_len);
 
 /**
- * Looks over up to `max_bytes` of the model against its checksums, going round and round over calls, at any time between others. A fault names
- * a chunk that has changed since it was loaded; the next call goes on behind it.
+ * Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
+ * be called at any time between other calls. A fault means that a chunk has changed since it was loaded; the next call continues behind
+ * it.
  */
 eld_status_t eld_scrub(eld_context_t *context,
                        size_t max_bytes);
 
 /**
- * Begins the built-in tile; `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
+ * Begins the built-in tile. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
  */
 eld_status_t eld_self_test_begin(eld_context_t *context);
 
@@ -467,10 +467,9 @@ eld_status_t eld_self_test_begin(eld_context_t *context);
 eld_status_t eld_self_test_check(eld_context_t *context);
 
 /**
- * Copies the counters. `out->struct_bytes` must be set. Reads nothing but the context, so it works while the model is damaged.
+ * Copies the counters. `out->struct_bytes` must be set. Reads only the context, so it works with a damaged model.
  */
-eld_status_t eld_telemetry(eld_context_t *context,
-                           eld_telemetry_t *out);
+eld_status_t eld_telemetry(eld_context_t *context, eld_telemetry_t *out);
 
 #ifdef __cplusplus
 }  // extern "C"
