@@ -37,7 +37,7 @@ def arguments():
     parser.add_argument("--no-onnx-float", action="store_true", help="leave out ONNX Runtime in float")
     parser.add_argument("--binaries", type=Path, help="folder of built programs, such as target/release (default: build)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers.md")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers/")
     a = parser.parse_args()
     if a.rounds < 1:
         parser.error(f"--rounds: expected at least 1, found {a.rounds}")

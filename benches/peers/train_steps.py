@@ -41,7 +41,7 @@ def arguments():
     parser.add_argument("--steps", type=int, default=3, help="steps of a turn (default: %(default)s)")
     parser.add_argument("--binaries", type=Path, help="folder of built programs, such as target/release (default: build)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-training.md")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-training/")
     a = parser.parse_args()
     for name, n in [("--batch", a.batch), ("--threads", a.threads), ("--rounds", a.rounds), ("--steps", a.steps)]:
         if n < 1:

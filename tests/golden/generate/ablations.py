@@ -4,15 +4,11 @@
 
 Needs numpy, torch, torchvision, timm and safetensors. Layout of the file: see mini/README.md.
 """
-import json
-import os
 import sys
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
-import scores
 import mini
 import modules
 
@@ -41,19 +37,7 @@ def main(path):
     output, _ = network(image, coarse)
     network.head.weight *= CORRECTION / (output - coarse).std()
     output, maps = network(image, coarse)
-    noise = torch.from_numpy(random.normal(0, 1, output.shape).astype(np.float32))
-    truth = (coarse + noise).clamp(0, 50)
-    tensors = modules.state(network) | {"input.image": image, "input.coarse": coarse, "output": output, "truth": truth}
-    tensors |= {f"trace.{name}": value for name, value in maps.items()}
-    metadata = {
-        "config": CONFIG,
-        "loss_terms": scores.loss_terms(truth, output),
-        "metrics": scores.metrics(truth, output),
-    }
-    metadata = {key: json.dumps(value) for key, value in metadata.items()}
-    save_file({name: t.contiguous() for name, t in tensors.items()}, path, metadata=metadata)
-    os.chmod(path, 0o644)  # save_file makes it private
-    print(f"{path}: output {output.min():.2f} to {output.max():.2f}", metadata["loss_terms"], metadata["metrics"])
+    mini.save(path, CONFIG, modules.state(network), (image, coarse), output, maps, random)
     print("deviations of the maps:", {name: round(float(value.std()), 2) for name, value in maps.items()})
 
 

@@ -69,19 +69,15 @@ def spread_output(weights, image, coarse):
     weights["head.bias"] = 25 + gain * (weights["head.bias"] - raw.mean())
 
 
-def main(path):
-    random = np.random.default_rng(SEED)
-    weights = random_weights(random)
-    image, coarse = inputs(random)
-    spread_output(weights, image, coarse)
-    maps = {}
-    output = float_net.forward(CONFIG, weights, image, coarse, maps)
-    noise = torch.from_numpy(random.normal(0, 1, (1, 1, ROWS, COLS)).astype(np.float32))
+def save(path, config, weights, inputs, output, maps, random):
+    """Writes a golden case: weights, inputs, traced maps, output, a truth near the coarse DTM, loss terms and metrics."""
+    image, coarse = inputs
+    noise = torch.from_numpy(random.normal(0, 1, output.shape).astype(np.float32))
     truth = (coarse + noise).clamp(0, 50)
     tensors = weights | {"input.image": image, "input.coarse": coarse, "output": output, "truth": truth}
     tensors |= {f"trace.{name}": value for name, value in maps.items()}
     metadata = {
-        "config": CONFIG,
+        "config": config,
         "loss_terms": scores.loss_terms(truth, output),
         "metrics": scores.metrics(truth, output),
     }
@@ -89,6 +85,16 @@ def main(path):
     save_file({name: t.contiguous() for name, t in tensors.items()}, path, metadata=metadata)
     os.chmod(path, 0o644)  # save_file makes it private
     print(f"{path}: output {output.min():.2f} to {output.max():.2f}", metadata["loss_terms"], metadata["metrics"])
+
+
+def main(path):
+    random = np.random.default_rng(SEED)
+    weights = random_weights(random)
+    image, coarse = inputs(random)
+    spread_output(weights, image, coarse)
+    maps = {}
+    output = float_net.forward(CONFIG, weights, image, coarse, maps)
+    save(path, CONFIG, weights, (image, coarse), output, maps, random)
 
 
 if __name__ == "__main__":
