@@ -24,7 +24,7 @@
 //! model (view)      dispatch          a file that was validated; operators compiled for a processor
 //! model/validate      |
 //!            ops                      what an operator reads, writes and costs; its unit of work
-//! file      kernels                   records and their bytes; arithmetic on bytes, which knows neither
+//! file      kernels                   records and their bytes; arithmetic on bytes, without operators and models
 //! tensor  panels  arena  sum  crc
 //! ```
 

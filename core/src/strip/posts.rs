@@ -59,7 +59,7 @@ impl PostGrid {
 ///         lines += 1;
 ///     }
 /// }
-/// // Line 4 lies on row 1, and waits for row 3 to shape what follows; or for the word that there is none.
+/// // Line 4 lies on row 1. It needs row 3, or `finish`, which says that no row 3 follows.
 /// assert_eq!(lines, 4);
 /// posts.finish();
 /// assert_eq!(posts.line(&mut line_m), Some(4));

@@ -128,7 +128,8 @@ pub fn run(settings: &Settings) -> Result<PathBuf> {
     let mut console = Console::new(6);
     println!("ELunarDTM: one orbiter image and a coarse DTM become a DTM at the image's resolution.");
     println!("All terrain here is synthetic. Ctrl-C stops the tour; {} is what it writes.\n", folder.show());
-    let scene = console.step("A scene nobody trained on", || scene::make(&folder, seeds.scene, settings.scene_px))?;
+    let scene =
+        console.step("A scene that was not trained on", || scene::make(&folder, seeds.scene, settings.scene_px))?;
     let tuned = console.step(tune::title(settings), || tune::run(settings, &folder, seeds, &scene.about, weights))?;
     let shrunk = console.step("From float to int8", || shrink::run(settings, &folder, seeds, &scene.about))?;
     let predicted = console.step("Predicting the scene", || infer::run(settings, &folder, &scene))?;

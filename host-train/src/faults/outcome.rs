@@ -9,7 +9,7 @@ pub const LIMIT_M: f32 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// The runner reported an error. A second run from the beginning gives the right result.
+    /// The runner reported an error, and a second run has undamaged memory. One second run in 16 is made, and must give the right result.
     Recovered,
     /// The runner reported an error, and would report it again. The damaged memory must be loaded again.
     Reported,

@@ -161,7 +161,7 @@ impl<'c> Desk<'c> {
         if near { Outcome::Masked } else { Outcome::Silent }
     }
 
-    /// Runs the tile again from its beginning, with the arena in its current state.
+    /// Runs the tile again from its beginning.
     fn again(&mut self) -> Outcome {
         let Some(first) = self.moments.moments.first() else { return Outcome::Recovered };
         self.arena.clone_from(&first.arena);

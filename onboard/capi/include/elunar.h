@@ -50,7 +50,7 @@
 #define ELD_REFUSED_NULL                  UINT32_C(0x80010001) /**< a pointer is NULL */
 #define ELD_REFUSED_ALIGNMENT             UINT32_C(0x80010002) /**< a pointer is not aligned as its type demands */
 #define ELD_REFUSED_LENGTH                UINT32_C(0x80010003) /**< a length reaches beyond the address space */
-#define ELD_REFUSED_STRUCT_BYTES          UINT32_C(0x80010004) /**< struct_bytes is not the size of the structure this library knows */
+#define ELD_REFUSED_STRUCT_BYTES          UINT32_C(0x80010004) /**< struct_bytes is not the size of this library's structure */
 #define ELD_REFUSED_OVERLAP               UINT32_C(0x80010005) /**< a buffer overlaps another one, the lent memory or the model */
 #define ELD_REFUSED_BUFFER                UINT32_C(0x80010006) /**< a buffer is too short, or not of rows * cols samples */
 #define ELD_REFUSED_NO_TILE               UINT32_C(0x80010007) /**< no tile was begun */

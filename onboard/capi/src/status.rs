@@ -88,7 +88,7 @@ statuses! {
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
     ELD_REFUSED_ALIGNMENT = REFUSED, CALL, 2, "a pointer is not aligned as its type demands";
     ELD_REFUSED_LENGTH = REFUSED, CALL, 3, "a length reaches beyond the address space";
-    ELD_REFUSED_STRUCT_BYTES = REFUSED, CALL, 4, "struct_bytes is not the size of the structure this library knows";
+    ELD_REFUSED_STRUCT_BYTES = REFUSED, CALL, 4, "struct_bytes is not the size of this library's structure";
     ELD_REFUSED_OVERLAP = REFUSED, CALL, 5, "a buffer overlaps another one, the lent memory or the model";
     ELD_REFUSED_BUFFER = REFUSED, CALL, 6, "a buffer is too short, or not of rows * cols samples";
     ELD_REFUSED_NO_TILE = REFUSED, CALL, 7, "no tile was begun";

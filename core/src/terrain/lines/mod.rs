@@ -107,7 +107,7 @@ impl LineMaps<'_> {
 ///     hazards.push(mask);
 /// }
 /// assert_eq!(hazards.len(), 5, "as many lines as went in");
-/// assert_eq!(hazards[0], [hazard::UNKNOWN; 7], "at the edge nobody knows");
+/// assert_eq!(hazards[0], [hazard::UNKNOWN; 7], "the edge has too few neighbours");
 /// assert_eq!(hazards[2][1..6], [3, 2, 3, 0, 0], "the boulder is too rough, and what stands beside it tilts");
 /// # Ok::<(), elunar_core::terrain::TerrainError>(())
 /// ```
