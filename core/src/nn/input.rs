@@ -20,12 +20,15 @@ pub enum Illumination {
     Northwest,
     /// As `Northwest`, and the image is given as the four maps of a guide ([`crate::photoclinometry`]).
     Given,
+    /// As `Given`, and the guide is weighed by the trust in the light, and by the share of the contrast that is relief
+    /// ([`crate::photoclinometry::Share`]).
+    Weighed,
 }
 
 impl Illumination {
     /// Number of maps for the image, side by side in every pixel: brightness alone, or the maps of a guide.
     #[must_use]
     pub const fn image_maps(self) -> usize {
-        if matches!(self, Self::Given) { crate::photoclinometry::MAPS } else { 1 }
+        if matches!(self, Self::Given | Self::Weighed) { crate::photoclinometry::MAPS } else { 1 }
     }
 }

@@ -1,7 +1,10 @@
 //! The light for a network: one rule for ground, flight, strips and training.
 
 use super::input::Illumination;
-use crate::norm::{Light, LightFit, Mirror};
+use crate::norm::{Light, LightEstimate, LightFit, Mirror};
+
+/// Standard deviation of the logarithm of an assumed strength (our choice: as wide as that of Suns between 8 and 50 degrees).
+const ASSUMED_SPREAD: f32 = 0.9;
 
 /// The known angles of the Sun, degrees; `None` if unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -40,10 +43,12 @@ pub enum LightSource {
 /// | given | | | known angles are kept, the rest is fitted | `Fitted` |
 /// | either | | | [`Light::assumed`], if the fit finds no light | `Assumed` |
 ///
-/// Where the fit finds no light, one is assumed and the caller learns it (our choice). The coarse DTM of such ground is nearly level, but
-/// it may have craters and rocks that only the image shows. A network adds these; with the coarse heights alone all of them would be lost.
-/// If the true Sun is elsewhere than assumed, their heights have wrong signs. Therefore an assumption is never silent:
-/// [`LightSource::Assumed`] is returned to the caller.
+/// "given" stands for [`Illumination::Given`] and [`Illumination::Weighed`].
+///
+/// Where the fit finds no light, one is assumed and the caller learns it ([`LightSource::Assumed`]; our choice). The coarse DTM of such
+/// ground is nearly level, but it may have craters and rocks that only the image shows. If the true Sun is elsewhere than assumed, the
+/// heights of these have wrong signs. So an assumed light of unknown azimuth has no [`Self::trust`]: a network of weighed maps keeps the
+/// coarse heights under it.
 ///
 /// A scene has one light, and so has a strip. It is decided once, by a fit to all ground seen so far, because a light that changes from
 /// tile to tile makes steps at the seams. A single tile has a light of its own. [`TileLight`] distinguishes the two.
@@ -53,6 +58,12 @@ pub struct Lighting {
     pub light: Light,
     /// The origin of the light.
     pub source: LightSource,
+    /// Share of the relief found under this light that is kept, 0 to 1 ([`LightEstimate::trust`]). Only networks of weighed maps use it.
+    pub trust: f32,
+    /// Standard deviation of the logarithm of the light's strength.
+    pub log_strength_sd: f32,
+    /// Standard deviation of the light's azimuth, degrees; 0 for a known azimuth, 180 for an assumed one.
+    pub azimuth_sd_deg: f32,
 }
 
 /// The light of a tile.
@@ -73,12 +84,18 @@ impl Default for TileLight {
 
 impl Lighting {
     /// The value for networks that know any light.
-    pub const NOT_ASKED: Self = Self { light: Light { east: 1.0, south: 1.0 }, source: LightSource::NotAsked };
+    pub const NOT_ASKED: Self = Self {
+        light: Light { east: 1.0, south: 1.0 },
+        source: LightSource::NotAsked,
+        trust: 0.0,
+        log_strength_sd: 0.0,
+        azimuth_sd_deg: 180.0,
+    };
 
-    /// Makes a given light.
+    /// Makes a given light, without uncertainty.
     #[must_use]
     pub fn given(light: Light) -> Self {
-        Self { light, source: LightSource::Given }
+        Self { light, source: LightSource::Given, trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 }
     }
 
     /// Returns whether [`Self::decide`] reads the fit.
@@ -87,7 +104,7 @@ impl Lighting {
         match illumination {
             Illumination::Any => false,
             Illumination::Northwest => sun.azimuth_deg.is_none(),
-            Illumination::Given => true,
+            Illumination::Given | Illumination::Weighed => true,
         }
     }
 
@@ -99,17 +116,27 @@ impl Lighting {
             (Illumination::Any, _) => return Self::NOT_ASKED,
             // Only the quadrant matters; it does not depend on the elevation of the Sun.
             (Illumination::Northwest, Some(azimuth_deg)) => Light::from_azimuth_deg(azimuth_deg).map(Self::given),
-            (Illumination::Northwest, None) => fit.light().map(Self::fitted),
-            (Illumination::Given, _) => fit.with_sun(azimuth_deg, elevation_deg).map(|light| {
+            (Illumination::Northwest, None) => fit.estimate(None, None).map(Self::fitted),
+            (Illumination::Given | Illumination::Weighed, _) => fit.estimate(azimuth_deg, elevation_deg).map(|found| {
                 let known = azimuth_deg.is_some() && elevation_deg.is_some();
-                if known { Self::given(light) } else { Self::fitted(light) }
+                let source = if known { LightSource::Given } else { LightSource::Fitted };
+                Self { source, ..Self::fitted(found) }
             }),
         };
-        found.unwrap_or(Self { light: Light::assumed(azimuth_deg), source: LightSource::Assumed })
+        found.unwrap_or_else(|| Self::assumed(azimuth_deg))
     }
 
-    fn fitted(light: Light) -> Self {
-        Self { light, source: LightSource::Fitted }
+    fn fitted(found: LightEstimate) -> Self {
+        let LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust } = found;
+        Self { light, source: LightSource::Fitted, trust, log_strength_sd, azimuth_sd_deg }
+    }
+
+    /// Returns the assumed light. Its azimuth may be known, and its strength never is.
+    fn assumed(azimuth_deg: Option<f64>) -> Self {
+        let known = azimuth_deg.is_some_and(f64::is_finite);
+        let (trust, azimuth_sd_deg) = if known { (1.0, 0.0) } else { (0.0, 180.0) };
+        let (light, source) = (Light::assumed(azimuth_deg), LightSource::Assumed);
+        Self { light, source, trust, log_strength_sd: ASSUMED_SPREAD, azimuth_sd_deg }
     }
 
     /// Returns the mirroring that brings the Sun into the north-west quadrant; none for networks that know any light.
@@ -190,10 +217,10 @@ mod tests {
         let seen = fit(120.0);
         let decide = |illumination, azimuth, elevation| Lighting::decide(illumination, sun(azimuth, elevation), &seen);
         let given = decide(Illumination::Given, Some(120.0), Some(40.0));
-        assert_eq!(Some(given.light), seen.with_sun(Some(120.0), Some(40.0)));
+        assert_eq!(Some(given.light), seen.estimate(Some(120.0), Some(40.0)).map(|found| found.light));
         assert!((given.light.azimuth_deg() - 120.0).abs() < 1e-3);
-        assert_eq!(Some(decide(Illumination::Given, None, None).light), seen.light());
-        assert_eq!(Some(decide(Illumination::Northwest, None, Some(40.0)).light), seen.light());
+        assert_eq!(Some(decide(Illumination::Given, None, None).light), seen.estimate(None, None).map(|found| found.light));
+        assert_eq!(Some(decide(Illumination::Northwest, None, Some(40.0)).light), seen.estimate(None, None).map(|found| found.light));
         for (azimuth_deg, rows, cols) in
             [(315.0, false, false), (45.0, false, true), (225.0, true, false), (135.0, true, true)]
         {

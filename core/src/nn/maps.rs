@@ -8,7 +8,7 @@ use crate::mask;
 use crate::norm::intensity::IntensityRange;
 use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
 use crate::part::item;
-use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry, Weight};
 use crate::tile::Shape;
 use core::fmt;
 
@@ -65,7 +65,7 @@ impl InputRules {
     #[must_use]
     pub fn scratch_len(&self, tile: Shape) -> usize {
         match self.illumination {
-            Illumination::Given => Photoclinometry::new(tile).scratch_len(),
+            Illumination::Given | Illumination::Weighed => Photoclinometry::new(tile).scratch_len(),
             Illumination::Any | Illumination::Northwest => 0,
         }
     }
@@ -188,7 +188,7 @@ pub enum TileMaps<'t, 's> {
     Ranged(RangedMaps<'t>),
 }
 
-/// The maps for [`Illumination::Given`].
+/// The maps for [`Illumination::Given`] and [`Illumination::Weighed`].
 #[derive(Debug)]
 pub struct GuidedMaps<'t, 's> {
     guide: Guide<'t, 's>,
@@ -231,9 +231,14 @@ impl<'t, 's> TileMaps<'t, 's> {
         let (mirror, source) = (lighting.mirror(), lighting.source);
         let scale = TileScale { elevation, mirror };
         let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
-        if rules.illumination == Illumination::Given {
+        let weight = match rules.illumination {
+            Illumination::Any | Illumination::Northwest => None,
+            Illumination::Given => Some(Weight::Plain),
+            Illumination::Weighed => Some(Weight::Trust(lighting.trust)),
+        };
+        if let Some(weight) = weight {
             let plan = Photoclinometry::new(shape);
-            let input = GuideInput { image, coarse_m, valid, mirror, coarse_px };
+            let input = GuideInput { image, coarse_m, valid, mirror, coarse_px, weight };
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
             return Ok(Self::Guided(GuidedMaps { guide, scale, source }));
         }

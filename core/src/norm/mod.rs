@@ -5,10 +5,12 @@ pub mod elevation;
 mod error;
 pub mod intensity;
 pub mod light;
+pub mod light_fit;
 pub mod shading;
 
 pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, nr_from_reliefs};
 pub use error::NormError;
-pub use light::{Light, LightFit, Mirror};
+pub use light::{Light, Mirror};
+pub use light_fit::{LightEstimate, LightFit};
 pub use shading::Shading;

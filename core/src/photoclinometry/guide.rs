@@ -1,8 +1,9 @@
 //! The input of a network with a given light: four maps for the image, and the coarse DTM plus the relief.
 
-use super::{Photoclinometry, Relief};
+use super::{Photoclinometry, Relief, Share};
 use crate::mask;
 use crate::norm::NormError;
+use crate::norm::shading::SLOPE_UNIT;
 use crate::norm::{ElevationScale, Light, Mirror, Shading};
 use crate::part::item;
 use crate::tile::Shape;
@@ -25,13 +26,24 @@ pub struct GuideInput<'t> {
     pub mirror: Mirror,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
+    /// How much of the relief is kept.
+    pub weight: Weight,
+}
+
+/// How much of the relief that the image shows is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Weight {
+    /// All of it.
+    Plain,
+    /// This share, 0 to 1, which is the trust in the light; and of each octave what is relief ([`Share`]).
+    Trust(f32),
 }
 
 /// A tile's image and coarse DTM in the network's form, computed pixel by pixel.
 ///
 /// ```
 /// use elunar_core::norm::{ElevationScale, Light, Mirror};
-/// use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry};
+/// use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry, Weight};
 /// use elunar_core::tile::Shape;
 ///
 /// // A single row of bright pixels faces a Sun in the west, 40 degrees high.
@@ -41,7 +53,7 @@ pub struct GuideInput<'t> {
 /// let plan = Photoclinometry::new(Shape::new(32, 32));
 /// let mut scratch = vec![0.0; plan.scratch_len()];
 /// let light = Light::from_sun(270.0, 40.0).expect("above the horizon");
-/// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
+/// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, mirror: Mirror::default(), coarse_px: 30.0, weight: Weight::Plain };
 /// let guide = Guide::new(&plan, tile, &scale, light, &mut scratch)?;
 /// let (mut maps, mut coarse) = ([[0.0; 4]; 32], [0.0; 32]);
 /// guide.image(16 * 32, &mut maps);
@@ -57,6 +69,7 @@ pub struct Guide<'t, 's> {
     shape: Shape,
     scale: ElevationScale,
     shading: Shading,
+    kept: f32,
     uncertainty: f32,
     relief: Relief<'s>,
 }
@@ -74,7 +87,7 @@ impl<'t, 's> Guide<'t, 's> {
         light: Light,
         scratch: &'s mut [f32],
     ) -> Result<Self, NormError> {
-        let GuideInput { image, coarse_m, valid, mirror, coarse_px } = tile;
+        let GuideInput { image, coarse_m, valid, mirror, coarse_px, weight } = tile;
         let expected = plan.tile.pixels();
         for found in [image.len(), coarse_m.len(), valid.map_or(expected, <[bool]>::len)] {
             crate::error::same_length(expected, found)?;
@@ -91,19 +104,29 @@ impl<'t, 's> Guide<'t, 's> {
                 *out = scale.normalised(item(coarse_m, pixel));
             }
         };
-        let relief = plan.relief(brightness, coarse, (&shading, light), coarse_px, scratch)?;
-        Ok(Self { tile, shape, scale: *scale, shading, uncertainty: 1.0 / light.strength(), relief })
+        let (share, trust) = match weight {
+            Weight::Plain => (Share::WHOLE, 1.0),
+            Weight::Trust(trust) => (plan.share((&brightness, &coarse), (&shading, light), scratch)?, trust),
+        };
+        // Slopes as far as they are likely, and what they leave open.
+        let (kept, uncertainty) = match weight {
+            Weight::Plain => (1.0, 1.0 / light.strength()),
+            Weight::Trust(trust) => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
+        };
+        let relief = plan.relief((brightness, coarse), (&shading, light), coarse_px, (&share, trust), scratch)?;
+        Ok(Self { tile, shape, scale: *scale, shading, kept, uncertainty, relief })
     }
 
-    /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on. Their units are 0.1 of
-    /// slope, a pixel of height, and slope per contrast. Slopes are 0 where the image is invalid.
+    /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on: slopes east and south, relief,
+    /// uncertainty. Their units are 0.1 of slope, a pixel of height, and slope per contrast; the uncertainty of weighed maps is the standard
+    /// deviation of the slope that the image leaves open, in 0.1 of slope. Slopes are 0 where the image is invalid.
     pub fn image(&self, first: usize, out: &mut [[f32; MAPS]]) {
         let GuideInput { image, valid, mirror, .. } = self.tile;
         let pixels = mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
         for (maps, (pixel, &relief)) in out.iter_mut().zip(pixels) {
             let [east, south] =
                 if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
-            *maps = [east, south, relief, self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT));
+            *maps = [self.kept * east, self.kept * south, relief, self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT));
         }
     }
 

@@ -4,25 +4,29 @@
 //! pixels, the result is the one that minimises
 //!
 //! ```text
-//! sum (u . grad h - r)^2 + SMOOTHNESS |grad h|^2 + (h / coarse_px)^2
+//! sum (u . grad h - r)^2 + w |grad h|^2 + (h / coarse_px)^2
 //! ```
 //!
 //! where u is the direction of the light, and r is the slope along it that the image shows and the coarse DTM does not have. The second
-//! term determines slopes across the light; the third keeps the long waves of the coarse DTM. In frequencies the solution is one
+//! term determines slopes across the light; the third keeps the long waves of the coarse DTM. The weight w is [`SMOOTHNESS`], or larger
+//! where less of the contrast is relief ([`Share`]). In frequencies the solution is one
 //! multiplication, so the work is two Fourier transforms for every ground. The network takes the sum of coarse DTM and relief and corrects
 //! it (our choice; the paper gives the coarse DTM alone), because a network of small convolutions learns the integration along the light
 //! slowly.
 
 mod fft;
 mod guide;
+mod share;
 
-pub use guide::{Guide, GuideInput, LIMIT, MAPS};
+pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
+pub use share::{OCTAVES, Share};
 
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
 use crate::part::{copy, head_mut, item, part, part_mut, put};
 use crate::tile::Shape;
 use fft::{GROUP, Lanes, Order, Way, transform};
+use share::Power;
 
 /// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
@@ -64,18 +68,65 @@ impl Photoclinometry {
     }
 
     /// Finds the relief of a tile. `brightness` writes a row of the image, NaN where it is invalid; `coarse` writes a row of the coarse DTM
-    /// in pixels. `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    /// in pixels. `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image. `share` weighs slopes, and
+    /// the relief is multiplied by `trust`.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn relief<'s>(
         &self,
-        brightness: impl Fn(usize, &mut [f32]),
-        coarse: impl Fn(usize, &mut [f32]),
+        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
         (shading, light): (&Shading, Light),
         coarse_px: f32,
+        (share, trust): (&Share, f32),
         scratch: &'s mut [f32],
     ) -> Result<Relief<'s>, LengthError> {
+        let Field { field, row_roots, col_roots } = self.field(scratch)?;
+        let direction = Self::direction(light);
+        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), direction);
+        self.mirror_cols(field);
+        self.rows_forward(field, col_roots);
+        self.mirror_rows(field);
+        transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
+        self.filter(field, direction, coarse_px, share, trust);
+        transform(field, &self.rows, row_roots, self.columns(), Way::Backward);
+        self.rows_backward(field, col_roots);
+        let ((top, left), stride) = (self.corner(), self.cols.len());
+        Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
+    }
+
+    /// Finds the share of a tile's contrast that is relief, from the same maps as [`Self::relief`]. The slopes that the coarse DTM does not
+    /// explain are tapered towards the tile's edges (by a raised cosine over a quarter of a side), so that no wave is cut.
+    ///
+    /// # Errors
+    /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
+    pub fn share(
+        &self,
+        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
+        (shading, light): (&Shading, Light),
+        scratch: &mut [f32],
+    ) -> Result<Share, LengthError> {
+        let Field { field, row_roots, col_roots } = self.field(scratch)?;
+        let direction = Self::direction(light);
+        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), direction);
+        let squares = self.taper(field);
+        self.rows_forward(field, col_roots);
+        self.clear_margins(field);
+        transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
+        let power = self.power(field, direction);
+        // By Parseval's theorem the power of all waves is the number of values times the sum of squares. Half of the waves are summed.
+        let scale = 2.0 / (self.field_len() as f32 * squares);
+        Ok(Share::new(&power, squares / self.field_len().max(1) as f32, scale))
+    }
+
+    /// Returns the direction of a light as a unit vector.
+    fn direction(light: Light) -> [f32; 2] {
+        let strength = light.strength();
+        [light.east / strength, light.south / strength]
+    }
+
+    /// Divides the scratch memory, and fills the tables.
+    fn field<'s>(&self, scratch: &'s mut [f32]) -> Result<Field<'s>, LengthError> {
         let found = scratch.len();
         let scratch =
             scratch.get_mut(..self.scratch_len()).ok_or(LengthError { expected: self.scratch_len(), found })?;
@@ -83,19 +134,13 @@ impl Photoclinometry {
         let (row_roots, col_roots) = tables.split_at_mut_checked(2 * self.rows.len()).unwrap_or_default();
         self.rows.roots(row_roots);
         self.cols.roots(col_roots);
-        let strength = light.strength();
-        let direction = [light.east / strength, light.south / strength];
-        self.fill(field, brightness, coarse, |v| shading.along(v, strength), direction);
-        self.rows_forward(field, col_roots);
-        self.mirror_rows(field);
+        Ok(Field { field, row_roots, col_roots })
+    }
+
+    /// Returns the places of the columns' numbers, once rows are transformed.
+    fn columns(&self) -> Lanes {
         let half = self.cols.len() / 2;
-        let columns = Lanes { re: 0, im: half, stride: self.cols.len(), count: half };
-        transform(field, &self.rows, row_roots, columns, Way::Forward);
-        self.filter(field, direction, coarse_px);
-        transform(field, &self.rows, row_roots, columns, Way::Backward);
-        self.rows_backward(field, col_roots);
-        let ((top, left), stride) = (self.corner(), self.cols.len());
-        Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
+        Lanes { re: 0, im: half, stride: self.cols.len(), count: half }
     }
 
     /// Splits the field into the rows above the tile, which are free while rows are processed, and the rest, which begins with the tile's
@@ -104,8 +149,7 @@ impl Photoclinometry {
         field.split_at_mut_checked(self.corner().0 * self.cols.len()).unwrap_or_default()
     }
 
-    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, subtracts its mean, and
-    /// continues it to both sides by its mirror image.
+    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, and subtracts its mean.
     fn fill(
         &self,
         field: &mut [f32],
@@ -150,11 +194,81 @@ impl Photoclinometry {
         let mean = (sum / (rows * cols).max(1) as f64) as f32;
         for line in tile.chunks_exact_mut(width.max(1)).take(rows) {
             part_mut(line, left, cols).iter_mut().for_each(|v| *v -= mean);
+        }
+    }
+
+    /// Continues the tile's rows to both sides by their mirror image.
+    fn mirror_cols(&self, field: &mut [f32]) {
+        let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
+        let (_, tile) = self.margin(field);
+        for line in tile.chunks_exact_mut(width.max(1)).take(rows) {
             for col in (0..left).chain(left + cols..width) {
                 let from = item(line, left + mirrored(col as isize - left as isize, cols));
                 put(line, col, from);
             }
         }
+    }
+
+    /// Multiplies the tile by its taper, and continues its rows by zeros. Returns the sum of the squares of the taper.
+    fn taper(&self, field: &mut [f32]) -> f32 {
+        let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
+        let (margin, tile) = self.margin(field);
+        let across = head_mut(margin, cols);
+        for (col, weight) in across.iter_mut().enumerate() {
+            *weight = raised_cosine(col, cols);
+        }
+        let squares = |n: usize| (0..n).map(|i| raised_cosine(i, n) * raised_cosine(i, n)).sum::<f32>();
+        for (row, line) in tile.chunks_exact_mut(width.max(1)).take(rows).enumerate() {
+            let down = raised_cosine(row, rows);
+            head_mut(line, left).fill(0.0);
+            part_mut(line, left + cols, width - left - cols).fill(0.0);
+            let weights = across.iter();
+            part_mut(line, left, cols).iter_mut().zip(weights).for_each(|(v, weight)| *v *= down * weight);
+        }
+        squares(rows) * squares(cols)
+    }
+
+    /// Sets the rows above and below the tile to zero.
+    fn clear_margins(&self, field: &mut [f32]) {
+        let (rows, (top, _), width) = (self.tile.rows, self.corner(), self.cols.len());
+        let (above, rest) = self.margin(field);
+        above.fill(0.0);
+        part_mut(rest, rows * width, (self.rows.len() - top - rows) * width).fill(0.0);
+    }
+
+    /// Returns the wave number of frequency `k` of `n`, radians per pixel.
+    fn wave(k: usize, n: usize) -> f32 {
+        let signed = if 2 * k > n { k as f32 - n as f32 } else { k as f32 };
+        core::f32::consts::TAU * signed / n as f32
+    }
+
+    /// Returns the power of each octave. Of a wave and its opposite, one counts.
+    fn power(&self, field: &[f32], [east, south]: [f32; 2]) -> [Power; OCTAVES] {
+        let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
+        let mut octaves = [Power::default(); OCTAVES];
+        let mut add = |down: f32, across: f32, power: f32| {
+            let (along, all) = (east * across + south * down, across * across + down * down);
+            if let Some(octave) = octaves.get_mut(share::octave(all)) {
+                octave.total += f64::from(power);
+                octave.along += f64::from(power * (2.0 * along * along / all - 1.0));
+                octave.waves += 1.0;
+            }
+        };
+        // The first column contains two real sequences; its frequency 0 is half their sum.
+        for m in 1..height.div_ceil(2) {
+            let (p, q) = (self.rows.place(m) * width, self.rows.place(height - m) * width);
+            let at = |place: usize| item(field, place);
+            let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
+            add(Self::wave(m, height), 0.0, re * re + im * im);
+        }
+        for m in (0..height).filter(|m| 2 * m != height) {
+            let (down, line) = (Self::wave(m, height), part(field, self.rows.place(m) * width, width));
+            let (re, im) = line.split_at_checked(half).unwrap_or_default();
+            for (k, (re, im)) in re.iter().zip(im).enumerate().skip(1) {
+                add(down, Self::wave(k, width), re * re + im * im);
+            }
+        }
+        octaves
     }
 
     /// Continues the tile's rows, or their transforms, above and below by their mirror image.
@@ -234,29 +348,25 @@ impl Photoclinometry {
         }
     }
 
-    /// Multiplies the spectrum by -i D / (D^2 + SMOOTHNESS K^2 + 1 / coarse_px^2), where D is the wave number along the light and K the
-    /// total wave number, and by the missing factors of the transforms.
-    fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32) {
+    /// Multiplies the spectrum by -i D / (D^2 + w K^2 + 1 / coarse_px^2), where D is the wave number along the light, K the total wave
+    /// number, and w the weight of slopes; by the trust; and by the missing factors of the transforms.
+    fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32, share: &Share, trust: f32) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
-        let scale = 1.0 / (height * width) as f32;
+        let scale = trust / (height * width) as f32;
         // At least one pixel, because level ground far from any coarse pixel has no scale of its own.
         let stiffness = 1.0 / (coarse_px.max(1.0) * coarse_px.max(1.0));
-        let wave = |k: usize, n: usize| {
-            let signed = if 2 * k > n { k as f32 - n as f32 } else { k as f32 };
-            core::f32::consts::TAU * signed / n as f32
-        };
         let gain = |down: f32, across: f32| {
-            let along = east * across + south * down;
-            scale * along / (along * along + SMOOTHNESS * (across * across + down * down) + stiffness)
+            let (along, all) = (east * across + south * down, across * across + down * down);
+            scale * along / (along * along + share.smoothness(all) * all + stiffness)
         };
         self.filter_first(field, |down| gain(down, 0.0));
         for m in 0..height {
             // The highest frequency has no sign, so an odd filter makes it 0.
             let middle = 2 * m == height;
-            let (down, line) = (wave(m, height), part_mut(field, self.rows.place(m) * width, width));
+            let (down, line) = (Self::wave(m, height), part_mut(field, self.rows.place(m) * width, width));
             let (re, im) = line.split_at_mut_checked(half).unwrap_or_default();
             for (k, (re, im)) in re.iter_mut().zip(im).enumerate().skip(1) {
-                let gain = if middle { 0.0 } else { gain(down, wave(k, width)) };
+                let gain = if middle { 0.0 } else { gain(down, Self::wave(k, width)) };
                 // Multiplication by -i.
                 (*re, *im) = (*im * gain, -*re * gain);
             }
@@ -272,7 +382,7 @@ impl Photoclinometry {
             let (p, q) = (self.rows.place(m) * width, self.rows.place(n) * width);
             let at = |place: usize| item(field, place);
             let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
-            let gain = if 2 * m == height { 0.0 } else { gain(core::f32::consts::TAU * m as f32 / height as f32) };
+            let gain = if 2 * m == height { 0.0 } else { gain(Self::wave(m, height)) };
             let (re, im) = (im * gain, -re * gain);
             put(field, p, re);
             put(field, p + half, im);
@@ -286,6 +396,20 @@ impl Photoclinometry {
 
 /// Rows side by side in the margin: the real parts of one number, then its imaginary parts, number after number.
 const ROOM: Lanes = Lanes { re: 0, im: GROUP, stride: TOGETHER, count: GROUP };
+
+/// The scratch memory: the padded tile, and tables of its rows and columns.
+struct Field<'s> {
+    field: &'s mut [f32],
+    row_roots: &'s [f32],
+    col_roots: &'s [f32],
+}
+
+/// Returns the weight of sample `i` of `n`: 1 in the middle half, falling to 0 over the outer quarters.
+fn raised_cosine(i: usize, n: usize) -> f32 {
+    let from_edge = i.min(n.saturating_sub(1).saturating_sub(i)) as f32 + 0.5;
+    let part = from_edge / (0.25 * n.max(1) as f32);
+    if part >= 1.0 { 1.0 } else { 0.5 - 0.5 * libm::cosf(core::f32::consts::PI * part) }
+}
 
 /// Returns the index of the sample that stands for sample `i` beyond the ends of `n` samples; the end sample is not repeated.
 fn mirrored(i: isize, n: usize) -> usize {

@@ -6,6 +6,8 @@ use crate::norm::{ElevationScale, Mirror};
 use crate::tile::Shape;
 use core::f64::consts::TAU;
 
+const PLAIN: (&Share, f32) = (&Share::WHOLE, 1.0);
+
 /// A complex field, row-major.
 type Field = Vec<[f64; 2]>;
 
@@ -64,13 +66,19 @@ fn naive_relief(slope: &[f64], plan: &Photoclinometry, [east, south]: [f64; 2], 
 }
 
 /// Returns the relief of maps without voids.
-fn relief(plan: &Photoclinometry, image: &[f32], coarse: &[f32], light: Light, coarse_px: f32) -> Vec<f32> {
+fn relief(
+    plan: &Photoclinometry,
+    (image, coarse): (&[f32], &[f32]),
+    light: Light,
+    coarse_px: f32,
+    weight: (&Share, f32),
+) -> Vec<f32> {
     let shading = Shading::new(image, None, light).unwrap();
     let mut scratch = vec![9.0; plan.scratch_len()];
     let row = |map: &[f32], row: usize, out: &mut [f32]| out.copy_from_slice(&map[row * out.len()..][..out.len()]);
     let (bright, heights) =
         (|r: usize, out: &mut [f32]| row(image, r, out), |r: usize, out: &mut [f32]| row(coarse, r, out));
-    let found = plan.relief(bright, heights, (&shading, light), coarse_px, &mut scratch).unwrap();
+    let found = plan.relief((bright, heights), (&shading, light), coarse_px, weight, &mut scratch).unwrap();
     (0..plan.tile.rows).flat_map(|r| found.part(r * plan.tile.cols, plan.tile.cols).to_vec()).collect()
 }
 
@@ -85,7 +93,7 @@ fn the_relief_is_that_of_the_formula() {
     let light = Light { east: 1.5, south: 0.8 };
     let image: Vec<f32> = noise(rows * cols).iter().map(|v| 100.0 + 20.0 * v).collect();
     let coarse: Vec<f32> = noise(2 * rows * cols)[rows * cols..].iter().map(|v| 0.1 * v).collect();
-    let found = relief(&plan, &image, &coarse, light, 7.0);
+    let found = relief(&plan, (&image, &coarse), light, 7.0, PLAIN);
 
     let mean = image.iter().map(|v| f64::from(*v)).sum::<f64>() / (rows * cols) as f64;
     let strength = f64::from(light.strength());
@@ -133,7 +141,7 @@ fn craters_come_back() {
         })
         .collect();
     let coarse = vec![-3.0; rows * cols];
-    let found = relief(&plan, &image, &coarse, light, 30.0);
+    let found = relief(&plan, (&image, &coarse), light, 30.0, PLAIN);
     let truth: Vec<f32> = (0..rows * cols).map(|i| height(at(i).0, at(i).1)).collect();
     let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
     let (a, b) = (mean(&found), mean(&truth));
@@ -152,17 +160,144 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let (dark, level) = (|_: usize, out: &mut [f32]| out.fill(f32::NAN), |_: usize, out: &mut [f32]| out.fill(4.0));
     for coarse_px in [30.0, 0.0, f32::NAN] {
-        let relief = plan.relief(dark, level, (&shading, light), coarse_px, &mut scratch).unwrap();
+        let relief = plan.relief((dark, level), (&shading, light), coarse_px, PLAIN, &mut scratch).unwrap();
         assert!((0..16).all(|row| relief.part(16 * row, 16) == [0.0; 16]));
         let beyond = crate::part::defaults::Expected::new();
         assert!(relief.part(100 * 100, 16).is_empty() && beyond.count() == 1);
     }
-    let short = plan.relief(dark, level, (&shading, light), 30.0, &mut scratch[1..]);
+    let short = plan.relief((dark, level), (&shading, light), 30.0, PLAIN, &mut scratch[1..]);
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
-    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
+    let (mirror, weight) = (Mirror::default(), Weight::Trust(1.0));
+    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, mirror, coarse_px: 30.0, weight };
     assert!(matches!(Guide::new(&plan, tile, &scale, light, &mut scratch), Err(NormError::Length(_))));
     for (i, n, expected) in [(-1, 5, 1), (5, 5, 3), (8, 5, 0), (-30, 2, 0), (3, 1, 0)] {
         assert_eq!(mirrored(i, n), expected, "{i} of {n}");
     }
+}
+
+/// Returns the share of maps without voids.
+fn share(plan: &Photoclinometry, image: &[f32], light: Light) -> Share {
+    let shading = Shading::new(image, None, light).unwrap();
+    let mut scratch = vec![f32::NAN; plan.scratch_len()];
+    let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
+    let level = |_: usize, out: &mut [f32]| out.fill(0.0);
+    plan.share((bright, level), (&shading, light), &mut scratch).unwrap()
+}
+
+/// Returns noise with waves of 4 pixels and more: means over 4 x 4 values.
+fn rough(rows: usize, cols: usize, seed: usize) -> Vec<f32> {
+    // The finaliser of MurmurHash3: numbers without a pattern.
+    let random = |i: usize| {
+        let mut x = i as u32;
+        for factor in [0x85EB_CA6B_u32, 0xC2B2_AE35] {
+            x = (x ^ (x >> 15)).wrapping_mul(factor);
+        }
+        (x ^ (x >> 16)) as f32 / (1u32 << 31) as f32 - 1.0
+    };
+    let at = |r: usize, c: usize| random(seed + r * (cols + 4) + c + 1);
+    let mean = |i: usize| (0..16).map(|j| at(i / cols + j / 4, i % cols + j % 4)).sum::<f32>() / 16.0;
+    (0..rows * cols).map(mean).collect()
+}
+
+/// Returns the image of ground and albedo, both rough.
+fn lit(rows: usize, cols: usize, light: Light, relief: f32, albedo: f32) -> Vec<f32> {
+    let (ground, patches) = (rough(rows + 1, cols + 1, 0), rough(rows, cols, 54_321));
+    let z = |r: usize, c: usize| relief * ground[r * (cols + 1) + c];
+    let bright = |i: usize| {
+        let (r, c) = (i / cols, i % cols);
+        light.east * (z(r, c + 1) - z(r, c)) + light.south * (z(r + 1, c) - z(r, c)) + albedo * patches[i]
+    };
+    (0..rows * cols).map(|i| 100.0 * (1.0 + bright(i))).collect()
+}
+
+#[test]
+fn the_share_of_relief_is_found() {
+    let (rows, cols) = (96, 120);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    for azimuth in [270.0, 315.0, 20.0] {
+        let light = Light::of(azimuth, 1.0).unwrap();
+        let of = |relief, albedo| share(&plan, &lit(rows, cols, light, relief, albedo), light).octave(2);
+        let (ground, patches) = (of(0.4, 0.0), of(0.0, 0.3));
+        let between = of(0.2, 0.05);
+        assert!(ground > 0.9, "{azimuth}: {ground}");
+        assert!(patches < 0.25, "{azimuth}: {patches}");
+        assert!(between < ground && between > patches, "{azimuth}: {between}");
+    }
+    // Relief lit from the side that was not stated.
+    let (lit_from, stated) = (Light::of(270.0, 1.0).unwrap(), Light::of(0.0, 1.0).unwrap());
+    assert!(share(&plan, &lit(rows, cols, lit_from, 0.4, 0.0), stated).octave(2) < 0.05);
+}
+
+/// Tests the spectrum against the transform by definition.
+#[test]
+fn the_power_of_octaves_is_that_of_the_definition() {
+    let (rows, cols) = (12, 17);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light { east: 1.2, south: 0.5 };
+    let image: Vec<f32> = noise(rows * cols).iter().map(|v| 100.0 + 20.0 * v).collect();
+    let shading = Shading::new(&image, None, light).unwrap();
+    let mut scratch = vec![f32::NAN; plan.scratch_len()];
+    let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
+    let level = |_: usize, out: &mut [f32]| out.fill(0.0);
+    let found = plan.share((bright, level), (&shading, light), &mut scratch).unwrap();
+
+    let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
+    let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();
+    let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+    let mut field = vec![[0.0; 2]; height * width];
+    for (i, slope) in slopes.iter().enumerate() {
+        let (r, c) = (i / cols, i % cols);
+        let weight = f64::from(raised_cosine(r, rows) * raised_cosine(c, cols));
+        field[(top + r) * width + left + c][0] = weight * (slope - mean);
+    }
+    let total: f64 = field.iter().map(|v| v[0] * v[0]).sum();
+    let squares: f64 = (0..rows * cols)
+        .map(|i| f64::from(raised_cosine(i / cols, rows) * raised_cosine(i % cols, cols)).powi(2))
+        .sum();
+    let spectrum = naive_transform(&field, (height, width), -1.0);
+    let wave = |k: usize, n: usize| TAU * if 2 * k > n { k as f64 - n as f64 } else { k as f64 } / n as f64;
+    let strength = f64::from(light.strength());
+    let mut octaves = [[0.0; 3]; OCTAVES];
+    for (i, v) in spectrum.iter().enumerate() {
+        let (m, k) = (i / width, i % width);
+        if (m, k) == (0, 0) || 2 * m == height || 2 * k == width {
+            continue;
+        }
+        let (down, across) = (wave(m, height), wave(k, width));
+        let along = (f64::from(light.east) * across + f64::from(light.south) * down) / strength;
+        let (all, power) = (across * across + down * down, v[0] * v[0] + v[1] * v[1]);
+        // Both halves are summed here, so every wave counts twice.
+        let [sum, with, waves] = &mut octaves[share::octave(all as f32)];
+        *sum += 0.5 * power;
+        *with += 0.5 * power * (2.0 * along * along / all - 1.0);
+        *waves += 0.5;
+    }
+    let power = octaves.map(|[total, along, waves]| Power { total, along, waves: waves as f32 });
+    let size = (height * width) as f64;
+    let expected = Share::new(&power, (squares / size) as f32, (2.0 / (size * squares)) as f32);
+    for octave in 0..OCTAVES {
+        assert!((found.octave(octave) - expected.octave(octave)).abs() < 1e-4, "{octave}: {found:?} for {expected:?}");
+    }
+    for trust in [0.0, 1.0] {
+        assert!((found.open_slope(trust) / expected.open_slope(trust) - 1.0).abs() < 1e-4, "{found:?} for {expected:?}");
+    }
+    // Parseval's theorem: all variance is in the octaves, but for the highest frequencies.
+    let variance = 2.0 * power.iter().map(|p| p.total).sum::<f64>() / size;
+    assert!(variance > 0.8 * total && variance < 1.0001 * total, "{variance} of {total}");
+}
+
+#[test]
+fn trust_is_a_factor_and_albedo_flattens_the_relief() {
+    let (rows, cols) = (48, 64);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light::of(290.0, 1.0).unwrap();
+    let (image, level) = (lit(rows, cols, light, 0.4, 0.3), vec![0.0; rows * cols]);
+    let found = share(&plan, &image, light);
+    let of = |share: &Share, trust| relief(&plan, (&image, &level), light, 20.0, (share, trust));
+    let size = |map: &[f32]| map.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let (whole, weighed, half) = (of(&Share::WHOLE, 1.0), of(&found, 1.0), of(&found, 0.5));
+    assert!(size(&weighed) < 0.8 * size(&whole), "{} of {}", size(&weighed), size(&whole));
+    weighed.iter().zip(&half).for_each(|(a, b)| assert!((0.5 * a - b).abs() < 1e-5));
+    assert!(of(&found, 0.0).iter().all(|v| *v == 0.0));
 }

@@ -29,6 +29,9 @@ pub(crate) enum IlluminationName {
     /// As northwest. In addition, the change of brightness with slope is given. Linear photoclinometry makes a first estimate, and the
     /// network corrects it (our choice).
     Given,
+    /// As given. In addition, the first estimate is weighed by the trust in the light, and by the share of the contrast that is relief (our
+    /// choice).
+    Weighed,
 }
 
 #[cfg(feature = "clap")]
@@ -51,6 +54,7 @@ mod options {
             IlluminationName::Any => Illumination::Any,
             IlluminationName::Northwest => Illumination::Northwest,
             IlluminationName::Given => Illumination::Given,
+            IlluminationName::Weighed => Illumination::Weighed,
         })
     }
 }

@@ -163,7 +163,7 @@ impl<'a> Model<'a> {
     /// Number of values of scratch memory that is needed to begin a tile in metres; 0 for models without a given light.
     pub fn scratch_len(&self) -> usize {
         match self.illumination() {
-            Illumination::Given => Photoclinometry::new(self.tile()).scratch_len(),
+            Illumination::Given | Illumination::Weighed => Photoclinometry::new(self.tile()).scratch_len(),
             _ => 0,
         }
     }

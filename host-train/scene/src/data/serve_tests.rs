@@ -140,7 +140,7 @@ fn training_tiles_are_served_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let (mut mirrored, mut compared) = (0, 0);
     for (scene, tile, source) in scenes(folder.path()) {
-        for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given] {
+        for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given, Illumination::Weighed] {
             for range in [TruthRange::Own, TruthRange::Reference, TruthRange::Pixel] {
                 let what = format!("{illumination:?} {range:?} {source:?}");
                 let config = config(illumination, range);
@@ -163,7 +163,7 @@ fn training_tiles_are_served_tiles() {
             }
         }
     }
-    assert_eq!(compared, 27);
+    assert_eq!(compared, 36);
     assert!(mirrored >= 6, "{mirrored} tiles mirrored");
 }
 

@@ -186,10 +186,10 @@ impl Scene {
         for block in 0..blocks {
             // Evenly spread, with the last block at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
-            let mut band = self.band(first, rows)?;
+            let band = self.band(first, rows)?;
             let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
-            close_gaps([&mut band.image, &mut band.coarse_m], self.cols);
+            // Cells with a void are left out.
             light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));

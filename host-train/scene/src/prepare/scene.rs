@@ -83,7 +83,7 @@ impl Scene {
         let pixel_m = (self.pixel.row_m * self.pixel.col_m).sqrt();
         let (image, dtm_m) = (self.image.read(window)?, self.dtm.read(window)?);
         let fit = LightFit::of_tile(&image, &dtm_m, None, cols, pixel_m, self.coarse_px);
-        Ok(fit.light().map(|light| light.azimuth_deg()))
+        Ok(fit.estimate(None, None).map(|found| found.light.azimuth_deg()))
     }
 
     /// Returns all whole tiles, row by row, without overlap. The rest at the right and lower edge is left out.

@@ -5,7 +5,7 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::file::seal_file;
-use elunar_core::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
+use elunar_core::nn::{KnownSun, Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use std::io::Write;
@@ -103,14 +103,15 @@ impl Tile {
         let pixel = PixelSize::square(f64::from(self.pixel_m));
         let cell_px = LightFit::cell_px(self.coarse_px);
         fit.add_masked(&self.image, &self.coarse_m, mask.as_deref(), COLS, pixel, cell_px);
-        let known = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
+        let [azimuth_deg, elevation_deg] = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
+        let sun = KnownSun { azimuth_deg, elevation_deg };
         let tile = TileInput {
             image: &self.image,
             coarse_m: &self.coarse_m,
             valid: mask.as_deref(),
             pixel_m: self.pixel_m,
             coarse_px: self.coarse_px,
-            light: TileLight::Scene(Lighting::given(fit.with_sun(known[0], known[1]).unwrap())),
+            light: TileLight::Scene(Lighting::decide(model.illumination(), sun, &fit)),
         };
         let scale = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap().scale;
         while runner.step(STEP_MACS).unwrap() == Progress::Running {}

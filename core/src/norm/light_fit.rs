@@ -1,0 +1,357 @@
+//! A light fitted to image and coarse DTM, and how sure it is.
+//!
+//! Brightness is regressed on the slopes of the coarse DTM in two octaves of wavelength, 2 to 4 and 4 to 8 pixels of the coarse DTM (our
+//! choice). Shorter waves are missing in a coarse DTM: its slopes are too small there, and a fit finds a light that is too strong. Longer
+//! waves of brightness are albedo and a Sun that turns, more than relief.
+//!
+//! - Both sides of the regression have the same smoothing. Slopes are means over a square cell as wide as a coarse pixel. The coarse DTM
+//!   itself is a mean over a coarse pixel, so brightness is averaged over cell and coarse pixel, one after the other: with a tent.
+//! - An octave is the variation of four cells, two by two, about their mean: a nested analysis of variance. The next octave takes these
+//!   means as cells.
+//! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
+//!   waves.
+
+use crate::mask;
+use crate::norm::Light;
+use crate::part::item;
+use crate::terrain::PixelSize;
+
+/// Octaves of the fit.
+const OCTAVES: usize = 2;
+/// Smallest number of degrees of freedom of an octave: two are fitted.
+const FREEDOM_MIN: f64 = 3.0;
+/// Factor on the formal variance of the fit. Cells are correlated, and shading is not linear: over 22 real and synthetic scenes errors are
+/// twice as large as the formal ones.
+const VARIANCE_FACTOR: f64 = 4.0;
+/// Share of the brightness's variance that is never taken for explained.
+const UNEXPLAINED_MIN: f64 = 1e-4;
+/// Standard deviation of the logarithm of a fitted strength beyond its noise (our choice).
+const FITTED_SPREAD: f64 = 0.1;
+/// Standard deviation of the logarithm of the strength for a Sun of known elevation: images are not always linear in radiance, and the
+/// ground does not always follow the Lunar-Lambert law (our choice).
+const TOLD_SPREAD: f64 = 0.3;
+/// The strength that is expected of a Sun of unknown elevation, and the standard deviation of its logarithm: a Sun 25 degrees high, between
+/// 8 and 50 (our choice).
+const EXPECTED_STRENGTH: f64 = 1.8;
+const EXPECTED_SPREAD: f64 = 0.9;
+/// 8 / pi: see [`LightEstimate::trust`].
+const CERTAINTY: f64 = 8.0 / core::f64::consts::PI;
+
+/// A light and its uncertainty.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightEstimate {
+    /// The light.
+    pub light: Light,
+    /// Standard deviation of the logarithm of its strength.
+    pub log_strength_sd: f32,
+    /// Standard deviation of its azimuth, degrees, at most 180; 0 for a known azimuth.
+    pub azimuth_sd_deg: f32,
+    /// Share of the relief found under this light that is kept, 0 to 1: the square of the expected cosine between the true and the fitted
+    /// direction of a normal distribution, s^2 / (s^2 + 8 / pi) with s the strength in standard deviations (our choice: the approximation
+    /// that is right for small s). 1 for a known azimuth.
+    pub trust: f32,
+}
+
+/// A fit of the light to the parts of a scene added so far. The memory is fixed.
+///
+/// ```
+/// use elunar_core::norm::{Light, LightFit};
+///
+/// // Hills with waves of 40 pixels, and a coarse DTM whose pixels are 8 pixels wide.
+/// let height_m = |row: f32, col: f32| 3.0 * (row / 6.4).sin() + 2.0 * ((col + row) / 6.4).cos();
+/// let light = Light::from_sun(300.0, 40.0).expect("above the horizon");
+/// let pixels = || (0..160 * 160).map(|i| ((i / 160) as f32, (i % 160) as f32));
+/// let coarse_m: Vec<f32> = pixels().map(|(row, col)| height_m(row, col)).collect();
+/// let slope = |row: f32, col: f32| [height_m(row, col + 0.5) - height_m(row, col - 0.5), height_m(row + 0.5, col) - height_m(row - 0.5, col)];
+/// let image: Vec<f32> = pixels()
+///     .map(|(row, col)| 100.0 * (1.0 + (light.east * slope(row, col)[0] + light.south * slope(row, col)[1]) / 2.0))
+///     .collect();
+/// let fit = LightFit::of_tile(&image, &coarse_m, None, 160, 2.0, 8.0);
+/// let found = fit.estimate(None, None).expect("hills in the light");
+/// assert!((found.light.azimuth_deg() - 300.0).abs() < 3.0 && found.azimuth_sd_deg < 3.0 && found.trust > 0.9);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LightFit {
+    /// Number of cells, and the sum of their brightness.
+    cells: f64,
+    brightness: f64,
+    octaves: [Octave; OCTAVES],
+}
+
+/// Means over a cell: brightness, slope east, slope south.
+type Cell = [f64; 3];
+
+/// Sums of one octave.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Octave {
+    freedom: f64,
+    /// Sums of products of deviations: II, Ix, Iy, xx, xy, yy.
+    products: [f64; 6],
+}
+
+impl Octave {
+    /// Adds four cells, and returns their mean.
+    fn add(&mut self, cells: &[Cell; 4]) -> Cell {
+        let mut mean = [0.0; 3];
+        for cell in cells {
+            mean.iter_mut().zip(cell).for_each(|(mean, v)| *mean += 0.25 * v);
+        }
+        for [i, x, y] in cells {
+            let [i, x, y] = [i - mean[0], x - mean[1], y - mean[2]];
+            for (sum, v) in self.products.iter_mut().zip([i * i, i * x, i * y, x * x, x * y, y * y]) {
+                *sum += v;
+            }
+        }
+        self.freedom += 3.0;
+        mean
+    }
+}
+
+/// What octaves know of the light: the inverse of its covariance (xx, xy, yy), and this matrix times the light (x, y).
+#[derive(Debug, Clone, Copy)]
+struct Information {
+    precision: [f64; 3],
+    vector: [f64; 2],
+}
+
+impl Information {
+    /// Returns the light of the best fit and its covariance.
+    fn solve(&self) -> Option<([f64; 2], [f64; 3])> {
+        let ([xx, xy, yy], [x, y]) = (self.precision, self.vector);
+        let determinant = xx * yy - xy * xy;
+        let covariance = [yy / determinant, -xy / determinant, xx / determinant];
+        let light = [covariance[0] * x + covariance[1] * y, covariance[1] * x + covariance[2] * y];
+        let finite = light.iter().chain(&covariance).all(|v| v.is_finite());
+        (finite && determinant > 0.0).then_some((light, covariance))
+    }
+}
+
+/// Returns the square x' C y of a symmetric matrix (xx, xy, yy).
+fn square([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> f64 {
+    xx * x * x + 2.0 * xy * x * y + yy * y * y
+}
+
+/// Returns the unit vector that a light from this azimuth has.
+fn direction(azimuth_deg: f64) -> [f64; 2] {
+    [-libm::sin(azimuth_deg.to_radians()), libm::cos(azimuth_deg.to_radians())]
+}
+
+impl LightFit {
+    /// Makes the fit to one tile: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide, at valid pixels
+    /// ([`crate::mask`]). `pixel_m` is the ground size of a pixel, `coarse_px` the side of a coarse pixel in pixels of the image.
+    #[must_use]
+    pub fn of_tile(
+        image: &[f32],
+        coarse_m: &[f32],
+        valid: Option<&[bool]>,
+        cols: usize,
+        pixel_m: f64,
+        coarse_px: f32,
+    ) -> Self {
+        let mut fit = Self::default();
+        fit.add_masked(image, coarse_m, valid, cols, PixelSize::square(pixel_m), Self::cell_px(coarse_px));
+        fit
+    }
+
+    /// Returns the side of a cell, pixels, for a coarse DTM whose pixels are `coarse_px` pixels of the image wide: as wide, but even.
+    #[must_use]
+    pub fn cell_px(coarse_px: f32) -> usize {
+        // `as` turns NaN and negative numbers into 0.
+        2 * ((0.5 * coarse_px + 0.5) as usize).clamp(2, 128)
+    }
+
+    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Remaining rows or columns that
+    /// fill no cell are left out. Does nothing if the maps differ in length.
+    pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
+        self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
+    }
+
+    /// As [`Self::add`], without the cells in which a pixel is invalid ([`crate::mask`]).
+    pub fn add_masked(
+        &mut self,
+        image: &[f32],
+        coarse_m: &[f32],
+        valid: Option<&[bool]>,
+        cols: usize,
+        pixel: PixelSize,
+        cell_px: usize,
+    ) {
+        let rows = image.len().checked_div(cols).unwrap_or(0);
+        if coarse_m.len() != image.len() || cell_px < 2 {
+            return;
+        }
+        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px };
+        // Tents reach half a cell beyond the cells.
+        let first = cell_px / 2;
+        for top in (first..rows).step_by(4 * cell_px) {
+            for left in (first..cols).step_by(4 * cell_px) {
+                self.block(&maps, top, left);
+            }
+        }
+    }
+
+    /// Adds a block of four by four cells, as far as it lies within the rectangle.
+    fn block(&mut self, maps: &Rectangle<'_>, top: usize, left: usize) {
+        let side = maps.side;
+        let mut means = [None; 4];
+        for (i, mean) in means.iter_mut().enumerate() {
+            let (top, left) = (top + i / 2 * 2 * side, left + i % 2 * 2 * side);
+            let cell = |i: usize| maps.cell(top + i / 2 * side, left + i % 2 * side);
+            if let [Some(a), Some(b), Some(c), Some(d)] = core::array::from_fn(cell) {
+                let cells = [a, b, c, d];
+                self.cells += 4.0;
+                self.brightness += cells.iter().map(|cell| cell[0]).sum::<f64>();
+                let [fine, _] = &mut self.octaves;
+                *mean = Some(fine.add(&cells));
+            }
+        }
+        if let [Some(a), Some(b), Some(c), Some(d)] = means {
+            let [_, long] = &mut self.octaves;
+            long.add(&[a, b, c, d]);
+        }
+    }
+
+    /// Returns what all octaves know of the light; `None` without light or variation.
+    fn information(&self) -> Option<Information> {
+        let mean = self.brightness / self.cells;
+        if !(mean > 0.0 && mean.is_finite()) {
+            return None;
+        }
+        let mut sum = Information { precision: [0.0; 3], vector: [0.0; 2] };
+        for octave in self.octaves.iter().filter(|octave| octave.freedom >= FREEDOM_MIN) {
+            let [ii, ix, iy, xx, xy, yy] = octave.products;
+            let (ii, vector) = (ii / (mean * mean), [ix / mean, iy / mean]);
+            let products = Information { precision: [xx, xy, yy], vector };
+            let Some((light, _)) = products.solve() else { continue };
+            let explained = light[0] * vector[0] + light[1] * vector[1];
+            let variance = (ii - explained).max(UNEXPLAINED_MIN * ii) / (octave.freedom - 2.0);
+            let weight = 1.0 / (VARIANCE_FACTOR * variance);
+            if weight.is_finite() {
+                sum.precision.iter_mut().zip(products.precision).for_each(|(sum, v)| *sum += weight * v);
+                sum.vector.iter_mut().zip(vector).for_each(|(sum, v)| *sum += weight * v);
+            }
+        }
+        (sum.precision[0] > 0.0).then_some(sum)
+    }
+
+    /// Returns the light, with its uncertainty, from the known angles of the Sun (azimuth clockwise from up, elevation, degrees). Unknown
+    /// angles are fitted. The strength is the mean of the fitted one and of the one that the elevation implies: a mean of logarithms, since
+    /// strengths are factors, weighted by inverse variances (our choice). For a Sun of unknown elevation, a strength of 1.8 is expected,
+    /// with a wide spread.
+    ///
+    /// `None` if the light is unknown: an angle is not one of a Sun above the horizon; or azimuth or strength must be fitted, and brightness
+    /// does not depend on slope, or falls towards the Sun.
+    #[must_use]
+    pub fn estimate(&self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Option<LightEstimate> {
+        let told = match elevation_deg {
+            Some(elevation) => Some(f64::from(Light::from_sun(azimuth_deg.unwrap_or(0.0), elevation)?.strength())),
+            None => None,
+        };
+        let expected = told.map_or((EXPECTED_STRENGTH, EXPECTED_SPREAD), |strength| (strength, TOLD_SPREAD));
+        let information = self.information();
+        let Some(azimuth) = azimuth_deg else {
+            let (light, covariance) = information?.solve()?;
+            let strength = libm::hypot(light[0], light[1]);
+            let along = [light[0] / strength, light[1] / strength];
+            let across = square(covariance, [-along[1], along[0]]);
+            let certainty = strength * strength / across;
+            let fitted = (strength, square(covariance, along));
+            let azimuth = libm::atan2(-along[0], along[1]).to_degrees();
+            return Some(LightEstimate {
+                azimuth_sd_deg: libm::sqrt(1.0 / certainty).to_degrees().min(180.0) as f32,
+                trust: (certainty / (certainty + CERTAINTY)) as f32,
+                ..Self::drawn(azimuth, fitted, expected)?
+            });
+        };
+        let along = direction(azimuth);
+        let fitted = information.map(|known| {
+            let precision = square(known.precision, along);
+            ((known.vector[0] * along[0] + known.vector[1] * along[1]) / precision, 1.0 / precision)
+        });
+        match (fitted.filter(|(strength, _)| *strength > 0.0), told) {
+            (Some(fitted), _) => Self::drawn(azimuth, fitted, expected),
+            (None, Some(strength)) => Self::certain(azimuth, strength, TOLD_SPREAD),
+            (None, None) => None,
+        }
+    }
+
+    /// Returns the light of a known azimuth, its strength between a fitted one (with its variance) and an expected one (with its spread).
+    fn drawn(azimuth_deg: f64, (fitted, variance): (f64, f64), (expected, spread): (f64, f64)) -> Option<LightEstimate> {
+        let of_expected = 1.0 / (spread * spread);
+        let of_fitted = 1.0 / (variance / (fitted * fitted) + FITTED_SPREAD * FITTED_SPREAD);
+        let weight = of_expected + of_fitted;
+        let mean = (of_expected * libm::log(expected) + of_fitted * libm::log(fitted)) / weight;
+        Self::certain(azimuth_deg, libm::exp(mean), libm::sqrt(1.0 / weight))
+    }
+
+    fn certain(azimuth_deg: f64, strength: f64, spread: f64) -> Option<LightEstimate> {
+        let light = Light::of(azimuth_deg, strength)?;
+        Some(LightEstimate { light, log_strength_sd: spread as f32, azimuth_sd_deg: 0.0, trust: 1.0 })
+    }
+}
+
+/// The maps of a rectangle and the side of its cells, pixels.
+struct Rectangle<'a> {
+    image: &'a [f32],
+    coarse_m: &'a [f32],
+    valid: Option<&'a [bool]>,
+    rows: usize,
+    cols: usize,
+    pixel: PixelSize,
+    side: usize,
+}
+
+impl Rectangle<'_> {
+    /// Returns a cell; `None` if it or its tent leaves the rectangle, or one of its pixels is invalid.
+    fn cell(&self, top: usize, left: usize) -> Option<Cell> {
+        let &Rectangle { rows, cols, side, .. } = self;
+        let reach = side - side / 2;
+        if top + side + reach > rows || left + side + reach > cols || top < side / 2 || left < side / 2 {
+            return None;
+        }
+        let [east, south] = self.slopes(top, left)?;
+        Some([self.brightness(top - side / 2, left - side / 2)?, east, south])
+    }
+
+    /// Returns the mean slopes over a cell.
+    fn slopes(&self, top: usize, left: usize) -> Option<[f64; 2]> {
+        let z = |i: usize| item(self.coarse_m, i);
+        let (mut east, mut south, mut real) = (0.0f64, 0.0f64, true);
+        for row in top..top + self.side {
+            let (mut along, mut down) = (0.0f32, 0.0f32);
+            for i in row * self.cols + left..row * self.cols + left + self.side {
+                let near = [z(i - 1), z(i + 1), z(i - self.cols), z(i + self.cols)];
+                real &= mask::counts(self.image, self.valid, i) && near.into_iter().all(mask::is_real);
+                along += near[1] - near[0];
+                down += near[3] - near[2];
+            }
+            east += f64::from(along);
+            south += f64::from(down);
+        }
+        let count = 2.0 * (self.side * self.side) as f64;
+        real.then_some([east / count / self.pixel.col_m, south / count / self.pixel.row_m])
+    }
+
+    /// Returns the mean brightness under a tent of twice a cell's side, over valid pixels.
+    fn brightness(&self, top: usize, left: usize) -> Option<f64> {
+        let width = 2 * self.side;
+        let tent = |i: usize| i.min(width - 1 - i) as f32 + 0.5;
+        let (mut sum, mut weight) = (0.0f64, 0.0f64);
+        for row in 0..width {
+            let (mut of_row, mut counted) = (0.0f32, 0.0f32);
+            for col in 0..width {
+                let i = (top + row) * self.cols + left + col;
+                if mask::counts(self.image, self.valid, i) {
+                    of_row += tent(col) * item(self.image, i);
+                    counted += tent(col);
+                }
+            }
+            sum += f64::from(tent(row)) * f64::from(of_row);
+            weight += f64::from(tent(row)) * f64::from(counted);
+        }
+        (weight > 0.0).then_some(sum / weight)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,152 @@
+use super::*;
+use proptest::prelude::*;
+
+const ROWS: usize = 130;
+const COLS: usize = 150;
+/// Side of a coarse pixel, pixels of the image.
+const COARSE_PX: f32 = 8.0;
+
+/// Returns rolling hills with waves of 3 to 7 coarse pixels, and their image under `light`, times a brightness.
+fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
+    let height = |r: f32, c: f32| 1.5 * ((r + 0.2 * c) / 4.3).sin() + 2.0 * ((c + 0.4 * r) / 6.1).cos() + 1.2 * ((c - 0.7 * r) / 7.0).sin();
+    let at = |i: usize| ((i / COLS) as f32, (i % COLS) as f32);
+    let heights = (0..ROWS * COLS).map(|i| height(at(i).0, at(i).1)).collect();
+    let image = (0..ROWS * COLS).map(|i| {
+        let (r, c) = at(i);
+        let (x, y) = (height(r, c + 1.0) - height(r, c - 1.0), height(r + 1.0, c) - height(r - 1.0, c));
+        brightness * (1.0 + (light.east * x + light.south * y) / 4.0)
+    });
+    (image.collect(), heights)
+}
+
+/// Returns the mean over squares of a coarse pixel about every pixel: what a coarse DTM keeps of a map.
+fn coarse(map: &[f32]) -> Vec<f32> {
+    let side = COARSE_PX as isize;
+    let at = |r: isize, c: isize| map[r.clamp(0, ROWS as isize - 1) as usize * COLS + c.clamp(0, COLS as isize - 1) as usize];
+    let mean = |i: usize| {
+        let (r, c) = ((i / COLS) as isize, (i % COLS) as isize);
+        // An even box has half weights at its ends.
+        let weight = |d: isize| if d.abs() == side / 2 { 0.5 } else { 1.0 };
+        let box_ = || -side / 2..=side / 2;
+        box_().flat_map(|dr| box_().map(move |dc| weight(dr) * weight(dc) * at(r + dr, c + dc))).sum::<f32>() / (side * side) as f32
+    };
+    (0..map.len()).map(mean).collect()
+}
+
+fn fit(image: &[f32], heights: &[f32]) -> LightFit {
+    LightFit::of_tile(image, heights, None, COLS, 2.0, COARSE_PX)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    /// The coarse DTM has lost up to a half of these waves. A fit that compares it with the image as it is would be too strong.
+    #[test]
+    fn the_light_is_found_without_bias(azimuth in 0.0f64..360.0, strength in 0.3f64..3.0, brightness in 1.0f32..5000.0) {
+        let light = Light::of(azimuth, strength).unwrap();
+        let (image, heights) = scene(light, brightness);
+        let fit = fit(&image, &coarse(&heights));
+        let found = fit.estimate(None, None).unwrap();
+        let error = libm::hypot(f64::from(found.light.east - light.east), f64::from(found.light.south - light.south));
+        prop_assert!(error < 0.06 * strength, "{found:?} for {light:?}");
+        prop_assert!(found.trust > 0.95 && found.azimuth_sd_deg < 10.0, "{found:?}");
+        let known = fit.estimate(Some(azimuth), None).unwrap();
+        prop_assert!((f64::from(known.light.strength()) - strength).abs() < 0.06 * strength);
+        prop_assert!((known.trust, known.azimuth_sd_deg) == (1.0, 0.0));
+        prop_assert!(fit.estimate(Some(azimuth + 180.0), None).is_none());
+    }
+
+    /// Albedo that does not follow relief makes the fit unsure, and by as much as it errs.
+    #[test]
+    fn noise_makes_the_fit_unsure(azimuth in 0.0f64..360.0, seed in any::<u32>()) {
+        let light = Light::of(azimuth, 0.5).unwrap();
+        let (mut image, heights) = scene(light, 1.0);
+        // Patches of 12 x 12 pixels, up to twice as bright.
+        for (i, v) in image.iter_mut().enumerate() {
+            let patch = (i / COLS / 12 * 40 + i % COLS / 12) as u32;
+            *v *= 1.0 + (patch.wrapping_add(seed).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+        }
+        let found = fit(&image, &coarse(&heights)).estimate(None, None).unwrap();
+        prop_assert!(found.azimuth_sd_deg > 2.0, "{found:?}");
+        let off = (found.light.azimuth_deg() - azimuth + 180.0).rem_euclid(360.0) - 180.0;
+        prop_assert!(off.abs() < 4.5 * f64::from(found.azimuth_sd_deg), "{found:?}, {off} off");
+    }
+}
+
+#[test]
+fn brightness_that_ignores_slope_is_not_trusted() {
+    let (_, heights) = scene(Light { east: 1.0, south: 0.0 }, 1.0);
+    let noise = |i: usize| 100.0 + ((i / COLS / 6 * 97 + i % COLS / 6) as u32).wrapping_mul(2_654_435_761) as f32 / 2e8;
+    let image: Vec<f32> = (0..ROWS * COLS).map(noise).collect();
+    let found = fit(&image, &heights).estimate(None, None).unwrap();
+    assert!(found.trust < 0.6 && found.azimuth_sd_deg > 25.0, "{found:?}");
+}
+
+/// A long wave of brightness, as albedo and a turning Sun make it, does not move the fit.
+#[test]
+fn long_waves_of_brightness_do_not_count() {
+    let light = Light::of(200.0, 1.0).unwrap();
+    let (image, heights) = scene(light, 1.0);
+    let ramp: Vec<f32> = image.iter().enumerate().map(|(i, v)| v + (i / COLS) as f32 / ROWS as f32).collect();
+    let (clean, found) = (fit(&image, &heights), fit(&ramp, &heights));
+    let [clean, found] = [clean, found].map(|fit| fit.estimate(None, None).unwrap().light);
+    assert!((clean.azimuth_deg() - found.azimuth_deg()).abs() < 6.0, "{found:?} for {clean:?}");
+}
+
+#[test]
+fn cells_with_invalid_pixels_are_left_out() {
+    let light = Light::of(300.0, 1.0).unwrap();
+    let (mut image, heights) = scene(light, 7.0);
+    let clean = fit(&image, &heights);
+    // A wrong value under the mask, in one cell; a void elsewhere.
+    let valid: Vec<bool> = (0..image.len()).map(|i| i != 20 * COLS + 20).collect();
+    image[20 * COLS + 20] = 1e6;
+    image[100 * COLS + 100] = f32::NAN;
+    let of = |valid| LightFit::of_tile(&image, &heights, valid, COLS, 2.0, COARSE_PX);
+    // Quads without one of their cells do not count.
+    assert_eq!(of(Some(&valid)).cells, clean.cells - 8.0);
+    assert_eq!(of(None).cells, clean.cells - 4.0);
+    let (found, clean) = (of(Some(&valid)).estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
+    assert!((found.light.east - clean.light.east).abs() < 0.03, "{found:?} for {clean:?}");
+}
+
+#[test]
+fn what_is_known_is_kept_and_the_rest_fitted() {
+    let truth = Light::of(300.0, 1.0).unwrap();
+    let (image, heights) = scene(truth, 7.0);
+    let fit = fit(&image, &coarse(&heights));
+    let light = |fit: &LightFit, azimuth, elevation| fit.estimate(azimuth, elevation).map(|found| found.light);
+    // With the Sun on the other side, and without any cell, there is no light to fit.
+    assert_eq!(light(&fit, Some(120.0), Some(40.0)), Light::from_sun(120.0, 40.0));
+    assert_eq!(light(&LightFit::default(), Some(300.0), Some(40.0)), Light::from_sun(300.0, 40.0));
+    assert_eq!(light(&LightFit::default(), Some(300.0), None), None);
+    assert_eq!(light(&LightFit::default(), None, Some(40.0)), None);
+    assert_eq!(light(&fit, Some(300.0), Some(-1.0)), None);
+    assert_eq!(light(&fit, None, Some(f64::NAN)), None);
+    assert_eq!(light(&fit, Some(f64::NAN), None), None);
+    assert!((light(&fit, Some(310.0), None).unwrap().azimuth_deg() - 310.0).abs() < 1e-3);
+    assert!((light(&fit, None, Some(40.0)).unwrap().azimuth_deg() - 300.0).abs() < 2.0);
+    // This image has no noise, so the fit has more weight than the stated elevation.
+    for elevation in [10.0, 30.0, 70.0] {
+        let told = Light::from_sun(300.0, elevation).unwrap().strength();
+        let drawn = light(&fit, None, Some(elevation)).unwrap().strength();
+        assert!((drawn - 1.0).abs() < 0.45 * (told - 1.0).abs(), "{elevation}: {drawn}, told {told}");
+    }
+}
+
+#[test]
+fn featureless_gappy_and_small_scenes_have_no_light() {
+    let flat = vec![1.0f32; ROWS * COLS];
+    let (image, heights) = scene(Light { east: 1.0, south: 0.0 }, 1.0);
+    let none = |image: &[f32], heights: &[f32]| fit(image, heights).estimate(None, None).is_none();
+    assert!(none(&image, &flat));
+    assert!(none(&vec![0.0; ROWS * COLS], &heights));
+    assert!(none(&vec![f32::NAN; ROWS * COLS], &heights));
+    assert!(none(&image[..20 * COLS], &heights[..20 * COLS]));
+    assert!(none(&image[1..], &heights));
+    // An image without contrast has a light of strength 0.
+    assert!(none(&flat, &heights));
+    assert!(LightFit::of_tile(&[], &[], None, 0, 2.0, 8.0).estimate(None, None).is_none());
+    for coarse_px in [0.0, f32::NAN, f32::INFINITY, -3.0, 1e9] {
+        assert!(LightFit::cell_px(coarse_px) >= 4 && LightFit::cell_px(coarse_px) <= 256);
+    }
+}

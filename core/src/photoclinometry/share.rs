@@ -1,0 +1,189 @@
+//! The share of an image's contrast that is relief, octave by octave, found without any truth.
+//!
+//! Relief without a preferred direction, lit from one side, has contrast along the light but none across it: the power of a wave is
+//! proportional to the square of the cosine of its angle with the light. Albedo, noise and stretched numbers have no such direction. So if
+//! P is the power of the waves of an octave, and t their angle with the light,
+//!
+//! ```text
+//! share = 2 sum P cos 2t / sum P
+//! ```
+//!
+//! is 1 for relief alone and 0 for albedo alone (our choice; on real images with a DTM it follows the correlation of contrast and true
+//! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
+//! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
+
+use super::SMOOTHNESS;
+use crate::part::{item, put};
+use core::f32::consts::PI;
+
+/// Number of octaves: wavelengths from 2 to 512 pixels. Longer waves count with the last one.
+pub const OCTAVES: usize = 8;
+/// The share of ground without albedo. Shading is not quite linear, and ground has directions of its own (our choice).
+const WHOLE: f32 = 0.9;
+/// Smallest share, and so the largest weight of slopes: such an octave adds nothing visible.
+const SHARE_MIN: f32 = 0.015;
+/// Number of waves that the octave before is worth, as the expectation of a share (our choice). Long octaves have few waves.
+const EXPECTED_WAVES: f32 = 10.0;
+/// The expected share of the shortest waves.
+const EXPECTED: f32 = 0.5;
+
+/// Power of the waves of an octave.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Power {
+    /// Sum of P.
+    pub(super) total: f64,
+    /// Sum of P cos 2t.
+    pub(super) along: f64,
+    /// Number of waves.
+    pub(super) waves: f32,
+}
+
+/// The share of the contrast that is relief, in each octave, and what it leaves open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Share {
+    /// Shares, 0.015 to 1.
+    octaves: [f32; OCTAVES],
+    /// Variance of the slope that each octave of the image shows along the light.
+    variances: [f32; OCTAVES],
+}
+
+/// Returns pi^2 / K^2, the square of half a wavelength in pixels, of a wave number squared; the exponent of its square root is the octave.
+fn half_wavelength_squared(wave_number_squared: f32) -> f32 {
+    PI * PI / wave_number_squared
+}
+
+/// Returns the octave of a wave: 0 for 2 to 4 pixels, 1 for 4 to 8, and so on.
+pub(super) fn octave(wave_number_squared: f32) -> usize {
+    let exponent = half_wavelength_squared(wave_number_squared).to_bits() >> 23;
+    // The exponent is counted from 127. A diagonal wave may be shorter than two pixels.
+    ((exponent.saturating_sub(127) / 2) as usize).min(OCTAVES - 1)
+}
+
+impl Share {
+    /// Everything is relief.
+    pub const WHOLE: Self = Self { octaves: [1.0; OCTAVES], variances: [0.0; OCTAVES] };
+
+    /// Makes the shares from the power of each octave; `effective` is the share of waves that are independent, `scale` turns power into
+    /// variance.
+    pub(super) fn new(power: &[Power; OCTAVES], effective: f32, scale: f32) -> Self {
+        let mut share = Self { octaves: [EXPECTED; OCTAVES], variances: [0.0; OCTAVES] };
+        let mut expected = EXPECTED;
+        for (index, power) in power.iter().enumerate() {
+            let waves = effective * power.waves;
+            let found = (2.0 * power.along / power.total) as f32;
+            if found.is_finite() {
+                expected = (waves * found + EXPECTED_WAVES * expected) / (waves + EXPECTED_WAVES);
+            }
+            put(&mut share.octaves, index, (expected / WHOLE).clamp(SHARE_MIN, 1.0));
+            put(&mut share.variances, index, scale * power.total as f32);
+        }
+        share
+    }
+
+    /// Returns the share of an octave: 0 for wavelengths of 2 to 4 pixels, 1 for 4 to 8, and so on.
+    #[must_use]
+    pub fn octave(&self, index: usize) -> f32 {
+        item(&self.octaves, index.min(OCTAVES - 1))
+    }
+
+    /// Returns the share of the whole contrast; 0 without contrast.
+    #[must_use]
+    pub fn mean(&self) -> f32 {
+        let (mut sum, mut of_relief) = (0.0f32, 0.0f32);
+        for (share, variance) in self.octaves.iter().zip(&self.variances) {
+            sum += variance;
+            of_relief += share * variance;
+        }
+        if sum > 0.0 { of_relief / sum } else { 0.0 }
+    }
+
+    /// Returns the weight of slopes in an octave.
+    fn of_octave(&self, index: usize) -> f32 {
+        let share = self.octave(index);
+        ((1.0 - share) / (2.0 * share)).max(SMOOTHNESS)
+    }
+
+    /// Returns the weight of slopes relative to the misfit, for a wave number squared: interpolated between the middles of octaves.
+    #[must_use]
+    pub fn smoothness(&self, wave_number_squared: f32) -> f32 {
+        let bits = half_wavelength_squared(wave_number_squared).to_bits();
+        // Logarithm to base 2, straight between powers of two: exponent and fraction of the number itself.
+        let logarithm = (bits >> 23) as f32 - 127.0 + (bits & 0x7F_FFFF) as f32 / (1 << 23) as f32;
+        let place = (0.5 * logarithm - 0.5).clamp(0.0, (OCTAVES - 1) as f32);
+        let below = place as usize;
+        let part = place - below as f32;
+        let weight = self.of_octave(below);
+        weight + part * (self.of_octave(below + 1) - weight)
+    }
+
+    /// Returns the expected standard deviation of the slope that the image leaves open, metres per metre, if `trust` of what it explains is
+    /// kept. For relief without a preferred direction, the best linear estimate explains 1 - sqrt(w / (1 + w)) of the variance of an octave
+    /// with the weight w.
+    #[must_use]
+    pub fn open_slope(&self, trust: f32) -> f32 {
+        let mut sum = 0.0f32;
+        for (index, (share, variance)) in self.octaves.iter().zip(&self.variances).enumerate() {
+            let weight = self.of_octave(index);
+            let explained = 1.0 - libm::sqrtf(weight / (1.0 + weight));
+            sum += 2.0 * share * variance * (1.0 - trust * explained);
+        }
+        libm::sqrtf(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn octaves_are_those_of_wavelengths() {
+        let square = |wavelength: f32| (2.0 * PI / wavelength).powi(2);
+        for (wavelength, expected) in [(1.5, 0), (2.01, 0), (3.9, 0), (4.1, 1), (7.9, 1), (8.1, 2), (100.0, 5), (1e6, 7)] {
+            assert_eq!(octave(square(wavelength)), expected, "{wavelength}");
+        }
+        assert_eq!(octave(0.0), OCTAVES - 1);
+    }
+
+    #[test]
+    fn smoothness_is_the_noise_between_octaves() {
+        let power = |along| Power { total: 1.0, along, waves: 1e6 };
+        // Shares 0.9 (whole), 0.45 (half), then none.
+        let mut octaves = [power(0.0); OCTAVES];
+        (octaves[0], octaves[1]) = (power(0.45), power(0.225));
+        let share = Share::new(&octaves, 1.0, 1.0);
+        let at = |wavelength: f32| share.smoothness((2.0 * PI / wavelength).powi(2));
+        assert!((share.octave(0) - 1.0).abs() < 1e-3 && (share.octave(1) - 0.5).abs() < 1e-3);
+        assert_eq!(share.octave(2), SHARE_MIN);
+        assert!((at(2.0) - SMOOTHNESS).abs() < 1e-3 && (at(2.8) - SMOOTHNESS).abs() < 0.03);
+        // The middle of the second octave is at 5.7 pixels; halfway between the two middles is at 4.
+        assert!((at(5.657) - 0.5).abs() < 0.7, "{}", at(5.657));
+        assert!((at(4.0) - 0.5 * (SMOOTHNESS + 0.5)).abs() < 0.01, "{}", at(4.0));
+        let most = (1.0 - SHARE_MIN) / (2.0 * SHARE_MIN);
+        assert!((at(1e9) - most).abs() < 1e-3 && (at(f32::INFINITY) - most).abs() < 1e-3);
+        assert!((0..100).all(|i| (SMOOTHNESS..=most).contains(&at(2.0 * 1.1f32.powi(i)))));
+    }
+
+    #[test]
+    fn few_waves_follow_the_octave_before() {
+        let mut octaves = [Power { total: 1.0, along: 0.36, waves: 1e6 }; OCTAVES];
+        octaves[3] = Power { total: 1.0, along: -0.5, waves: 2.0 };
+        octaves[4] = Power::default();
+        let share = Share::new(&octaves, 1.0, 1.0);
+        assert!((share.octave(2) - 0.8).abs() < 1e-3);
+        assert!((0.4..0.8).contains(&share.octave(3)));
+        assert_eq!(share.octave(4), share.octave(3), "an octave without waves");
+    }
+
+    #[test]
+    fn what_is_left_open_falls_with_trust() {
+        let octaves = [Power { total: 0.5, along: 0.225, waves: 1e6 }; OCTAVES];
+        let share = Share::new(&octaves, 1.0, 0.01);
+        assert!((share.mean() - 1.0).abs() < 1e-3);
+        let open = [0.0, 0.5, 1.0].map(|trust| share.open_slope(trust));
+        // Without trust: all of the slope, 2 x 8 x 0.005.
+        assert!((open[0] - 0.08f32.sqrt()).abs() < 1e-3, "{open:?}");
+        assert!(open[0] > open[1] && open[1] > open[2] && open[2] > 0.3 * open[0], "{open:?}");
+        assert_eq!(Share::WHOLE.mean(), 0.0);
+        assert_eq!(Share::WHOLE.smoothness(0.1), SMOOTHNESS);
+    }
+}
