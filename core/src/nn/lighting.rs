@@ -219,8 +219,14 @@ mod tests {
         let given = decide(Illumination::Given, Some(120.0), Some(40.0));
         assert_eq!(Some(given.light), seen.estimate(Some(120.0), Some(40.0)).map(|found| found.light));
         assert!((given.light.azimuth_deg() - 120.0).abs() < 1e-3);
-        assert_eq!(Some(decide(Illumination::Given, None, None).light), seen.estimate(None, None).map(|found| found.light));
-        assert_eq!(Some(decide(Illumination::Northwest, None, Some(40.0)).light), seen.estimate(None, None).map(|found| found.light));
+        assert_eq!(
+            Some(decide(Illumination::Given, None, None).light),
+            seen.estimate(None, None).map(|found| found.light)
+        );
+        assert_eq!(
+            Some(decide(Illumination::Northwest, None, Some(40.0)).light),
+            seen.estimate(None, None).map(|found| found.light)
+        );
         for (azimuth_deg, rows, cols) in
             [(315.0, false, false), (45.0, false, true), (225.0, true, false), (135.0, true, true)]
         {

@@ -8,7 +8,7 @@ use crate::mask;
 use crate::norm::intensity::IntensityRange;
 use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
 use crate::part::item;
-use crate::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry, Weight};
+use crate::photoclinometry::{Contrast, Guide, GuideInput, MAPS, Photoclinometry, Weight};
 use crate::tile::Shape;
 use core::fmt;
 
@@ -112,8 +112,8 @@ pub struct TileInput<'t> {
 }
 
 impl TileInput<'_> {
-    /// Returns the light of the tile, `cols` columns wide, for a network.
-    fn lighting(&self, illumination: Illumination, cols: usize) -> Lighting {
+    /// Returns the light of the tile for a network.
+    fn lighting(&self, illumination: Illumination, shape: Shape, scratch: &mut [f32]) -> Lighting {
         let sun = match self.light {
             TileLight::Scene(lighting) if lighting.source != LightSource::NotAsked => return lighting,
             // Decided for a network that does not ask: no angle is known.
@@ -122,7 +122,12 @@ impl TileInput<'_> {
         };
         let fit = if Lighting::wants_fit(illumination, sun) {
             let pixel_m = f64::from(self.pixel_m);
-            LightFit::of_tile(self.image, self.coarse_m, self.valid, cols, pixel_m, self.coarse_px)
+            let fit = LightFit::of_tile(self.image, self.coarse_m, self.valid, shape.cols, pixel_m, self.coarse_px);
+            let axis = match (illumination, sun.azimuth_deg) {
+                (Illumination::Weighed, None) => Contrast::of_image(self.image, self.valid, shape, scratch).ok(),
+                _ => None,
+            };
+            fit.with_axis(axis.and_then(|contrast| contrast.axis()))
         } else {
             LightFit::default()
         };
@@ -226,7 +231,7 @@ impl<'t, 's> TileMaps<'t, 's> {
         let elevation = rules.elevation_scale(tile)?;
         let lighting = match rules.illumination {
             Illumination::Any => Lighting::NOT_ASKED,
-            illumination => tile.lighting(illumination, shape.cols),
+            illumination => tile.lighting(illumination, shape, scratch),
         };
         let (mirror, source) = (lighting.mirror(), lighting.source);
         let scale = TileScale { elevation, mirror };

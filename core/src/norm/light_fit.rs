@@ -10,6 +10,8 @@
 //!   means as cells.
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
+//!
+//! The image alone shows the line along which the Sun shines ([`Axis`]), but not from which end.
 
 use crate::mask;
 use crate::norm::Light;
@@ -34,8 +36,6 @@ const TOLD_SPREAD: f64 = 0.3;
 /// 8 and 50 (our choice).
 const EXPECTED_STRENGTH: f64 = 1.8;
 const EXPECTED_SPREAD: f64 = 0.9;
-/// 8 / pi: see [`LightEstimate::trust`].
-const CERTAINTY: f64 = 8.0 / core::f64::consts::PI;
 
 /// A light and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,10 +46,19 @@ pub struct LightEstimate {
     pub log_strength_sd: f32,
     /// Standard deviation of its azimuth, degrees, at most 180; 0 for a known azimuth.
     pub azimuth_sd_deg: f32,
-    /// Share of the relief found under this light that is kept, 0 to 1: the square of the expected cosine between the true and the fitted
-    /// direction of a normal distribution, s^2 / (s^2 + 8 / pi) with s the strength in standard deviations (our choice: the approximation
-    /// that is right for small s). 1 for a known azimuth.
+    /// Share of the relief found under this light that is kept, 0 to 1; 1 for a known azimuth. Our choice: nearly the square of the expected
+    /// cosine between the true and the fitted direction, erf(s / sqrt 2)^2 / (1 + t^2), with s the strength in standard deviations and t
+    /// the standard deviation of the azimuth in radians. The first factor is the expected sign.
     pub trust: f32,
+}
+
+/// The line along which the Sun shines, as the image alone shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axis {
+    /// Azimuth of one of its ends, degrees clockwise from up, 0 to 180.
+    pub azimuth_deg: f64,
+    /// Standard deviation, degrees.
+    pub sd_deg: f64,
 }
 
 /// A fit of the light to the parts of a scene added so far. The memory is fixed.
@@ -76,6 +85,7 @@ pub struct LightFit {
     cells: f64,
     brightness: f64,
     octaves: [Octave; OCTAVES],
+    axis: Option<Axis>,
 }
 
 /// Means over a cell: brightness, slope east, slope south.
@@ -126,7 +136,28 @@ impl Information {
     }
 }
 
-/// Returns the square x' C y of a symmetric matrix (xx, xy, yy).
+impl Information {
+    /// Returns the best strength of a light from this direction, and its variance.
+    fn strength(&self, [x, y]: [f64; 2]) -> (f64, f64) {
+        let precision = square(self.precision, [x, y]);
+        ((self.vector[0] * x + self.vector[1] * y) / precision, 1.0 / precision)
+    }
+
+    /// Adds the axis: a light of this strength has no component across it, within the axis' uncertainty.
+    fn along(mut self, axis: Axis) -> Self {
+        let [x, y] = direction(axis.azimuth_deg);
+        let (strength, variance) = self.strength([x, y]);
+        let sd = axis.sd_deg.to_radians();
+        let weight = 1.0 / ((strength * strength + variance) * sd * sd);
+        if weight.is_finite() {
+            let across = [y * y, -x * y, x * x];
+            self.precision.iter_mut().zip(across).for_each(|(sum, v)| *sum += weight * v);
+        }
+        self
+    }
+}
+
+/// Returns the square x' C x of a symmetric matrix (xx, xy, yy).
 fn square([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> f64 {
     xx * x * x + 2.0 * xy * x * y + yy * y * y
 }
@@ -190,6 +221,12 @@ impl LightFit {
         }
     }
 
+    /// States the axis that the image shows; without it the azimuth is that of the regression alone.
+    #[must_use]
+    pub fn with_axis(self, axis: Option<Axis>) -> Self {
+        Self { axis, ..self }
+    }
+
     /// Adds a block of four by four cells, as far as it lies within the rectangle.
     fn block(&mut self, maps: &Rectangle<'_>, top: usize, left: usize) {
         let side = maps.side;
@@ -250,24 +287,23 @@ impl LightFit {
         let expected = told.map_or((EXPECTED_STRENGTH, EXPECTED_SPREAD), |strength| (strength, TOLD_SPREAD));
         let information = self.information();
         let Some(azimuth) = azimuth_deg else {
-            let (light, covariance) = information?.solve()?;
+            let known = information?;
+            let (light, covariance) = self.axis.map_or(known, |axis| known.along(axis)).solve()?;
             let strength = libm::hypot(light[0], light[1]);
             let along = [light[0] / strength, light[1] / strength];
             let across = square(covariance, [-along[1], along[0]]);
-            let certainty = strength * strength / across;
             let fitted = (strength, square(covariance, along));
+            let azimuth_sd = libm::sqrt(across) / strength;
+            let sign = libm::erf(strength / libm::sqrt(2.0 * fitted.1));
             let azimuth = libm::atan2(-along[0], along[1]).to_degrees();
             return Some(LightEstimate {
-                azimuth_sd_deg: libm::sqrt(1.0 / certainty).to_degrees().min(180.0) as f32,
-                trust: (certainty / (certainty + CERTAINTY)) as f32,
+                azimuth_sd_deg: azimuth_sd.to_degrees().min(180.0) as f32,
+                trust: (sign * sign / (1.0 + azimuth_sd * azimuth_sd)) as f32,
                 ..Self::drawn(azimuth, fitted, expected)?
             });
         };
         let along = direction(azimuth);
-        let fitted = information.map(|known| {
-            let precision = square(known.precision, along);
-            ((known.vector[0] * along[0] + known.vector[1] * along[1]) / precision, 1.0 / precision)
-        });
+        let fitted = information.map(|known| known.strength(along));
         match (fitted.filter(|(strength, _)| *strength > 0.0), told) {
             (Some(fitted), _) => Self::drawn(azimuth, fitted, expected),
             (None, Some(strength)) => Self::certain(azimuth, strength, TOLD_SPREAD),
@@ -276,7 +312,11 @@ impl LightFit {
     }
 
     /// Returns the light of a known azimuth, its strength between a fitted one (with its variance) and an expected one (with its spread).
-    fn drawn(azimuth_deg: f64, (fitted, variance): (f64, f64), (expected, spread): (f64, f64)) -> Option<LightEstimate> {
+    fn drawn(
+        azimuth_deg: f64,
+        (fitted, variance): (f64, f64),
+        (expected, spread): (f64, f64),
+    ) -> Option<LightEstimate> {
         let of_expected = 1.0 / (spread * spread);
         let of_fitted = 1.0 / (variance / (fitted * fitted) + FITTED_SPREAD * FITTED_SPREAD);
         let weight = of_expected + of_fitted;

@@ -12,5 +12,5 @@ pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, nr_from_reliefs};
 pub use error::NormError;
 pub use light::{Light, Mirror};
-pub use light_fit::{LightEstimate, LightFit};
+pub use light_fit::{Axis, LightEstimate, LightFit};
 pub use shading::Shading;

@@ -106,7 +106,10 @@ impl<'t, 's> Guide<'t, 's> {
         };
         let (share, trust) = match weight {
             Weight::Plain => (Share::WHOLE, 1.0),
-            Weight::Trust(trust) => (plan.share((&brightness, &coarse), (&shading, light), scratch)?, trust),
+            Weight::Trust(trust) => {
+                let contrast = plan.contrast((&brightness, &coarse), (&shading, light), scratch)?;
+                (contrast.share(light), trust)
+            }
         };
         // Slopes as far as they are likely, and what they leave open.
         let (kept, uncertainty) = match weight {

@@ -19,7 +19,7 @@ mod guide;
 mod share;
 
 pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
-pub use share::{OCTAVES, Share};
+pub use share::{Contrast, OCTAVES, Share};
 
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
@@ -95,28 +95,26 @@ impl Photoclinometry {
         Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
     }
 
-    /// Finds the share of a tile's contrast that is relief, from the same maps as [`Self::relief`]. The slopes that the coarse DTM does not
-    /// explain are tapered towards the tile's edges (by a raised cosine over a quarter of a side), so that no wave is cut.
+    /// Measures the contrast of a tile, from the same maps as [`Self::relief`]: the slopes along the light that the coarse DTM does not
+    /// explain. They are tapered towards the tile's edges (by a raised cosine over a quarter of a side), so that no wave is cut.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
-    pub fn share(
+    pub fn contrast(
         &self,
         (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
         (shading, light): (&Shading, Light),
         scratch: &mut [f32],
-    ) -> Result<Share, LengthError> {
+    ) -> Result<Contrast, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        let direction = Self::direction(light);
-        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), direction);
-        let squares = self.taper(field);
+        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), Self::direction(light));
+        let squares = f64::from(self.taper(field));
         self.rows_forward(field, col_roots);
         self.clear_margins(field);
         transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
-        let power = self.power(field, direction);
         // By Parseval's theorem the power of all waves is the number of values times the sum of squares. Half of the waves are summed.
-        let scale = 2.0 / (self.field_len() as f32 * squares);
-        Ok(Share::new(&power, squares / self.field_len().max(1) as f32, scale))
+        let values = self.field_len() as f64;
+        Ok(Contrast::new(self.power(field), squares / values, 2.0 / (values * squares)))
     }
 
     /// Returns the direction of a light as a unit vector.
@@ -242,15 +240,16 @@ impl Photoclinometry {
         core::f32::consts::TAU * signed / n as f32
     }
 
-    /// Returns the power of each octave. Of a wave and its opposite, one counts.
-    fn power(&self, field: &[f32], [east, south]: [f32; 2]) -> [Power; OCTAVES] {
+    /// Returns the power of each octave, by direction. Of a wave and its opposite, one counts.
+    fn power(&self, field: &[f32]) -> [Power; OCTAVES] {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         let mut octaves = [Power::default(); OCTAVES];
         let mut add = |down: f32, across: f32, power: f32| {
-            let (along, all) = (east * across + south * down, across * across + down * down);
+            let all = across * across + down * down;
             if let Some(octave) = octaves.get_mut(share::octave(all)) {
                 octave.total += f64::from(power);
-                octave.along += f64::from(power * (2.0 * along * along / all - 1.0));
+                octave.cos += f64::from(power * ((across * across - down * down) / all));
+                octave.sin += f64::from(power * (2.0 * across * down / all));
                 octave.waves += 1.0;
             }
         };

@@ -12,8 +12,11 @@
 //! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
 //! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
 
-use super::SMOOTHNESS;
+use super::{Photoclinometry, SMOOTHNESS};
+use crate::mask;
+use crate::norm::{Axis, Light, NormError, Shading};
 use crate::part::{item, put};
+use crate::tile::Shape;
 use core::f32::consts::PI;
 
 /// Number of octaves: wavelengths from 2 to 512 pixels. Longer waves count with the last one.
@@ -27,15 +30,120 @@ const EXPECTED_WAVES: f32 = 10.0;
 /// The expected share of the shortest waves.
 const EXPECTED: f32 = 0.5;
 
-/// Power of the waves of an octave.
+/// Power of the waves of an octave, by direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Power {
     /// Sum of P.
     pub(super) total: f64,
-    /// Sum of P cos 2t.
-    pub(super) along: f64,
-    /// Number of waves.
-    pub(super) waves: f32,
+    /// Sum of P cos 2d, with d the direction of the wave from the rows' direction.
+    pub(super) cos: f64,
+    /// Sum of P sin 2d.
+    pub(super) sin: f64,
+    /// Number of independent waves.
+    pub(super) waves: f64,
+}
+
+/// The contrast of an image, octave by octave and by direction; additive over tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Contrast {
+    octaves: [Power; OCTAVES],
+    tiles: f64,
+}
+
+/// Standard deviation of the axis of relief alone, degrees (our choice: on eight real images with a DTM it errs by 2 to 10 degrees).
+const AXIS_SD_DEG: f64 = 6.0;
+/// Octaves that show the axis: waves of 4 to 64 pixels. Shorter waves are noise, longer ones are few.
+const AXIS_OCTAVES: core::ops::Range<usize> = 1..5;
+/// Smallest number of waves of such an octave.
+const AXIS_WAVES: f64 = 20.0;
+
+impl Contrast {
+    /// Makes the contrast of one tile from sums over its waves; `effective` is the share of waves that are independent, `scale` turns power
+    /// into variance.
+    pub(super) fn new(mut octaves: [Power; OCTAVES], effective: f64, scale: f64) -> Self {
+        for Power { total, cos, sin, waves } in &mut octaves {
+            (*total, *cos, *sin) = (scale * *total, scale * *cos, scale * *sin);
+            *waves *= effective;
+        }
+        Self { octaves, tiles: 1.0 }
+    }
+
+    /// Measures the contrast of an image alone, of this shape, row-major, at valid pixels ([`crate::mask`]). `scratch` has at least
+    /// [`Photoclinometry::scratch_len`] values.
+    ///
+    /// # Errors
+    /// Those of [`Shading::new`]; [`NormError::Length`] if a buffer has another length.
+    pub fn of_image(
+        image: &[f32],
+        valid: Option<&[bool]>,
+        shape: Shape,
+        scratch: &mut [f32],
+    ) -> Result<Self, NormError> {
+        crate::error::same_length(shape.pixels(), image.len())?;
+        // Under a light of strength 1 slopes are contrasts.
+        let light = Light { east: 1.0, south: 0.0 };
+        let shading = Shading::new(image, valid, light)?;
+        let brightness = |row: usize, out: &mut [f32]| {
+            for (out, pixel) in out.iter_mut().zip(row * shape.cols..) {
+                *out = if mask::counts(image, valid, pixel) { item(image, pixel) } else { f32::NAN };
+            }
+        };
+        let level = |_: usize, out: &mut [f32]| out.fill(0.0);
+        Ok(Photoclinometry::new(shape).contrast((brightness, level), (&shading, light), scratch)?)
+    }
+
+    /// Adds another tile, or several.
+    pub fn add(&mut self, other: &Self) {
+        for (sum, octave) in self.octaves.iter_mut().zip(&other.octaves) {
+            sum.total += octave.total;
+            sum.cos += octave.cos;
+            sum.sin += octave.sin;
+            sum.waves += octave.waves;
+        }
+        self.tiles += other.tiles;
+    }
+
+    /// Returns the share of relief under a light.
+    #[must_use]
+    pub fn share(&self, light: Light) -> Share {
+        let (east, south) = (f64::from(light.east), f64::from(light.south));
+        let square = east * east + south * south;
+        // Of twice the light's direction.
+        let (cos, sin) = ((east * east - south * south) / square, 2.0 * east * south / square);
+        let mut share = Share { octaves: [EXPECTED; OCTAVES], variances: [0.0; OCTAVES] };
+        let mut expected = EXPECTED;
+        for (index, power) in self.octaves.iter().enumerate() {
+            let waves = power.waves as f32;
+            let found = (2.0 * (cos * power.cos + sin * power.sin) / power.total) as f32;
+            if found.is_finite() {
+                expected = (waves * found + EXPECTED_WAVES * expected) / (waves + EXPECTED_WAVES);
+            }
+            put(&mut share.octaves, index, (expected / WHOLE).clamp(SHARE_MIN, 1.0));
+            put(&mut share.variances, index, (power.total / self.tiles) as f32);
+        }
+        share
+    }
+
+    /// Returns the axis of the light: relief without a preferred direction has no contrast across the light. It is the mean over octaves of
+    /// the doubled direction, and the surer the more of the contrast has a direction. `None` without contrast.
+    #[must_use]
+    pub fn axis(&self) -> Option<Axis> {
+        let (mut cos, mut sin, mut count) = (0.0f64, 0.0f64, 0.0f64);
+        for power in self.octaves.get(AXIS_OCTAVES).unwrap_or_default() {
+            if power.waves >= AXIS_WAVES && power.total > 0.0 {
+                cos += 2.0 * power.cos / power.total;
+                sin += 2.0 * power.sin / power.total;
+                count += 1.0;
+            }
+        }
+        let length = libm::hypot(cos, sin) / count;
+        if !(length > 0.0) {
+            return None;
+        }
+        // A wave along the rows (direction 0) is lit from the east or the west.
+        let azimuth_deg = 0.5 * libm::atan2(sin, cos).to_degrees() + 90.0;
+        Some(Axis { azimuth_deg, sd_deg: AXIS_SD_DEG / length.min(1.0) })
+    }
 }
 
 /// The share of the contrast that is relief, in each octave, and what it leaves open.
@@ -43,7 +151,7 @@ pub(super) struct Power {
 pub struct Share {
     /// Shares, 0.015 to 1.
     octaves: [f32; OCTAVES],
-    /// Variance of the slope that each octave of the image shows along the light.
+    /// Variance of the contrast, or of the slope that it was divided into.
     variances: [f32; OCTAVES],
 }
 
@@ -62,23 +170,6 @@ pub(super) fn octave(wave_number_squared: f32) -> usize {
 impl Share {
     /// Everything is relief.
     pub const WHOLE: Self = Self { octaves: [1.0; OCTAVES], variances: [0.0; OCTAVES] };
-
-    /// Makes the shares from the power of each octave; `effective` is the share of waves that are independent, `scale` turns power into
-    /// variance.
-    pub(super) fn new(power: &[Power; OCTAVES], effective: f32, scale: f32) -> Self {
-        let mut share = Self { octaves: [EXPECTED; OCTAVES], variances: [0.0; OCTAVES] };
-        let mut expected = EXPECTED;
-        for (index, power) in power.iter().enumerate() {
-            let waves = effective * power.waves;
-            let found = (2.0 * power.along / power.total) as f32;
-            if found.is_finite() {
-                expected = (waves * found + EXPECTED_WAVES * expected) / (waves + EXPECTED_WAVES);
-            }
-            put(&mut share.octaves, index, (expected / WHOLE).clamp(SHARE_MIN, 1.0));
-            put(&mut share.variances, index, scale * power.total as f32);
-        }
-        share
-    }
 
     /// Returns the share of an octave: 0 for wavelengths of 2 to 4 pixels, 1 for 4 to 8, and so on.
     #[must_use]
@@ -138,19 +229,27 @@ mod tests {
     #[test]
     fn octaves_are_those_of_wavelengths() {
         let square = |wavelength: f32| (2.0 * PI / wavelength).powi(2);
-        for (wavelength, expected) in [(1.5, 0), (2.01, 0), (3.9, 0), (4.1, 1), (7.9, 1), (8.1, 2), (100.0, 5), (1e6, 7)] {
+        for (wavelength, expected) in
+            [(1.5, 0), (2.01, 0), (3.9, 0), (4.1, 1), (7.9, 1), (8.1, 2), (100.0, 5), (1e6, 7)]
+        {
             assert_eq!(octave(square(wavelength)), expected, "{wavelength}");
         }
         assert_eq!(octave(0.0), OCTAVES - 1);
     }
 
+    const LIGHT: Light = Light { east: 2.0, south: 0.0 };
+
+    /// Power with a share of relief lit along the rows.
+    fn power(share: f64) -> Power {
+        Power { total: 1.0, cos: 0.5 * share, sin: 0.0, waves: 1e6 }
+    }
+
     #[test]
     fn smoothness_is_the_noise_between_octaves() {
-        let power = |along| Power { total: 1.0, along, waves: 1e6 };
         // Shares 0.9 (whole), 0.45 (half), then none.
         let mut octaves = [power(0.0); OCTAVES];
-        (octaves[0], octaves[1]) = (power(0.45), power(0.225));
-        let share = Share::new(&octaves, 1.0, 1.0);
+        (octaves[0], octaves[1]) = (power(0.9), power(0.45));
+        let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
         let at = |wavelength: f32| share.smoothness((2.0 * PI / wavelength).powi(2));
         assert!((share.octave(0) - 1.0).abs() < 1e-3 && (share.octave(1) - 0.5).abs() < 1e-3);
         assert_eq!(share.octave(2), SHARE_MIN);
@@ -165,10 +264,10 @@ mod tests {
 
     #[test]
     fn few_waves_follow_the_octave_before() {
-        let mut octaves = [Power { total: 1.0, along: 0.36, waves: 1e6 }; OCTAVES];
-        octaves[3] = Power { total: 1.0, along: -0.5, waves: 2.0 };
+        let mut octaves = [power(0.72); OCTAVES];
+        octaves[3] = Power { waves: 2.0, ..power(-1.0) };
         octaves[4] = Power::default();
-        let share = Share::new(&octaves, 1.0, 1.0);
+        let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
         assert!((share.octave(2) - 0.8).abs() < 1e-3);
         assert!((0.4..0.8).contains(&share.octave(3)));
         assert_eq!(share.octave(4), share.octave(3), "an octave without waves");
@@ -176,8 +275,8 @@ mod tests {
 
     #[test]
     fn what_is_left_open_falls_with_trust() {
-        let octaves = [Power { total: 0.5, along: 0.225, waves: 1e6 }; OCTAVES];
-        let share = Share::new(&octaves, 1.0, 0.01);
+        let contrast = Contrast::new([Power { total: 0.5, cos: 0.225, ..power(0.0) }; OCTAVES], 1.0, 0.01);
+        let share = contrast.share(LIGHT);
         assert!((share.mean() - 1.0).abs() < 1e-3);
         let open = [0.0, 0.5, 1.0].map(|trust| share.open_slope(trust));
         // Without trust: all of the slope, 2 x 8 x 0.005.
@@ -185,5 +284,27 @@ mod tests {
         assert!(open[0] > open[1] && open[1] > open[2] && open[2] > 0.3 * open[0], "{open:?}");
         assert_eq!(Share::WHOLE.mean(), 0.0);
         assert_eq!(Share::WHOLE.smoothness(0.1), SMOOTHNESS);
+        // Twice the same tile says the same.
+        let mut twice = contrast;
+        twice.add(&contrast);
+        assert!((twice.share(LIGHT).open_slope(0.5) - open[1]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_axis_is_that_of_the_waves() {
+        for azimuth in [1.0f64, 40.0, 90.0, 130.0, 179.0] {
+            // The direction of waves, clockwise from the rows' direction.
+            let doubled = (2.0 * (azimuth - 90.0)).to_radians();
+            let octave = Power { total: 1.0, cos: 0.3 * doubled.cos(), sin: 0.3 * doubled.sin(), waves: 1e3 };
+            let contrast = Contrast::new([octave; OCTAVES], 1.0, 1.0);
+            let axis = contrast.axis().unwrap();
+            assert!((axis.azimuth_deg - azimuth).abs() < 1e-9 && (axis.sd_deg - 10.0).abs() < 1e-9, "{axis:?}");
+            let lit = Light::of(azimuth + 180.0, 1.0).unwrap();
+            let across = Light::of(azimuth + 90.0, 1.0).unwrap();
+            assert!((contrast.share(lit).octave(2) - 0.6 / WHOLE).abs() < 1e-3);
+            assert_eq!(contrast.share(across).octave(2), SHARE_MIN);
+        }
+        assert_eq!(Contrast::default().axis(), None);
+        assert_eq!(Contrast::new([Power { waves: 1e3, ..Power::default() }; OCTAVES], 1.0, 1.0).axis(), None);
     }
 }

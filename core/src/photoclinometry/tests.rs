@@ -176,13 +176,13 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     }
 }
 
-/// Returns the share of maps without voids.
-fn share(plan: &Photoclinometry, image: &[f32], light: Light) -> Share {
+/// Returns the contrast of an image above level ground.
+fn contrast(plan: &Photoclinometry, image: &[f32], light: Light) -> Contrast {
     let shading = Shading::new(image, None, light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    plan.share((bright, level), (&shading, light), &mut scratch).unwrap()
+    plan.contrast((bright, level), (&shading, light), &mut scratch).unwrap()
 }
 
 /// Returns noise with waves of 4 pixels and more: means over 4 x 4 values.
@@ -217,7 +217,8 @@ fn the_share_of_relief_is_found() {
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     for azimuth in [270.0, 315.0, 20.0] {
         let light = Light::of(azimuth, 1.0).unwrap();
-        let of = |relief, albedo| share(&plan, &lit(rows, cols, light, relief, albedo), light).octave(2);
+        let of =
+            |relief, albedo| contrast(&plan, &lit(rows, cols, light, relief, albedo), light).share(light).octave(2);
         let (ground, patches) = (of(0.4, 0.0), of(0.0, 0.3));
         let between = of(0.2, 0.05);
         assert!(ground > 0.9, "{azimuth}: {ground}");
@@ -226,7 +227,10 @@ fn the_share_of_relief_is_found() {
     }
     // Relief lit from the side that was not stated.
     let (lit_from, stated) = (Light::of(270.0, 1.0).unwrap(), Light::of(0.0, 1.0).unwrap());
-    assert!(share(&plan, &lit(rows, cols, lit_from, 0.4, 0.0), stated).octave(2) < 0.05);
+    let found = contrast(&plan, &lit(rows, cols, lit_from, 0.4, 0.0), stated);
+    assert!(found.share(stated).octave(2) < 0.05);
+    let axis = found.axis().unwrap();
+    assert!((axis.azimuth_deg - 90.0).abs() < 6.0 && axis.sd_deg < 10.0, "{axis:?}");
 }
 
 /// Tests the spectrum against the transform by definition.
@@ -240,7 +244,7 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    let found = plan.share((bright, level), (&shading, light), &mut scratch).unwrap();
+    let found = plan.contrast((bright, level), (&shading, light), &mut scratch).unwrap();
 
     let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
     let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();
@@ -257,33 +261,35 @@ fn the_power_of_octaves_is_that_of_the_definition() {
         .sum();
     let spectrum = naive_transform(&field, (height, width), -1.0);
     let wave = |k: usize, n: usize| TAU * if 2 * k > n { k as f64 - n as f64 } else { k as f64 } / n as f64;
-    let strength = f64::from(light.strength());
-    let mut octaves = [[0.0; 3]; OCTAVES];
+    let mut octaves = [Power::default(); OCTAVES];
     for (i, v) in spectrum.iter().enumerate() {
         let (m, k) = (i / width, i % width);
         if (m, k) == (0, 0) || 2 * m == height || 2 * k == width {
             continue;
         }
         let (down, across) = (wave(m, height), wave(k, width));
-        let along = (f64::from(light.east) * across + f64::from(light.south) * down) / strength;
         let (all, power) = (across * across + down * down, v[0] * v[0] + v[1] * v[1]);
         // Both halves are summed here, so every wave counts twice.
-        let [sum, with, waves] = &mut octaves[share::octave(all as f32)];
-        *sum += 0.5 * power;
-        *with += 0.5 * power * (2.0 * along * along / all - 1.0);
-        *waves += 0.5;
+        let sum = &mut octaves[share::octave(all as f32)];
+        sum.total += 0.5 * power;
+        sum.cos += 0.5 * power * (across * across - down * down) / all;
+        sum.sin += 0.5 * power * 2.0 * across * down / all;
+        sum.waves += 0.5;
     }
-    let power = octaves.map(|[total, along, waves]| Power { total, along, waves: waves as f32 });
     let size = (height * width) as f64;
-    let expected = Share::new(&power, (squares / size) as f32, (2.0 / (size * squares)) as f32);
+    let (found, expected) =
+        (found.share(light), Contrast::new(octaves, squares / size, 2.0 / (size * squares)).share(light));
     for octave in 0..OCTAVES {
         assert!((found.octave(octave) - expected.octave(octave)).abs() < 1e-4, "{octave}: {found:?} for {expected:?}");
     }
     for trust in [0.0, 1.0] {
-        assert!((found.open_slope(trust) / expected.open_slope(trust) - 1.0).abs() < 1e-4, "{found:?} for {expected:?}");
+        assert!(
+            (found.open_slope(trust) / expected.open_slope(trust) - 1.0).abs() < 1e-4,
+            "{found:?} for {expected:?}"
+        );
     }
     // Parseval's theorem: all variance is in the octaves, but for the highest frequencies.
-    let variance = 2.0 * power.iter().map(|p| p.total).sum::<f64>() / size;
+    let variance = 2.0 * octaves.iter().map(|p| p.total).sum::<f64>() / size;
     assert!(variance > 0.8 * total && variance < 1.0001 * total, "{variance} of {total}");
 }
 
@@ -293,7 +299,7 @@ fn trust_is_a_factor_and_albedo_flattens_the_relief() {
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     let light = Light::of(290.0, 1.0).unwrap();
     let (image, level) = (lit(rows, cols, light, 0.4, 0.3), vec![0.0; rows * cols]);
-    let found = share(&plan, &image, light);
+    let found = contrast(&plan, &image, light).share(light);
     let of = |share: &Share, trust| relief(&plan, (&image, &level), light, 20.0, (share, trust));
     let size = |map: &[f32]| map.iter().map(|v| v * v).sum::<f32>().sqrt();
     let (whole, weighed, half) = (of(&Share::WHOLE, 1.0), of(&found, 1.0), of(&found, 0.5));

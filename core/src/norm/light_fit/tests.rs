@@ -8,7 +8,9 @@ const COARSE_PX: f32 = 8.0;
 
 /// Returns rolling hills with waves of 3 to 7 coarse pixels, and their image under `light`, times a brightness.
 fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
-    let height = |r: f32, c: f32| 1.5 * ((r + 0.2 * c) / 4.3).sin() + 2.0 * ((c + 0.4 * r) / 6.1).cos() + 1.2 * ((c - 0.7 * r) / 7.0).sin();
+    let height = |r: f32, c: f32| {
+        1.5 * ((r + 0.2 * c) / 4.3).sin() + 2.0 * ((c + 0.4 * r) / 6.1).cos() + 1.2 * ((c - 0.7 * r) / 7.0).sin()
+    };
     let at = |i: usize| ((i / COLS) as f32, (i % COLS) as f32);
     let heights = (0..ROWS * COLS).map(|i| height(at(i).0, at(i).1)).collect();
     let image = (0..ROWS * COLS).map(|i| {
@@ -22,13 +24,16 @@ fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
 /// Returns the mean over squares of a coarse pixel about every pixel: what a coarse DTM keeps of a map.
 fn coarse(map: &[f32]) -> Vec<f32> {
     let side = COARSE_PX as isize;
-    let at = |r: isize, c: isize| map[r.clamp(0, ROWS as isize - 1) as usize * COLS + c.clamp(0, COLS as isize - 1) as usize];
+    let at = |r: isize, c: isize| {
+        map[r.clamp(0, ROWS as isize - 1) as usize * COLS + c.clamp(0, COLS as isize - 1) as usize]
+    };
     let mean = |i: usize| {
         let (r, c) = ((i / COLS) as isize, (i % COLS) as isize);
         // An even box has half weights at its ends.
         let weight = |d: isize| if d.abs() == side / 2 { 0.5 } else { 1.0 };
         let box_ = || -side / 2..=side / 2;
-        box_().flat_map(|dr| box_().map(move |dc| weight(dr) * weight(dc) * at(r + dr, c + dc))).sum::<f32>() / (side * side) as f32
+        box_().flat_map(|dr| box_().map(move |dc| weight(dr) * weight(dc) * at(r + dr, c + dc))).sum::<f32>()
+            / (side * side) as f32
     };
     (0..map.len()).map(mean).collect()
 }
@@ -149,4 +154,32 @@ fn featureless_gappy_and_small_scenes_have_no_light() {
     for coarse_px in [0.0, f32::NAN, f32::INFINITY, -3.0, 1e9] {
         assert!(LightFit::cell_px(coarse_px) >= 4 && LightFit::cell_px(coarse_px) <= 256);
     }
+}
+
+#[test]
+fn the_axis_turns_an_unsure_fit_and_leaves_its_end() {
+    let light = Light::of(250.0, 0.3).unwrap();
+    let (mut image, heights) = scene(light, 1.0);
+    for (i, v) in image.iter_mut().enumerate() {
+        let patch = (i / COLS / 12 * 40 + i % COLS / 12) as u32;
+        *v *= 1.0 + (patch.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+    }
+    let fit = fit(&image, &coarse(&heights));
+    let (alone, turned) = (fit.estimate(None, None).unwrap(), |azimuth_deg, sd_deg| {
+        fit.with_axis(Some(Axis { azimuth_deg, sd_deg })).estimate(None, None).unwrap()
+    });
+    let sure = turned(70.0, 3.0);
+    assert!((sure.light.azimuth_deg() - 250.0).abs() < 6.0, "{sure:?}, without axis {alone:?}");
+    assert!(
+        sure.azimuth_sd_deg < 4.0 && alone.azimuth_sd_deg > sure.azimuth_sd_deg,
+        "{sure:?}, without axis {alone:?}"
+    );
+    assert!(sure.trust >= alone.trust);
+    // An axis that knows nothing changes nothing.
+    assert!((turned(70.0, 1e9).light.east - alone.light.east).abs() < 1e-5);
+    // A known azimuth needs no axis.
+    assert_eq!(
+        fit.with_axis(Some(Axis { azimuth_deg: 10.0, sd_deg: 1.0 })).estimate(Some(250.0), None),
+        fit.estimate(Some(250.0), None)
+    );
 }

@@ -3,8 +3,9 @@
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
+use elunar_core::photoclinometry::{Contrast, Photoclinometry};
 use elunar_core::terrain::PixelSize;
-use elunar_core::tile::Window;
+use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
@@ -180,6 +181,7 @@ impl Scene {
     /// If a file cannot be read.
     pub fn survey(&self) -> Result<Survey> {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let mut contrast = Contrast::default();
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
@@ -191,9 +193,14 @@ impl Scene {
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
             // Cells with a void are left out.
             light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
+            band.add_contrast(&mut contrast);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
-        Ok(Survey { light, relief_m: range.1 - range.0, extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m) })
+        Ok(Survey {
+            light: light.with_axis(contrast.axis()),
+            relief_m: range.1 - range.0,
+            extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
+        })
     }
 }
 
@@ -215,6 +222,22 @@ fn close_gaps(maps: [&mut Vec<f32>; 2], cols: usize) {
 }
 
 impl Band {
+    /// Adds the contrast of the band's image, tile by tile; what is left over at the right and below is left out. Voids have no contrast.
+    fn add_contrast(&self, contrast: &mut Contrast) {
+        let tile = Shape::new(TILE_ROWS.min(self.rows), TILE_COLS.min(self.cols));
+        let mut scratch = vec![0.0; Photoclinometry::new(tile).scratch_len()];
+        for top in (0..=self.rows - tile.rows).step_by(tile.rows.max(1)) {
+            for left in (0..=self.cols - tile.cols).step_by(tile.cols.max(1)) {
+                let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
+                let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
+                // Darkness and sameness have no contrast.
+                if let Ok(found) = Contrast::of_image(&image, None, tile, &mut scratch) {
+                    contrast.add(&found);
+                }
+            }
+        }
+    }
+
     /// Returns whether both inputs are valid, pixel by pixel.
     pub(crate) fn valid(&self) -> impl Iterator<Item = bool> {
         self.image.iter().zip(&self.coarse_m).map(|(i, z)| i.is_finite() && z.is_finite())
