@@ -82,6 +82,13 @@ impl Default for TileLight {
     }
 }
 
+impl Default for Lighting {
+    /// Returns the value for networks that know any light.
+    fn default() -> Self {
+        Self::NOT_ASKED
+    }
+}
+
 impl Lighting {
     /// The value for networks that know any light.
     pub const NOT_ASKED: Self = Self {

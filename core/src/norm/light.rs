@@ -94,6 +94,23 @@ impl Light {
         if deg < 0.0 { deg + 360.0 } else { deg }
     }
 
+    /// Returns the elevation of a Sun with this strength, degrees: the inverse of [`Self::from_sun`].
+    #[must_use]
+    pub fn elevation_deg(self) -> f64 {
+        let (mut low, mut high) = (0.0f64, 90.0f64);
+        // Strength falls with elevation, so each step halves the interval.
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            match Self::from_sun(0.0, middle) {
+                Some(light) if light.strength() < self.strength() => high = middle,
+                // Beyond the strengths of lights: near the horizon above, near the zenith below.
+                None if middle > 45.0 => high = middle,
+                _ => low = middle,
+            }
+        }
+        0.5 * (low + high)
+    }
+
     /// Returns the light in a mirrored map.
     #[must_use]
     pub fn mirrored(self, mirror: Mirror) -> Self {
@@ -162,6 +179,10 @@ mod tests {
         // Lambert's cotangent, reduced by the Lunar-Lambert law.
         assert!((strength(20.0) / 2.747 - 0.85).abs() < 0.05, "{}", strength(20.0));
         assert!((strength(60.0) / 0.577 - 0.69).abs() < 0.05, "{}", strength(60.0));
+        for elevation in [4.0, 10.0, 45.0, 78.0] {
+            let found = Light::from_sun(10.0, elevation).unwrap().elevation_deg();
+            assert!((found - elevation).abs() < 1e-4, "{found} for {elevation}");
+        }
         for out in [0.0, -3.0, 90.0, f64::NAN] {
             assert_eq!(Light::from_sun(10.0, out), None);
         }

@@ -108,7 +108,7 @@ impl Method {
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
                 let Prediction { dtm, tally } = predict(&scene.input, model.as_ref(), &options, &mut { progress })?;
-                if tally.light == LightSource::Assumed {
+                if tally.light.source == LightSource::Assumed {
                     let (method, name) = (&self.name, &scene.entry.name);
                     eprintln!(
                         "{name}, {method}: the light is assumed, as neither the Sun is known nor the scene shows it"

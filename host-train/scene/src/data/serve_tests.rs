@@ -153,7 +153,7 @@ fn training_tiles_are_served_tiles() {
                 assert_same(&sample.image, image, &format!("{what}: image"));
                 assert_same(&sample.coarse, coarse, &format!("{what}: coarse DTM"));
                 let asked = if illumination == Illumination::Any { LightSource::NotAsked } else { source };
-                assert_eq!(made.tally.light, asked, "{what}");
+                assert_eq!(made.tally.light.source, asked, "{what}");
                 // Scale recovery agrees, too.
                 let mut heights_m: Vec<f32> = (0..TILE_ROWS * TILE_COLS).map(answer).collect();
                 sample.scale.recover(SHAPE, &mut heights_m);

@@ -2,7 +2,7 @@
 
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
 use crate::{interrupt, progress};
-use elunar_net::illumination::LightSource;
+use elunar_net::illumination::{LightSource, Lighting};
 use elunar_raster::{Error, Result};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -98,8 +98,29 @@ pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Ta
     for (count, what) in notes.into_iter().filter(|(count, _)| *count > 0) {
         text += &format!(", {count} {what}");
     }
-    if light == LightSource::Assumed {
-        text += "; the light is assumed, as neither the Sun is known nor the scene shows it: give --sun-azimuth and --sun-elevation";
+    if light.source != LightSource::NotAsked {
+        text += &format!("\nlight: {}", light_text(&light));
     }
     text
+}
+
+/// Returns a light in words: azimuth, strength, the elevation of a Sun of that strength, their uncertainty and origin, and the trust.
+#[must_use]
+pub fn light_text(lighting: &Lighting) -> String {
+    let Lighting { light, source, trust, log_strength_sd, azimuth_sd_deg } = *lighting;
+    let (azimuth, strength, elevation) = (light.azimuth_deg(), light.strength(), light.elevation_deg());
+    let origin = match source {
+        LightSource::NotAsked => return "not used by the network".into(),
+        LightSource::Given => "given",
+        LightSource::Fitted => "fitted",
+        LightSource::Assumed => {
+            "assumed, as neither the Sun is known nor the scene shows it: give --sun-azimuth and --sun-elevation"
+        }
+    };
+    let azimuth = match azimuth_sd_deg {
+        sd if sd > 0.0 => format!("azimuth {azimuth:.0} +- {sd:.0} deg"),
+        _ => format!("azimuth {azimuth:.0} deg"),
+    };
+    let strength = format!("strength {strength:.2}, uncertain by a factor of {:.2}", log_strength_sd.exp());
+    format!("{azimuth}, {strength}, as of a Sun {elevation:.0} deg high; trust {trust:.2}; {origin}")
 }

@@ -5,7 +5,7 @@ use super::scene::{Band, Scene};
 use super::tile::{Outcome, Rules, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
-use elunar_net::illumination::{KnownSun, LightSource};
+use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::{Error, Raster, Result};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -52,7 +52,7 @@ impl Options {
 }
 
 /// Number of tiles of a scene, by their result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tally {
     /// Tiles of the scene.
     pub tiles: usize,
@@ -62,8 +62,8 @@ pub struct Tally {
     pub tiles_coarse: usize,
     /// Tiles of this run without a valid pixel.
     pub tiles_empty: usize,
-    /// Source of the scene's light.
-    pub light: LightSource,
+    /// The scene's light.
+    pub light: Lighting,
 }
 
 /// The result of [`predict`].
@@ -117,7 +117,7 @@ pub fn predict_rows(
     let rules = Rules::new(input, lighting, scene, options);
     let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
     let cut = Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads };
-    Ok(Tally { light: lighting.source, ..make_rows(scene, cut, &makers, from, keep, progress)? })
+    Ok(Tally { light: lighting, ..make_rows(scene, cut, &makers, from, keep, progress)? })
 }
 
 /// How a scene is cut into tiles and shared between threads.
