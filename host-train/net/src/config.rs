@@ -329,7 +329,7 @@ pub fn trained_network(preset: Preset) -> NetConfig {
         Preset::Tiny | Preset::Nano => NetConfig {
             head: Head::Residual,
             target_range: TruthRange::Pixel,
-            illumination: Illumination::Given,
+            illumination: Illumination::Weighed,
             // Batches are small and their tiles differ much. At 0.1, running statistics and validation results vary strongly.
             bn_momentum: 0.02,
             ..config
