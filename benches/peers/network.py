@@ -24,7 +24,7 @@ PAYLOAD = ("input.", "trace.", "output", "truth")
 
 def image_maps(config):
     """Brightness, or the four maps of a guide: slope east and south, relief, uncertainty."""
-    return 4 if config.get("illumination") == "given" else 1
+    return 4 if config.get("illumination") in ("given", "weighed") else 1
 
 
 def conv(inputs, outputs, kernel, stride=1):

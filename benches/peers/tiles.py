@@ -32,7 +32,7 @@ def tile(seed, config):
     """Image [1, maps, ROWS, COLS] and coarse DTM [1, 1, ROWS, COLS], f32, normalised as `config` wants it."""
     z = terrain(np.random.default_rng(seed))
     image = shade(z)
-    if config.get("illumination") == "given":
+    if config.get("illumination") in ("given", "weighed"):
         # The smallest slope that explains the contrast, its two components alike: the Sun stands in the north-west. The relief
         # is the true one, of which photoclinometry finds most.
         slope = (image / image.mean() - 1) * np.tan(SUN_ELEVATION) / np.sqrt(2) / SLOPE_UNIT

@@ -114,6 +114,11 @@
 #define ELD_LIGHT_GIVEN 2
 
 /**
+ * Light: as `ELD_LIGHT_GIVEN`, and the maps are weighed by the trust in the light and by the share of the contrast that is relief.
+ */
+#define ELD_LIGHT_WEIGHED 3
+
+/**
  * Heights: scaled by the relief of the tile's own truth, which the relief of the coarse DTM replaces.
  */
 #define ELD_HEIGHTS_OWN_RELIEF 0

@@ -6,7 +6,7 @@ use crate::config::{Head, Illumination, NetConfig, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
 use elunar_core::norm::ElevationScale;
-use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry};
+use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry, Weight};
 use elunar_core::tile::Shape;
 use std::path::Path;
 
@@ -130,12 +130,13 @@ fn metres_come_out_as_by_way_of_buffers() {
 
 #[test]
 fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
-    let config = NetConfig {
-        head: Head::Residual,
-        target_range: TruthRange::Pixel,
-        illumination: Illumination::Given,
-        ..small_config()
-    };
+    guided(Illumination::Given, Weight::Plain);
+    guided(Illumination::Weighed, Weight::Trust(1.0));
+}
+
+/// Compares a model's heights with those of a network that is given the maps of a guide.
+fn guided(illumination: Illumination, weight: Weight) {
+    let config = NetConfig { head: Head::Residual, target_range: TruthRange::Pixel, illumination, ..small_config() };
     let shape = (32, 64);
     let random = random_tile(shape.0, shape.1, 11);
     let brightness: Vec<f32> = random.image.iter().map(|v| 200.0 + 900.0 * v).collect();
@@ -147,8 +148,9 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     let scale = ElevationScale::from_pixel(&heights, None, 2.0, config.nr).unwrap();
     let plan = Photoclinometry::new(Shape::new(shape.0, shape.1));
     let mut scratch = vec![0.0; plan.scratch_len()];
+    let unmirrored = Mirror::default();
     let tile =
-        GuideInput { image: &image, coarse_m: &heights, valid: None, mirror: Mirror::default(), coarse_px: 30.0 };
+        GuideInput { image: &image, coarse_m: &heights, valid: None, mirror: unmirrored, coarse_px: 30.0, weight };
     let guide = Guide::new(&plan, tile, &scale, light.mirrored(mirror), &mut scratch).unwrap();
     let (mut maps, mut pixels) = (vec![0.0; MAPS * image.len()], vec![0.0; heights.len()]);
     guide.fill(&mut maps, &mut pixels).unwrap();
