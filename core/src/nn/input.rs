@@ -26,9 +26,16 @@ pub enum Illumination {
 }
 
 impl Illumination {
+    /// Returns whether the image is given as the maps of a guide. Voids of its image are left void, because what fills them is no evidence of
+    /// relief; other networks need them filled.
+    #[must_use]
+    pub const fn is_guided(self) -> bool {
+        matches!(self, Self::Given | Self::Weighed)
+    }
+
     /// Number of maps for the image, side by side in every pixel: brightness alone, or the maps of a guide.
     #[must_use]
     pub const fn image_maps(self) -> usize {
-        if matches!(self, Self::Given | Self::Weighed) { crate::photoclinometry::MAPS } else { 1 }
+        if self.is_guided() { crate::photoclinometry::MAPS } else { 1 }
     }
 }

@@ -30,17 +30,22 @@ impl Lines<'_> {
         (part(self.image, at, self.cols), part(self.coarse_m, at, self.cols))
     }
 
-    /// Cuts a tile out of a strip of `rows` lines, and continues the strip beyond its last line and column by repeating them. Returns
-    /// whether both inputs are real in any pixel of the tile.
-    pub(super) fn cut(&self, window: Window, rows: usize, image: &mut [f32], coarse_m: &mut [f32]) -> bool {
+    /// Cuts a tile out of a strip of `rows` lines, and continues the strip beyond its last line and column by repeating them. With `void`,
+    /// the image is void there and wherever the coarse DTM is. Returns whether both inputs are real in any pixel of the tile.
+    pub(super) fn cut(&self, window: Window, rows: usize, void: bool, image: &mut [f32], coarse_m: &mut [f32]) -> bool {
         let (last_row, last_col, width) = (rows.saturating_sub(1), self.cols.saturating_sub(1), window.cols.max(1));
         let mut any = false;
         for (i, (image, coarse_m)) in image.chunks_mut(width).zip(coarse_m.chunks_mut(width)).enumerate() {
-            let (from, from_m) = self.line(window.row.saturating_add(i).min(last_row));
+            let row = window.row.saturating_add(i);
+            let (from, from_m) = self.line(row.min(last_row));
             for (c, (v, z)) in image.iter_mut().zip(coarse_m).enumerate() {
-                let col = window.col.saturating_add(c).min(last_col);
-                (*v, *z) = (item(from, col), item(from_m, col));
-                any |= v.is_finite() && z.is_finite();
+                let col = window.col.saturating_add(c);
+                (*v, *z) = (item(from, col.min(last_col)), item(from_m, col.min(last_col)));
+                let real = v.is_finite() && z.is_finite();
+                any |= real;
+                if void && (!real || row > last_row || col > last_col) {
+                    *v = f32::NAN;
+                }
             }
         }
         any

@@ -292,14 +292,16 @@ impl<'a, 'm> Strip<'a, 'm> {
 
     /// Cuts the tile out, fills its voids and begins it.
     fn prepare(&mut self, window: Window) {
+        let guided = self.runner.model().illumination().is_guided();
         let Self { lines, image, coarse_m, queue, .. } = self;
-        if !lines.cut(window, self.at.lines, image, coarse_m) {
+        if !lines.cut(window, self.at.lines, guided, image, coarse_m) {
             self.at.counters.tiles_empty += 1;
             return self.advance();
         }
-        for map in [&mut **image, &mut **coarse_m] {
-            // The plan guarantees the lengths.
-            let _ = fill_gaps(map, window.cols, queue);
+        // The plan guarantees the lengths.
+        let _ = fill_gaps(coarse_m, window.cols, queue);
+        if !guided {
+            let _ = fill_gaps(image, window.cols, queue);
         }
         let settings = self.plan.settings;
         let (pixel_m, coarse_px, light) = (settings.pixel_m, settings.coarse_px, TileLight::Scene(settings.light));

@@ -80,11 +80,11 @@ pub struct Band {
     pub coarse_m: Vec<f32>,
 }
 
-/// Maps of a tile without gaps, row-major, and which of its pixels are valid.
+/// Maps of a tile, row-major, and which of its pixels are valid.
 pub(crate) struct Cutout {
-    /// Relative brightness. Gaps are filled from their nearest neighbours within the tile.
+    /// Relative brightness. Gaps are void, or filled from their nearest neighbours within the tile.
     pub(crate) image: Vec<f32>,
-    /// Coarse DTM, metres. Gaps are filled likewise.
+    /// Coarse DTM, metres. Gaps are filled.
     pub(crate) coarse_m: Vec<f32>,
     /// Pixels where both inputs are valid. Pixels beyond the scene are never valid.
     pub(crate) valid: Vec<bool>,
@@ -171,7 +171,11 @@ impl Scene {
     /// # Errors
     /// If a file cannot be read.
     pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<Lighting> {
-        let fit = if Lighting::wants_fit(illumination, sun) { self.survey()?.light } else { LightFit::default() };
+        let mut fit = if Lighting::wants_fit(illumination, sun) { self.survey()?.light } else { LightFit::default() };
+        if !illumination.is_guided() {
+            // As for a single tile: other networks have no memory for it.
+            fit = fit.with_axis(None);
+        }
         Ok(Lighting::decide(illumination, sun, &fit))
     }
 
@@ -213,12 +217,9 @@ fn place(input: &Input) -> Result<&GeoRef> {
     })
 }
 
-/// Fills the gaps of maps of one size.
-fn close_gaps(maps: [&mut Vec<f32>; 2], cols: usize) {
-    let mut queue = vec![0; maps[0].len()];
-    for map in maps {
-        fill_gaps(map, cols, &mut queue).expect("whole rows, and a queue of their length");
-    }
+/// Fills the gaps of a map.
+fn close_gap(map: &mut [f32], cols: usize) {
+    fill_gaps(map, cols, &mut vec![0; map.len()]).expect("whole rows, and a queue of their length");
 }
 
 impl Band {
@@ -244,8 +245,8 @@ impl Band {
     }
 
     /// Cuts `window` (of the scene) out of the band and fills its gaps; `None` if it has no valid pixel. Beyond the band, its last row and
-    /// column repeat.
-    pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
+    /// column repeat. With `void`, the image is NaN wherever a pixel is not valid.
+    pub(crate) fn cut(&self, window: Window, void: bool) -> Option<Cutout> {
         let (first, rows, cols) = (window.row - self.first, window.rows, window.cols);
         let layer = |layer: &[f32]| -> Vec<f32> {
             let at = |row: usize, col: usize| layer[row.min(self.rows - 1) * self.cols + col.min(self.cols - 1)];
@@ -261,7 +262,12 @@ impl Band {
         if !valid.contains(&true) {
             return None;
         }
-        close_gaps([&mut image, &mut coarse_m], cols);
+        close_gap(&mut coarse_m, cols);
+        if void {
+            image.iter_mut().zip(&valid).filter(|(_, valid)| !**valid).for_each(|(v, _)| *v = f32::NAN);
+        } else {
+            close_gap(&mut image, cols);
+        }
         Some(Cutout { image, coarse_m, valid })
     }
 }

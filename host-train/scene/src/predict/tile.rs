@@ -66,20 +66,23 @@ impl<'a> TileWorker<'a> {
     /// # Errors
     /// If the network fails, or returns a height that is not finite.
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
-        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
+        let Some(Cutout { image, coarse_m, valid }) = band.cut(window, self.rules.input.illumination.is_guided())
+        else {
+            return Ok(Outcome::Empty);
+        };
         let weights = self.weights(&valid, window);
-        match self.maps(&image, &coarse_m, &valid, window.shape())? {
+        match self.maps(&image, &coarse_m, window.shape())? {
             Some(tile) => Ok(Outcome::Predicted { heights_m: self.predicted(tile, &coarse_m, window)?, weights }),
             None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
         }
     }
 
-    /// Prepares a tile without gaps; `None` for one without contrast or relief.
-    fn maps(&mut self, image: &[f32], coarse_m: &[f32], valid: &[bool], shape: Shape) -> Result<Option<Maps>> {
+    /// Prepares a tile; `None` for one without contrast or relief.
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: Shape) -> Result<Option<Maps>> {
         let Rules { input, pixel_m, coarse_px, lighting, .. } = self.rules;
         let light = TileLight::Scene(lighting);
-        // What was filled is no evidence of relief.
-        let tile = TileInput { image, coarse_m, valid: Some(valid), pixel_m, coarse_px, light };
+        // Filled pixels count in the ranges. They hold values of valid neighbours, so they hardly widen a range and need no clamping.
+        let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
         match Maps::new(&input, shape, &tile, &mut self.scratch) {
             Ok(maps) => Ok(Some(maps)),
             Err(e) if e.nothing_to_see() => Ok(None),
