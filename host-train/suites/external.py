@@ -3,8 +3,8 @@
 
     host-train/suites/external.py DATA OUT
 
-DATA holds any of the folders independent_synthetic, stereolunar, nac_apollo15 and nac_m139939938le; for each that is there a list is
-written into OUT (and, for the Apollo 15 crop, a DTM as GeoTIFF); the others are named as skipped. Needs numpy and rasterio. Where the
+DATA holds any of the folders independent_synthetic, stereolunar, nac_apollo15, nac_m139939938le and real; for each that is there a list
+is written into OUT (and, for the Apollo 15 crop and the real pairs, GeoTIFFs); the others are named as skipped. Needs numpy and rasterio. Where the
 data do not tell the Sun, it is fitted to image and truth by the best correlation with a Lambert hillshade, and the list says so.
 """
 
@@ -117,13 +117,96 @@ def nac_pair(folder, out):
     write(out, "nac", about, [scene])
 
 
+# Real images with a DTM: image, truth, pixels of the image that are averaged to one, side of the coarse DTM's pixel in these.
+REAL = {
+    "moon_aristarchus_cp_wac": ("image_iof_214m.tif", "truth_dtm_214m.tif", 1, 20),
+    "mars_noctis_hirise": ("image_17.5m.tif", "truth_dtm_17.5m_scale_guessed.tif", 1, 20),
+    "mars_cerberus_hirise": ("image_scale_guessed.tif", "truth_dtm_scale_guessed.tif", 1, 20),
+    "mars_gale_hirise_1m": ("image_1m.tif", "truth_dtm_1m.tif", 2, 25),
+}
+# Windows of the image of the Moon's north pole, each under one Sun: first row and column.
+POLE = "moon_wac_lola_north_pole", "image_1600m.tif", "truth_dtm_1600m.tif", 20
+WINDOWS, SIDE = [(0, 0), (127, 508), (508, 127), (508, 508)], 254
+# Stereo and altimetry resolve less than their pixel. Truth and DTMs are compared after a Gaussian of 2 pixels, which halves these waves.
+RESOLUTION_PX = 2 / 0.18739
+NODATA = -3.4028226550889045e38
+
+
+def means(map_, side, least):
+    """Means over squares, NaN where less than a share `least` of a square is valid."""
+    rows, cols = (n // side for n in map_.shape)
+    squares = map_[: rows * side, : cols * side].reshape(rows, side, cols, side)
+    valid = np.isfinite(squares)
+    sums, counts = np.where(valid, squares, 0).sum((1, 3)), valid.sum((1, 3))
+    return np.where(counts >= least * side * side, sums / np.maximum(counts, 1), np.nan)
+
+
+def filled(map_):
+    """Gaps take the value of the nearest valid sample."""
+    gaps, (rows, cols) = ~np.isfinite(map_), np.indices(map_.shape)
+    at = np.argwhere(~gaps)
+    out = map_.copy()
+    for row, col in np.argwhere(gaps):
+        near = at[((at - (row, col)) ** 2).sum(1).argmin()]
+        out[row, col] = map_[tuple(near)]
+    return out
+
+
+def save(path, map_, transform, crs):
+    with rasterio.open(path, "w", driver="GTiff", height=map_.shape[0], width=map_.shape[1], count=1, dtype="float32", crs=crs,
+                       transform=transform, nodata=NODATA) as file:
+        file.write(np.where(np.isfinite(map_), map_, NODATA).astype("f4"), 1)
+    return path
+
+
+def real_scene(out, name, kind, image, truth, places, crs, coarse_px):
+    """Writes a scene, its coarse DTM averaged from the truth. `places`: transforms of image and truth."""
+    out = out.resolve()
+    of_image, of_truth = places
+    side = max(1, round(coarse_px * of_image.a / of_truth.a))
+    coarse = filled(means(truth, side, 0.3))
+    return dict(name=name, kind=kind, image=save(out / f"{name}_image.tif", image, of_image, crs),
+                coarse=save(out / f"{name}_coarse.tif", coarse, of_truth * rasterio.Affine.scale(side), crs),
+                truth=save(out / f"{name}_truth.tif", truth, of_truth, crs), truth_resolution_m=RESOLUTION_PX * abs(of_truth.a))
+
+
+def real(folder, out):
+    def opened(path):
+        with rasterio.open(path) as file:
+            return file.read(1, masked=True).astype("f8").filled(np.nan), file.transform, file.crs
+
+    scenes, moon = [], rasterio.crs.CRS.from_proj4(MOON)
+    for name, (image, truth, shrink, coarse_px) in REAL.items():
+        if (folder / name).is_dir():
+            (image, of_image, crs), (truth, of_truth, other) = opened(folder / name / image), opened(folder / name / truth)
+            places = of_image * rasterio.Affine.scale(shrink), of_truth
+            scenes.append(real_scene(out, name, name.split("_")[0].title(), means(image, shrink, 0.5), truth, places, crs or other or moon,
+                                     coarse_px))
+        else:
+            print(f"SKIPPED: {folder / name}: not there")
+    name, image, truth, coarse_px = POLE
+    if (folder / name).is_dir():
+        (image, of_image, crs), (truth, of_truth, _) = opened(folder / name / image), opened(folder / name / truth)
+        for number, (row, col) in enumerate(WINDOWS):
+            window = np.s_[row:row + SIDE, col:col + SIDE]
+            places = [place * rasterio.Affine.translation(col, row) for place in (of_image, of_truth)]
+            scenes.append(real_scene(out, f"north_pole_{number}", "Moon, north pole", image[window], truth[window], places, crs or moon,
+                                     coarse_px))
+    else:
+        print(f"SKIPPED: {folder / name}: not there")
+    about = ("Real images with DTMs of stereo or altimetry; the Sun is not told. The coarse DTM is the truth averaged over 20 or 25 pixels of "
+             "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis and "
+             "Cerberus have a guessed scale: only ratios count.")
+    write(out, "real", about, scenes)
+
+
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     data, out = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2])
     out.mkdir(parents=True, exist_ok=True)
     for name, make in [("independent_synthetic", independent_synthetic), ("stereolunar", stereolunar),
-                       ("nac_apollo15", nac_apollo15), ("nac_m139939938le", nac_pair)]:
+                       ("nac_apollo15", nac_apollo15), ("nac_m139939938le", nac_pair), ("real", real)]:
         if (data / name).is_dir():
             make(data / name, out)
         else:

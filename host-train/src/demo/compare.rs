@@ -38,8 +38,8 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted
         Candidate::fine(NAMES[1], &float.made.dtm),
         Candidate::fine(NAMES[2], &int8.made.dtm),
     ];
-    let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
-    let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)])?;
+    let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates, None)?;
+    let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)], None)?;
     let int8_against_float = pair.scored.first().map(|scored| scored.scores);
     let int8_against_float = int8_against_float.ok_or_else(|| Error::usage("evaluate: expected scores, found none"))?;
     for scored in &against_truth.scored {

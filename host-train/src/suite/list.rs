@@ -54,6 +54,8 @@ pub struct Entry {
     pub sun_elevation_deg: Option<f64>,
     /// Waves shorter than this are the fine relief [default: 60 m, or the coarse DTM's pixel where that is wider].
     pub high_pass_m: Option<f64>,
+    /// Wavelength that the truth resolves, metres: all DTMs are smoothed alike by a Gaussian that halves such waves [default: as they are].
+    pub truth_resolution_m: Option<f64>,
     /// Whether the truth has long waves only. Such a scene is left out of summaries.
     #[serde(default)]
     pub weak_truth: bool,
@@ -154,6 +156,9 @@ impl Entry {
         }
         if self.high_pass_m.is_some_and(|m| m.is_nan() || m <= 0.0) {
             return Err("expected high_pass_m above 0".into());
+        }
+        if self.truth_resolution_m.is_some_and(|m| m.is_nan() || m <= 0.0) {
+            return Err("expected truth_resolution_m above 0".into());
         }
         self.crs().map(drop)
     }

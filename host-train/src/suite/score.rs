@@ -29,7 +29,7 @@ pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
     let truth_name = format!("{}: truth", scene.entry.name);
     let mut candidates = vec![Candidate::coarse(COARSE, &scene.coarse)];
     candidates.extend(methods.iter().zip(&made).map(|(method, (dtm, _))| Candidate::fine(&method.name, dtm)));
-    let comparison = compare(Named::new(&truth_name, &scene.truth), &candidates)?;
+    let comparison = compare(Named::new(&truth_name, &scene.truth), &candidates, scene.entry.truth_resolution_m)?;
     let seconds = std::iter::once(None).chain(made.iter().map(|(_, seconds)| *seconds));
     let light = scene.sun_deg.0.zip(scene.sun_deg.1);
     let light = light.map(|(azimuth_deg, elevation_deg)| Light { image: &scene.image, azimuth_deg, elevation_deg });
@@ -37,7 +37,7 @@ pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
         Ok(MethodScores {
             method: scored.name.clone(),
             heights: scored.scores,
-            relief: relief(&comparison, scored, &scene.truth, scene.high_pass_m, light)?,
+            relief: relief(&comparison, scored, scene.high_pass_m, light)?,
             seconds,
         })
     });

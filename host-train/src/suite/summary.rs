@@ -125,6 +125,8 @@ pub(crate) mod tests {
             median_m: 0.0,
             rmse_median_removed_m: rmse_m,
             largest_m: 9.0,
+            nmad_m: 1.0,
+            error_95_m: 3.0,
             slope_pixels: 4,
             slope_mae_deg: 10.0 * slope,
             slope_rmse_deg: 1.0,

@@ -24,6 +24,10 @@ pub struct Args {
     /// Coarse DTM that the prediction started from. It is compared with the truth, too.
     #[arg(long, value_name = "C.tif")]
     pub coarse: Option<PathBuf>,
+    /// Wavelength that the truth resolves, metres: waves of this length are halved in all DTMs before they are compared [default: all DTMs as
+    /// they are].
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub truth_resolution_m: Option<f64>,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -44,7 +48,7 @@ pub fn run(args: Args) -> Result<()> {
     let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();
     let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
-    let comparison = compare(Named::new(&truth_name, &truth), &candidates)?;
+    let comparison = compare(Named::new(&truth_name, &truth), &candidates, args.truth_resolution_m)?;
     if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
         let error = &scored.error_m;
         picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;

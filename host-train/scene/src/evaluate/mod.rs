@@ -14,6 +14,7 @@ pub use scores::Scores;
 use elunar_core::terrain::PixelSize;
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::{Error, Raster, Result};
+use lowpass::LowPass;
 
 /// A DTM to be scored.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +47,7 @@ pub struct Scored {
     pub name: String,
     /// Its scores over the common pixels.
     pub scores: Scores,
-    /// The candidate on the truth's grid, metres; NaN off the common pixels.
+    /// The candidate on the truth's grid at the resolution of the comparison, metres; NaN off the common pixels.
     pub placed: Raster,
     /// Candidate minus truth, metres, on the truth's grid; NaN off the common pixels.
     pub error_m: Raster,
@@ -63,15 +64,27 @@ pub struct Comparison {
     pub common_pixels: usize,
     /// Ground size of the truth's pixels.
     pub pixel: PixelSize,
+    /// Resolution at which all DTMs were compared, metres; `None`: as they are.
+    pub resolution_m: Option<f64>,
+    /// The truth at this resolution, metres; NaN off the common pixels.
+    pub truth_m: Raster,
     /// One result per candidate, in the order of the candidates.
     pub scored: Vec<Scored>,
 }
 
 /// Scores `candidates` against `truth` on the truth's grid, on the pixels that are valid in all of them.
 ///
+/// A DTM from stereo or altimetry resolves less than its pixel. With `resolution_m`, the truth and all candidates are smoothed alike before
+/// the comparison, by a Gaussian that halves waves of this length.
+///
 /// # Errors
-/// [`Error::Usage`] if a raster has no place, reference systems differ, or no pixel is common to all.
-pub fn compare(truth: Named, candidates: &[Candidate]) -> Result<Comparison> {
+/// [`Error::Usage`] if a raster has no place, reference systems differ, no pixel is common to all, or the resolution is not above 0.
+pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>) -> Result<Comparison> {
+    if let Some(found) = resolution_m.filter(|m| !(*m > 0.0 && m.is_finite())) {
+        return Err(Error::usage(format!(
+            "resolution of the truth: a number of metres above 0 expected, {found} found"
+        )));
+    }
     let mut placed = Vec::with_capacity(candidates.len());
     for candidate in candidates {
         placed.push(onto(candidate.dtm, truth, candidate.interpolation)?);
@@ -90,16 +103,25 @@ pub fn compare(truth: Named, candidates: &[Candidate]) -> Result<Comparison> {
     let (row_m, col_m) =
         truth.raster.pixel_m().ok_or_else(|| Error::usage(format!("{}: pixel size in metres unknown", truth.name)))?;
     let pixel = PixelSize { row_m, col_m };
-    let masked_truth = masked(truth.raster, &common);
+    let filter = resolution_m.map(|wavelength_m| LowPass::new(wavelength_m, (row_m, col_m)));
+    let resolved = |map: &Raster| {
+        let map = masked(map, &common);
+        match &filter {
+            Some(filter) => Raster { samples: filter.apply(&map).0, ..map },
+            None => map,
+        }
+    };
+    let truth_m = resolved(truth.raster);
     let scored = candidates.iter().zip(placed).map(|(candidate, placed)| {
-        let placed = masked(&placed, &common);
-        let samples = placed.samples.iter().zip(&masked_truth.samples).map(|(z, t)| z - t).collect();
-        let scores = Scores::of(&masked_truth, &placed, pixel)?;
+        let placed = resolved(&placed);
+        let samples = placed.samples.iter().zip(&truth_m.samples).map(|(z, t)| z - t).collect();
+        let scores = Scores::of(&truth_m, &placed, pixel)?;
         let error_m = Raster { samples, ..placed.clone() };
         Ok(Scored { name: candidate.dtm.name.into(), scores, placed, error_m })
     });
     let scored = scored.collect::<Result<_>>()?;
-    Ok(Comparison { truth: truth.name.into(), truth_pixels: truth.raster.valid_count(), common_pixels, pixel, scored })
+    let (truth, truth_pixels) = (truth.name.into(), truth.raster.valid_count());
+    Ok(Comparison { truth, truth_pixels, common_pixels, pixel, resolution_m, truth_m, scored })
 }
 
 fn masked(raster: &Raster, keep: &[bool]) -> Raster {
@@ -127,7 +149,7 @@ mod tests {
         let truth = raster(20, 30, |r, c| (r as f32 * 0.7).sin() * 9.0 + c as f32);
         let error = |r: usize, c: usize| if (r + c).is_multiple_of(4) { 5.0 } else { 1.0 };
         let dtm = raster(20, 30, |r, c| truth.samples[r * 30 + c] + error(r, c));
-        let found = compare(Named::new("truth", &truth), &[Candidate::fine("dtm", &dtm)]).unwrap();
+        let found = compare(Named::new("truth", &truth), &[Candidate::fine("dtm", &dtm)], None).unwrap();
         let scores = found.scored[0].scores;
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} {b}");
         assert_eq!((found.common_pixels, found.truth_pixels, scores.pixels), (600, 600, 600));
@@ -138,14 +160,38 @@ mod tests {
         close(scores.median_m, 1.0);
         close(scores.rmse_median_removed_m, 2.0);
         close(scores.largest_m, 5.0);
+        close(scores.nmad_m, 0.0);
+        close(scores.error_95_m, 5.0);
         assert!(scores.slope_rmse_deg > 0.1 && scores.slope_pixels == 18 * 28);
         assert!((found.scored[0].error_m.samples[1] - 1.0).abs() < 1e-5);
+    }
+
+    /// Short waves of the DTM that the truth cannot show do not count at the truth's resolution; long ones do.
+    #[test]
+    fn a_resolution_smooths_truth_and_dtm_alike() {
+        let wave = |r: usize, c: usize| (r as f32 * 0.1).sin() * 9.0 + c as f32 * 0.1;
+        let truth = raster(60, 80, wave);
+        let dtm = raster(60, 80, |r, c| wave(r, c) + if (r + c).is_multiple_of(2) { 1.0 } else { -1.0 });
+        let at = |resolution_m| compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], resolution_m);
+        let (whole, coarse) = (at(None).unwrap(), at(Some(20.0)).unwrap());
+        let rmse = |found: &Comparison| found.scored[0].scores.rmse_m;
+        assert!((rmse(&whole) - 1.0).abs() < 1e-5 && rmse(&coarse) < 0.05, "{} {}", rmse(&whole), rmse(&coarse));
+        // The truth's own waves of 126 m stay.
+        let kept = coarse.truth_m.samples[30 * 80 + 40] - coarse.truth_m.samples[15 * 80 + 40];
+        let before = truth.samples[30 * 80 + 40] - truth.samples[15 * 80 + 40];
+        assert!((kept / before - 1.0).abs() < 0.05, "{kept} of {before}");
+        assert!(
+            table(&coarse).contains("at a resolution of 20.0 m") && json(&coarse).contains("\"resolution_m\": 20.0")
+        );
+        for wrong in [0.0, -3.0, f64::NAN] {
+            assert!(at(Some(wrong)).unwrap_err().to_string().contains("above 0 expected"), "{wrong}");
+        }
     }
 
     #[test]
     fn a_plane_has_a_slope_error_of_its_angle() {
         let (truth, dtm) = (raster(9, 9, |_, _| 3.0), raster(9, 9, |r, _| 2.0 * r as f32));
-        let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().scored[0].scores;
+        let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], None).unwrap().scored[0].scores;
         assert!((scores.slope_mae_deg - 45.0).abs() < 1e-9 && (scores.slope_bias_deg - 45.0).abs() < 1e-9);
     }
 
@@ -156,13 +202,13 @@ mod tests {
         with_gap.samples[44] = f32::NAN;
         let wrong_there = raster(10, 10, |r, c| if r * 10 + c == 44 { 1e4 } else { (r * c) as f32 });
         let candidates = [Candidate::fine("gap", &with_gap), Candidate::fine("wrong", &wrong_there)];
-        let found = compare(Named::new("t", &truth), &candidates).unwrap();
+        let found = compare(Named::new("t", &truth), &candidates, None).unwrap();
         assert_eq!((found.common_pixels, found.truth_pixels), (99, 100));
         assert_eq!(found.scored[1].scores.rmse_m, 0.0);
         assert!(found.scored[1].error_m.samples[44].is_nan());
         let nothing = raster(10, 10, |r, c| if r * 10 + c == 44 { 1.0 } else { f32::NAN });
         let refused =
-            compare(Named::new("t", &truth), &[candidates[0], Candidate::fine("nothing", &nothing)]).unwrap_err();
+            compare(Named::new("t", &truth), &[candidates[0], Candidate::fine("nothing", &nothing)], None).unwrap_err();
         assert!(refused.to_string().contains("gap and nothing"), "{refused}");
     }
 
@@ -171,7 +217,7 @@ mod tests {
         let truth = raster(10, 10, |r, c| (r * c) as f32);
         let dtm = raster(10, 10, |r, c| (r * c) as f32 + 3.0);
         let candidates = [Candidate::fine("dtm.tif", &dtm), Candidate::coarse("coarse.tif", &truth)];
-        let found = compare(Named::new("truth.tif", &truth), &candidates).unwrap();
+        let found = compare(Named::new("truth.tif", &truth), &candidates, None).unwrap();
         let text = table(&found);
         assert!(text.contains("dtm.tif") && text.contains("coarse.tif") && text.contains("3.000"), "{text}");
         let value: serde_json::Value = serde_json::from_str(&json(&found)).unwrap();
@@ -214,15 +260,27 @@ e = (z - t)[both]
 s = slope(z) - slope(t); s = s[np.isfinite(s)]
 rms = lambda v: np.sqrt(np.mean(v * v))
 print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e), e.mean(), np.median(e), rms(e - np.median(e)),
-      abs(e).max(), s.size, abs(s).mean(), rms(s), s.mean())
+      abs(e).max(), 1.4826 * np.median(abs(e - np.median(e))), np.quantile(abs(e), 0.95), s.size, abs(s).mean(), rms(s), s.mean())
 ";
         let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
-        let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)]).unwrap().scored[0].scores;
+        let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], None).unwrap().scored[0].scores;
         let [two, four, ten] = s.share_within;
         let (pixels, slopes) = (s.pixels as f64, s.slope_pixels as f64);
-        let heights =
-            [pixels, two, four, ten, s.mae_m, s.rmse_m, s.bias_m, s.median_m, s.rmse_median_removed_m, s.largest_m];
+        let heights = [
+            pixels,
+            two,
+            four,
+            ten,
+            s.mae_m,
+            s.rmse_m,
+            s.bias_m,
+            s.median_m,
+            s.rmse_median_removed_m,
+            s.largest_m,
+            s.nmad_m,
+            s.error_95_m,
+        ];
         let found = [heights.as_slice(), &[slopes, s.slope_mae_deg, s.slope_rmse_deg, s.slope_bias_deg]].concat();
         for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(

@@ -49,7 +49,7 @@ pub struct ReliefScores {
     pub shading_correlation: Option<f64>,
 }
 
-/// Scores the relief of one candidate of [`super::compare`]. `truth` is the truth of that comparison. Waves shorter than `wavelength_m` are
+/// Scores the relief of one candidate of [`super::compare`]. Waves shorter than `wavelength_m` are
 /// the short waves.
 ///
 /// # Errors
@@ -57,28 +57,19 @@ pub struct ReliefScores {
 pub fn relief(
     comparison: &Comparison,
     scored: &Scored,
-    truth: &Raster,
     wavelength_m: f64,
     light: Option<Light>,
 ) -> Result<ReliefScores> {
     let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", scored.name));
     let pixel = comparison.pixel;
     let placed = &scored.placed;
-    // Both low-passes use the same pixels, so that a void of one map does not change only one low-pass.
-    let common = Raster {
-        samples: truth
-            .samples
-            .iter()
-            .zip(&placed.samples)
-            .map(|(t, z)| if z.is_finite() { *t } else { f32::NAN })
-            .collect(),
-        ..truth.clone()
-    };
+    // Truth and candidate have the same voids, so that a void of one map does not change only one low-pass.
+    let common = &comparison.truth_m;
     let mut slopes = GradientErrors::default();
-    let (truth_view, dtm_view) = (view(&common)?, view(placed)?);
+    let (truth_view, dtm_view) = (view(common)?, view(placed)?);
     slopes.extend(truth_view, dtm_view, pixel, |_| true).map_err(misfit)?;
     let pixel_m = (pixel.row_m, pixel.col_m);
-    let [fine_truth, fine] = [&common, placed].map(|map| high_pass(map, wavelength_m, pixel_m));
+    let [fine_truth, fine] = [common, placed].map(|map| high_pass(map, wavelength_m, pixel_m));
     let (mut heights, mut waves) = (HeightErrors::default(), Correlation::default());
     heights.extend(&fine_truth, &fine, None).map_err(misfit)?;
     waves.extend(&fine_truth, &fine, None).map_err(misfit)?;
@@ -154,8 +145,8 @@ mod tests {
     }
 
     fn score(truth: &Raster, dtm: &Raster, light: Option<Light>) -> ReliefScores {
-        let found = compare(Named::new("truth", truth), &[Candidate::fine("dtm", dtm)]).unwrap();
-        relief(&found, &found.scored[0], truth, 60.0, light).unwrap()
+        let found = compare(Named::new("truth", truth), &[Candidate::fine("dtm", dtm)], None).unwrap();
+        relief(&found, &found.scored[0], 60.0, light).unwrap()
     }
 
     /// Returns ripples of 24 m on a slope that changes over 800 m.

@@ -9,7 +9,7 @@ use std::path::Path;
 /// A row of the table: heading, unit, and the function that returns the figure.
 type Line = (&'static str, &'static str, fn(&Scored) -> f64);
 
-const LINES: [Line; 12] = [
+const LINES: [Line; 14] = [
     ("|error| < 2 m", "%", |j| 100.0 * j.scores.share_within[0]),
     ("|error| < 4 m", "%", |j| 100.0 * j.scores.share_within[1]),
     ("|error| < 10 m", "%", |j| 100.0 * j.scores.share_within[2]),
@@ -18,6 +18,8 @@ const LINES: [Line; 12] = [
     ("RMSE, median removed", "m", |j| j.scores.rmse_median_removed_m),
     ("mean error", "m", |j| j.scores.bias_m),
     ("median error", "m", |j| j.scores.median_m),
+    ("NMAD", "m", |j| j.scores.nmad_m),
+    ("95 % of |error| below", "m", |j| j.scores.error_95_m),
     ("largest |error|", "m", |j| j.scores.largest_m),
     ("slope MAE", "deg", |j| j.scores.slope_mae_deg),
     ("slope RMSE", "deg", |j| j.scores.slope_rmse_deg),
@@ -31,12 +33,13 @@ pub fn table(comparison: &Comparison) -> String {
     let names = short_names(comparison);
     let widths: Vec<usize> = names.iter().map(|name| name.chars().count().max(10)).collect();
     let mut text = format!(
-        "against {}: {} of {} valid pixels, {:.3} x {:.3} m\n{:heading$}",
+        "against {}: {} of {} valid pixels, {:.3} x {:.3} m{}\n{:heading$}",
         comparison.truth,
         comparison.common_pixels,
         comparison.truth_pixels,
         comparison.pixel.row_m,
         comparison.pixel.col_m,
+        comparison.resolution_m.map_or_else(String::new, |m| format!(", at a resolution of {m:.1} m")),
         ""
     );
     for (name, width) in names.iter().zip(&widths) {
@@ -76,6 +79,7 @@ pub fn json(comparison: &Comparison) -> String {
         "common_pixels": comparison.common_pixels,
         "pixel_row_m": comparison.pixel.row_m,
         "pixel_col_m": comparison.pixel.col_m,
+        "resolution_m": comparison.resolution_m,
         "candidates": candidates,
     });
     format!("{whole:#}")

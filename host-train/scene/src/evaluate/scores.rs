@@ -7,6 +7,9 @@ use elunar_raster::quantile::quantile;
 use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
+/// Standard deviation of a normal distribution over its median absolute deviation.
+const NORMAL: f64 = 1.4826;
+
 /// Errors are candidate minus truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
@@ -26,6 +29,11 @@ pub struct Scores {
     pub rmse_median_removed_m: f64,
     /// Largest |error|, metres.
     pub largest_m: f64,
+    /// Normalised median absolute deviation, metres: 1.4826 times the median of |error - median|. It equals the standard deviation of normal
+    /// errors, and outliers hardly change it.
+    pub nmad_m: f64,
+    /// |error| that 95 % of the pixels do not exceed, metres (LE95).
+    pub error_95_m: f64,
     /// Pixels with a slope in both, which needs 3 x 3 valid pixels. If there are 0, the slope figures below are 0 as well.
     pub slope_pixels: u64,
     /// Mean absolute error of the Horn slope, degrees.
@@ -53,6 +61,8 @@ impl Scores {
         let mut errors: Vec<f64> = both.map(|(t, z)| f64::from(*z) - f64::from(*t)).collect();
         let median_m = quantile(&mut errors, 0.5)
             .ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
+        let mut sizes: Vec<f64> = errors.iter().map(|e| e.abs()).collect();
+        let mut deviations: Vec<f64> = errors.iter().map(|e| (e - median_m).abs()).collect();
         let square = errors.iter().map(|e| (e - median_m).powi(2)).sum::<f64>() / errors.len() as f64;
         Ok(Self {
             pixels: heights.count(),
@@ -63,6 +73,8 @@ impl Scores {
             median_m,
             rmse_median_removed_m: square.sqrt(),
             largest_m: heights.max_m().unwrap_or_default(),
+            nmad_m: NORMAL * quantile(&mut deviations, 0.5).unwrap_or_default(),
+            error_95_m: quantile(&mut sizes, 0.95).unwrap_or_default(),
             slope_pixels: slopes.count(),
             slope_mae_deg: slopes.mae_deg().unwrap_or_default(),
             slope_rmse_deg: slopes.rmse_deg().unwrap_or_default(),
