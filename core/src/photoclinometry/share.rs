@@ -137,7 +137,8 @@ impl Contrast {
             }
         }
         let length = libm::hypot(cos, sin) / count;
-        if !(length > 0.0) {
+        // No contrast has no direction, and no octave gives 0 / 0.
+        if length == 0.0 || length.is_nan() {
             return None;
         }
         // A wave along the rows (direction 0) is lit from the east or the west.
