@@ -1,7 +1,9 @@
 //! `host-train init`: writes new weights.
 
-use elunar_learn::model::init::initial_weights;
-use elunar_net::config::{NetConfig, Preset, Switches};
+use elunar::cli::output;
+use elunar_learn::model::init::{initial_weights, weights_for};
+use elunar_net::config::{NetConfig, Preset, Switches, config_of};
+use elunar_net::weights::Weights;
 use elunar_raster::Result;
 use std::path::PathBuf;
 
@@ -11,12 +13,19 @@ use std::path::PathBuf;
 The switches depart from the paper's network; without any, the network is the paper's at the preset's width. `train` without \
 --start-from makes its weights itself.
 
-Example:
-  host-train init --preset tiny --seed 7 -o tiny.safetensors")]
+With --from, the weights of another network are kept and only its switches change, as far as its tensors still fit: weights for \
+given light, say, also serve weighed maps.
+
+Examples:
+  host-train init --preset tiny --seed 7 -o tiny.safetensors
+  host-train init --from nano.safetensors --illumination weighed -o weighed.safetensors")]
 pub struct Args {
-    /// Size of the network.
-    #[arg(long, default_value = "nano")]
-    pub preset: Preset,
+    /// Size of the network [default: nano].
+    #[arg(long, conflicts_with = "from")]
+    pub preset: Option<Preset>,
+    /// Keep the weights and the configuration of this network, and change the switches alone.
+    #[arg(long, value_name = "W.safetensors", conflicts_with = "seed")]
+    pub from: Option<PathBuf>,
     /// Changes to the paper's network.
     #[command(flatten)]
     pub switches: Switches,
@@ -31,12 +40,23 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// If the switches contradict each other or the file cannot be written.
+/// If the switches contradict each other, the weights of `--from` do not fit them, or a file cannot be read or written.
 pub fn run(args: Args) -> Result<()> {
-    let config = args.switches.apply(NetConfig::preset(args.preset))?;
-    let weights = initial_weights(&config, args.seed);
+    let (weights, what) = match &args.from {
+        Some(path) => {
+            output::check(&args.output, &[path])?;
+            let weights = Weights::read(path)?;
+            let config = args.switches.apply(config_of(&weights, path)?)?;
+            (weights_for(weights, &config, path)?, format!("the weights of {}", path.display()))
+        }
+        None => {
+            let preset = args.preset.unwrap_or(Preset::Nano);
+            let config = args.switches.apply(NetConfig::preset(preset))?;
+            (initial_weights(&config, args.seed), format!("{preset:?}"))
+        }
+    };
     weights.write(&args.output)?;
     let count: usize = weights.tensors.values().map(|a| a.data.len()).sum();
-    println!("{}: {:?}, {} tensors, {count} numbers", args.output.display(), args.preset, weights.tensors.len());
+    println!("{}: {what}, {} tensors, {count} numbers", args.output.display(), weights.tensors.len());
     Ok(())
 }

@@ -1,13 +1,16 @@
 //! Initial weights from a seed, with the same bytes on every backend.
 
-use super::store::shapes;
+use super::store::{outline, shapes};
 use burn::tensor::Device;
 use elunar_net::config::{Head, NetConfig};
+use elunar_net::fit::check_fit;
 use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use sha2::{Digest, Sha256};
+use std::path::Path;
 
 /// Standard deviation of transformer weights and position biases, as in published Swin code.
 const SWIN_STD: f32 = 0.02;
@@ -45,6 +48,19 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
+/// Returns the weights of another network as those of `config`: only the configuration in their metadata changes. Messages call the weights
+/// `path`.
+///
+/// # Errors
+/// [`Error::Broken`] if they do not fit the configuration.
+pub fn weights_for(mut weights: Weights, config: &NetConfig, path: &Path) -> Result<Weights> {
+    config.check().map_err(|what| Error::broken(path, what))?;
+    check_fit(&outline(config, &Device::default()), &weights, path)?;
+    let text = serde_json::to_string(config).expect("a plain struct");
+    weights.metadata.insert("config".into(), text);
+    Ok(weights)
+}
+
 /// Returns He-normal weights and zero biases for `arrays` of a module of convolutions.
 pub fn normal_weights(mut arrays: Weights, seed: u64) -> Weights {
     for (name, array) in &mut arrays.tensors {
@@ -68,5 +84,26 @@ fn fill_normal(data: &mut [f32], std: f32, seed: u64, name: &str) {
                     break sample;
                 }
             };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_net::config::{Illumination, config_of, miniature_network};
+
+    #[test]
+    fn weights_serve_another_light_but_no_other_shape() {
+        let path = Path::new("w.safetensors");
+        let config = NetConfig { illumination: Illumination::Given, ..miniature_network() };
+        let mut weights = initial_weights(&config, 3);
+        weights.metadata.insert("origin".into(), "kept".into());
+        let weighed = NetConfig { illumination: Illumination::Weighed, ..config.clone() };
+        let made = weights_for(weights.clone(), &weighed, path).unwrap();
+        assert_eq!(config_of(&made, path).unwrap(), weighed);
+        assert_eq!((made.metadata["origin"].as_str(), made.tensors == weights.tensors), ("kept", true));
+        // Brightness is one map, a guide has four.
+        let any = NetConfig { illumination: Illumination::Any, ..config };
+        assert!(weights_for(weights, &any, path).unwrap_err().to_string().contains("do not fit"));
     }
 }
