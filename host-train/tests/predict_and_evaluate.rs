@@ -49,6 +49,10 @@ fn an_image_and_a_coarse_dtm_become_a_dtm() {
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
         assert!(String::from_utf8_lossy(&out.stdout).contains("300 x 340 pixels"));
     }
+    // The file says under which light it was made: this network takes none.
+    let text = std::fs::read(bench.path("one.tif")).unwrap();
+    let light = b"not used by the network";
+    assert!(text.windows(light.len()).any(|bytes| bytes == light));
     let (one, two) = (read(bench.path("one.tif")).unwrap(), read(bench.path("two.tif")).unwrap());
     let image = read(bench.path("image.tif")).unwrap();
     assert_eq!(one.georef, image.georef, "the image's place and reference system");

@@ -9,6 +9,7 @@ use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::Result;
 use elunar_scene::interrupt;
+use elunar_scene::predict::job::light_text;
 use elunar_scene::predict::{DtmWriter, Options, Prediction, Provenance, predict};
 use elunar_scene::progress::bar;
 use std::ops::ControlFlow;
@@ -65,7 +66,8 @@ fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static s
     let (made, seconds) = (made?, start.elapsed().as_secs_f64());
     let predicted = Predicted { name, made, model: model.description(), seconds };
     let (image, coarse) = (scene.file("image"), scene.file("coarse"));
-    let from = Provenance { model: &predicted.model, image: &image, coarse: &coarse };
+    let light = light_text(&predicted.made.tally.light);
+    let from = Provenance { model: &predicted.model, light: &light, image: &image, coarse: &coarse };
     let Prediction { dtm, tally } = &predicted.made;
     let place = &scene.input.georef;
     let mut writer = DtmWriter::create(&folder.file(&predicted.file()), dtm.rows, dtm.cols, place, &from)?;

@@ -5,7 +5,7 @@ use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
-use elunar_scene::predict::job::{fill, finish, state, summary};
+use elunar_scene::predict::job::{fill, finish, light_text, state, summary};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
 use std::path::{Path, PathBuf};
@@ -117,7 +117,7 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
     })?;
     let model = model.description();
-    let range = finish(part, &args.output, &scene, &model, (&args.image, &args.coarse))?;
+    let range = finish(part, &args.output, &scene, (&model, &light_text(&tally.light)), (&args.image, &args.coarse))?;
     println!("{}", summary(&args.output, &scene, range, &tally));
     Ok(())
 }

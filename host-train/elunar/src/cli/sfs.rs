@@ -99,7 +99,9 @@ pub fn run(args: Args) -> Result<()> {
     let part = Part::open(&args.output, &args.job(&settings)?, scene.cols)?;
     let (part, tally) =
         fill(part, &scene, |from, keep, progress| solve_rows(&scene, &settings, &journal, from, keep, progress))?;
-    let range = finish(part, &args.output, &scene, &settings.description(), (&args.image, &args.coarse))?;
+    let light =
+        format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg);
+    let range = finish(part, &args.output, &scene, (&settings.description(), &light), (&args.image, &args.coarse))?;
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -191,6 +193,7 @@ mod tests {
         let text = std::fs::read(folder.path().join("dtm.tif")).unwrap();
         let said = |what: &str| text.windows(what.len()).any(|bytes| bytes == what.as_bytes());
         assert!(said("shape from shading") && said("smoothness weight 0.5 m") && said("0.03 /m"));
+        assert!(said(&format!("azimuth {azimuth} deg, elevation {elevation} deg; given")));
         assert!(folder.path().join("dtm_hillshade.png").exists() && !folder.path().join("dtm.tif.part").exists());
         let curve = std::fs::read_to_string(curve).unwrap();
         assert!(curve.lines().count() > 5 && !curve.lines().last().unwrap().ends_with(','), "{curve}");

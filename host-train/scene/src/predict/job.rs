@@ -39,7 +39,7 @@ pub fn fill(
 }
 
 /// Writes finished rows as the DTM and its hillshade. Returns the lowest and the highest height, metres. `model` says how the heights were
-/// made.
+/// made, and `light` under which light ([`light_text`]).
 ///
 /// # Errors
 /// If a file cannot be read or written.
@@ -47,12 +47,12 @@ pub fn finish(
     mut part: Part,
     output: &Path,
     scene: &Scene,
-    model: &str,
+    (model, light): (&str, &str),
     (image, coarse): (&Path, &Path),
 ) -> Result<(f32, f32)> {
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let (image, coarse) = (file(image), file(coarse));
-    let from = Provenance { model, image: &image, coarse: &coarse };
+    let from = Provenance { model, light, image: &image, coarse: &coarse };
     let mut writer = DtmWriter::create(output, scene.rows, scene.cols, &scene.georef, &from)?;
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
     part.read(&mut |rows| {

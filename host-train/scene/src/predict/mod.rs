@@ -16,6 +16,8 @@ mod scene;
 mod tile;
 
 #[cfg(test)]
+mod light_tests;
+#[cfg(test)]
 mod strip_tests;
 #[cfg(test)]
 mod tests;

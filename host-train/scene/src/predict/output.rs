@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 pub struct Provenance<'a> {
     /// Description of the model, with its hash.
     pub model: &'a str,
+    /// The light in words ([`super::job::light_text`]).
+    pub light: &'a str,
     /// Name of the image.
     pub image: &'a str,
     /// Name of the coarse DTM.
@@ -33,12 +35,13 @@ impl DtmWriter {
     /// [`elunar_raster::Error::Io`] if the file cannot be created.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
         let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
-        let Provenance { model, image, coarse } = from;
+        let Provenance { model, light, image, coarse } = from;
         let description = format!(
             "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"
         );
         let options = WriteOptions::heights(description)
             .with_item("MODEL", *model)
+            .with_item("LIGHT", *light)
             .with_item("IMAGE", *image)
             .with_item("COARSE_DTM", *coarse)
             .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
