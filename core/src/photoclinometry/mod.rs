@@ -4,7 +4,7 @@
 //! pixels, the result is the one that minimises
 //!
 //! ```text
-//! sum (u . grad h - r)^2 + w |grad h|^2 + (h / coarse_px)^2
+//! sum (u . grad h - r)^2 + w |grad h|^2 + (h / (1.4 coarse_px))^2
 //! ```
 //!
 //! where u is the direction of the light, and r is the slope along it that the image shows and the coarse DTM does not have. The second
@@ -30,6 +30,9 @@ use share::Power;
 
 /// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
+/// Length, in coarse pixels, by which heights weigh as much as slopes (our choice: with 1 the waves of two coarse pixels are a tenth too
+/// flat; with more, long waves are albedo).
+const STIFFNESS_COARSE_PX: f32 = 1.4;
 /// Smallest number of pixels by which a tile is continued on either side, mirrored, so that opposite sides do not touch.
 const MARGIN_PX: usize = 24;
 /// Number of rows that are transformed together, in pairs as real and imaginary part. The margin has space for them.
@@ -347,13 +350,14 @@ impl Photoclinometry {
         }
     }
 
-    /// Multiplies the spectrum by -i D / (D^2 + w K^2 + 1 / coarse_px^2), where D is the wave number along the light, K the total wave
+    /// Multiplies the spectrum by -i D / (D^2 + w K^2 + 1 / (1.4 coarse_px)^2), where D is the wave number along the light, K the total wave
     /// number, and w the weight of slopes; by the trust; and by the missing factors of the transforms.
     fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32, share: &Share, trust: f32) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         let scale = trust / (height * width) as f32;
         // At least one pixel, because level ground far from any coarse pixel has no scale of its own.
-        let stiffness = 1.0 / (coarse_px.max(1.0) * coarse_px.max(1.0));
+        let length_px = STIFFNESS_COARSE_PX * coarse_px.max(1.0);
+        let stiffness = 1.0 / (length_px * length_px);
         let gain = |down: f32, across: f32| {
             let (along, all) = (east * across + south * down, across * across + down * down);
             scale * along / (along * along + share.smoothness(all) * all + stiffness)
