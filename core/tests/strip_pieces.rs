@@ -22,6 +22,7 @@ fn pieces_of_a_strip() {
         coarse_px: 30.0,
         anchor: true,
         light: Lighting::given(Light::from_sun(135.0, 35.0).unwrap()),
+        expected_errors: false,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
     let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);

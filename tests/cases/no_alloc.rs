@@ -85,6 +85,7 @@ fn a_strip_allocates_nothing() {
         coarse_px: 10.0,
         anchor: true,
         light: Lighting::given(Light::assumed(None)),
+        expected_errors: false,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
     let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);

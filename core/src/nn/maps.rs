@@ -8,7 +8,7 @@ use crate::mask;
 use crate::norm::intensity::IntensityRange;
 use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
 use crate::part::item;
-use crate::photoclinometry::{Contrast, Guide, GuideInput, MAPS, Photoclinometry, Weight};
+use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, LightDoubt, MAPS, Photoclinometry, Weight};
 use crate::tile::Shape;
 use core::fmt;
 
@@ -199,6 +199,7 @@ pub struct GuidedMaps<'t, 's> {
     guide: Guide<'t, 's>,
     scale: TileScale,
     source: LightSource,
+    expected: Option<ExpectedErrors>,
 }
 
 /// The maps for all other networks.
@@ -245,7 +246,13 @@ impl<'t, 's> TileMaps<'t, 's> {
             let plan = Photoclinometry::new(shape);
             let input = GuideInput { image, coarse_m, valid, mirror, coarse_px, weight };
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
-            return Ok(Self::Guided(GuidedMaps { guide, scale, source }));
+            let weighed = rules.illumination == Illumination::Weighed;
+            let expected = weighed.then(|| {
+                let Lighting { trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
+                let doubt = LightDoubt { trust, log_strength_sd, azimuth_sd_deg };
+                ExpectedErrors::of_share(guide.share(), doubt, (tile.pixel_m, coarse_px), guide.mean_brightness())
+            });
+            return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected }));
         }
         let range = IntensityRange::of(image, valid)?;
         Ok(Self::Ranged(RangedMaps { tile: *tile, shape, range, scale, source }))
@@ -266,6 +273,15 @@ impl<'t, 's> TileMaps<'t, 's> {
         match self {
             Self::Guided(maps) => maps.source,
             Self::Ranged(maps) => maps.source,
+        }
+    }
+
+    /// Returns the errors that the tile's heights and slopes are expected to have; `None` unless the network's maps are weighed.
+    #[must_use]
+    pub fn expected(&self) -> Option<ExpectedErrors> {
+        match self {
+            Self::Guided(maps) => maps.expected,
+            Self::Ranged(_) => None,
         }
     }
 

@@ -5,6 +5,7 @@ use super::lighting::LightSource;
 use super::maps::{TileError, TileInput, TileMaps, TileScale};
 use super::runner::Runner;
 use crate::mask;
+use crate::photoclinometry::ExpectedErrors;
 
 /// The properties of a tile that has begun.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +14,8 @@ pub struct Begun {
     pub scale: TileScale,
     /// The origin of the light. [`LightSource::Assumed`] should be reported to the user of the heights.
     pub light: LightSource,
+    /// The errors that heights and slopes are expected to have; `None` unless the model's maps are weighed.
+    pub expected: Option<ExpectedErrors>,
 }
 
 impl Runner<'_, '_> {
@@ -37,7 +40,9 @@ impl Runner<'_, '_> {
             TileMaps::Guided(guided) => self.load(|i, out| guided.image(i, out), |i, out| guided.coarse(i, out)),
             TileMaps::Ranged(ranged) => self.load(|i, out| ranged.image(i, out), |i, out| ranged.coarse(i, out)),
         };
-        loaded.map(|()| Begun { scale: maps.scale(), light: maps.light() }).map_err(TileError::Run)
+        loaded
+            .map(|()| Begun { scale: maps.scale(), light: maps.light(), expected: maps.expected() })
+            .map_err(TileError::Run)
     }
 
     /// Writes the heights of the finished tile in metres above the sphere (Eq. 8), row-major; `scale` is that of [`Begun`].

@@ -48,6 +48,12 @@ impl Shading {
         Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
     }
 
+    /// Returns the mean brightness.
+    #[must_use]
+    pub fn mean(&self) -> f32 {
+        self.mean
+    }
+
     /// Returns the slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
     #[must_use]
     pub fn slopes(&self, brightness: f32) -> [f32; 2] {

@@ -71,6 +71,7 @@ pub struct Guide<'t, 's> {
     shading: Shading,
     kept: f32,
     uncertainty: f32,
+    share: Share,
     relief: Relief<'s>,
 }
 
@@ -117,7 +118,19 @@ impl<'t, 's> Guide<'t, 's> {
             Weight::Trust(trust) => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
         };
         let relief = plan.relief((brightness, coarse), (&shading, light), coarse_px, (&share, trust), scratch)?;
-        Ok(Self { tile, shape, scale: *scale, shading, kept, uncertainty, relief })
+        Ok(Self { tile, shape, scale: *scale, shading, kept, uncertainty, share, relief })
+    }
+
+    /// Returns the share of the contrast that is relief; all of it for [`Weight::Plain`].
+    #[must_use]
+    pub fn share(&self) -> &Share {
+        &self.share
+    }
+
+    /// Returns the mean brightness of the valid pixels.
+    #[must_use]
+    pub fn mean_brightness(&self) -> f32 {
+        self.shading.mean()
     }
 
     /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on: slopes east and south, relief,

@@ -14,10 +14,12 @@
 //! it (our choice; the paper gives the coarse DTM alone), because a network of small convolutions learns the integration along the light
 //! slowly.
 
+mod expected;
 mod fft;
 mod guide;
 mod share;
 
+pub use expected::{Errors, ExpectedErrors, LightDoubt};
 pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 

@@ -209,18 +209,26 @@ impl Share {
         weight + part * (self.of_octave(below + 1) - weight)
     }
 
-    /// Returns the expected standard deviation of the slope that the image leaves open, metres per metre, if `trust` of what it explains is
-    /// kept. For relief without a preferred direction, the best linear estimate explains 1 - sqrt(w / (1 + w)) of the variance of an octave
-    /// with the weight w.
+    /// Returns the variance of slopes in an octave, over both axes, (m/m)^2: relief without a preferred direction has half of it along the light.
+    #[must_use]
+    pub fn slope_variance(&self, index: usize) -> f32 {
+        2.0 * self.octave(index) * item(&self.variances, index.min(OCTAVES - 1))
+    }
+
+    /// Returns the part of the variance of slopes in an octave that the image explains, 0 to 1. For relief without a preferred direction, the
+    /// best linear estimate with the weight w explains 1 - sqrt(w / (1 + w)).
+    #[must_use]
+    pub fn explained(&self, index: usize) -> f32 {
+        let weight = self.of_octave(index);
+        1.0 - libm::sqrtf(weight / (1.0 + weight))
+    }
+
+    /// Returns the expected standard deviation of the slope, over both axes, that the image leaves open, metres per metre, if `trust` of what
+    /// it explains is kept.
     #[must_use]
     pub fn open_slope(&self, trust: f32) -> f32 {
-        let mut sum = 0.0f32;
-        for (index, (share, variance)) in self.octaves.iter().zip(&self.variances).enumerate() {
-            let weight = self.of_octave(index);
-            let explained = 1.0 - libm::sqrtf(weight / (1.0 + weight));
-            sum += 2.0 * share * variance * (1.0 - trust * explained);
-        }
-        libm::sqrtf(sum)
+        let open = |index| self.slope_variance(index) * (1.0 - trust * self.explained(index));
+        libm::sqrtf((0..OCTAVES).map(open).sum::<f32>())
     }
 }
 
@@ -248,9 +256,9 @@ mod tests {
 
     #[test]
     fn smoothness_is_the_noise_between_octaves() {
-        // Shares 0.9 (whole), 0.45 (half), then none.
+        // All of it, half of it, then none.
         let mut octaves = [power(0.0); OCTAVES];
-        (octaves[0], octaves[1]) = (power(0.9), power(0.45));
+        (octaves[0], octaves[1]) = (power(WHOLE.into()), power(0.5 * f64::from(WHOLE)));
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
         let at = |wavelength: f32| share.smoothness((2.0 * PI / wavelength).powi(2));
         assert!((share.octave(0) - 1.0).abs() < 1e-3 && (share.octave(1) - 0.5).abs() < 1e-3);
@@ -266,7 +274,7 @@ mod tests {
 
     #[test]
     fn few_waves_follow_the_octave_before() {
-        let mut octaves = [power(0.72); OCTAVES];
+        let mut octaves = [power(0.8 * f64::from(WHOLE)); OCTAVES];
         octaves[3] = Power { waves: 2.0, ..power(-1.0) };
         octaves[4] = Power::default();
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);

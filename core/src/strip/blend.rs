@@ -3,9 +3,10 @@
 //! Only sums of weighted heights are kept. Sums of weights are computed when a line leaves: they depend only on the places of tiles,
 //! because every tile has a height wherever the strip is valid.
 
+use super::expected::{Expected, LineErrors, parts};
 use super::lines::Lines;
 use crate::overlap::{Open, OverlapWeights};
-use crate::part::{part, part_mut};
+use crate::part::{item, part, part_mut};
 use crate::tile::{Shape, Tiling, Window};
 
 /// Sums of a ring of lines; NaN where no tile has been added yet.
@@ -53,7 +54,7 @@ impl Blend<'_> {
 
     /// Writes the heights of a line to which all tiles have been added, NaN in voids; then the sums of the line are free for another line.
     pub(super) fn take(&mut self, cut: &Cut, row: usize, out_m: &mut [f32]) {
-        self.weigh(cut, row);
+        self.weigh(cut, row, 0, |_, _, _, _| ());
         let at = (row % self.tile.rows.max(1)).saturating_mul(self.cols);
         let (sums, totals) = (part_mut(self.sums, at, self.cols), part(self.aside, 0, self.cols));
         for ((out_m, sum), total) in out_m.iter_mut().zip(sums).zip(totals) {
@@ -62,9 +63,39 @@ impl Blend<'_> {
         }
     }
 
-    /// Adds up the weights of all tiles over a line, in the order in which tiles are added.
-    fn weigh(&mut self, cut: &Cut, row: usize) {
-        part_mut(self.aside, 0, self.cols).fill(0.0);
+    /// Writes the expected errors of a line. `errors` are those of all tiles.
+    pub(super) fn expected(
+        &mut self,
+        cut: &Cut,
+        row: usize,
+        (lines, errors): (&Lines<'_>, &Expected<'_>),
+        out: LineErrors<'_>,
+    ) {
+        let (image, coarse_m) = lines.line(row);
+        let (tile, cols) = (self.tile, self.cols);
+        self.weigh(cut, row, Expected::SUMS, |index, first, weights, sums| {
+            let errors = errors.get(cut, tile, index);
+            for (col, weight) in (first..cols).zip(weights) {
+                for (line, error) in parts(errors.at(item(image, col))).into_iter().enumerate() {
+                    if let Some(sum) = sums.get_mut(line * cols + col) {
+                        *sum += *weight * f64::from(error);
+                    }
+                }
+            }
+        });
+        let (totals, rest) = self.aside.split_at_mut_checked(cols).unwrap_or_default();
+        for (line, out) in [out.height_m, out.slope, out.explained].into_iter().enumerate() {
+            let sums = part(rest, line * cols, cols).iter().zip(totals.iter());
+            for (((out, (sum, total)), v), z) in out.iter_mut().zip(sums).zip(image).zip(coarse_m) {
+                *out = if v.is_finite() && z.is_finite() { (*sum / *total) as f32 } else { f32::NAN };
+            }
+        }
+    }
+
+    /// Adds up the weights of all tiles over a line, in the order in which tiles are added. `each` takes the number of a tile, its first
+    /// column, its weights, and `lines` sums of every column that begin at 0.
+    fn weigh(&mut self, cut: &Cut, row: usize, lines: usize, mut each: impl FnMut(usize, usize, &[f64], &mut [f64])) {
+        part_mut(self.aside, 0, (1 + lines) * self.cols).fill(0.0);
         let across = cut.tiling.shape().cols;
         let first = row.saturating_sub(self.tile.rows) / cut.tiling.stride().rows.max(1);
         let mut made = None;
@@ -75,6 +106,7 @@ impl Blend<'_> {
                 continue;
             }
             let (totals, rest) = self.aside.split_at_mut_checked(self.cols).unwrap_or_default();
+            let (sums, rest) = rest.split_at_mut_checked(lines * self.cols).unwrap_or_default();
             let (weights, scratch) = weights_of(rest, 0, window.cols);
             // Neighbours within a row of tiles have the same weights, except the first and the last tile.
             let open = Open::of(window, cut.scene);
@@ -83,9 +115,10 @@ impl Blend<'_> {
                 let _ = self.weights.line(open, r, weights, scratch);
                 made = Some((open, r));
             }
-            for (total, weight) in totals.iter_mut().skip(window.col).zip(weights) {
+            for (total, weight) in totals.iter_mut().skip(window.col).zip(weights.iter()) {
                 *total += *weight;
             }
+            each(index, window.col, weights, sums);
         }
     }
 }

@@ -26,6 +26,7 @@
 //!     coarse_px,
 //!     anchor: true,
 //!     light,
+//!     expected_errors: false,
 //! };
 //! let plan = StripPlan::new(&model, settings)?;
 //!
@@ -72,12 +73,14 @@
 
 mod blend;
 mod error;
+mod expected;
 mod lines;
 mod pipeline;
 mod plan;
 mod posts;
 
 pub use error::StripError;
+pub use expected::LineErrors;
 pub use pipeline::{Next, Strip, StripCounters, StripMemory, StripPaused};
 pub use plan::{StripPlan, StripSettings};
 pub use posts::{PostGrid, Posts};

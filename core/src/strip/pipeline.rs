@@ -2,13 +2,17 @@
 
 use super::blend::{Blend, Cut};
 use super::error::{StripError, lent, whole_line};
+use super::expected::{Expected, LineErrors};
 use super::lines::Lines;
 use super::plan::StripPlan;
 use crate::fill::fill_gaps;
-use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale};
+use crate::nn::{
+    Illumination, Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale,
+};
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
+use crate::photoclinometry::ExpectedErrors;
 use crate::tile::{Shape, Tiling, Window};
 
 /// The memory of a strip; each block is at least as long as [`StripPlan`] says.
@@ -94,6 +98,7 @@ pub struct Strip<'a, 'm> {
     runner: Runner<'a, 'm>,
     lines: Lines<'m>,
     blend: Blend<'m>,
+    expected: Expected<'m>,
     /// The current tile: its image, later its heights; its coarse heights; and scratch memory.
     image: &'m mut [f32],
     coarse_m: &'m mut [f32],
@@ -148,10 +153,12 @@ impl<'a, 'm> Strip<'a, 'm> {
         let (coarse_m, rest) = rest.split_at_mut_checked(ring.saturating_mul(cols)).unwrap_or_default();
         let lines = Lines { image, coarse_m, cols, ring };
         let (image, rest) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
-        let (coarse_m, scratch) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
+        let (coarse_m, rest) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
+        let (values, scratch) = rest.split_at_mut_checked(plan.expected_len).unwrap_or_default();
         let (sums, aside) = sums.split_at_mut_checked(plan.tile.rows.saturating_mul(cols)).unwrap_or_default();
         let blend = Blend { sums, aside, weights: OverlapWeights::new(plan.tile), tile: plan.tile, cols };
-        Ok(Self { plan, runner, lines, blend, image, coarse_m, scratch, queue, at })
+        let expected = Expected { values };
+        Ok(Self { plan, runner, lines, blend, expected, image, coarse_m, scratch, queue, at })
     }
 
     /// Takes the next line: relative brightness, and the coarse DTM on the same pixels, metres above the sphere. A pixel that is not real
@@ -168,7 +175,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         let row = self.at.lines;
         let longer = At { lines: row.saturating_add(1), ..self.at };
         // A strip with the largest countable number of lines stays full.
-        if longer.lines - self.first_needed(&longer) > self.lines.ring || longer.lines == usize::MAX {
+        if longer.lines - self.first_kept(&longer) > self.lines.ring || longer.lines == usize::MAX {
             return Err(StripError::Full);
         }
         self.lines.keep(row, image, coarse_m);
@@ -211,6 +218,7 @@ impl<'a, 'm> Strip<'a, 'm> {
             Some((window, _)) if self.at.phase == Phase::Made && self.at.taken < window.row => Next::Take,
             Some(_) => Next::Step,
             None if self.at.ended => Next::Done,
+            None if self.at.lines - self.first_kept(&self.at) >= self.lines.ring && self.ready() > 0 => Next::Take,
             None => Next::Push,
         }
     }
@@ -237,6 +245,26 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
         self.at.taken = row.saturating_add(1);
         Ok(Some(row))
+    }
+
+    /// As [`Self::take_line`], with the expected errors of the line; the settings must ask for them, otherwise all are NaN. Each slice of
+    /// `errors` has the line's number of samples.
+    ///
+    /// # Errors
+    /// [`StripError::Line`].
+    pub fn take_line_with(&mut self, out_m: &mut [f32], errors: LineErrors<'_>) -> Result<Option<usize>, StripError> {
+        for out in [&errors.height_m, &errors.slope, &errors.explained] {
+            whole_line(self.plan.settings.cols, out.len())?;
+        }
+        whole_line(self.plan.settings.cols, out_m.len())?;
+        match self.cut(&self.at).filter(|_| self.ready() > 0) {
+            Some(cut) if self.plan.settings.expected_errors => {
+                self.blend.expected(&cut, self.at.taken, (&self.lines, &self.expected), errors);
+            }
+            Some(_) => [errors.height_m, errors.slope, errors.explained].into_iter().for_each(|out| out.fill(f32::NAN)),
+            None => (),
+        }
+        self.take_line(out_m)
     }
 
     /// Returns the counters.
@@ -290,6 +318,12 @@ impl<'a, 'm> Strip<'a, 'm> {
         next.min(last)
     }
 
+    /// Returns the first line whose place is not free.
+    fn first_kept(&self, at: &At) -> usize {
+        let needed = self.first_needed(at);
+        if self.plan.settings.expected_errors { needed.min(at.taken) } else { needed }
+    }
+
     /// Cuts the tile out, fills its voids and begins it.
     fn prepare(&mut self, window: Window) {
         let guided = self.runner.model().illumination().is_guided();
@@ -307,7 +341,10 @@ impl<'a, 'm> Strip<'a, 'm> {
         let (pixel_m, coarse_px, light) = (settings.pixel_m, settings.coarse_px, TileLight::Scene(settings.light));
         let tile = TileInput { image: self.image, coarse_m: self.coarse_m, valid: None, pixel_m, coarse_px, light };
         match self.runner.begin_metres(&tile, self.scratch) {
-            Ok(begun) => self.at.phase = Phase::Running(begun.scale),
+            Ok(begun) => {
+                self.expect(&begun.expected.unwrap_or(ExpectedErrors::UNKNOWN));
+                self.at.phase = Phase::Running(begun.scale);
+            }
             Err(TileError::Run(error)) => self.fault(Some(error)),
             Err(TileError::Norm(_)) => {
                 self.at.counters.tiles_coarse += 1;
@@ -345,7 +382,26 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
+    /// Keeps the expected errors of the current tile.
+    fn expect(&mut self, errors: &ExpectedErrors) {
+        if !self.plan.settings.expected_errors {
+            return;
+        }
+        if let Some(cut) = self.cut(&self.at) {
+            let index = self.at.tile_rows.saturating_mul(cut.tiling.shape().cols).saturating_add(self.at.tile_cols);
+            self.expected.keep(&cut, self.plan.tile, index, errors);
+        }
+    }
+
     fn keep_coarse(&mut self) {
+        let settings = self.plan.settings;
+        if settings.expected_errors {
+            let sizes = (settings.pixel_m, settings.coarse_px);
+            self.expect(&match self.runner.model().illumination() {
+                Illumination::Weighed => ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, sizes),
+                _ => ExpectedErrors::UNKNOWN,
+            });
+        }
         copy(self.image, self.coarse_m);
         self.at.phase = Phase::Made;
     }

@@ -1,6 +1,7 @@
 //! The requirements of a strip, known before its first line.
 
 use super::error::StripError;
+use super::expected::Expected;
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
@@ -24,6 +25,9 @@ pub struct StripSettings {
     pub anchor: bool,
     /// The light of the whole strip ([`Lighting::decide`] for its model); [`Lighting::NOT_ASKED`] for models that know any light.
     pub light: Lighting,
+    /// Whether [`super::Strip::take_line_with`] gives expected errors. They depend on the line's brightness, so finished lines keep their
+    /// place until they are taken.
+    pub expected_errors: bool,
 }
 
 /// The memory for a strip with these settings and a model: exact, and constant during the strip.
@@ -32,6 +36,8 @@ pub struct StripPlan {
     pub(super) settings: StripSettings,
     pub(super) tile: Shape,
     arena_bytes: usize,
+    /// Number of samples for the expected errors of tiles.
+    pub(super) expected_len: usize,
     samples_len: usize,
     sums_len: usize,
 }
@@ -42,13 +48,13 @@ impl StripPlan {
     /// # Errors
     /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Light`].
     pub fn new(model: &Model<'_>, settings: StripSettings) -> Result<Self, StripError> {
-        let StripSettings { cols, ring_lines, overlap_px, pixel_m, coarse_px, light, .. } = settings;
+        let StripSettings { cols, ring_lines, overlap_px, pixel_m, coarse_px, light, expected_errors, .. } = settings;
         let tile = model.tile();
         let many = StripError::Columns { found: cols };
         if cols == 0 {
             return Err(many);
         }
-        Tiling::new(Shape::new(tile.rows, cols.max(tile.cols)), tile, overlap_px)?;
+        let tiling = Tiling::new(Shape::new(tile.rows, cols.max(tile.cols)), tile, overlap_px)?;
         let expected = Self::least_lines(model);
         if ring_lines < expected {
             return Err(StripError::Ring { expected, found: ring_lines });
@@ -62,10 +68,12 @@ impl StripPlan {
         let pixels = tile.pixels();
         let scratch_len = model.scratch_len().max(pixels);
         let lines = ring_lines.checked_mul(cols).and_then(|n| n.checked_mul(2)).ok_or(many)?;
-        let samples_len = lines.checked_add(2 * pixels).and_then(|n| n.checked_add(scratch_len)).ok_or(many)?;
+        let expected_len = if expected_errors { Expected::len(&tiling, tile).ok_or(many)? } else { 0 };
+        let samples_len = lines.checked_add(2 * pixels).and_then(|n| n.checked_add(scratch_len));
+        let samples_len = samples_len.and_then(|n| n.checked_add(expected_len)).ok_or(many)?;
         let rows = tile.rows.checked_mul(cols).ok_or(many)?;
-        let sums_len = rows.checked_add(Self::aside_len(cols, tile)).ok_or(many)?;
-        let plan = Self { settings, tile, arena_bytes: required(model), samples_len, sums_len };
+        let sums_len = rows.checked_add(Self::aside_len(cols, tile, expected_errors)).ok_or(many)?;
+        let plan = Self { settings, tile, arena_bytes: required(model), expected_len, samples_len, sums_len };
         // Memory whose bytes overflow `usize` cannot be lent.
         plan.checked_bytes().map(|_| plan).ok_or(many)
     }
@@ -89,7 +97,8 @@ impl StripPlan {
         self.arena_bytes
     }
 
-    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, and scratch memory.
+    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, scratch
+    /// memory, and expected errors of some rows of tiles if wanted.
     #[must_use]
     pub fn samples_len(&self) -> usize {
         self.samples_len
@@ -123,10 +132,11 @@ impl StripPlan {
         self.tile.rows.saturating_mul(self.tile.cols)
     }
 
-    /// Number of sums beside those of rows: for weights, a line of the strip and one of a tile with its scratch memory; or those of the
-    /// anchor.
-    fn aside_len(cols: usize, tile: Shape) -> usize {
-        let weigh = cols.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
+    /// Number of sums beside those of rows: for weights, a line of the strip, three of expected errors if wanted, and one of a tile with its scratch
+    /// memory; or those of the anchor.
+    fn aside_len(cols: usize, tile: Shape, expected_errors: bool) -> usize {
+        let lines = cols.saturating_mul(if expected_errors { 1 + Expected::SUMS } else { 1 });
+        let weigh = lines.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
         weigh.max(Anchor::sums_len(tile.rows, tile.cols))
     }
 }

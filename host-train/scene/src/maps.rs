@@ -1,6 +1,7 @@
 //! Buffers for the network's input, shared by prediction, training and calibration.
 
 use elunar_core::nn::{InputRules, TileError, TileInput, TileMaps, TileScale};
+use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::tile::Shape;
 
 /// The network's input for one tile ([`TileMaps`]) and its scale recovery. Maps are row-major and mirrored as `scale` says.
@@ -11,6 +12,8 @@ pub(crate) struct Maps {
     pub(crate) coarse: Vec<f32>,
     /// Turns the network's output into metres.
     pub(crate) scale: TileScale,
+    /// The expected errors; `None` unless the maps are weighed.
+    pub(crate) expected: Option<ExpectedErrors>,
 }
 
 impl Maps {
@@ -29,6 +32,6 @@ impl Maps {
         let pixels = tile.image.len();
         let (mut image, mut coarse) = (vec![0.0; rules.illumination.image_maps() * pixels], vec![0.0; pixels]);
         made.fill(&mut image, &mut coarse)?;
-        Ok(Self { image, coarse, scale: made.scale() })
+        Ok(Self { image, coarse, scale: made.scale(), expected: made.expected() })
     }
 }

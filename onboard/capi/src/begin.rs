@@ -36,7 +36,7 @@ pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
     let mut runner = runner(&context.record, model, lent.arena)?;
     let begun = runner.begin_metres(&tile, lent.scratch).map_err(tile_status);
     let record = &mut context.record;
-    let Begun { scale, light } = begun.inspect_err(|status| half_begun(record, *status))?;
+    let Begun { scale, light, expected } = begun.inspect_err(|status| half_begun(record, *status))?;
     let assumed = light == LightSource::Assumed;
     record.suspended = runner.suspend();
     record.tile = TILE;

@@ -34,6 +34,7 @@ pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
         coarse_px: 4.0,
         anchor: true,
         light: Lighting::NOT_ASKED,
+        expected_errors: false,
     }
 }
 

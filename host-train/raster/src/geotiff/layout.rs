@@ -5,7 +5,7 @@ use super::plain::SampleKind;
 use crate::Result;
 use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
-use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, SampleFormat, Tag};
+use tiff::tags::{CompressionMethod, PhotometricInterpretation, PlanarConfiguration, Predictor, SampleFormat, Tag};
 
 /// Deflate and LZW cannot shrink data more than about 1000 and 2700 times. A file that claims more is damaged or hostile.
 const MOST_COMPRESSION: u64 = 4096;
@@ -57,8 +57,10 @@ pub(super) struct Layout {
     pub(super) chunk_cols: usize,
     /// Number of chunks side by side.
     pub(super) across: usize,
-    /// Number of chunks.
+    /// Number of chunks of a band.
     pub(super) chunks: usize,
+    /// Number of chunks of the bands before.
+    pub(super) chunks_before: usize,
     pub(super) sample_bytes: usize,
     /// Numbers of chunks that were never written (sparse files).
     pub(super) unwritten: Vec<usize>,
@@ -70,11 +72,11 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Reads and checks the layout, then lets the decoder use as much memory as one chunk needs.
-    pub(super) fn of(mut file: Handle) -> Result<(Self, Handle)> {
+    /// Reads and checks the layout of a band, counted from 0, or of a file's only band; then lets the decoder use as much memory as one chunk needs.
+    pub(super) fn of(mut file: Handle, band: Option<usize>) -> Result<(Self, Handle)> {
         let dimensions = file.tiff.dimensions();
         let (cols, rows) = file.check(dimensions)?;
-        let kind = sample_kind(&mut file)?;
+        let kind = sample_kind(&mut file, band)?;
         let (compression, compression_name) = compression(&mut file)?;
         let (chunk_cols, chunk_rows) = file.tiff.chunk_dimensions();
         let tiled = matches!(file.tiff.get_chunk_type(), ChunkType::Tile);
@@ -89,13 +91,15 @@ impl Layout {
             true => format!("tiles of {chunk_rows} x {chunk_cols}"),
             false => format!("strips of {chunk_rows} row{}", if chunk_rows == 1 { "" } else { "s" }),
         };
+        let chunks = across * rows.div_ceil(chunk_rows);
         let mut layout = Self {
             rows,
             cols,
             chunk_rows,
             chunk_cols,
             across,
-            chunks: across * rows.div_ceil(chunk_rows),
+            chunks,
+            chunks_before: band.unwrap_or(0) * chunks,
             sample_bytes: kind.bits as usize / 8,
             unwritten: vec![],
             plain: None,
@@ -160,11 +164,13 @@ impl Layout {
             if tiled { (Tag::TileOffsets, Tag::TileByteCounts) } else { (Tag::StripOffsets, Tag::StripByteCounts) };
         let offsets: Vec<u64> = file.unsigned_list(at)?.unwrap_or_default();
         let lengths: Vec<u64> = file.unsigned_list(long)?.unwrap_or_default();
-        if offsets.len() < self.chunks || lengths.len() < self.chunks {
-            let (found, chunks) = (offsets.len().min(lengths.len()), self.chunks);
+        let (before, chunks) = (self.chunks_before, self.chunks_before + self.chunks);
+        if offsets.len() < chunks || lengths.len() < chunks {
+            let found = offsets.len().min(lengths.len());
             return Err(file.broken(format!("{chunks} strips or tiles expected, {found} found")));
         }
-        for (chunk, (&offset, &length)) in offsets.iter().zip(&lengths).take(self.chunks).enumerate() {
+        let (offsets, lengths) = (&offsets[before..], &lengths[before..]);
+        for (chunk, (&offset, &length)) in offsets.iter().zip(lengths).take(self.chunks).enumerate() {
             let end = offset.saturating_add(length);
             if length == 0 {
                 self.unwritten.push(chunk);
@@ -190,15 +196,20 @@ impl Layout {
     }
 }
 
-/// Refuses everything except one band of plain grey samples.
-fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
+/// Refuses everything except one band of plain grey samples, or `band` of several that are stored one after the other.
+fn sample_kind(file: &mut Handle, band: Option<usize>) -> Result<SampleKind> {
     let bands: u16 = file.unsigned(Tag::SamplesPerPixel)?.unwrap_or(1);
-    if bands != 1 {
+    let planar = file.unsigned(Tag::PlanarConfiguration)? == Some(PlanarConfiguration::Planar.to_u16());
+    if let Some(band) = band.filter(|band| *band >= usize::from(bands)) {
+        return Err(file.unsupported(format!("{bands} bands found, band {} expected", band + 1)));
+    }
+    if bands != 1 && !(band.is_some() && planar) {
         return Err(file.unsupported(format!("{bands} bands found, one expected (gdal_translate -b 1 IN OUT)")));
     }
     let color = file.tiff.colortype();
     let bits = match file.check(color)? {
         ColorType::Gray(bits @ (8 | 16 | 32 | 64)) => u16::from(bits),
+        ColorType::Multiband { bit_depth: bits @ (8 | 16 | 32 | 64), .. } => u16::from(bits),
         other => {
             return Err(file.unsupported(format!("{other:?} samples, grey of 8, 16, 32 or 64 bits expected")));
         }
@@ -206,7 +217,9 @@ fn sample_kind(file: &mut Handle) -> Result<SampleKind> {
     if file.unsigned::<u16>(Tag::PhotometricInterpretation)? == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
         return Err(file.unsupported("grey counted downwards (white is zero), black is zero expected"));
     }
-    let format = file.unsigned(Tag::SampleFormat)?.map_or(SampleFormat::Uint, SampleFormat::from_u16_exhaustive);
+    // One value for each band. The decoder refuses bands of different formats.
+    let formats: Vec<u16> = file.unsigned_list(Tag::SampleFormat)?.unwrap_or_default();
+    let format = formats.first().map_or(SampleFormat::Uint, |code| SampleFormat::from_u16_exhaustive(*code));
     let letter = match format {
         SampleFormat::Uint => 'u',
         SampleFormat::Int => 'i',

@@ -7,6 +7,8 @@ pub(super) struct Item {
     pub(super) name: String,
     /// Attribute `role` (`scale`, `offset`, `unittype`, `description`), empty for free items.
     pub(super) role: String,
+    /// The band that a role belongs to, counted from 0.
+    pub(super) band: usize,
     /// The text between the tags, unescaped.
     pub(super) text: String,
 }
@@ -23,7 +25,7 @@ pub(super) fn parse(xml: &str) -> Vec<Item> {
             let attribute = |name: &str| attribute(head, name);
             if attribute("sample").is_none_or(|sample| sample == "0") {
                 let (name, role) = (attribute("name").unwrap_or_default(), attribute("role").unwrap_or_default());
-                items.push(Item { name, role, text: unescape(text) });
+                items.push(Item { name, role, band: 0, text: unescape(text) });
             }
         }
         rest = &rest[close + 7..];
@@ -31,12 +33,14 @@ pub(super) fn parse(xml: &str) -> Vec<Item> {
     items
 }
 
-/// Writes `items` as GDAL does. Roles belong to the first band.
+/// Writes `items` as GDAL does. Roles belong to a band.
 pub(super) fn format(items: &[Item]) -> String {
     let mut xml = String::from("<GDALMetadata>\n");
     for item in items {
-        let role =
-            if item.role.is_empty() { String::new() } else { format!(" sample=\"0\" role=\"{}\"", escape(&item.role)) };
+        let role = match item.role.as_str() {
+            "" => String::new(),
+            role => format!(" sample=\"{}\" role=\"{}\"", item.band, escape(role)),
+        };
         xml += &format!("  <Item name=\"{}\"{role}>{}</Item>\n", escape(&item.name), escape(&item.text));
     }
     xml + "</GDALMetadata>\n"
@@ -108,8 +112,8 @@ mod tests {
     #[test]
     fn what_is_written_is_read() {
         let items = vec![
-            Item { name: "UNITTYPE".into(), role: "unittype".into(), text: "m".into() },
-            Item { name: "MODEL".into(), role: String::new(), text: "a<b> & \"c\"\nmünchen".into() },
+            Item { name: "UNITTYPE".into(), role: "unittype".into(), band: 0, text: "m".into() },
+            Item { name: "MODEL".into(), role: String::new(), band: 0, text: "a<b> & \"c\"\nmünchen".into() },
         ];
         let xml = format(&items);
         assert!(xml.is_ascii());

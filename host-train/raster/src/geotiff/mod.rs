@@ -19,6 +19,8 @@ mod write;
 mod writer;
 
 #[cfg(test)]
+mod band_tests;
+#[cfg(test)]
 mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
@@ -27,8 +29,8 @@ mod mutation_tests;
 #[cfg(test)]
 mod tests;
 
-pub use read::{open, read};
-pub use write::{Compression, SampleType, WriteOptions, write};
+pub use read::{open, read, read_band};
+pub use write::{BandText, Compression, SampleType, WriteOptions, write};
 pub use writer::Writer;
 
 /// NoData value of float files: ISIS NULL4 (bits 0xFF7FFFFB), as in LROC's terrain models. It is not the lowest `f32`.

@@ -44,6 +44,17 @@ pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
     source::read_all(&GeoTiff::open(path.as_ref(), 0)?)
 }
 
+/// Reads all samples of a band, counted from 0, as [`read`] does. Several bands must be stored one after the other (planar), as [`Writer`]
+/// does. Scale and offset are those of the first band.
+///
+/// [`Writer`]: super::Writer
+///
+/// # Errors
+/// As [`read`]. [`Error::Unsupported`] if the file has no such band.
+pub fn read_band(path: impl AsRef<Path>, band: usize) -> Result<Raster> {
+    source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0)?)
+}
+
 /// An open file.
 pub(super) struct GeoTiff {
     path: PathBuf,
@@ -61,7 +72,11 @@ struct State {
 
 impl GeoTiff {
     pub(super) fn open(path: &Path, cache_bytes: usize) -> Result<Self> {
-        let (layout, mut file) = Layout::of(Handle::open(path)?)?;
+        Self::open_band(path, None, cache_bytes)
+    }
+
+    fn open_band(path: &Path, band: Option<usize>, cache_bytes: usize) -> Result<Self> {
+        let (layout, mut file) = Layout::of(Handle::open(path)?, band)?;
         let georef = georef(&mut file)?;
         let rule = Rule::of(&mut file, georef.as_ref())?;
         file.refuse_masks()?;
@@ -93,7 +108,11 @@ impl GeoTiff {
         }
         let mut data = DecodingResult::U8(vec![]);
         // Whole rows of the tile, with padding. If the decoder drops the padding, it loses its position in LZW tiles.
-        let decoded = file.tiff.read_chunk_to_buffer(&mut data, chunk as u32, layout.chunk_cols * layout.sample_bytes);
+        let decoded = file.tiff.read_chunk_to_buffer(
+            &mut data,
+            (layout.chunks_before + chunk) as u32,
+            layout.chunk_cols * layout.sample_bytes,
+        );
         let part = |what: String| file.broken(format!("part {} of {}: {what}", chunk + 1, layout.chunks));
         file.check(decoded).map_err(|error| match error {
             Error::Broken { what, .. } => part(what),

@@ -31,6 +31,15 @@ pub enum Compression {
     Zstd,
 }
 
+/// What a file says about a band after the first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BandText {
+    /// Description.
+    pub description: String,
+    /// Unit of the samples.
+    pub unit: Option<String>,
+}
+
 /// Contents of the file besides samples and georeference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
@@ -44,6 +53,8 @@ pub struct WriteOptions {
     pub unit: Option<String>,
     /// Description of the band. For heights: the sphere they are above, and their source.
     pub description: Option<String>,
+    /// The bands after the first, which have its type of samples.
+    pub more_bands: Vec<BandText>,
     /// Further metadata items, name and text.
     pub items: Vec<(String, String)>,
     /// Whether the file is a BigTIFF at any size, so that a small raster can test it.
@@ -66,6 +77,7 @@ impl WriteOptions {
             zero_is_nodata: true,
             unit: None,
             description: Some(description.into()),
+            more_bands: vec![],
             items: vec![],
             force_big: false,
         }
@@ -75,6 +87,13 @@ impl WriteOptions {
     #[must_use]
     pub fn with_item(mut self, name: impl Into<String>, text: impl Into<String>) -> Self {
         self.items.push((name.into(), text.into()));
+        self
+    }
+
+    /// Adds a band after the last one.
+    #[must_use]
+    pub fn with_band(mut self, description: impl Into<String>, unit: Option<&str>) -> Self {
+        self.more_bands.push(BandText { description: description.into(), unit: unit.map(Into::into) });
         self
     }
 

@@ -29,10 +29,12 @@ pub struct Writer {
     georef: Option<GeoRef>,
     options: WriteOptions,
     coding: Coding,
-    levels: Vec<Level>,
+    /// The levels of each band.
+    bands: Vec<Vec<Level>>,
     spill: BufWriter<File>,
     spilled_bytes: u64,
-    rows_given: usize,
+    /// Number of rows given of each band.
+    rows_given: Vec<usize>,
 }
 
 impl Writer {
@@ -62,20 +64,34 @@ impl Writer {
             zero_is_nodata: options.zero_is_nodata && options.sample != SampleType::F32,
         };
         let (georef, options) = (georef.cloned(), options.clone());
-        let levels = levels(rows, cols);
-        Ok(Self { path: path.into(), georef, options, coding, levels, spill, spilled_bytes: 0, rows_given: 0 })
+        let count = 1 + options.more_bands.len();
+        let bands = (0..count).map(|_| levels(rows, cols)).collect();
+        let rows_given = vec![0; count];
+        Ok(Self { path: path.into(), georef, options, coding, bands, spill, spilled_bytes: 0, rows_given })
     }
 
-    /// Adds the next rows, any number of whole ones. NaN is invalid.
+    /// Adds the next rows of the first band, any number of whole ones. NaN is invalid.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the samples are not whole rows, more than the file has, or do not fit its integers; [`Error::Io`] if they cannot
-    /// be written.
+    /// As [`Self::write_band_rows`].
     pub fn write_rows(&mut self, samples: &[f32]) -> Result<()> {
-        let (rows, cols) = (self.levels[0].rows, self.levels[0].cols);
+        self.write_band_rows(0, samples)
+    }
+
+    /// Adds the next rows of a band, counted from 0, any number of whole ones. NaN is invalid.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the file has no such band, or the samples are not whole rows, more than the file has, or do not fit its integers;
+    /// [`Error::Io`] if they cannot be written.
+    pub fn write_band_rows(&mut self, band: usize, samples: &[f32]) -> Result<()> {
+        let Some(&before) = self.rows_given.get(band) else {
+            let (path, bands) = (self.path.display(), self.rows_given.len());
+            return Err(Error::usage(format!("{path}: a band below {bands} expected, band {band} found")));
+        };
+        let (rows, cols) = self.shape();
         let given = samples.len() / cols;
-        if !samples.len().is_multiple_of(cols) || given > rows - self.rows_given {
-            let (left, found) = (rows - self.rows_given, samples.len());
+        if !samples.len().is_multiple_of(cols) || given > rows - before {
+            let (left, found) = (rows - before, samples.len());
             let what = format!(
                 "{}: whole rows of {cols} samples expected, {left} at the most, {found} samples found",
                 self.path.display()
@@ -86,8 +102,13 @@ impl Writer {
             return Ok(());
         }
         self.check_range(samples)?;
-        self.rows_given += given;
-        self.push(0, samples, self.rows_given == rows).map_err(Error::io(&self.path))
+        self.rows_given[band] += given;
+        self.push((band, 0), samples, before + given == rows).map_err(Error::io(&self.path))
+    }
+
+    /// Returns the rows and columns of the file.
+    fn shape(&self) -> (usize, usize) {
+        (self.bands[0][0].rows, self.bands[0][0].cols)
     }
 
     /// Completes the file and renames it to its path.
@@ -95,9 +116,9 @@ impl Writer {
     /// # Errors
     /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the file cannot be named.
     pub fn finish(mut self) -> Result<()> {
-        let rows = self.levels[0].rows;
-        if self.rows_given != rows {
-            let (path, given) = (self.path.display(), self.rows_given);
+        let (rows, _) = self.shape();
+        if let Some(&given) = self.rows_given.iter().find(|given| **given != rows) {
+            let path = self.path.display();
             return Err(Error::usage(format!("{path}: {rows} rows expected, {given} given")));
         }
         let path = self.path.clone();
@@ -116,8 +137,8 @@ impl Writer {
         out.write_all(&self.head())?;
         let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
         // The smallest overview comes first, so that a preview of the file reads little.
-        for level in self.levels.iter().rev() {
-            for &(at, length) in &level.blocks {
+        for level in (0..self.bands[0].len()).rev() {
+            for &(at, length) in self.bands.iter().flat_map(|levels| &levels[level].blocks) {
                 let back = spill.stream_position()? as i64;
                 spill.seek_relative(at as i64 - back)?;
                 if std::io::copy(&mut spill.by_ref().take(length), &mut out)? != length {
@@ -132,12 +153,12 @@ impl Writer {
     }
 
     /// Adds rows to a level, writes its full bands, and passes their halves to the next level.
-    fn push(&mut self, level: usize, samples: &[f32], last: bool) -> std::io::Result<()> {
-        let cols = self.levels[level].cols;
+    fn push(&mut self, (plane, level): (usize, usize), samples: &[f32], last: bool) -> std::io::Result<()> {
+        let cols = self.bands[plane][level].cols;
         let full = BLOCK_PX * cols;
         let mut rest = samples;
         loop {
-            let band = &mut self.levels[level].band;
+            let band = &mut self.bands[plane][level].band;
             let (now, later) = rest.split_at(rest.len().min(full - band.len()));
             band.extend_from_slice(now);
             rest = later;
@@ -146,22 +167,22 @@ impl Writer {
                 return Ok(());
             }
             let band = std::mem::take(band);
-            self.spill_band(level, &band)?;
-            if level + 1 < self.levels.len() {
-                self.push(level + 1, &halve(&band, cols), ends)?;
+            self.spill_band((plane, level), &band)?;
+            if level + 1 < self.bands[plane].len() {
+                self.push((plane, level + 1), &halve(&band, cols), ends)?;
             }
             if ends {
                 return Ok(());
             }
             // The memory is used again.
-            self.levels[level].band = band;
-            self.levels[level].band.clear();
+            self.bands[plane][level].band = band;
+            self.bands[plane][level].band.clear();
         }
     }
 
-    fn spill_band(&mut self, level: usize, band: &[f32]) -> std::io::Result<()> {
-        let Self { levels, coding, spill, spilled_bytes, .. } = self;
-        let level = &mut levels[level];
+    fn spill_band(&mut self, (plane, level): (usize, usize), band: &[f32]) -> std::io::Result<()> {
+        let Self { bands, coding, spill, spilled_bytes, .. } = self;
+        let level = &mut bands[plane][level];
         let (block, cols) = (level.block(), level.cols);
         let starts: Vec<usize> = (0..cols).step_by(block.1).collect();
         let packed: Vec<Vec<u8>> =
@@ -189,42 +210,55 @@ impl Writer {
 
     /// Returns header and directories, with the offsets of all blocks.
     fn head(&self) -> Vec<u8> {
-        let mut images: Vec<Directory> = self.levels.iter().enumerate().map(|(i, l)| self.tags(l, i > 0)).collect();
+        let levels = self.bands[0].len();
+        let mut images: Vec<Directory> = (0..levels).map(|level| self.tags(level)).collect();
         // Offsets beyond 4 GiB need a BigTIFF. The head's length does not depend on them.
         let big =
             head(&images, false).len() as u64 + self.spilled_bytes > u64::from(u32::MAX) || self.options.force_big;
         let mut at = head(&images, big).len() as u64;
-        for (image, level) in images.iter_mut().zip(&self.levels).rev() {
+        for (level, image) in images.iter_mut().enumerate().rev() {
             let place = |&(_, length): &(u64, u64)| {
                 at += length;
                 at - length
             };
-            image.insert(Tag::TileOffsets, Field::Offset(level.blocks.iter().map(place).collect()));
+            image.insert(Tag::TileOffsets, Field::Offset(self.blocks(level).map(place).collect()));
         }
         head(&images, big)
     }
 
-    fn tags(&self, level: &Level, overview: bool) -> Directory {
+    /// Returns the blocks of a level, band after band.
+    fn blocks(&self, level: usize) -> impl Iterator<Item = &(u64, u64)> {
+        self.bands.iter().flat_map(move |levels| &levels[level].blocks)
+    }
+
+    fn tags(&self, index: usize) -> Directory {
+        let (level, overview, bands) = (&self.bands[0][index], index > 0, self.bands.len());
         let (block_rows, block_cols) = level.block();
         let float = self.options.sample == SampleType::F32;
         let format = if float { SampleFormat::IEEEFP } else { SampleFormat::Uint };
         let short = |value: u16| Field::Short(vec![value]);
+        let each = |value: u16| Field::Short(vec![value; bands]);
+        let plan = if bands > 1 { PlanarConfiguration::Planar } else { PlanarConfiguration::Chunky };
         let long = |value: usize| Field::Long(vec![value as u32]);
         let mut tags = Directory::from([
             (Tag::ImageWidth, long(level.cols)),
             (Tag::ImageLength, long(level.rows)),
-            (Tag::BitsPerSample, short(8 * self.options.sample.bytes() as u16)),
+            (Tag::BitsPerSample, each(8 * self.options.sample.bytes() as u16)),
             (Tag::Compression, short(self.coding.compression_method().to_u16())),
             (Tag::PhotometricInterpretation, short(PhotometricInterpretation::BlackIsZero.to_u16())),
-            (Tag::SamplesPerPixel, short(1)),
-            (Tag::PlanarConfiguration, short(PlanarConfiguration::Chunky.to_u16())),
+            (Tag::SamplesPerPixel, short(bands as u16)),
+            (Tag::PlanarConfiguration, short(plan.to_u16())),
             (Tag::Predictor, short(self.coding.predictor().to_u16())),
             (Tag::TileWidth, long(block_cols)),
             (Tag::TileLength, long(block_rows)),
-            (Tag::TileOffsets, Field::Offset(vec![0; level.blocks.len()])),
-            (Tag::TileByteCounts, Field::Long(level.blocks.iter().map(|&(_, length)| length as u32).collect())),
-            (Tag::SampleFormat, short(format.to_u16())),
+            (Tag::TileOffsets, Field::Offset(vec![0; self.blocks(index).count()])),
+            (Tag::TileByteCounts, Field::Long(self.blocks(index).map(|&(_, length)| length as u32).collect())),
+            (Tag::SampleFormat, each(format.to_u16())),
         ]);
+        if bands > 1 {
+            // The other bands are neither colours nor transparency.
+            tags.insert(Tag::ExtraSamples, Field::Short(vec![0; bands - 1]));
+        }
         if float {
             tags.insert(Tag::GdalNodata, Field::Text(NODATA_TEXT.into()));
         } else if self.coding.zero_is_nodata {
@@ -271,11 +305,20 @@ fn insert_georef(tags: &mut Directory, georef: &GeoRef) {
 }
 
 fn items(options: &WriteOptions) -> Vec<Item> {
-    let free = |(name, text): &(String, String)| Item { name: name.clone(), role: String::new(), text: text.clone() };
-    let band =
-        |name: &str, role: &str, text: &String| Item { name: name.into(), role: role.into(), text: text.clone() };
+    let free =
+        |(name, text): &(String, String)| Item { name: name.clone(), role: String::new(), band: 0, text: text.clone() };
+    let of_band = |band: usize, name: &str, role: &str, text: &String| Item {
+        name: name.into(),
+        role: role.into(),
+        band,
+        text: text.clone(),
+    };
     let mut items: Vec<Item> = options.items.iter().map(free).collect();
-    items.extend(options.unit.iter().map(|unit| band("UNITTYPE", "unittype", unit)));
-    items.extend(options.description.iter().map(|text| band("DESCRIPTION", "description", text)));
+    let more = options.more_bands.iter().map(|band| (Some(&band.description), band.unit.as_ref()));
+    let bands = [(options.description.as_ref(), options.unit.as_ref())].into_iter().chain(more);
+    for (band, (description, unit)) in bands.enumerate() {
+        items.extend(unit.map(|unit| of_band(band, "UNITTYPE", "unittype", unit)));
+        items.extend(description.map(|text| of_band(band, "DESCRIPTION", "description", text)));
+    }
     items
 }

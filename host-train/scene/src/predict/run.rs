@@ -2,7 +2,7 @@
 
 use super::network::Model;
 use super::scene::{Band, Scene};
-use super::tile::{Outcome, Rules, TileWorker};
+use super::tile::{Outcome, Rules, TileResult, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
@@ -27,6 +27,8 @@ pub struct Options {
     pub threads: usize,
     /// The known parts of the Sun's direction. The unknown parts are fitted to image and coarse DTM. Models for any light do not use it.
     pub sun: KnownSun,
+    /// Whether expected errors are made with the heights ([`Options::layers`]). The model must have weighed maps; otherwise they are NaN.
+    pub expected_errors: bool,
 }
 
 impl Default for Options {
@@ -37,11 +39,19 @@ impl Default for Options {
             anchor: true,
             threads: 0,
             sun: KnownSun::default(),
+            expected_errors: false,
         }
     }
 }
 
 impl Options {
+    /// Number of maps in a finished row, one after the other: heights, metres; and if wanted the expected errors (standard deviations of
+    /// heights, metres, and of slopes along either axis, metres per metre, and the share of the relief that the image explains).
+    #[must_use]
+    pub fn layers(&self) -> usize {
+        if self.expected_errors { TileResult::LAYERS } else { 1 }
+    }
+
     /// Returns the overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B). For tiles smaller than the
     /// paper's it is a third of their shorter side (our choice).
     #[must_use]
@@ -78,7 +88,7 @@ pub struct Prediction {
 /// Receives (tiles done, all tiles) at the start and after each tile, and can stop the run.
 pub type Progress<'a> = &'a mut dyn FnMut(usize, usize) -> ControlFlow<()>;
 
-/// Predicts a scene as [`predict_rows`] does, in memory.
+/// Predicts a scene as [`predict_rows`] does, in memory: the heights alone.
 ///
 /// # Errors
 /// As [`predict_rows`].
@@ -88,13 +98,14 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
         samples.extend_from_slice(rows);
         Ok(())
     };
-    let tally = predict_rows(scene, model, options, 0, &mut keep, progress)?;
+    let options = Options { expected_errors: false, ..*options };
+    let tally = predict_rows(scene, model, &options, 0, &mut keep, progress)?;
     let dtm = Raster { rows: scene.rows, cols: scene.cols, samples, georef: Some(scene.georef.clone()) };
     Ok(Prediction { dtm, tally })
 }
 
 /// Runs `model` on `scene` from row `from` on. Passes finished rows to `keep` in order: heights in metres, NaN where image or coarse DTM is
-/// invalid. Memory does not depend on the number of rows.
+/// invalid, each followed by its other maps if `options` asks for them ([`Options::layers`]). Memory does not depend on the number of rows.
 ///
 /// The scene is cut into overlapping tiles ([`Tiling`]). A scene smaller than a tile is extended to the tile's size by its last row and
 /// column. Every tile is mirrored if its light does not come from the model's direction ([`elunar_net::illumination`]), normalised by its
@@ -116,7 +127,8 @@ pub fn predict_rows(
     let lighting = scene.light_for(input.illumination, options.sun)?;
     let rules = Rules::new(input, lighting, scene, options);
     let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
-    let cut = Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads };
+    let cut =
+        Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
     Ok(Tally { light: lighting, ..make_rows(scene, cut, &makers, from, keep, progress)? })
 }
 
@@ -129,6 +141,8 @@ pub(crate) struct Cut {
     pub(crate) overlap_px: usize,
     /// Number of threads; 0 takes as many as the machine offers.
     pub(crate) threads: usize,
+    /// Number of maps of a tile.
+    pub(crate) layers: usize,
 }
 
 /// Makes the heights of a tile, with its own scratch memory. Each thread has one.
@@ -168,9 +182,9 @@ pub(crate) fn make_rows<'a>(
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    let mosaic = Mosaic::from_row(from, scene.rows, scene.cols);
+    let mosaics = (0..cut.layers).map(|_| Mosaic::from_row(from, scene.rows, scene.cols)).collect();
     let tally = Tally { tiles: tiling.len(), tiles_before: first, ..Tally::default() };
-    let mut sink = Sink { mosaic, tiling, keep, tally };
+    let mut sink = Sink { mosaics, cols: scene.cols, tiling, keep, tally };
     let stopped = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let (give, take) = sync_channel(2 * threads);
@@ -245,7 +259,9 @@ fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &Atomi
 
 /// Sorts the results of tiles into reading order and joins them.
 struct Sink<'a> {
-    mosaic: Mosaic,
+    /// One for each map.
+    mosaics: Vec<Mosaic>,
+    cols: usize,
     tiling: Tiling,
     keep: &'a mut dyn FnMut(&[f32]) -> Result<()>,
     tally: Tally,
@@ -276,24 +292,38 @@ impl Sink<'_> {
 
     fn join(&mut self, index: usize, outcome: Outcome) -> Result<()> {
         let Some(window) = self.tiling.get(index) else { return Ok(()) };
-        let (heights_m, weights) = match outcome {
-            Outcome::Predicted { heights_m, weights } => (heights_m, weights),
-            Outcome::Coarse { heights_m, weights } => {
+        let (maps, weights) = match outcome {
+            Outcome::Predicted { maps, weights } => (maps, weights),
+            Outcome::Coarse { maps, weights } => {
                 self.tally.tiles_coarse += 1;
-                (heights_m, weights)
+                (maps, weights)
             }
             Outcome::Empty => {
                 self.tally.tiles_empty += 1;
                 return Ok(());
             }
         };
-        self.mosaic.add(window.row, window.col, window.cols, &heights_m, &weights)?;
-        let finished = self.mosaic.take_finished();
-        if finished.is_empty() { Ok(()) } else { (self.keep)(&finished) }
+        for (mosaic, map) in self.mosaics.iter_mut().zip(&maps.0) {
+            mosaic.add(window.row, window.col, window.cols, map, &weights)?;
+        }
+        let finished = self.mosaics.iter_mut().map(Mosaic::take_finished).collect();
+        let rows = interleaved(finished, self.cols);
+        if rows.is_empty() { Ok(()) } else { (self.keep)(&rows) }
     }
 
     fn finish(self) -> Result<Tally> {
-        (self.keep)(&self.mosaic.finish())?;
+        let rest = self.mosaics.into_iter().map(Mosaic::finish).collect();
+        (self.keep)(&interleaved(rest, self.cols))?;
         Ok(self.tally)
     }
+}
+
+/// Returns the rows of maps, of each row one map after the other.
+fn interleaved(mut maps: Vec<Vec<f32>>, cols: usize) -> Vec<f32> {
+    if maps.len() == 1 {
+        return maps.pop().unwrap_or_default();
+    }
+    let rows = maps.first().map_or(0, |map| map.len() / cols.max(1));
+    let row = |row: usize| maps.iter().flat_map(move |map| &map[row * cols..][..cols]).copied();
+    (0..rows).flat_map(row).collect()
 }

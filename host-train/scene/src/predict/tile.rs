@@ -5,20 +5,42 @@ use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
-use elunar_core::nn::{InputRules, TileInput, TileLight};
+use elunar_core::nn::{Illumination, InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
+use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
 use elunar_net::illumination::Lighting;
 use elunar_raster::{Error, Result};
 
 /// Result of a tile.
 pub(crate) enum Outcome {
-    /// Heights, metres, and their weights in the mosaic.
-    Predicted { heights_m: Vec<f32>, weights: Vec<f64> },
+    /// Maps, and their weights in the mosaic.
+    Predicted { maps: TileResult, weights: Vec<f64> },
     /// The image has no contrast or the coarse DTM has no relief here. The network cannot use such a tile, so the coarse heights are kept.
-    Coarse { heights_m: Vec<f32>, weights: Vec<f64> },
+    Coarse { maps: TileResult, weights: Vec<f64> },
     /// No valid pixel.
     Empty,
+}
+
+/// The maps that a tile contributes to the scene: heights, metres; and if wanted the expected errors of heights, of slopes, and the share of
+/// the relief that the image explains.
+pub(crate) struct TileResult(pub(crate) Vec<Vec<f32>>);
+
+impl TileResult {
+    /// Number of maps with expected errors.
+    pub(crate) const LAYERS: usize = 4;
+
+    /// Returns heights with their expected errors under an image; NaN where nothing is known.
+    fn expecting(heights_m: Vec<f32>, image: &[f32], errors: &ExpectedErrors) -> Self {
+        let at = |part: fn(Errors) -> f32| image.iter().map(|v| part(errors.at(*v))).collect();
+        Self(vec![heights_m, at(|e| e.height_m), at(|e| e.slope), at(|e| e.explained)])
+    }
+}
+
+impl From<Vec<f32>> for TileResult {
+    fn from(heights_m: Vec<f32>) -> Self {
+        Self(vec![heights_m])
+    }
 }
 
 /// Settings that all tiles of a job share.
@@ -35,6 +57,7 @@ pub(super) struct Rules {
     pub(super) coarse_px: f32,
     pub(super) blend: Blend,
     pub(super) anchor: Option<Anchor>,
+    pub(super) expected_errors: bool,
 }
 
 impl Rules {
@@ -42,7 +65,16 @@ impl Rules {
     pub(super) fn new(input: InputRules, lighting: Lighting, scene: &Scene, options: &Options) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
-        Self { input, scene: Shape::new(scene.rows, scene.cols), lighting, pixel_m, coarse_px, blend, anchor }
+        Self {
+            input,
+            scene: Shape::new(scene.rows, scene.cols),
+            lighting,
+            pixel_m,
+            coarse_px,
+            blend,
+            anchor,
+            expected_errors: options.expected_errors,
+        }
     }
 }
 
@@ -72,9 +104,24 @@ impl<'a> TileWorker<'a> {
         };
         let weights = self.weights(&valid, window);
         match self.maps(&image, &coarse_m, window.shape())? {
-            Some(tile) => Ok(Outcome::Predicted { heights_m: self.predicted(tile, &coarse_m, window)?, weights }),
-            None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
+            Some(tile) => {
+                let errors = tile.expected.unwrap_or(ExpectedErrors::UNKNOWN);
+                let heights_m = self.predicted(tile, &coarse_m, window)?;
+                Ok(Outcome::Predicted { maps: self.result(heights_m, &image, &errors), weights })
+            }
+            None => {
+                let Rules { pixel_m, coarse_px, .. } = self.rules;
+                let errors = match self.rules.input.illumination {
+                    Illumination::Weighed => ExpectedErrors::of_coarse(&coarse_m, window.cols, (pixel_m, coarse_px)),
+                    _ => ExpectedErrors::UNKNOWN,
+                };
+                Ok(Outcome::Coarse { maps: self.result(coarse_m, &image, &errors), weights })
+            }
         }
+    }
+
+    fn result(&self, heights_m: Vec<f32>, image: &[f32], errors: &ExpectedErrors) -> TileResult {
+        if self.rules.expected_errors { TileResult::expecting(heights_m, image, errors) } else { heights_m.into() }
     }
 
     /// Prepares a tile; `None` for one without contrast or relief.
@@ -92,7 +139,7 @@ impl<'a> TileWorker<'a> {
 
     /// Returns the heights of a normalised tile, metres.
     fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
-        let Maps { image, coarse, scale } = tile;
+        let Maps { image, coarse, scale, .. } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
         scale.recover(window.shape(), &mut heights_m);

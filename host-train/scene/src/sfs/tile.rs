@@ -43,9 +43,9 @@ impl TileMaker for Solver<'_> {
         match self.heights(&maps, window)? {
             Some((heights_m, log)) => {
                 self.journal.add(log);
-                Ok(Outcome::Predicted { heights_m, weights })
+                Ok(Outcome::Predicted { maps: heights_m.into(), weights })
             }
-            None => Ok(Outcome::Coarse { heights_m: coarse_m, weights }),
+            None => Ok(Outcome::Coarse { maps: coarse_m.into(), weights }),
         }
     }
 }

@@ -1,0 +1,221 @@
+//! The errors that heights and slopes of a tile are expected to have.
+
+use super::share::{OCTAVES, Share};
+use core::f32::consts::TAU;
+
+/// Length in coarse pixels beyond which heights are those of the coarse DTM: half of the squared error of such waves remains (our choice).
+const HELD_COARSE_PX: f32 = 2.5;
+/// A pixel of less than this share of the tile's mean brightness is dark: it shows no slope (our choice).
+const DARK: f32 = 0.1;
+
+/// A light's uncertainty, and the trust in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightDoubt {
+    /// Share of the relief that is kept, 0 to 1.
+    pub trust: f32,
+    /// Standard deviation of the logarithm of the strength.
+    pub log_strength_sd: f32,
+    /// Standard deviation of the azimuth, degrees.
+    pub azimuth_sd_deg: f32,
+}
+
+/// Standard deviations of errors.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Errors {
+    /// Of the height, metres, without the coarse DTM's own error.
+    pub height_m: f32,
+    /// Of the slope along either axis, metres per metre.
+    pub slope: f32,
+    /// Share of the relief between the coarse DTM's pixels that the image explains, 0 to 1.
+    pub explained: f32,
+}
+
+/// The errors that a tile's heights and slopes are expected to have: what the image leaves open ([`Share`]), what the light's uncertainty
+/// adds, and what the coarse DTM does not hold. All are standard deviations.
+///
+/// Of the slopes' variance S in an octave, the image explains the part e of the best linear estimate. If it is kept with the trust T, and the
+/// logarithm of the light's strength and its azimuth (radians) have the standard deviations s and a, the open part is
+///
+/// ```text
+/// S (1 - T e (1 - s^2 - a^2))
+/// ```
+///
+/// Its height is the slope over the wave number. Waves beyond 2.5 coarse pixels are those of the coarse DTM and do not count. No factor is
+/// fitted (our choice).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ExpectedErrors {
+    lit: Errors,
+    dark: Errors,
+    /// Brightness below which a pixel is dark.
+    dark_below: f32,
+}
+
+impl ExpectedErrors {
+    /// Number of values of [`Self::to_values`].
+    pub const VALUES: usize = 7;
+    /// Nothing is known: all are NaN.
+    pub const UNKNOWN: Self = {
+        let nothing = Errors { height_m: f32::NAN, slope: f32::NAN, explained: f32::NAN };
+        Self { lit: nothing, dark: nothing, dark_below: 0.0 }
+    };
+
+    /// Returns them as values for memory that is kept.
+    #[must_use]
+    pub fn to_values(&self) -> [f32; Self::VALUES] {
+        let Self { lit, dark, dark_below } = *self;
+        [lit.height_m, lit.slope, lit.explained, dark.height_m, dark.slope, dark.explained, dark_below]
+    }
+
+    /// Returns those of [`Self::to_values`].
+    #[must_use]
+    pub fn from_values([a, b, c, d, e, f, dark_below]: [f32; Self::VALUES]) -> Self {
+        let lit = Errors { height_m: a, slope: b, explained: c };
+        Self { lit, dark: Errors { height_m: d, slope: e, explained: f }, dark_below }
+    }
+
+    /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
+    /// coarse pixel in pixels of the image, `mean` the mean brightness.
+    #[must_use]
+    pub fn of_share(share: &Share, doubt: LightDoubt, (pixel_m, coarse_px): (f32, f32), mean: f32) -> Self {
+        let azimuth_sd = doubt.azimuth_sd_deg.to_radians();
+        let spoiled = (doubt.log_strength_sd * doubt.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
+        let trust = doubt.trust * (1.0 - spoiled);
+        let with = |trust| open(share, trust, (pixel_m, coarse_px));
+        Self { lit: with(trust), dark: with(0.0), dark_below: DARK * mean }
+    }
+
+    /// Returns those of a tile whose coarse heights are kept: of its image nothing is known. Its fine slopes are taken to be as large as those
+    /// of the coarse DTM, and its fine heights those of waves of two coarse pixels (our choice). `coarse_m` is row-major, `cols` wide, metres.
+    #[must_use]
+    pub fn of_coarse(coarse_m: &[f32], cols: usize, (pixel_m, coarse_px): (f32, f32)) -> Self {
+        let (mut sum, mut count) = (0.0f64, 0.0f64);
+        let lines = coarse_m.chunks_exact(cols.max(1));
+        for (line, below) in lines.clone().zip(lines.skip(1)) {
+            for ((z, right), down) in line.iter().zip(line.iter().skip(1)).zip(below) {
+                let (east, south) = (f64::from(right - z), f64::from(down - z));
+                if (east + south).is_finite() {
+                    sum += east * east + south * south;
+                    count += 2.0;
+                }
+            }
+        }
+        let slope = if count > 0.0 { libm::sqrt(sum / count) as f32 / pixel_m } else { 0.0 };
+        let height_m = core::f32::consts::SQRT_2 * slope * pixel_m * 2.0 * coarse_px / TAU;
+        let errors = Errors { height_m, slope, explained: 0.0 };
+        Self { lit: errors, dark: errors, dark_below: 0.0 }
+    }
+
+    /// Returns those of lit ground.
+    #[must_use]
+    pub fn lit(&self) -> Errors {
+        self.lit
+    }
+
+    /// Returns whether a pixel of this brightness shows no slope.
+    #[must_use]
+    pub fn is_dark(&self, brightness: f32) -> bool {
+        brightness < self.dark_below
+    }
+
+    /// Returns those of a pixel of this brightness.
+    #[must_use]
+    pub fn at(&self, brightness: f32) -> Errors {
+        if self.is_dark(brightness) { self.dark } else { self.lit }
+    }
+}
+
+/// Returns what is left open with this trust.
+fn open(share: &Share, trust: f32, (pixel_m, coarse_px): (f32, f32)) -> Errors {
+    let (mut slopes, mut heights, mut all) = (0.0f32, 0.0f32, 0.0f32);
+    for octave in 0..OCTAVES {
+        // The middle of the octave.
+        let wavelength_px = core::f32::consts::SQRT_2 * (2 << octave) as f32;
+        let wave_number = TAU / wavelength_px;
+        let ratio = wavelength_px / (HELD_COARSE_PX * coarse_px.max(1.0));
+        let square = ratio * ratio;
+        let fine = share.slope_variance(octave) / (1.0 + square * square);
+        let left = fine * (1.0 - trust * share.explained(octave));
+        slopes += left;
+        heights += left / (wave_number * wave_number);
+        all += fine;
+    }
+    let explained = if all > 0.0 { (1.0 - slopes / all).clamp(0.0, 1.0) } else { 0.0 };
+    Errors { height_m: libm::sqrtf(heights) * pixel_m, slope: libm::sqrtf(0.5 * slopes), explained }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Contrast;
+    use super::super::share::Power;
+    use super::*;
+    use crate::norm::Light;
+
+    const SURE: LightDoubt = LightDoubt { trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
+    const SIZES: (f32, f32) = (2.0, 30.0);
+
+    /// The share of ground whose slopes have the variance `slope_variance` in the octave of 4 to 8 pixels alone.
+    fn share(slope_variance: f64) -> Share {
+        let mut octaves = [Power::default(); OCTAVES];
+        let total = 0.5 * slope_variance;
+        octaves[1] = Power { total, cos: 0.5 * total, sin: 0.0, waves: 1e9 };
+        Contrast::new(octaves, 1.0, 1.0).share(Light { east: 2.0, south: 0.0 })
+    }
+
+    #[test]
+    fn nothing_trusted_leaves_all_open() {
+        let none = LightDoubt { trust: 0.0, ..SURE };
+        let errors = ExpectedErrors::of_share(&share(0.02), none, SIZES, 100.0);
+        let Errors { height_m, slope, explained } = errors.lit();
+        // sqrt(0.02 / 2) along either axis; the height of waves of 5.7 pixels of 2 m.
+        assert!((slope - 0.1).abs() < 1e-3, "{slope}");
+        assert!((height_m - 2.0 * 0.02f32.sqrt() * 5.657 / TAU).abs() < 1e-3, "{height_m}");
+        assert_eq!(explained, 0.0);
+        assert_eq!(errors.at(5.0), errors.at(50.0));
+    }
+
+    #[test]
+    fn the_surer_the_light_the_smaller_the_errors() {
+        let of = |doubt| ExpectedErrors::of_share(&share(0.02), doubt, SIZES, 100.0).lit();
+        let sure = of(SURE);
+        let doubts = [
+            LightDoubt { trust: 0.8, ..SURE },
+            LightDoubt { log_strength_sd: 0.4, ..SURE },
+            LightDoubt { azimuth_sd_deg: 25.0, ..SURE },
+        ];
+        for doubt in doubts {
+            let found = of(doubt);
+            assert!(found.slope > 1.02 * sure.slope && found.height_m > 1.02 * sure.height_m, "{doubt:?}");
+            assert!(found.explained < sure.explained);
+        }
+        // More uncertainty than anything can have explains nothing, and never less.
+        let lost = of(LightDoubt { log_strength_sd: 3.0, azimuth_sd_deg: 180.0, ..SURE });
+        assert_eq!(lost, of(LightDoubt { trust: 0.0, ..SURE }));
+    }
+
+    #[test]
+    fn dark_pixels_show_nothing() {
+        let errors = ExpectedErrors::of_share(&share(0.02), SURE, SIZES, 100.0);
+        assert!(errors.is_dark(9.0) && !errors.is_dark(11.0) && !errors.is_dark(f32::NAN));
+        assert_eq!(ExpectedErrors::from_values(errors.to_values()), errors);
+        assert!(errors.at(0.0).slope > 1.2 * errors.at(100.0).slope && errors.at(0.0).explained == 0.0);
+    }
+
+    #[test]
+    fn long_waves_are_the_coarse_dtms() {
+        let near = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 30.0), 1.0).lit();
+        let finer = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 2.0), 1.0).lit();
+        assert!(finer.slope < 0.7 * near.slope && finer.height_m < 0.7 * near.height_m);
+    }
+
+    #[test]
+    fn kept_coarse_heights_err_as_their_slopes() {
+        // One metre per pixel of 2 m, to the east.
+        let ramp: Vec<f32> = (0..64).map(|i| (i % 8) as f32).collect();
+        let found = ExpectedErrors::of_coarse(&ramp, 8, SIZES);
+        assert!((found.lit().slope - 0.5f32.sqrt() * 0.5).abs() < 1e-6);
+        assert!((found.lit().height_m - 0.5 * 2.0 * 60.0 / TAU).abs() < 1e-3);
+        assert_eq!(found.at(-1.0), found.lit());
+        assert_eq!(ExpectedErrors::of_coarse(&[], 0, SIZES).lit(), Errors::default());
+        assert_eq!(ExpectedErrors::of_coarse(&[f32::NAN; 9], 3, SIZES).lit(), Errors::default());
+    }
+}
