@@ -28,6 +28,38 @@ pub struct Errors {
     pub slope: f32,
     /// Share of the relief between the coarse DTM's pixels that the image explains, 0 to 1.
     pub explained: f32,
+    /// 1 where the pixel is dark, otherwise 0.
+    pub dark: f32,
+}
+
+/// The origin of a height. The codes are those of files and of flight software.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Origin {
+    /// The image explains at least half of the relief between the coarse DTM's pixels.
+    Image = 0,
+    /// It explains a tenth to a half.
+    Blended = 1,
+    /// It explains less: the height is that of the coarse DTM.
+    Coarse = 2,
+    /// The pixel is dark. Its height is that of its surroundings and of the coarse DTM.
+    Shadow = 3,
+    /// There is no height, because image or coarse DTM is void.
+    Void = 4,
+}
+
+impl Origin {
+    /// Returns the origin of a height with these errors, which may be means over tiles; NaN stands for a void (our choice of limits).
+    #[must_use]
+    pub fn of(explained: f32, dark: f32) -> Self {
+        match explained {
+            e if e.is_nan() => Self::Void,
+            _ if dark >= 0.5 => Self::Shadow,
+            e if e >= 0.5 => Self::Image,
+            e if e >= 0.1 => Self::Blended,
+            _ => Self::Coarse,
+        }
+    }
 }
 
 /// The errors that a tile's heights and slopes are expected to have: what the image leaves open ([`Share`]), what the light's uncertainty
@@ -52,10 +84,10 @@ pub struct ExpectedErrors {
 
 impl ExpectedErrors {
     /// Number of values of [`Self::to_values`].
-    pub const VALUES: usize = 7;
+    pub const VALUES: usize = 9;
     /// Nothing is known: all are NaN.
     pub const UNKNOWN: Self = {
-        let nothing = Errors { height_m: f32::NAN, slope: f32::NAN, explained: f32::NAN };
+        let nothing = Errors { height_m: f32::NAN, slope: f32::NAN, explained: f32::NAN, dark: 0.0 };
         Self { lit: nothing, dark: nothing, dark_below: 0.0 }
     };
 
@@ -63,14 +95,16 @@ impl ExpectedErrors {
     #[must_use]
     pub fn to_values(&self) -> [f32; Self::VALUES] {
         let Self { lit, dark, dark_below } = *self;
-        [lit.height_m, lit.slope, lit.explained, dark.height_m, dark.slope, dark.explained, dark_below]
+        let values = |errors: Errors| [errors.height_m, errors.slope, errors.explained, errors.dark];
+        let ([a, b, c, d], [e, f, g, h]) = (values(lit), values(dark));
+        [a, b, c, d, e, f, g, h, dark_below]
     }
 
     /// Returns those of [`Self::to_values`].
     #[must_use]
-    pub fn from_values([a, b, c, d, e, f, dark_below]: [f32; Self::VALUES]) -> Self {
-        let lit = Errors { height_m: a, slope: b, explained: c };
-        Self { lit, dark: Errors { height_m: d, slope: e, explained: f }, dark_below }
+    pub fn from_values([a, b, c, d, e, f, g, h, dark_below]: [f32; Self::VALUES]) -> Self {
+        let errors = |[height_m, slope, explained, dark]: [f32; 4]| Errors { height_m, slope, explained, dark };
+        Self { lit: errors([a, b, c, d]), dark: errors([e, f, g, h]), dark_below }
     }
 
     /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
@@ -81,7 +115,7 @@ impl ExpectedErrors {
         let spoiled = (doubt.log_strength_sd * doubt.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
         let trust = doubt.trust * (1.0 - spoiled);
         let with = |trust| open(share, trust, (pixel_m, coarse_px));
-        Self { lit: with(trust), dark: with(0.0), dark_below: DARK * mean }
+        Self { lit: with(trust), dark: Errors { dark: 1.0, ..with(0.0) }, dark_below: DARK * mean }
     }
 
     /// Returns those of a tile whose coarse heights are kept: of its image nothing is known. Its fine slopes are taken to be as large as those
@@ -101,7 +135,7 @@ impl ExpectedErrors {
         }
         let slope = if count > 0.0 { libm::sqrt(sum / count) as f32 / pixel_m } else { 0.0 };
         let height_m = core::f32::consts::SQRT_2 * slope * pixel_m * 2.0 * coarse_px / TAU;
-        let errors = Errors { height_m, slope, explained: 0.0 };
+        let errors = Errors { height_m, slope, explained: 0.0, dark: 0.0 };
         Self { lit: errors, dark: errors, dark_below: 0.0 }
     }
 
@@ -140,7 +174,7 @@ fn open(share: &Share, trust: f32, (pixel_m, coarse_px): (f32, f32)) -> Errors {
         all += fine;
     }
     let explained = if all > 0.0 { (1.0 - slopes / all).clamp(0.0, 1.0) } else { 0.0 };
-    Errors { height_m: libm::sqrtf(heights) * pixel_m, slope: libm::sqrtf(0.5 * slopes), explained }
+    Errors { height_m: libm::sqrtf(heights) * pixel_m, slope: libm::sqrtf(0.5 * slopes), explained, dark: 0.0 }
 }
 
 #[cfg(test)]
@@ -165,12 +199,12 @@ mod tests {
     fn nothing_trusted_leaves_all_open() {
         let none = LightDoubt { trust: 0.0, ..SURE };
         let errors = ExpectedErrors::of_share(&share(0.02), none, SIZES, 100.0);
-        let Errors { height_m, slope, explained } = errors.lit();
+        let Errors { height_m, slope, explained, .. } = errors.lit();
         // sqrt(0.02 / 2) along either axis; the height of waves of 5.7 pixels of 2 m.
         assert!((slope - 0.1).abs() < 1e-3, "{slope}");
         assert!((height_m - 2.0 * 0.02f32.sqrt() * 5.657 / TAU).abs() < 1e-3, "{height_m}");
         assert_eq!(explained, 0.0);
-        assert_eq!(errors.at(5.0), errors.at(50.0));
+        assert_eq!(errors.at(5.0), Errors { dark: 1.0, ..errors.at(50.0) });
     }
 
     #[test]
@@ -198,6 +232,21 @@ mod tests {
         assert!(errors.is_dark(9.0) && !errors.is_dark(11.0) && !errors.is_dark(f32::NAN));
         assert_eq!(ExpectedErrors::from_values(errors.to_values()), errors);
         assert!(errors.at(0.0).slope > 1.2 * errors.at(100.0).slope && errors.at(0.0).explained == 0.0);
+    }
+
+    #[test]
+    fn origins_follow_what_the_image_explains() {
+        for (explained, dark, origin) in [
+            (0.9, 0.0, Origin::Image),
+            (0.5, 0.4, Origin::Image),
+            (0.3, 0.0, Origin::Blended),
+            (0.05, 0.0, Origin::Coarse),
+            (0.0, 1.0, Origin::Shadow),
+            (f32::NAN, 1.0, Origin::Void),
+            (f32::NAN, f32::NAN, Origin::Void),
+        ] {
+            assert_eq!(Origin::of(explained, dark), origin, "{explained} {dark}");
+        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ mod fft;
 mod guide;
 mod share;
 
-pub use expected::{Errors, ExpectedErrors, LightDoubt};
+pub use expected::{Errors, ExpectedErrors, LightDoubt, Origin};
 pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 

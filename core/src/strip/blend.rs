@@ -6,7 +6,8 @@
 use super::expected::{Expected, LineErrors, parts};
 use super::lines::Lines;
 use crate::overlap::{Open, OverlapWeights};
-use crate::part::{item, part, part_mut};
+use crate::part::{item, part, part_mut, put};
+use crate::photoclinometry::Origin;
 use crate::tile::{Shape, Tiling, Window};
 
 /// Sums of a ring of lines; NaN where no tile has been added yet.
@@ -84,11 +85,14 @@ impl Blend<'_> {
             }
         });
         let (totals, rest) = self.aside.split_at_mut_checked(cols).unwrap_or_default();
-        for (line, out) in [out.height_m, out.slope, out.explained].into_iter().enumerate() {
-            let sums = part(rest, line * cols, cols).iter().zip(totals.iter());
-            for (((out, (sum, total)), v), z) in out.iter_mut().zip(sums).zip(image).zip(coarse_m) {
-                *out = if v.is_finite() && z.is_finite() { (*sum / *total) as f32 } else { f32::NAN };
-            }
+        for (col, (v, z)) in image.iter().zip(coarse_m).enumerate() {
+            let total = item(totals, col);
+            let mean = |line: usize| (item(rest, line * cols + col) / total) as f32;
+            let [height_m, slope, explained, dark] =
+                if v.is_finite() && z.is_finite() { core::array::from_fn(mean) } else { [f32::NAN; 4] };
+            put(out.height_m, col, height_m);
+            put(out.slope, col, slope);
+            put(out.origin, col, Origin::of(explained, dark) as u8);
         }
     }
 

@@ -5,16 +5,16 @@ use crate::part::{copy, part, part_mut};
 use crate::photoclinometry::{Errors, ExpectedErrors};
 use crate::tile::{Shape, Tiling};
 
-/// The expected errors of a line: standard deviations of heights and slopes, and the share of the relief that the image explains. They are
-/// the means of the tiles' own, with the weights of their heights. All are NaN in voids, and if the model's maps are not weighed.
+/// The expected errors of a line, and where its heights come from. They are the means of the tiles' own, with the weights of their heights.
+/// Errors are NaN in voids, and if the model's maps are not weighed.
 #[derive(Debug, Default)]
 pub struct LineErrors<'o> {
     /// Of heights, metres, without the coarse DTM's own error.
     pub height_m: &'o mut [f32],
     /// Of slopes along either axis, metres per metre.
     pub slope: &'o mut [f32],
-    /// Share of the relief between the coarse DTM's pixels that the image explains, 0 to 1.
-    pub explained: &'o mut [f32],
+    /// Codes of [`crate::photoclinometry::Origin`].
+    pub origin: &'o mut [u8],
 }
 
 /// A ring of rows of tiles.
@@ -25,7 +25,7 @@ pub(super) struct Expected<'m> {
 
 impl Expected<'_> {
     /// Number of sums of a pixel.
-    pub(super) const SUMS: usize = 3;
+    pub(super) const SUMS: usize = 4;
 
     /// Returns the number of rows of tiles that can reach one line, with the last row, which is moved back, and the row in progress.
     fn rows(tiling: &Tiling, tile: Shape) -> usize {
@@ -55,7 +55,7 @@ impl Expected<'_> {
     }
 }
 
-/// Returns the three errors in the order of sums.
+/// Returns the errors in the order of sums.
 pub(super) fn parts(errors: Errors) -> [f32; Expected::SUMS] {
-    [errors.height_m, errors.slope, errors.explained]
+    [errors.height_m, errors.slope, errors.explained, errors.dark]
 }

@@ -12,7 +12,7 @@ use crate::nn::{
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
-use crate::photoclinometry::ExpectedErrors;
+use crate::photoclinometry::{ExpectedErrors, Origin};
 use crate::tile::{Shape, Tiling, Window};
 
 /// The memory of a strip; each block is at least as long as [`StripPlan`] says.
@@ -247,21 +247,25 @@ impl<'a, 'm> Strip<'a, 'm> {
         Ok(Some(row))
     }
 
-    /// As [`Self::take_line`], with the expected errors of the line; the settings must ask for them, otherwise all are NaN. Each slice of
+    /// As [`Self::take_line`], with the expected errors of the line; the settings must ask for them, otherwise all are NaN or void. Each slice of
     /// `errors` has the line's number of samples.
     ///
     /// # Errors
     /// [`StripError::Line`].
     pub fn take_line_with(&mut self, out_m: &mut [f32], errors: LineErrors<'_>) -> Result<Option<usize>, StripError> {
-        for out in [&errors.height_m, &errors.slope, &errors.explained] {
-            whole_line(self.plan.settings.cols, out.len())?;
+        for found in [errors.height_m.len(), errors.slope.len(), errors.origin.len()] {
+            whole_line(self.plan.settings.cols, found)?;
         }
         whole_line(self.plan.settings.cols, out_m.len())?;
         match self.cut(&self.at).filter(|_| self.ready() > 0) {
             Some(cut) if self.plan.settings.expected_errors => {
                 self.blend.expected(&cut, self.at.taken, (&self.lines, &self.expected), errors);
             }
-            Some(_) => [errors.height_m, errors.slope, errors.explained].into_iter().for_each(|out| out.fill(f32::NAN)),
+            Some(_) => {
+                errors.height_m.fill(f32::NAN);
+                errors.slope.fill(f32::NAN);
+                errors.origin.fill(Origin::Void as u8);
+            }
             None => (),
         }
         self.take_line(out_m)

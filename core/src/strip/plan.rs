@@ -132,7 +132,7 @@ impl StripPlan {
         self.tile.rows.saturating_mul(self.tile.cols)
     }
 
-    /// Number of sums beside those of rows: for weights, a line of the strip, three of expected errors if wanted, and one of a tile with its scratch
+    /// Number of sums beside those of rows: for weights, a line of the strip, four of expected errors if wanted, and one of a tile with its scratch
     /// memory; or those of the anchor.
     fn aside_len(cols: usize, tile: Shape, expected_errors: bool) -> usize {
         let lines = cols.saturating_mul(if expected_errors { 1 + Expected::SUMS } else { 1 });

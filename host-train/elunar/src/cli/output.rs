@@ -9,10 +9,14 @@ use std::path::Path;
 /// [`Error::Usage`] or [`Error::Io`] with the reason.
 pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
     let same = |input: &Path| {
-        input.canonicalize().is_ok_and(|input| output.canonicalize().is_ok_and(|output| input == output))
+        input == output
+            || input.canonicalize().is_ok_and(|input| output.canonicalize().is_ok_and(|output| input == output))
     };
     if let Some(input) = inputs.iter().find(|input| same(input)) {
-        return Err(Error::usage(format!("{}: the output must not overwrite an input", input.display())));
+        return Err(Error::usage(format!(
+            "{}: the output must not overwrite an input or another output",
+            input.display()
+        )));
     }
     if output.is_dir() {
         return Err(Error::usage(format!("{}: a file to write expected, a folder found", output.display())));

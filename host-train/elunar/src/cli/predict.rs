@@ -1,11 +1,13 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use super::output;
+use elunar_core::nn::Illumination;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
-use elunar_scene::predict::job::{fill, finish, light_text, state, summary};
+use elunar_scene::predict::errors::assumed_sigma_m;
+use elunar_scene::predict::job::{Files, fill, finish, light_text, state, summary};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
 use std::path::{Path, PathBuf};
@@ -37,6 +39,13 @@ pub struct Args {
     /// DTM to write.
     #[arg(short, long, value_name = "DTM.tif")]
     pub output: PathBuf,
+    /// Write the errors that heights and slopes are expected to have: a GeoTIFF with their standard deviations (metres; metres per metre
+    /// along either axis) and the origin of each height. For models of weighed maps.
+    #[arg(long, value_name = "ERR.tif")]
+    pub uncertainty: Option<PathBuf>,
+    /// Standard deviation of the coarse DTM's own heights, metres [default: 0.04 of its pixels, at most 3 m].
+    #[arg(long, value_name = "M", value_parser = metres, requires = "uncertainty")]
+    pub coarse_sigma: Option<f32>,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,
@@ -95,7 +104,16 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
     output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
+    if let Some(errors) = &args.uncertainty {
+        output::check(errors, &[&args.image, &args.coarse, &args.model, &args.output])?;
+    }
     let model = open(&args.model)?;
+    if args.uncertainty.is_some() && model.input_rules().illumination != Illumination::Weighed {
+        return Err(Error::unsupported(
+            &args.model,
+            "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
+        ));
+    }
     let scene = scene(&args)?;
     let survey = scene.survey()?;
     if survey.suspects_kilometres() && args.coarse_unit.is_none() {
@@ -111,15 +129,30 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         anchor: !args.no_anchor,
         threads: args.threads,
         sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
+        expected_errors: args.uncertainty.is_some(),
     };
-    let part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
+    let width = scene.cols * options.layers();
+    let part = Part::open(&args.output, &job(&args, &options, &model.description())?, width)?;
     let (part, tally) = fill(part, &scene, |from, keep, progress| {
         predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
     })?;
     let model = model.description();
-    let range = finish(part, &args.output, &scene, (&model, &light_text(&tally.light)), (&args.image, &args.coarse))?;
-    println!("{}", summary(&args.output, &scene, range, &tally));
+    let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
+    let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
+    let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors };
+    let finished = finish(part, &scene, (&model, &light_text(&tally.light)), files)?;
+    println!("{}", summary(&args.output, &scene, &finished, &tally));
+    if let Some((path, sigma_m)) = errors {
+        let origin = if args.coarse_sigma.is_some() { "as told" } else { "assumed: --coarse-sigma says it" };
+        println!("{}: expected errors, with {sigma_m:.2} m of the coarse DTM's own ({origin})", path.display());
+    }
     Ok(())
+}
+
+/// Parses a standard deviation, metres.
+fn metres(text: &str) -> std::result::Result<f32, String> {
+    let sigma_m = text.parse().map_err(|_| "a number of metres expected".to_string())?;
+    if (0.0..1e6).contains(&sigma_m) { Ok(sigma_m) } else { Err("metres from 0 to 1,000,000 expected".into()) }
 }
 
 fn scene(args: &Args) -> Result<Scene> {

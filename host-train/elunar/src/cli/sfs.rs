@@ -3,7 +3,7 @@
 use super::output;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::{Crs, Result};
-use elunar_scene::predict::job::{fill, finish, state, summary};
+use elunar_scene::predict::job::{Files, fill, finish, state, summary};
 use elunar_scene::predict::{Input, Part, Scene};
 use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
@@ -101,7 +101,8 @@ pub fn run(args: Args) -> Result<()> {
         fill(part, &scene, |from, keep, progress| solve_rows(&scene, &settings, &journal, from, keep, progress))?;
     let light =
         format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg);
-    let range = finish(part, &args.output, &scene, (&settings.description(), &light), (&args.image, &args.coarse))?;
+    let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors: None };
+    let finished = finish(part, &scene, (&settings.description(), &light), files)?;
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -111,7 +112,7 @@ pub fn run(args: Args) -> Result<()> {
         println!("{}", json(&settings, &tiles));
         return Ok(());
     }
-    println!("{}", summary(&args.output, &scene, range, &tally));
+    println!("{}", summary(&args.output, &scene, &finished, &tally));
     if let Some((median, mean, largest)) = seconds_per_tile(&tiles) {
         let done = tiles.iter().filter(|tile| tile.converged()).count();
         println!(

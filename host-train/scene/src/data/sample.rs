@@ -72,7 +72,7 @@ impl Sample {
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
         let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
         let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        let Maps { image, coarse, scale } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
+        let Maps { image, coarse, scale, .. } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
         let mut truth = vec![0.0; coarse.len()];
         let truth_scale = rules.truth_scale(&scale, truth_m).map_err(|e| bad(&e))?;
         truth_scale.normalise(shape, truth_m, &mut truth).map_err(|e| bad(&e))?;

@@ -1,5 +1,7 @@
 //! Work on a DTM file. Rows of an interrupted run are kept and the missing rows are made; then all rows become a GeoTIFF.
 
+use super::errors::{ErrorsWriter, Origins, origins_text};
+use super::tile::TileResult;
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
 use crate::{interrupt, progress};
 use elunar_net::illumination::{LightSource, Lighting};
@@ -38,30 +40,68 @@ pub fn fill(
     }
 }
 
-/// Writes finished rows as the DTM and its hillshade. Returns the lowest and the highest height, metres. `model` says how the heights were
-/// made, and `light` under which light ([`light_text`]).
+/// The files of a finished job.
+#[derive(Debug, Clone, Copy)]
+pub struct Files<'a> {
+    /// The DTM to write.
+    pub output: &'a Path,
+    /// The image.
+    pub image: &'a Path,
+    /// The coarse DTM.
+    pub coarse: &'a Path,
+    /// The file of expected errors to write, and the standard deviation of the coarse DTM's own heights, metres. The rows must have them
+    /// ([`super::Options::layers`]).
+    pub errors: Option<(&'a Path, f32)>,
+}
+
+/// What a finished job found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Finished {
+    /// Lowest height, metres.
+    pub low_m: f32,
+    /// Highest height, metres.
+    pub high_m: f32,
+    /// Origins of the heights, if expected errors were wanted.
+    pub origins: Option<Origins>,
+}
+
+/// Writes finished rows as the DTM and its hillshade, and the expected errors if wanted. `model` says how the heights were made, and `light`
+/// under which light ([`light_text`]).
 ///
 /// # Errors
 /// If a file cannot be read or written.
-pub fn finish(
-    mut part: Part,
-    output: &Path,
-    scene: &Scene,
-    (model, light): (&str, &str),
-    (image, coarse): (&Path, &Path),
-) -> Result<(f32, f32)> {
+pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files: Files<'_>) -> Result<Finished> {
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let (image, coarse) = (file(image), file(coarse));
+    let (image, coarse) = (file(files.image), file(files.coarse));
     let from = Provenance { model, light, image: &image, coarse: &coarse };
-    let mut writer = DtmWriter::create(output, scene.rows, scene.cols, &scene.georef, &from)?;
-    let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+    let mut writer = DtmWriter::create(files.output, scene.rows, scene.cols, &scene.georef, &from)?;
+    let errors = |(path, sigma_m)| ErrorsWriter::create(path, (scene.rows, scene.cols), &scene.georef, &from, sigma_m);
+    let mut errors = files.errors.map(errors).transpose()?;
+    let (mut low_m, mut high_m) = (f32::INFINITY, f32::NEG_INFINITY);
+    let cols = scene.cols;
     part.read(&mut |rows| {
-        range = rows.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)));
-        writer.add(rows)
+        let Some(errors) = &mut errors else {
+            (low_m, high_m) = widened((low_m, high_m), rows);
+            return writer.add(rows);
+        };
+        for row in rows.chunks_exact(TileResult::LAYERS * cols) {
+            let (heights_m, rest) = row.split_at(cols);
+            (low_m, high_m) = widened((low_m, high_m), heights_m);
+            writer.add(heights_m)?;
+            errors.add([0, 1, 2, 3].map(|layer| &rest[layer * cols..][..cols]))?;
+        }
+        Ok(())
     })?;
+    // The DTM comes last, so that a DTM on disk has its errors beside it.
+    let origins = errors.map(ErrorsWriter::finish).transpose()?;
     writer.finish()?;
     part.remove()?;
-    Ok(range)
+    Ok(Finished { low_m, high_m, origins })
+}
+
+/// Returns a range that also holds the finite values.
+fn widened(range: (f32, f32), values: &[f32]) -> (f32, f32) {
+    values.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)))
 }
 
 /// Returns a text that changes when the file changes.
@@ -86,7 +126,8 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
 
 /// Returns one line about a finished DTM.
 #[must_use]
-pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Tally) -> String {
+pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally) -> String {
+    let Finished { low_m: low, high_m: high, origins } = finished;
     let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light } = *tally;
     let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
     let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
@@ -100,6 +141,9 @@ pub fn summary(output: &Path, scene: &Scene, (low, high): (f32, f32), tally: &Ta
     }
     if light.source != LightSource::NotAsked {
         text += &format!("\nlight: {}", light_text(&light));
+    }
+    if let Some(origins) = origins {
+        text += &format!("\nheights: {}", origins_text(origins));
     }
     text
 }

@@ -5,6 +5,7 @@
 //! network of a model file. [`predict_array`] does the same for arrays.
 
 mod arrays;
+pub mod errors;
 pub mod int8;
 pub mod job;
 pub mod network;

@@ -20,6 +20,20 @@ pub struct Provenance<'a> {
     pub coarse: &'a str,
 }
 
+impl Provenance<'_> {
+    /// Returns the metadata items that say where a file comes from.
+    pub(super) fn items(&self) -> [(&'static str, String); 5] {
+        let Self { model, light, image, coarse } = *self;
+        [
+            ("MODEL", model.into()),
+            ("LIGHT", light.into()),
+            ("IMAGE", image.into()),
+            ("COARSE_DTM", coarse.into()),
+            ("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")).into()),
+        ]
+    }
+}
+
 /// A writer of a DTM, rows from top to bottom. It writes a GeoTIFF (heights in metres, the image's georeference, NoData value, model hash
 /// and input names) and its hillshade at [`hillshade_path`].
 pub struct DtmWriter {
@@ -35,17 +49,13 @@ impl DtmWriter {
     /// [`elunar_raster::Error::Io`] if the file cannot be created.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
         let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
-        let Provenance { model, light, image, coarse } = from;
+        let Provenance { model, image, coarse, .. } = from;
         let description = format!(
             "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"
         );
         let options = WriteOptions::heights(description)
-            .with_item("MODEL", *model)
-            .with_item("LIGHT", *light)
-            .with_item("IMAGE", *image)
-            .with_item("COARSE_DTM", *coarse)
-            .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"))
-            .with_item("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")));
+            .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"));
+        let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
         let file = Writer::create(output, rows, cols, Some(georef), &options)?;
         Ok(Self { output: output.into(), file, preview: Preview::new(rows, cols, georef.clone()) })
     }

@@ -45,8 +45,8 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Number of maps in a finished row, one after the other: heights, metres; and if wanted the expected errors (standard deviations of
-    /// heights, metres, and of slopes along either axis, metres per metre, and the share of the relief that the image explains).
+    /// Number of maps in a finished row, one after the other: heights, metres; and if wanted the parts of
+    /// [`elunar_core::photoclinometry::Errors`].
     #[must_use]
     pub fn layers(&self) -> usize {
         if self.expected_errors { TileResult::LAYERS } else { 1 }

@@ -3,10 +3,11 @@
 use super::int8::{self, Int8Model};
 use super::network::Model;
 use super::tests::{place, silent};
-use super::{Input, Options, Scene, predict};
+use super::{Input, Options, Scene, predict, predict_rows};
 use elunar_core::nn::Runner;
+use elunar_core::photoclinometry::Origin;
 use elunar_core::strip::{
-    Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
+    LineErrors, Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
 };
 use elunar_net::illumination::{KnownSun, Light, Lighting};
 use elunar_raster::Raster;
@@ -69,28 +70,32 @@ fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usi
         coarse_px: scene.coarse_px,
         anchor: options.anchor,
         light: scene.light_for(model.input_rules().illumination, options.sun).unwrap(),
+        expected_errors: options.expected_errors,
     }
 }
 
+/// Heights, expected errors of heights and slopes, and origins.
+type Maps = (Vec<f32>, Vec<f32>, Vec<f32>, Vec<u8>);
+
 /// Sends a scene line by line, with `budget_macs` between two lines. Without room for a line, it works until there is room.
-fn line_by_line(
-    scene: &Scene,
-    model: &Int8Model,
-    settings: StripSettings,
-    budget_macs: u64,
-) -> (Vec<f32>, StripCounters) {
+fn line_by_line(scene: &Scene, model: &Int8Model, settings: StripSettings, budget_macs: u64) -> (Maps, StripCounters) {
     let model = model.model();
     let plan = StripPlan::new(&model, settings).unwrap();
     let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
     let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
-    let (mut heights_m, mut line_m) = (vec![], vec![0.0; scene.cols]);
-    let mut take = |strip: &mut Strip| {
-        while let Some(row) = strip.take_line(&mut line_m).unwrap() {
-            assert_eq!(row, heights_m.len() / scene.cols);
-            heights_m.extend_from_slice(&line_m);
-        }
+    let mut made: Maps = (vec![], vec![], vec![], vec![]);
+    let line = || vec![0.0; scene.cols];
+    let (mut line_m, mut height_m, mut slope, mut origin) = (line(), line(), line(), vec![0; scene.cols]);
+    let mut take = |strip: &mut Strip| loop {
+        let errors = LineErrors { height_m: &mut height_m, slope: &mut slope, origin: &mut origin };
+        let Some(row) = strip.take_line_with(&mut line_m, errors).unwrap() else { return };
+        assert_eq!(row, made.0.len() / scene.cols);
+        made.0.extend_from_slice(&line_m);
+        made.1.extend_from_slice(&height_m);
+        made.2.extend_from_slice(&slope);
+        made.3.extend_from_slice(&origin);
     };
     let band = scene.band(0, scene.rows).unwrap();
     for (image, coarse_m) in band.image.chunks_exact(scene.cols).zip(band.coarse_m.chunks_exact(scene.cols)) {
@@ -107,7 +112,7 @@ fn line_by_line(
         take(&mut strip);
     }
     take(&mut strip);
-    (heights_m, strip.counters())
+    (made, strip.counters())
 }
 
 fn assert_same(found: &[f32], expected: &[f32], what: &str) {
@@ -116,6 +121,19 @@ fn assert_same(found: &[f32], expected: &[f32], what: &str) {
     let many = found.iter().zip(expected).filter(|&pair| differs(pair)).count();
     let first = found.iter().zip(expected).position(differs);
     assert_eq!(first.map(|i| (i, found[i], expected[i])), None, "{what}: {many} differ");
+}
+
+/// Returns the maps of the ground, one after the other.
+fn errors_on_the_ground(scene: &Scene, model: &Int8Model, options: &Options) -> Vec<Vec<f32>> {
+    let mut layers = vec![vec![]; options.layers()];
+    let mut keep = |rows: &[f32]| {
+        for (i, line) in rows.chunks_exact(scene.cols).enumerate() {
+            layers[i % options.layers()].extend_from_slice(line);
+        }
+        Ok(())
+    };
+    predict_rows(scene, model, options, 0, &mut keep, &mut silent).unwrap();
+    layers
 }
 
 #[test]
@@ -128,11 +146,22 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
         ((200, 250), 300, 50_000_001, true, 100),
     ] {
         let scene = scene(&pair(rows, cols));
-        let options = Options { overlap_px, anchor, sun, ..Options::default() };
+        let options = Options { overlap_px, anchor, sun, expected_errors: true, ..Options::default() };
         let made = predict(&scene, &model, &options, &mut silent).unwrap();
         let settings = settings(&scene, &model, &options, ring_lines);
-        let (found, counters) = line_by_line(&scene, &model, settings, budget_macs);
+        let ((found, heights, slopes, origins), counters) = line_by_line(&scene, &model, settings, budget_macs);
         assert_same(&found, &made.dtm.samples, &format!("{rows} x {cols}"));
+        let layers = errors_on_the_ground(&scene, &model, &options);
+        assert_same(&heights, &layers[1], "errors of heights");
+        assert_same(&slopes, &layers[2], "errors of slopes");
+        let expected: Vec<u8> = layers[3].iter().zip(&layers[4]).map(|(e, d)| Origin::of(*e, *d) as u8).collect();
+        assert!(origins == expected, "origins");
+        let of = |origin: Origin| origins.iter().filter(|found| **found == origin as u8).count();
+        assert!(of(Origin::Image) > rows * cols / 2 && of(Origin::Shadow) > 100 && of(Origin::Void) > cols);
+        let without = StripSettings { expected_errors: false, ..settings };
+        let ((same, heights, _, origins), _) = line_by_line(&scene, &model, without, budget_macs);
+        assert_same(&same, &found, "without errors");
+        assert!(heights.iter().all(|sd| sd.is_nan()) && origins.iter().all(|origin| *origin == Origin::Void as u8));
         assert!(found.iter().filter(|z| z.is_nan()).count() > cols, "gaps");
         assert!(found.iter().filter(|z| z.is_finite()).count() > rows * cols / 2, "heights");
         let tally = (made.tally.tiles, made.tally.tiles_coarse, made.tally.tiles_empty);
@@ -192,6 +221,7 @@ fn memory_is_as_documented() {
                 coarse_px: 30.0,
                 anchor: true,
                 light: Lighting::given(Light::assumed(None)),
+                expected_errors: false,
             };
             let plan = StripPlan::new(&model, settings).unwrap();
             let parts =

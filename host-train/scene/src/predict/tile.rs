@@ -22,18 +22,17 @@ pub(crate) enum Outcome {
     Empty,
 }
 
-/// The maps that a tile contributes to the scene: heights, metres; and if wanted the expected errors of heights, of slopes, and the share of
-/// the relief that the image explains.
+/// The maps that a tile contributes to the scene: heights, metres; and if wanted the parts of [`Errors`].
 pub(crate) struct TileResult(pub(crate) Vec<Vec<f32>>);
 
 impl TileResult {
     /// Number of maps with expected errors.
-    pub(crate) const LAYERS: usize = 4;
+    pub(crate) const LAYERS: usize = 5;
 
     /// Returns heights with their expected errors under an image; NaN where nothing is known.
     fn expecting(heights_m: Vec<f32>, image: &[f32], errors: &ExpectedErrors) -> Self {
         let at = |part: fn(Errors) -> f32| image.iter().map(|v| part(errors.at(*v))).collect();
-        Self(vec![heights_m, at(|e| e.height_m), at(|e| e.slope), at(|e| e.explained)])
+        Self(vec![heights_m, at(|e| e.height_m), at(|e| e.slope), at(|e| e.explained), at(|e| e.dark)])
     }
 }
 

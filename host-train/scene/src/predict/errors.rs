@@ -1,0 +1,102 @@
+//! File of the errors that a DTM's heights and slopes are expected to have.
+
+use super::Provenance;
+use elunar_core::photoclinometry::Origin;
+use elunar_raster::geotiff::{WriteOptions, Writer};
+use elunar_raster::{GeoRef, Result};
+use std::path::Path;
+
+/// Largest assumed error of a coarse DTM, metres: SLDEM2015's against LOLA is 3 to 4 m (Barker et al. 2016).
+const SIGMA_MAX_M: f32 = 3.0;
+/// Assumed error of a coarse DTM, in its own pixels (our choice).
+const SIGMA_PX: f32 = 0.04;
+
+/// Returns the standard deviation that the heights of a coarse DTM are taken to have, metres, for the size of its pixels: 0.04 pixels, at most
+/// 3 m (our choice). Errors of waves that are longer than the scene cannot be estimated from it.
+#[must_use]
+pub fn assumed_sigma_m(coarse_pixel_m: f32) -> f32 {
+    SIGMA_MAX_M.min(SIGMA_PX * coarse_pixel_m)
+}
+
+/// Number of pixels of each [`Origin`], by its code.
+pub type Origins = [u64; 5];
+
+/// Writer of a GeoTIFF with three bands: standard deviations of heights (metres) and of slopes along either axis (metres per metre), and the
+/// codes of [`Origin`]. The first two are void where the DTM is.
+pub struct ErrorsWriter {
+    file: Writer,
+    coarse_sigma_m: f32,
+    origins: Origins,
+}
+
+impl ErrorsWriter {
+    /// Starts a file of `rows` x `cols` pixels. `coarse_sigma_m` is the standard deviation of the coarse DTM's own heights.
+    ///
+    /// # Errors
+    /// As [`Writer::create`].
+    pub fn create(
+        output: &Path,
+        (rows, cols): (usize, usize),
+        georef: &GeoRef,
+        from: &Provenance,
+        coarse_sigma_m: f32,
+    ) -> Result<Self> {
+        let heights = "expected standard deviation of the height's error";
+        let origins = "origin of the height: 0 image, 1 image and coarse DTM, 2 coarse DTM, 3 shadow, 4 no height";
+        let options = WriteOptions::heights(heights)
+            .with_band("expected standard deviation of the slope's error along either axis, metres per metre", None)
+            .with_band(origins, None)
+            .with_item("COARSE_SIGMA_M", format!("{coarse_sigma_m}"));
+        let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
+        let file = Writer::create(output, rows, cols, Some(georef), &options)?;
+        Ok(Self { file, coarse_sigma_m, origins: Origins::default() })
+    }
+
+    /// Adds a row: the expected errors of heights and slopes, the share that the image explains, and darkness.
+    ///
+    /// # Errors
+    /// As [`Writer::write_band_rows`].
+    pub(super) fn add(&mut self, [heights_m, slopes, explained, dark]: [&[f32]; 4]) -> Result<()> {
+        let with_coarse: Vec<f32> = heights_m.iter().map(|sd| sd.hypot(self.coarse_sigma_m)).collect();
+        let origins: Vec<Origin> = explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect();
+        origins.iter().for_each(|origin| self.origins[*origin as usize] += 1);
+        self.file.write_band_rows(0, &with_coarse)?;
+        self.file.write_band_rows(1, slopes)?;
+        self.file.write_band_rows(2, &origins.iter().map(|origin| f32::from(*origin as u8)).collect::<Vec<_>>())
+    }
+
+    /// Completes the file.
+    ///
+    /// # Errors
+    /// As [`Writer::finish`].
+    pub fn finish(self) -> Result<Origins> {
+        self.file.finish()?;
+        Ok(self.origins)
+    }
+}
+
+/// Returns the origins in words.
+#[must_use]
+pub fn origins_text(origins: &Origins) -> String {
+    let all = origins.iter().sum::<u64>().max(1);
+    let names = ["from the image", "from image and coarse DTM", "from the coarse DTM", "in shadow", "without height"];
+    let shares: Vec<String> = origins
+        .iter()
+        .zip(names)
+        .filter(|(count, _)| **count > 0)
+        .map(|(count, name)| format!("{:.0} % {name}", 100.0 * *count as f64 / all as f64))
+        .collect();
+    shares.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_assumed_error_is_that_of_global_dtms_at_most() {
+        assert!((assumed_sigma_m(59.2) - 2.37).abs() < 0.01);
+        assert_eq!((assumed_sigma_m(118.0), assumed_sigma_m(32_000.0)), (3.0, 3.0));
+        assert_eq!(origins_text(&[3, 0, 1, 0, 0]), "75 % from the image, 25 % from the coarse DTM");
+    }
+}
