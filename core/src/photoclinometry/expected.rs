@@ -84,27 +84,25 @@ pub struct ExpectedErrors {
 
 impl ExpectedErrors {
     /// Number of values of [`Self::to_values`].
-    pub const VALUES: usize = 9;
+    pub const VALUES: usize = 6;
     /// Nothing is known: all are NaN.
-    pub const UNKNOWN: Self = {
-        let nothing = Errors { height_m: f32::NAN, slope: f32::NAN, explained: f32::NAN, dark: 0.0 };
-        Self { lit: nothing, dark: nothing, dark_below: 0.0 }
-    };
+    pub const UNKNOWN: Self = Self::from_values([f32::NAN, f32::NAN, f32::NAN, f32::NAN, f32::NAN, f32::NEG_INFINITY]);
 
-    /// Returns them as values for memory that is kept.
+    /// Returns them as values for memory that is kept: errors of heights and slopes and the share explained, for lit ground; errors of heights
+    /// and slopes for dark pixels; and the brightness below which a pixel is dark.
     #[must_use]
     pub fn to_values(&self) -> [f32; Self::VALUES] {
         let Self { lit, dark, dark_below } = *self;
-        let values = |errors: Errors| [errors.height_m, errors.slope, errors.explained, errors.dark];
-        let ([a, b, c, d], [e, f, g, h]) = (values(lit), values(dark));
-        [a, b, c, d, e, f, g, h, dark_below]
+        [lit.height_m, lit.slope, lit.explained, dark.height_m, dark.slope, dark_below]
     }
 
     /// Returns those of [`Self::to_values`].
     #[must_use]
-    pub fn from_values([a, b, c, d, e, f, g, h, dark_below]: [f32; Self::VALUES]) -> Self {
-        let errors = |[height_m, slope, explained, dark]: [f32; 4]| Errors { height_m, slope, explained, dark };
-        Self { lit: errors([a, b, c, d]), dark: errors([e, f, g, h]), dark_below }
+    pub const fn from_values(
+        [height_m, slope, explained, dark_m, dark_slope, dark_below]: [f32; Self::VALUES],
+    ) -> Self {
+        let lit = Errors { height_m, slope, explained, dark: 0.0 };
+        Self { lit, dark: Errors { height_m: dark_m, slope: dark_slope, explained: 0.0, dark: 1.0 }, dark_below }
     }
 
     /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
@@ -115,7 +113,7 @@ impl ExpectedErrors {
         let spoiled = (doubt.log_strength_sd * doubt.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
         let trust = doubt.trust * (1.0 - spoiled);
         let with = |trust| open(share, trust, (pixel_m, coarse_px));
-        Self { lit: with(trust), dark: Errors { dark: 1.0, ..with(0.0) }, dark_below: DARK * mean }
+        Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below: DARK * mean }
     }
 
     /// Returns those of a tile whose coarse heights are kept: of its image nothing is known. Its fine slopes are taken to be as large as those
@@ -135,8 +133,7 @@ impl ExpectedErrors {
         }
         let slope = if count > 0.0 { libm::sqrt(sum / count) as f32 / pixel_m } else { 0.0 };
         let height_m = core::f32::consts::SQRT_2 * slope * pixel_m * 2.0 * coarse_px / TAU;
-        let errors = Errors { height_m, slope, explained: 0.0, dark: 0.0 };
-        Self { lit: errors, dark: errors, dark_below: 0.0 }
+        Self::from_values([height_m, slope, 0.0, height_m, slope, f32::NEG_INFINITY])
     }
 
     /// Returns those of lit ground.

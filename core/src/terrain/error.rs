@@ -28,6 +28,11 @@ pub enum TerrainError {
         /// The limit found, metres.
         found_m: f32,
     },
+    /// A number of standard deviations that is not finite, or negative.
+    Sigmas {
+        /// The number found.
+        found: f32,
+    },
     /// A line of the next grid before all lines of the last grid were returned.
     Unfinished {
         /// Lines not returned yet.
@@ -57,6 +62,9 @@ impl fmt::Display for TerrainError {
             Self::RoughnessLimit { found_m } => {
                 write!(f, "expected a roughness limit that is finite and above 0 m, found {found_m} m")
             }
+            Self::Sigmas { found } => {
+                write!(f, "expected a number of standard deviations that is finite and at least 0, found {found}")
+            }
             Self::Unfinished { lines } => {
                 write!(f, "expected all lines to be out before the next grid, found {lines} still to come")
             }
@@ -79,6 +87,7 @@ mod tests {
             TerrainError::Radius { found_px: 0 }.to_string(),
             TerrainError::SlopeLimit { found_deg: 91.0 }.to_string(),
             TerrainError::RoughnessLimit { found_m: -1.0 }.to_string(),
+            TerrainError::Sigmas { found: -1.0 }.to_string(),
             TerrainError::Unfinished { lines: 2 }.to_string(),
         ] {
             assert!(text.starts_with("expected") && text.contains("found") && !text.contains('\n'), "{text}");

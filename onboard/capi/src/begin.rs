@@ -9,6 +9,7 @@ use crate::validity;
 use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale};
 use elunar_core::norm::NormError;
+use elunar_core::photoclinometry::ExpectedErrors;
 
 /// Returns the known angles of the Sun from those of a tile, degrees; NaN stands for unknown.
 ///
@@ -43,6 +44,8 @@ pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
     record.valid_px = validity::pack(tile.image, tile.coarse_m, tile.valid, lent.validity);
     record.validity_crc = crc32c(lent.validity);
     keep(record, &scale);
+    let expected = expected.unwrap_or(ExpectedErrors::UNKNOWN).to_values();
+    record.expected_bits = expected.map(f32::to_bits);
     record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
     record.lights_assumed = record.lights_assumed.wrapping_add(u64::from(assumed));
     Ok(match (assumed, dropped) {

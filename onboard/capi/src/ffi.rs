@@ -357,6 +357,23 @@ pub unsafe extern "C" fn eld_output(
     unsafe { with_model(context, output) }
 }
 
+/// Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused if the
+/// model's light is not `ELD_LIGHT_WEIGHED`. Reads only the context.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_errors(context: *mut eld_context_t, out: *mut eld_errors_t) -> eld_status_t {
+    let errors = |context: &mut Context<'_>| {
+        // SAFETY: the caller's promise.
+        let asked = unsafe { structure(out) }?;
+        apart_from_ours(&context.record, &span(out, 1)?)?;
+        let found = run::errors(context, asked.struct_bytes)?;
+        // SAFETY: validated by `structure`.
+        unsafe { out.write(found) };
+        Ok(ELD_OK)
+    };
+    // SAFETY: the caller's promise.
+    unsafe { with_record(context, errors) }
+}
+
 /// Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
 /// be called at any time between other calls. A fault means that a chunk has changed since it was loaded; the next call continues behind
 /// it.

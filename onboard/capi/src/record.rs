@@ -3,7 +3,7 @@
 use elunar_core::nn::{Suspended, Telemetry, Verdict};
 
 /// Number of eight-byte words of a record.
-pub(crate) const WORDS: usize = 32;
+pub(crate) const WORDS: usize = 34;
 
 /// No tile was begun.
 pub(crate) const EMPTY: u32 = 0;
@@ -42,6 +42,8 @@ pub(crate) struct Record {
     pub(crate) last_fault: u32,
     pub(crate) lights_assumed: u64,
     pub(crate) tiles_dropped: u64,
+    /// Bits of [`elunar_core::photoclinometry::ExpectedErrors::to_values`].
+    pub(crate) expected_bits: [u32; 6],
 }
 
 /// Returns a word of two numbers.
@@ -59,6 +61,7 @@ impl Record {
     pub(crate) fn words(&self) -> [u64; WORDS] {
         let (at, t) = (&self.suspended, &self.suspended.telemetry);
         let [min, relief, nr] = self.scale_bits;
+        let [lit_m, lit_slope, explained, dark_m, dark_slope, dark_below] = self.expected_bits;
         [
             self.home,
             self.home_bytes,
@@ -91,7 +94,9 @@ impl Record {
             self.last_fault as u64,
             pair(self.verdict.sum_count, at.trusting),
             t.tile_faults,
-            0,
+            pair(lit_m, lit_slope),
+            pair(explained, dark_m),
+            pair(dark_slope, dark_below),
         ]
     }
 
@@ -126,7 +131,8 @@ impl Record {
             self_test_faults,
             rest @ ..,
         ] = rest;
-        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, ..] = rest;
+        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, a, b, c] = rest;
+        let ([lit_m, lit_slope], [explained, dark_m], [dark_slope, dark_below]) = (halves(a), halves(b), halves(c));
         let ([header_crc, file_bytes], [scratch_offset, scratch_bytes]) = (halves(identity), halves(scratch));
         let ([tile, busy], [phase, entry], [step, unit]) = (halves(tile), halves(place), halves(step));
         let ([scrub_chunk, scrub_offset], [scrub_crc, mirror]) = (halves(chunk), halves(crc));
@@ -174,6 +180,7 @@ impl Record {
             last_fault: last_fault as u32,
             lights_assumed,
             tiles_dropped,
+            expected_bits: [lit_m, lit_slope, explained, dark_m, dark_slope, dark_below],
         }
     }
 
@@ -193,9 +200,10 @@ mod tests {
     fn words_come_back_as_they_were() {
         let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
         let back = Record::of(&words).words();
-        // The last fault is half a word, and one word is spare.
+        // The last fault is half a word.
         assert_eq!(back[..28], words[..28]);
-        assert_eq!(back[28..], [words[28] & 0xffff_ffff, words[29], words[30], 0]);
+        assert_eq!(back[28], words[28] & 0xffff_ffff);
+        assert_eq!(back[29..], words[29..]);
         let all_ones = Record::of(&[u64::MAX; WORDS]);
         assert_eq!(Record::of(&all_ones.words()), all_ones);
     }

@@ -4,8 +4,8 @@ use crate::context::{Context, Lent, Outcome};
 use crate::record::{EMPTY, Record, SELF_TEST, TILE};
 use crate::status::*;
 use crate::types::{
-    ELD_PHASE_EMPTY, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_status_t,
-    eld_telemetry_t,
+    ELD_PHASE_EMPTY, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_errors_t,
+    eld_status_t, eld_telemetry_t,
 };
 use crate::validity;
 use elunar_core::nn::file::crc32c;
@@ -61,6 +61,17 @@ pub(crate) fn output(
         validity::unpack(lent.validity, valid);
     }
     Ok(ELD_OK)
+}
+
+/// Returns the expected errors of the finished tile.
+pub(crate) fn errors(context: &Context<'_>, struct_bytes: u32) -> Result<eld_errors_t, eld_status_t> {
+    context.finished(TILE)?;
+    let values = context.record.expected_bits.map(f32::from_bits);
+    let [height_m, slope, explained, dark_height_m, dark_slope, dark_below] = values;
+    if explained.is_nan() {
+        return Err(ELD_REFUSED_NO_ERRORS);
+    }
+    Ok(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below })
 }
 
 /// Checks the finished self test.

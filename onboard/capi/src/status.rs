@@ -94,6 +94,7 @@ statuses! {
     ELD_REFUSED_NO_TILE = REFUSED, CALL, 7, "no tile was begun";
     ELD_REFUSED_NOT_DONE = REFUSED, CALL, 8, "the tile is not finished";
     ELD_REFUSED_OTHER_TILE = REFUSED, CALL, 9, "the tile is the self test's where the caller's is asked for, or the other way round";
+    ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
 
     ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
     ELD_REFUSED_MEMORY_ALIGNMENT = REFUSED, MEMORY, 2, "the lent memory is not aligned as eld_model_check says";

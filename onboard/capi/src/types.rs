@@ -111,6 +111,26 @@ pub struct eld_tile_t {
     pub valid_len: usize,
 }
 
+/// The errors that the heights and slopes of a tile are expected to have: standard deviations, without the error of the coarse DTM itself.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct eld_errors_t {
+    /// sizeof(eld_errors_t), set by the caller.
+    pub struct_bytes: u32,
+    /// Of heights, metres.
+    pub height_m: f32,
+    /// Of slopes along either axis, metres per metre.
+    pub slope: f32,
+    /// Share of the relief between the coarse DTM's pixels that the image explains, 0 to 1.
+    pub explained: f32,
+    /// Of heights of dark pixels, metres.
+    pub dark_height_m: f32,
+    /// Of slopes of dark pixels along either axis, metres per metre.
+    pub dark_slope: f32,
+    /// A pixel is dark if its brightness in `eld_tile_t` is below this.
+    pub dark_below: f32,
+}
+
 /// Counters of a context since `eld_init`. They do not wrap within the time of a mission.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

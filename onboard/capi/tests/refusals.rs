@@ -211,6 +211,20 @@ const CASES: &[Case] = &[
         let mut heights = vec![0f32; PX];
         output_of(&finished(), heights.as_mut_ptr(), PX, heights.as_mut_ptr().cast(), PX)
     }),
+    (ELD_REFUSED_STRUCT_BYTES, "errors of another version", || {
+        let mut out = eld_errors_t::default();
+        // SAFETY: a structure of the test.
+        unsafe { ffi::eld_errors(finished().handle, &raw mut out) }
+    }),
+    (ELD_REFUSED_NO_TILE, "errors before begin", || Context::new(nano()).errors().unwrap_err()),
+    (ELD_REFUSED_NOT_DONE, "errors before done", || begun().errors().unwrap_err()),
+    (ELD_REFUSED_NO_ERRORS, "errors of a model whose maps are not weighed", || {
+        let model = changed(|m| set(m, word::ILLUMINATION, ELD_LIGHT_GIVEN));
+        let mut context = Context::new(&model);
+        assert_eq!(context.begin(&Tile::golden()), ELD_OK);
+        context.finish();
+        context.errors().unwrap_err()
+    }),
     (ELD_REFUSED_OVERLAP, "counters into the lent memory", || {
         let mut context = Context::new(nano());
         let at: *mut eld_telemetry_t = context.memory.as_mut_ptr().wrapping_add(1000).cast();

@@ -29,6 +29,25 @@ fn heights_and_validity_are_the_cores() {
 }
 
 #[test]
+fn expected_errors_are_the_cores() {
+    for tile in [Tile::golden(), Tile::other()] {
+        let mut context = Context::new(nano());
+        assert!(worked(context.begin(&tile)));
+        context.finish();
+        let found = context.errors().unwrap();
+        let values =
+            [found.height_m, found.slope, found.explained, found.dark_height_m, found.dark_slope, found.dark_below];
+        let (_, _, expected) = tile.expected_with_errors();
+        assert_eq!(bits(&values), bits(&expected.to_values()));
+        assert!(
+            found.slope > 0.0 && found.dark_slope > found.slope && found.dark_height_m > found.height_m,
+            "{found:?}"
+        );
+        assert!((0.0..=1.0).contains(&found.explained) && found.dark_below > 0.0, "{found:?}");
+    }
+}
+
+#[test]
 fn budgets_do_not_matter() {
     let tile = Tile::golden();
     let mut context = Context::new(nano());

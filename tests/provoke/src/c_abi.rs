@@ -413,7 +413,18 @@ impl Play<'_> {
             };
             assert_eq!((worked(status), out.phase), (true, phase));
         }
+        self.errors(slot);
         status
+    }
+
+    fn errors(&mut self, slot: &mut Slot) {
+        let mut out = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
+        // SAFETY: a context and a structure of the test.
+        let status = unsafe { ffi::eld_errors(slot.handle, &raw mut out) };
+        self.count(status);
+        if slot.whole && worked(status) {
+            assert!(matches!(slot.phase, Phase::Tile { done: true, .. }) && !out.explained.is_nan(), "{out:?}");
+        }
     }
 
     /// Calls with invalid pointers.
@@ -432,12 +443,13 @@ impl Play<'_> {
                 ffi::eld_output(handle, short.as_mut_ptr(), if len == px { 0 } else { len }, null_mut(), 0),
                 ffi::eld_init(null_mut(), len, null(), len, null_mut()),
                 ffi::eld_telemetry(slot.handle, null_mut()),
+                ffi::eld_errors(slot.handle, null_mut()),
                 ffi::eld_kernel_name(short.as_mut_ptr().cast(), len.min(4 * px)),
             ]
         };
         for (number, status) in statuses.into_iter().enumerate() {
             self.count(status);
-            assert!(number == 7 || !worked(status), "call {number}: {:?}", text(status));
+            assert!(number == 8 || !worked(status), "call {number}: {:?}", text(status));
         }
         slot.guarded();
         Some(slot)

@@ -24,9 +24,15 @@ pub struct LineOptions {
 }
 
 impl LineOptions {
-    /// Number of samples of memory to lend: the 2r + 1 lines under a footprint; `usize::MAX` if the product overflows.
+    /// Number of samples of memory to lend: the 2r + 1 lines under a footprint, and as many of their slopes' errors if the limits ask for
+    /// them ([`HazardLimits::with_sigmas`]); `usize::MAX` if the product overflows.
     #[must_use]
     pub fn memory_len(&self) -> usize {
+        let kinds = if self.limits.sigmas() > 0.0 { 2 } else { 1 };
+        self.heights_len().saturating_mul(kinds)
+    }
+
+    fn heights_len(&self) -> usize {
         self.side().saturating_mul(self.cols)
     }
 
@@ -115,7 +121,7 @@ impl LineMaps<'_> {
 pub struct TerrainLines<'m> {
     options: LineOptions,
     light: Light,
-    /// The last 2r + 1 lines; line k is in place k mod (2r + 1).
+    /// The last 2r + 1 lines; line k is in place k mod (2r + 1). The errors of their slopes follow.
     memory: &'m mut [f32],
     /// Number of lines pushed, and number of lines returned.
     taken: u64,
@@ -145,16 +151,39 @@ impl<'m> TerrainLines<'m> {
     /// [`TerrainError::Length`] for a line or a map of another length, [`TerrainError::Unfinished`] between the first and the last line of
     /// [`Self::finish`]; nothing is changed then.
     pub fn push(&mut self, line_m: &[f32], maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
+        self.push_with(line_m, &[], maps)
+    }
+
+    /// As [`Self::push`], with the standard deviations of the errors of the line's slopes along either axis, metres per metre, as
+    /// [`crate::strip::Strip::take_line_with`] gives them; NaN where unknown. An empty slice stands for an unknown line. They count if the
+    /// limits ask for them.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn push_with(
+        &mut self,
+        line_m: &[f32],
+        slope_sd: &[f32],
+        maps: &mut LineMaps<'_>,
+    ) -> Result<Option<u64>, TerrainError> {
         if self.finishing && self.given < self.taken {
             return Err(TerrainError::Unfinished { lines: self.taken - self.given });
         }
         same_length(self.options.cols, line_m.len())?;
+        same_length(if slope_sd.is_empty() { 0 } else { self.options.cols }, slope_sd.len())?;
         maps.check(self.options.cols)?;
         if self.finishing {
             self.restart();
         }
         let at = self.place(self.taken);
         copy(part_mut(self.memory, at, self.options.cols), line_m);
+        if self.options.limits.sigmas() > 0.0 {
+            let errors = part_mut(self.memory, self.options.heights_len().saturating_add(at), self.options.cols);
+            match slope_sd {
+                [] => errors.fill(f32::NAN),
+                slope_sd => copy(errors, slope_sd),
+            }
+        }
         self.taken += 1;
         if self.taken - self.given <= self.options.radius_px as u64 {
             return Ok(None);
@@ -194,13 +223,17 @@ impl<'m> TerrainLines<'m> {
             let there = (row + i as u64).checked_sub(radius_px as u64).filter(|there| *there < self.taken);
             *line = there.map_or(&[], |there| part(self.memory, self.place(there), self.options.cols));
         }
-        self.fill(head(&lines, self.options.side()), maps);
+        let errors = match self.options.limits.sigmas() > 0.0 {
+            true => part(self.memory, self.options.heights_len().saturating_add(self.place(row)), self.options.cols),
+            false => &[],
+        };
+        self.fill(head(&lines, self.options.side()), errors, maps);
         self.given += 1;
         row
     }
 
-    /// Writes the maps of the middle one of 2r + 1 lines.
-    fn fill(&self, lines: &[&[f32]], maps: &mut LineMaps<'_>) {
+    /// Writes the maps of the middle one of 2r + 1 lines, whose slopes have these errors.
+    fn fill(&self, lines: &[&[f32]], slope_sd: &[f32], maps: &mut LineMaps<'_>) {
         let LineOptions { cols, pixel, radius_px, limits, .. } = self.options;
         let around = [radius_px.wrapping_sub(1), radius_px, radius_px + 1].map(|i| item(lines, i));
         if !(maps.slope_deg.is_empty() && maps.hillshade.is_empty()) {
@@ -215,7 +248,7 @@ impl<'m> TerrainLines<'m> {
                 let footprint = footprint::at(lines, col, radius_px, pixel);
                 give(maps.footprint_slope_deg, col, footprint.map_or(f32::NAN, |f| f.slope_deg as f32));
                 give(maps.roughness_m, col, footprint.map_or(f32::NAN, |f| f.roughness_m as f32));
-                give(maps.hazard, col, limits.classify(footprint));
+                give(maps.hazard, col, limits.classify(footprint, slope_sd.get(col).copied().unwrap_or(f32::NAN)));
             }
         }
     }

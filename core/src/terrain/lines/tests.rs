@@ -239,3 +239,34 @@ fn wrong_calls_are_refused_and_change_nothing() {
     assert_eq!(lines.push(&[1.0; 4], &mut LineMaps::default()), Ok(None));
     assert_eq!(lines.finish(&mut LineMaps::default()), Ok(Some(0)));
 }
+
+#[test]
+fn unsure_slopes_are_hazards_where_they_are_unsure() {
+    let limits = HazardLimits::new(10.0, 5.0).unwrap().with_sigmas(2.0).unwrap();
+    let o = LineOptions { limits, ..options(6, 2) };
+    assert_eq!(o.memory_len(), 2 * options(6, 2).memory_len());
+    let mut memory = vec![7.0; o.memory_len()];
+    let mut lines = TerrainLines::new(o, &mut memory).unwrap();
+    let (mut hazards, mut mask) = (vec![], [9; 6]);
+    // Flat ground. The line 3 is unsure in column 3, the line 5 everywhere.
+    for row in 0..9 {
+        let mut sd = [0.02; 6];
+        sd[3] = if row == 3 { 0.2 } else { 0.02 };
+        let sd: &[f32] = if row == 5 { &[] } else { &sd };
+        if lines
+            .push_with(&[100.0; 6], sd, &mut LineMaps { hazard: &mut mask, ..LineMaps::default() })
+            .unwrap()
+            .is_some()
+        {
+            hazards.push(mask);
+        }
+    }
+    while lines.finish(&mut LineMaps { hazard: &mut mask, ..LineMaps::default() }).unwrap().is_some() {
+        hazards.push(mask);
+    }
+    use crate::terrain::hazard::{MAYBE_TOO_STEEP as M, UNKNOWN as U};
+    assert_eq!(hazards[0], [U; 6]);
+    assert_eq!([hazards[2], hazards[3]], [[U, U, 0, 0, U, U], [U, U, 0, M, U, U]]);
+    assert_eq!([hazards[4], hazards[5], hazards[6]], [[U, U, 0, 0, U, U], [U, U, M, M, U, U], [U, U, 0, 0, U, U]]);
+    assert!(matches!(lines.push_with(&[100.0; 6], &[0.0; 5], &mut LineMaps::default()), Err(TerrainError::Length(_))));
+}

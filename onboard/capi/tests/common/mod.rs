@@ -7,6 +7,7 @@ use elunar_capi::types::*;
 use elunar_core::nn::file::seal_file;
 use elunar_core::nn::{KnownSun, Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
+use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::terrain::PixelSize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -95,6 +96,12 @@ impl Tile {
 
     /// Returns heights and validity computed by the core without the C interface.
     pub(crate) fn expected(&self) -> (Vec<f32>, Vec<u8>) {
+        let (heights_m, valid, _) = self.expected_with_errors();
+        (heights_m, valid)
+    }
+
+    /// As [`Self::expected`], with the errors that heights and slopes are expected to have.
+    pub(crate) fn expected_with_errors(&self) -> (Vec<f32>, Vec<u8>, ExpectedErrors) {
         let model = Model::new(nano()).unwrap();
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).unwrap();
@@ -113,12 +120,12 @@ impl Tile {
             coarse_px: self.coarse_px,
             light: TileLight::Scene(Lighting::decide(model.illumination(), sun, &fit)),
         };
-        let scale = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap().scale;
+        let begun = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap();
         while runner.step(STEP_MACS).unwrap() == Progress::Running {}
         let (mut heights_m, mut valid) = (vec![0.0; PX], vec![false; PX]);
-        runner.heights(&scale, &mut heights_m).unwrap();
+        runner.heights(&begun.scale, &mut heights_m).unwrap();
         validity(&self.image, &self.coarse_m, mask.as_deref(), &mut valid);
-        (heights_m, valid.iter().map(|v| *v as u8).collect())
+        (heights_m, valid.iter().map(|v| *v as u8).collect(), begun.expected.unwrap())
     }
 }
 
@@ -195,6 +202,13 @@ impl Context {
         // SAFETY: as above.
         let status = unsafe { ffi::eld_output(self.handle, heights_m.as_mut_ptr(), PX, valid.as_mut_ptr(), PX) };
         if worked(status) { Ok((heights_m, valid)) } else { Err(status) }
+    }
+
+    pub(crate) fn errors(&mut self) -> Result<eld_errors_t, eld_status_t> {
+        let mut out = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..eld_errors_t::default() };
+        // SAFETY: as above.
+        let status = unsafe { ffi::eld_errors(self.handle, &raw mut out) };
+        if worked(status) { Ok(out) } else { Err(status) }
     }
 
     pub(crate) fn scrub(&mut self, max_bytes: usize) -> eld_status_t {

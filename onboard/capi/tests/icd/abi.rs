@@ -110,6 +110,9 @@ fn structures_are_laid_out_as_described() {
         range_margin,
     });
     compare_layout("eld_model_info_t", &info, size_of::<eld_model_info_t>(), 1);
+    let errors =
+        layout!(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below });
+    compare_layout("eld_errors_t", &errors, size_of::<eld_errors_t>(), 1);
     let telemetry = layout!(eld_telemetry_t {
         struct_bytes,
         phase,
