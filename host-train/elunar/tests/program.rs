@@ -64,3 +64,29 @@ fn without_a_command_it_says_what_there_is() {
     assert!(out.status.code() == Some(2) && text.contains("predict") && text.contains("evaluate"), "{text}");
     assert!(!text.contains("train a network"), "{text}");
 }
+
+#[test]
+fn a_sun_out_of_range_is_one_error_before_any_file_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let nano = model("nano.eld");
+    let predict = ["predict", "--image", "i", "--coarse", "c", "--model", &nano, "-o", "d.tif"];
+    let sfs = ["sfs", "--image", "i", "--coarse", "c", "-o", "d.tif"];
+    for angle in ["90", "0", "-3", "NaN", "inf", "-inf"] {
+        let elevation = format!("--sun-elevation={angle}");
+        for words in [[&predict[..], &[&elevation]].concat(), [&sfs[..], &["--sun-azimuth", "10", &elevation]].concat()]
+        {
+            let text = refused(folder.path(), &words);
+            assert_eq!(
+                text.trim_end(),
+                format!("ERROR: --sun-elevation: a number above 0 and below 90 degrees expected, found {angle}")
+            );
+        }
+    }
+    for angle in ["400", "NaN", "inf"] {
+        let azimuth = format!("--sun-azimuth={angle}");
+        for words in [[&predict[..], &[&azimuth]].concat(), [&sfs[..], &["--sun-elevation", "30", &azimuth]].concat()] {
+            let text = refused(folder.path(), &words);
+            assert!(text.contains("--sun-azimuth: a number from -360 to 360 degrees expected"), "{text}");
+        }
+    }
+}

@@ -7,6 +7,7 @@ use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
 use elunar_scene::predict::job::{fill, finish, light_text, state, summary};
 use elunar_scene::predict::network::Model;
+use elunar_scene::predict::sun::check_sun;
 use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
 use std::path::{Path, PathBuf};
 
@@ -49,11 +50,11 @@ pub struct Args {
     /// Unit of the coarse DTM's heights, if the file does not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360 [default: estimated from image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
-    /// Elevation of the Sun, degrees above the horizon [default: the change of brightness with slope is fitted to image and coarse DTM].
-    #[arg(long, value_name = "DEG")]
+    /// Elevation of the Sun, degrees above the horizon, above 0 and below 90 [default: the change of brightness with slope is fitted to image and coarse DTM].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: Option<f64>,
     /// Overlap of neighbouring tiles, pixels [default: 100, or a third of a smaller tile's shorter side].
     #[arg(long, value_name = "PX")]
@@ -94,6 +95,8 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    let sun = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
+    check_sun(sun)?;
     output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
     let model = open(&args.model)?;
     let scene = scene(&args)?;
@@ -110,7 +113,7 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         blend: args.blend,
         anchor: !args.no_anchor,
         threads: args.threads,
-        sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
+        sun,
     };
     let part = Part::open(&args.output, &job(&args, &options, &model.description())?, scene.cols)?;
     let (part, tally) = fill(part, &scene, |from, keep, progress| {

@@ -1,9 +1,11 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
 use super::output;
+use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::{Crs, Result};
 use elunar_scene::predict::job::{fill, finish, state, summary};
+use elunar_scene::predict::sun::check_sun;
 use elunar_scene::predict::{Input, Part, Scene};
 use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
@@ -26,10 +28,10 @@ pub struct Args {
     /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up.
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: f64,
-    /// Elevation of the Sun above the horizon, degrees.
+    /// Elevation of the Sun above the horizon, degrees, above 0 and below 90.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: f64,
     /// DTM to write.
@@ -81,6 +83,7 @@ pub struct Args {
 /// # Errors
 /// If an option is out of range, an input cannot be read, or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
+    check_sun(KnownSun { azimuth_deg: Some(args.sun_azimuth), elevation_deg: Some(args.sun_elevation) })?;
     let mut inputs = vec![args.image.as_path(), &args.coarse];
     inputs.extend(args.truth.as_deref());
     output::check(&args.output, &inputs)?;
@@ -212,7 +215,9 @@ mod tests {
         let before = files();
         let image = folder.path().join("scene_0000_image.tif").display().to_string();
         let cases = [
-            (("--sun-elevation", "-2"), "elevation"),
+            (("--sun-elevation", "-2"), "--sun-elevation: a number above 0 and below 90 degrees expected, found -2"),
+            (("--sun-elevation", "90"), "found 90"),
+            (("--sun-azimuth", "NaN"), "--sun-azimuth: a number from -360 to 360 degrees expected, found NaN"),
             (("--smoothness-weight", "0"), "smoothness weight"),
             (("--shadow-threshold", "2"), "shadow threshold"),
             (("--curve", "curve.txt"), ".csv or .png"),

@@ -13,6 +13,7 @@ mod part;
 mod preview;
 mod run;
 mod scene;
+pub mod sun;
 mod tile;
 
 #[cfg(test)]
