@@ -27,6 +27,7 @@ mod mutation_tests;
 #[cfg(test)]
 mod tests;
 
+pub(super) use read::open_with;
 pub use read::{open, read};
 pub use write::{Compression, SampleType, WriteOptions, write};
 pub use writer::Writer;
