@@ -117,7 +117,7 @@ impl Args {
         }
         check_azimuth("--azimuth", self.azimuth)?;
         if !(self.z_factor.is_finite() && self.z_factor > 0.0) {
-            return Err(Error::usage(format!("--z-factor: a number above 0 expected, {} found", self.z_factor)));
+            return Err(Error::usage(format!("a finite --z-factor above 0 expected, {} found", self.z_factor)));
         }
         let sun = Sun { azimuth_deg: self.azimuth, elevation_deg: self.altitude, exaggeration: self.z_factor };
         Ok(Shading { sun, compute_edges: self.compute_edges })
