@@ -41,12 +41,13 @@ impl Heights {
     }
 
     /// Returns the value of [`VOID_VALUES`] that stands for voids, and its share of the heights: it is frequent, and its plateaus have
-    /// cliffs all around.
+    /// cliffs all around or nothing beside them.
     pub(super) fn plateau(&self) -> Option<(f32, f64)> {
         let valid = self.samples_m.iter().filter(|z| z.is_finite()).count().max(1) as f64;
         let share = |value: f32| self.samples_m.iter().filter(|z| **z == value).count() as f64 / valid;
         let suspected = VOID_VALUES.into_iter().map(|value| (value, share(value)));
-        suspected.filter(|(_, share)| *share > VOID_SHARE).find(|(value, _)| self.has_cliffs(*value))
+        let mut suspected = suspected.filter(|(_, share)| *share > VOID_SHARE);
+        suspected.find(|(value, share)| *share == 1.0 || self.has_cliffs(*value))
     }
 
     /// Returns whether most valid neighbours of pixels with this value are farther from it than a pixel is wide.
@@ -89,10 +90,13 @@ pub(super) fn suspected(scene: &Scene, survey: &Survey, unit_stated: bool) -> Re
     let Some(heights) = Heights::under(scene)? else { return Ok(found) };
     let plateau = heights.plateau();
     if let Some((value, share)) = plateau {
-        let share = percent(share);
-        found.push(format!(
-            "{name}: {share} of the heights under the image are exactly {value}, with cliffs around them: voids? If so, say --coarse-nodata {value}"
-        ));
+        let found_as = if share == 1.0 {
+            format!("all heights under the image are exactly {value}")
+        } else {
+            let share = percent(share);
+            format!("{share} of the heights under the image are exactly {value}, with cliffs around them")
+        };
+        found.push(format!("{name}: {found_as}: voids? If so, say --coarse-nodata {value}"));
     }
     let radius_m = scene.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
     let on_the_moon = (radius_m - MOON_RADIUS_M).abs() < SAME_BODY_M;

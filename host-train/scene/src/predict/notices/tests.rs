@@ -157,6 +157,10 @@ fn plateaus_of_a_void_value_are_told_and_level_ground_is_not() {
         assert!(text.starts_with("c.tif: ") && text.ends_with(&format!("--coarse-nodata {value}")), "{text}");
         assert!(!found.iter().any(|text| text.contains("the Moon's are")), "one warning is enough: {found:?}");
     }
+    let found = changed(&|_, _, _| 0.0);
+    assert!(found.iter().any(|text| text.starts_with("c.tif: all heights under the image are exactly 0")), "{found:?}");
+    let found = changed(&|_, _, _| 5.0);
+    assert!(!found.iter().any(|text| text.contains("exactly")), "{found:?}");
     // Whole metres near the sphere are zero in places, and a lake of lava is level.
     let near_zero = |z: f32| (z / 10.0).round();
     let found = changed(&|_, _, z| near_zero(z));
