@@ -28,8 +28,11 @@ pub(super) fn contradiction(survey: &Survey, sun: &KnownFrom, lighting: &Lightin
         return None;
     }
     let (whose, instead) = match sun.azimuth_from_file {
-        true => ("the Sun's azimuth in the image's file", "--fit-sun takes the fitted one"),
-        false => ("--sun-azimuth", "degrees are clockwise from the grid's up; without it the light is fitted"),
+        true => (
+            "the Sun's azimuth in the image's file",
+            "if the image was turned, say --sun-azimuth, or in `predict` --fit-sun",
+        ),
+        false => ("--sun-azimuth", "degrees are clockwise from the grid's up"),
     };
     Some(format!(
         "{whose} is {told_deg:.0} deg, but image and coarse DTM show a Sun at {fitted_deg:.0} +- {sd_deg:.0} deg, trust {:.2}: {instead}",

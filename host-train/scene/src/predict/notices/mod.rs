@@ -38,8 +38,9 @@ pub fn notices(
     let of_exchange = exchange::suspected(scene, unit_stated);
     let of_coarse = coarse::suspected(scene, survey, unit_stated)?;
     let of_image = image::suspected(name, &survey.brightness);
-    // Under a wrong light nothing looks like relief, so one warning is enough.
-    let of_light = light::contradiction(survey, sun, lighting).or_else(|| light::little_relief(name, survey, lighting));
+    // Neither under a wrong light nor in a clipped image does anything look like relief: the cause is told, not the effect.
+    let little = || light::little_relief(name, survey, lighting).filter(|_| of_image.is_empty());
+    let of_light = light::contradiction(survey, sun, lighting).or_else(little);
     let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_image);
     Ok(found.chain(of_light).collect())
 }

@@ -131,6 +131,7 @@ fn clipped_images_are_told() {
     let found = changed(&|i, v| if i % COLS < COLS / 4 { 0.0 } else { v });
     let text = found.iter().find(|text| text.contains("lowest value, 0:")).unwrap_or_else(|| panic!("{found:?}"));
     assert!(text.starts_with("i.tif: 25.0 % of its pixels") && text.contains("--image-nodata 0"), "{text}");
+    assert!(!found.iter().any(|text| text.contains("looks like relief")), "the cause, not the effect: {found:?}");
     let found = changed(&|_, v| v.min(100.0));
     assert!(found.iter().any(|text| text.contains("highest value, 100:")), "{found:?}");
     // A nodata value makes them voids.
