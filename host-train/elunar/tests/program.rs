@@ -1,5 +1,6 @@
 //! The program as users run it, on files, without a training framework.
 
+use elunar_raster::geotiff::{WriteOptions, read, write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -37,7 +38,8 @@ fn an_image_and_a_coarse_dtm_become_a_dtm_with_smaller_slope_errors() {
     let [image, coarse, truth] = ["image", "coarse", "truth"].map(|kind| format!("s/scene_0000_{kind}.tif"));
     let nano = model("nano.eld");
     let predict = ["predict", "--image", &image, "--coarse", &coarse, "--model", &nano, "-o", "dtm.tif"];
-    assert!(made(at, &predict).contains("256 x 320 pixels"));
+    let text = made(at, &predict);
+    assert!(text.contains("256 x 320 pixels") && text.contains("given (azimuth and elevation from the image's label)"));
     assert!(at.join("dtm_hillshade.png").exists() && !at.join("dtm.tif.part").exists());
     let text = made(at, &["evaluate", "--dtm", "dtm.tif", "--truth", &truth, "--coarse", &coarse, "--json"]);
     let scores: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -63,4 +65,145 @@ fn without_a_command_it_says_what_there_is() {
     let text = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.code() == Some(2) && text.contains("predict") && text.contains("evaluate"), "{text}");
     assert!(!text.contains("train a network"), "{text}");
+}
+
+#[test]
+fn a_sun_out_of_range_is_one_error_before_any_file_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let nano = model("nano.eld");
+    let predict = ["predict", "--image", "i", "--coarse", "c", "--model", &nano, "-o", "d.tif"];
+    let sfs = ["sfs", "--image", "i", "--coarse", "c", "-o", "d.tif"];
+    for angle in ["90", "0", "-3", "NaN", "inf", "-inf"] {
+        let elevation = format!("--sun-elevation={angle}");
+        for words in [[&predict[..], &[&elevation]].concat(), [&sfs[..], &["--sun-azimuth", "10", &elevation]].concat()]
+        {
+            let text = refused(folder.path(), &words);
+            assert_eq!(
+                text.trim_end(),
+                format!("ERROR: --sun-elevation: a number above 0 and below 90 degrees expected, found {angle}")
+            );
+        }
+    }
+    for angle in ["400", "NaN", "inf"] {
+        let azimuth = format!("--sun-azimuth={angle}");
+        for words in [[&predict[..], &[&azimuth]].concat(), [&sfs[..], &["--sun-elevation", "30", &azimuth]].concat()] {
+            let text = refused(folder.path(), &words);
+            assert!(text.contains("--sun-azimuth: a number from -360 to 360 degrees expected"), "{text}");
+        }
+    }
+}
+
+/// Writes a scene of 256 x 320 pixels into `s`, and returns its Sun's azimuth and the words of `predict` with more words behind them.
+fn bench(folder: &Path) -> (f64, impl Fn(&[&str]) -> Vec<String> + use<>) {
+    made(folder, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
+    let manifest = std::fs::read(folder.join("s/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    let azimuth_deg = manifest["scenes"][0]["sun_azimuth_deg"].as_f64().unwrap();
+    let predict = |more: &[&str]| {
+        let (image, coarse, nano) = ("s/scene_0000_image.tif", "s/scene_0000_coarse.tif", model("nano.eld"));
+        let words = ["predict", "--image", image, "--coarse", coarse, "--model", &nano, "-o", "dtm.tif"];
+        // The last of two equal options counts nowhere, so one that is given again is left out before.
+        let mut words: Vec<String> = words.iter().map(|word| (*word).to_string()).collect();
+        for word in more.iter().filter(|word| word.starts_with("--")) {
+            if let Some(at) = words.iter().position(|known| known == word) {
+                words.drain(at..at + 2);
+            }
+        }
+        words.extend(more.iter().map(|word| (*word).to_string()));
+        words
+    };
+    (azimuth_deg, predict)
+}
+
+fn words(words: &[String]) -> Vec<&str> {
+    words.iter().map(String::as_str).collect()
+}
+
+/// Returns the JSON on stdout and the text on stderr.
+fn json(folder: &Path, predict: &[String]) -> (serde_json::Value, String) {
+    let out = elunar(folder, &words(predict));
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{predict:?}: {text}");
+    (serde_json::from_slice(&out.stdout).unwrap_or_else(|e| panic!("{e}: {:?}", out.stdout)), text)
+}
+
+#[test]
+fn json_says_what_was_taken_and_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (azimuth_deg, predict) = bench(folder.path());
+    let (found, text) = json(folder.path(), &predict(&["--json"]));
+    assert_eq!((&found["rows"], &found["cols"], &found["tiles"]["all"]), (&256.into(), &320.into(), &1.into()));
+    assert_eq!((&found["pixels_valid"], &found["pixels_void"]), (&(256 * 320).into(), &0.into()));
+    assert_eq!((&found["image"], &found["output"]), (&"s/scene_0000_image.tif".into(), &"dtm.tif".into()));
+    assert!(found["model"].as_str().unwrap().contains("sha256:"), "{found}");
+    assert_eq!((&found["light"]["source"], &found["light"]["azimuth_from_file"]), (&"given".into(), &true.into()));
+    assert!((found["light"]["azimuth_deg"].as_f64().unwrap() - azimuth_deg).abs() < 0.01, "{found}");
+    let (share, seconds) = (found["share_of_relief"].as_f64().unwrap(), found["seconds"].as_f64().unwrap());
+    assert!((0.1..=1.0).contains(&share) && seconds > 0.0, "{found}");
+    assert_eq!(found["warnings"], serde_json::json!([]));
+    assert!(text.contains("dtm.tif: 256 x 320 pixels") && text.contains("light: azimuth"), "{text}");
+    let dtm = read(folder.path().join("dtm.tif")).unwrap();
+    let (low, high) = dtm.range().unwrap();
+    assert_eq!(found["lowest_m"].as_f64().unwrap() as f32, low);
+    assert_eq!(found["highest_m"].as_f64().unwrap() as f32, high);
+    // The Sun in the file is not used if the user says so, and it is doubted if it contradicts the scene.
+    let (fitted, _) = json(folder.path(), &predict(&["--json", "--fit-sun"]));
+    assert_eq!((&fitted["light"]["source"], &fitted["light"]["azimuth_from_file"]), (&"fitted".into(), &false.into()));
+    let wrong = format!("{:.1}", (azimuth_deg + 180.0) % 360.0);
+    let (doubted, text) = json(folder.path(), &predict(&["--json", "--sun-azimuth", &wrong]));
+    let warning = doubted["warnings"][0].as_str().unwrap_or_else(|| panic!("{doubted}"));
+    assert!(warning.starts_with("--sun-azimuth is") && text.contains(&format!("WARNING: {warning}")), "{text}");
+}
+
+#[test]
+fn a_nodata_value_is_asked_for_and_makes_voids() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, predict) = bench(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    let mut coarse = read(at("s/scene_0000_coarse.tif")).unwrap();
+    let (rows, cols) = (coarse.rows, coarse.cols);
+    for (row, col) in (0..4).flat_map(|row| (0..3).map(move |col| (row, col))) {
+        coarse.samples[(rows / 2 + row) * cols + cols / 2 + col] = -9999.0;
+    }
+    write(&at("c.tif"), &coarse, &WriteOptions::heights("with voids that no tag names")).unwrap();
+    let (found, text) = json(folder.path(), &predict(&["--json", "--coarse", "c.tif"]));
+    assert!(text.contains("exactly -9999") && text.contains("say --coarse-nodata -9999"), "{text}");
+    assert_eq!(found["pixels_void"], 0);
+    let (found, text) = json(folder.path(), &predict(&["--json", "--coarse", "c.tif", "--coarse-nodata", "-9999"]));
+    assert!(!text.contains("WARNING"), "{text}");
+    let void = found["pixels_void"].as_u64().unwrap();
+    let dtm = read(at("dtm.tif")).unwrap();
+    assert!(void > 1000 && void as usize == 256 * 320 - dtm.valid_count(), "{found}");
+    assert!(dtm.range().unwrap().0 > -9900.0);
+
+    let image = read(at("s/scene_0000_image.tif")).unwrap();
+    let value = image.samples[1234].to_string();
+    let same = image.samples.iter().filter(|v| **v == image.samples[1234]).count();
+    let (found, _) = json(folder.path(), &predict(&["--json", "--image-nodata", &value]));
+    assert_eq!(found["pixels_void"], same);
+    let sfs = ["sfs", "--image", "s/scene_0000_image.tif", "--coarse", "s/scene_0000_coarse.tif", "-o", "sfs.tif"];
+    let text =
+        made(folder.path(), &[&sfs[..], &["--image-nodata", &value, "--iterations", "1", "--levels", "1"]].concat());
+    assert!(text.contains("256 x 320"), "{text}");
+    assert_eq!(read(at("sfs.tif")).unwrap().valid_count(), 256 * 320 - same);
+}
+
+#[test]
+fn exchanged_files_and_a_missing_sun_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, predict) = bench(folder.path());
+    let (image, coarse) = ("s/scene_0000_image.tif", "s/scene_0000_coarse.tif");
+    let refuse = |more: &[&str]| refused(folder.path(), &words(&predict(more)));
+    let text = refuse(&["--coarse", image]);
+    assert!(text.contains("found one file for both"), "{text}");
+    std::fs::copy(folder.path().join(image), folder.path().join("i.tif")).unwrap();
+    let text = refuse(&["--coarse", "i.tif"]);
+    assert!(text.contains("i.tif: heights coarser than") && text.contains("GeoTIFF, u16"), "{text}");
+    let text = refuse(&["--image", coarse, "--coarse", image]);
+    assert!(text.contains("exchanged?"), "{text}");
+    let bare = read(folder.path().join(image)).unwrap();
+    write(&folder.path().join("bare.tif"), &bare, &WriteOptions::heights("without a Sun")).unwrap();
+    let text = refused(folder.path(), &["sfs", "--image", "bare.tif", "--coarse", coarse, "-o", "x.tif"]);
+    assert!(text.contains("--sun-azimuth expected, and bare.tif states none"), "{text}");
+    assert!(!folder.path().join("dtm.tif").exists() && !folder.path().join("x.tif").exists());
 }

@@ -89,6 +89,11 @@ impl Default for Meaning {
 }
 
 impl Meaning {
+    /// Adds a stored number that means "no measurement"; real samples of 32 bits hold it rounded.
+    pub(super) fn also_missing(&mut self, nodata: Option<f64>, sample: Sample) {
+        self.missing.extend(nodata.map(|v| if sample == Sample::F32 { f64::from(v as f32) } else { v }));
+    }
+
     fn apply(&self, stored: f64) -> f32 {
         if self.missing.contains(&stored) {
             return f32::NAN;

@@ -14,6 +14,7 @@ pub mod quantile;
 pub mod resample;
 pub mod source;
 pub mod stated;
+pub mod sun;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use error::{Error, Result};

@@ -2,6 +2,7 @@
 
 use super::binary::{Binary, Layout, Meaning, Sample};
 use super::source::{Info, Source};
+use super::sun::StatedSun;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Read;
@@ -101,6 +102,11 @@ impl Header {
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if header and file size disagree, [`Error::Unsupported`] for Fortran order,
 /// other axes, and samples other than real numbers and integers up to 32 bits.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    open_with(path, None)
+}
+
+/// Opens a file as [`open`] does, with samples stored as `nodata` invalid.
+pub(super) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     let mut file = File::open(path).map_err(Error::io(path))?;
     let file_bytes = file.metadata().map_err(Error::io(path))?.len();
     let (text, start) = header(path, &mut file)?;
@@ -114,8 +120,11 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
         );
         return Err(Error::broken(path, what));
     }
-    let info = Info { rows, cols, georef: None, unit: None, format: format!("NumPy array, {}", header.descr) };
-    Ok(Box::new(Binary::new(path.into(), file, layout, Meaning::default(), info)))
+    let format = format!("NumPy array, {}", header.descr);
+    let info = Info { rows, cols, georef: None, unit: None, format, sun: StatedSun::default() };
+    let mut meaning = Meaning::default();
+    meaning.also_missing(nodata, sample);
+    Ok(Box::new(Binary::new(path.into(), file, layout, meaning, info)))
 }
 
 /// Returns the header's text, and the offset of the samples.

@@ -1,6 +1,7 @@
 //! Rasters read on demand, window by window. A strip of 5,000 x 50,000 pixels is never whole in memory.
 
 use super::format::{Format, describe};
+use super::sun::StatedSun;
 use super::{GeoRef, Raster, geotiff, npy, pds3};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -19,6 +20,8 @@ pub struct Info {
     pub unit: Option<String>,
     /// Short description of the format: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
     pub format: String,
+    /// The Sun of an image, as far as the file states it.
+    pub sun: StatedSun,
 }
 
 impl Info {
@@ -30,6 +33,13 @@ impl Info {
         let missing = |what: &str| Error::usage(format!("{name}: a raster with {what} expected, none found"));
         let georef = self.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
         if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
+    }
+
+    /// Returns whether the file stores integers without sign, as images do and heights rarely.
+    #[must_use]
+    pub fn is_unsigned(&self) -> bool {
+        let words = self.format.split([' ', ',']);
+        words.into_iter().any(|word| ["u8", "u16", "u32"].contains(&word))
     }
 
     /// Returns the side of a pixel on the ground, metres: the square root of its area at the raster's centre.
@@ -63,17 +73,26 @@ pub trait Source: Send + Sync {
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for unsupported formats and
 /// variants, with the command that converts them, if there is one.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    open_with(path, None)
+}
+
+/// Opens a raster file as [`open`] does. Samples stored as `nodata` are invalid, too, as if the file named this value: it is compared with
+/// the stored number, before scale, offset and unit are applied.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     match Format::of(path)? {
-        Format::Tiff => geotiff::open(path),
-        Format::Pds3 => pds3::open(path),
-        Format::Npy => npy::open(path),
+        Format::Tiff => geotiff::open_with(path, nodata),
+        Format::Pds3 => pds3::open_with(path, nodata),
+        Format::Npy => npy::open_with(path, nodata),
         Format::Convertible(what) => {
             let name = path.display();
             let what = format!("{what}; convert it first: gdal_translate -of GTiff {name} {name}.tif");
             Err(Error::unsupported(path, what))
         }
         Format::Unknown(head) => match pds3::label_beside(path)? {
-            Some(label) => pds3::open(&label),
+            Some(label) => pds3::open_with(&label, nodata),
             None => {
                 let what = "a GeoTIFF, a PDS3 label or image, or a .npy array expected";
                 Err(Error::unsupported(path, format!("{what}, found {} and no PDS3 label beside it", describe(&head))))
@@ -124,7 +143,7 @@ impl InMemory {
     #[must_use]
     pub fn new(raster: Raster, unit: Option<String>, format: impl Into<String>) -> Self {
         let Raster { rows, cols, samples, georef } = raster;
-        Self { info: Info { rows, cols, georef, unit, format: format.into() }, samples }
+        Self { info: Info { rows, cols, georef, unit, format: format.into(), sun: StatedSun::default() }, samples }
     }
 }
 

@@ -5,6 +5,7 @@ use elunar_core::terrain::Sun;
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
 use elunar_raster::{Error, Result, source};
 use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
+use elunar_scene::predict::sun::check_azimuth;
 use elunar_scene::{picture, progress};
 use std::path::PathBuf;
 
@@ -23,7 +24,7 @@ pub struct Args {
     /// Hillshade to write: a GeoTIFF with the DTM's georeference, or a PNG picture.
     #[arg(short, long, value_name = "OUT.tif|OUT.png")]
     pub output: PathBuf,
-    /// Azimuth of the light, degrees clockwise from north.
+    /// Azimuth of the light, degrees clockwise from north, -360 to 360.
     #[arg(
         long,
         visible_alias = "sun-azimuth",
@@ -114,10 +115,9 @@ impl Args {
         if !(0.0..=90.0).contains(&self.altitude) {
             return Err(Error::usage(format!("--altitude: 0 to 90 degrees expected, {} found", self.altitude)));
         }
-        if !(self.z_factor.is_finite() && self.z_factor > 0.0 && self.azimuth.is_finite()) {
-            let (z, azimuth) = (self.z_factor, self.azimuth);
-            let what = format!("a finite --azimuth and a --z-factor above 0 expected, {azimuth} and {z} found");
-            return Err(Error::usage(what));
+        check_azimuth("--azimuth", self.azimuth)?;
+        if !(self.z_factor.is_finite() && self.z_factor > 0.0) {
+            return Err(Error::usage(format!("a finite --z-factor above 0 expected, {} found", self.z_factor)));
         }
         let sun = Sun { azimuth_deg: self.azimuth, elevation_deg: self.altitude, exaggeration: self.z_factor };
         Ok(Shading { sun, compute_edges: self.compute_edges })

@@ -4,13 +4,18 @@ use super::output;
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
+use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
-use elunar_scene::predict::errors::assumed_sigma_m;
+use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
 use elunar_scene::predict::job::{Files, fill, finish, light_text, state, summary};
 use elunar_scene::predict::network::Model;
-use elunar_scene::predict::{Input, Options, Part, Scene, Survey, int8, predict_rows};
+use elunar_scene::predict::notices::{check_exchange, notices, share_of_relief};
+use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Record};
+use elunar_scene::predict::sun::{KnownFrom, check_sun};
+use elunar_scene::predict::{Input, Options, Part, Scene, Tally, int8, predict_rows};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Help text below the options.
 pub const HELP: &str = "\
@@ -58,12 +63,24 @@ pub struct Args {
     /// Unit of the coarse DTM's heights, if the file does not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up [default: estimated from image and coarse DTM].
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360 [default: as the image's file states it, else fitted to image and coarse DTM].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
-    /// Elevation of the Sun, degrees above the horizon [default: the change of brightness with slope is fitted to image and coarse DTM].
-    #[arg(long, value_name = "DEG")]
+    /// Elevation of the Sun, degrees above the horizon, above 0 and below 90 [default: as the image's file states it, else the change of brightness with slope is fitted to image and coarse DTM].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: Option<f64>,
+    /// Do not use the angles of the Sun that the image's file states: fit those that are not given.
+    #[arg(long)]
+    pub fit_sun: bool,
+    /// Value of the image's file, before scale and offset, that means no measurement, as if its nodata tag said so.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub image_nodata: Option<f64>,
+    /// Value of the coarse DTM's file, before scale, offset and unit, that means no measurement.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub coarse_nodata: Option<f64>,
+    /// Print what was taken and found as one JSON object on stdout; the text goes to stderr.
+    #[arg(long)]
+    pub json: bool,
     /// Overlap of neighbouring tiles, pixels [default: 100, or a third of a smaller tile's shorter side].
     #[arg(long, value_name = "PX")]
     pub overlap: Option<usize>,
@@ -103,6 +120,9 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    let start = Instant::now();
+    let sun = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
+    check_sun(sun)?;
     output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
     if let Some(errors) = &args.uncertainty {
         output::check(errors, &[&args.image, &args.coarse, &args.model, &args.output])?;
@@ -114,21 +134,17 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
             "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
         ));
     }
-    let scene = scene(&args)?;
+    let (scene, sun) = scene(&args, sun)?;
     let survey = scene.survey()?;
-    if survey.suspects_kilometres() && args.coarse_unit.is_none() {
-        let Survey { relief_m, extent_m, .. } = survey;
-        eprintln!(
-            "WARNING: {}: {relief_m:.3} m of relief over {extent_m:.0} m: kilometres taken for metres? Say --coarse-unit km, or m",
-            args.coarse.display()
-        );
-    }
+    let lighting = survey.lighting(model.input_rules().illumination, sun.sun);
+    let warnings = notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())?;
+    warnings.iter().for_each(|warning| eprintln!("WARNING: {warning}"));
     let options = Options {
         overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
         blend: args.blend,
         anchor: !args.no_anchor,
         threads: args.threads,
-        sun: KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation },
+        sun: sun.sun,
         expected_errors: args.uncertainty.is_some(),
     };
     let width = scene.cols * options.layers();
@@ -137,15 +153,49 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
     })?;
     let model = model.description();
+    let light = light_text(&tally.light) + sun.origin_of(&tally.light);
     let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors };
-    let finished = finish(part, &scene, (&model, &light_text(&tally.light)), files)?;
-    println!("{}", summary(&args.output, &scene, &finished, &tally));
-    if let Some((path, sigma_m)) = errors {
-        let origin = if args.coarse_sigma.is_some() { "as told" } else { "assumed: --coarse-sigma says it" };
-        println!("{}: expected errors, with {sigma_m:.2} m of the coarse DTM's own ({origin})", path.display());
+    let finished = finish(part, &scene, (&model, &light), files)?;
+    let mut text = summary(&args.output, &scene, &finished, &tally) + sun.origin_of(&tally.light);
+    if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
+        let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
+        let origins = origins_text(origins);
+        text += &format!(
+            "\nheights: {origins}\n{}: expected errors, the coarse DTM's own {sigma_m:.2} m ({said})",
+            path.display()
+        );
     }
+    if !args.json {
+        println!("{text}");
+        return Ok(());
+    }
+    eprintln!("{text}");
+    let Tally { light, .. } = tally;
+    let name = |path: &Path| path.display().to_string();
+    let record = Record {
+        image: name(&args.image),
+        coarse: name(&args.coarse),
+        model,
+        output: name(&args.output),
+        uncertainty: errors
+            .map(|(path, sigma_m)| ErrorsRecord::new(path, sigma_m, &finished.origins.unwrap_or_default())),
+        rows: scene.rows,
+        cols: scene.cols,
+        pixel_m: scene.pixel_m,
+        coarse_px: scene.coarse_px,
+        lowest_m: finished.low_m,
+        highest_m: finished.high_m,
+        pixels_valid: finished.pixels_valid,
+        pixels_void: scene.rows * scene.cols - finished.pixels_valid,
+        tiles: (&tally).into(),
+        light: LightRecord::new(&light, &sun),
+        share_of_relief: share_of_relief(&survey, &light),
+        warnings,
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    println!("{}", record.json());
     Ok(())
 }
 
@@ -155,10 +205,18 @@ fn metres(text: &str) -> std::result::Result<f32, String> {
     if (0.0..1e6).contains(&sigma_m) { Ok(sigma_m) } else { Err("metres from 0 to 1,000,000 expected".into()) }
 }
 
-fn scene(args: &Args) -> Result<Scene> {
+/// Opens image and coarse DTM. Angles of the Sun that the user does not give are those of the image's file.
+fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
     let image = Statements { srs: args.image_srs.clone(), unit: None };
-    Scene::new(Input::stated(&args.image, image)?, Input::stated(&args.coarse, coarse)?)
+    let (image, coarse) = (
+        Input::stated(&args.image, image, args.image_nodata)?,
+        Input::stated(&args.coarse, coarse, args.coarse_nodata)?,
+    );
+    check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
+    let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };
+    let sun = KnownFrom::new(user, &image.name, of_file)?;
+    Ok((Scene::new(image, coarse)?, sun))
 }
 
 /// Returns a text that identifies this job. With a changed input, model or option, the job starts anew.
@@ -166,6 +224,7 @@ fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };
     let (image, coarse) = (state(&args.image)?, state(&args.coarse)?);
-    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit);
+    let nodata = (args.image_nodata, args.coarse_nodata);
+    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit, nodata);
     Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
 }

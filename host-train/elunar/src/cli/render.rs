@@ -4,6 +4,7 @@ use super::output;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_raster::{Error, Result, source};
 use elunar_scene::picture;
+use elunar_scene::predict::sun::check_azimuth;
 use elunar_synth::photograph;
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ pub struct Args {
     /// Image to write: a GeoTIFF of 16 bits with the DTM's georeference, or a PNG picture of 8 bits.
     #[arg(short, long, value_name = "OUT.tif|OUT.png")]
     pub output: PathBuf,
-    /// Azimuth of the Sun, degrees clockwise from the top of the raster.
+    /// Azimuth of the Sun, degrees clockwise from the top of the raster, -360 to 360.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: f64,
     /// Elevation of the Sun above the horizon, degrees, 2 to 90.
@@ -43,6 +44,11 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
     output::check(&args.output, &[&args.input])?;
+    check_azimuth("--sun-azimuth", args.sun_azimuth)?;
+    if !(2.0..=90.0).contains(&args.sun_elevation) {
+        let found = args.sun_elevation;
+        return Err(Error::usage(format!("--sun-elevation: a number from 2 to 90 degrees expected, found {found}")));
+    }
     let dtm = source::read(&args.input)?;
     let sun = (args.sun_azimuth, args.sun_elevation);
     let image = photograph(&dtm, sun, args.seed).map_err(|e| Error::usage(format!("{}: {e}", args.input.display())))?;
@@ -87,9 +93,11 @@ mod tests {
         // Sixteen bits represent the camera's integers exactly.
         assert_eq!(image.samples, photograph(&truth, (300.0, 25.0), 4).unwrap().samples);
         assert!(at("image.png").exists());
-        for (output, elevation, expected) in
-            [("low.tif", 1.0, "elevation 1"), ("nan.tif", f64::NAN, "elevation NaN"), ("dtm.tif", 25.0, "overwrite")]
-        {
+        for (output, elevation, expected) in [
+            ("low.tif", 1.0, "--sun-elevation: a number from 2 to 90 degrees expected, found 1"),
+            ("nan.tif", f64::NAN, "found NaN"),
+            ("dtm.tif", 25.0, "overwrite"),
+        ] {
             let error = run(args(at("dtm.tif"), at(output), elevation)).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }

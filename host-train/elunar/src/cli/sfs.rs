@@ -1,9 +1,13 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
 use super::output;
+use elunar_core::nn::Illumination;
+use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
-use elunar_raster::{Crs, Result};
+use elunar_raster::{Crs, Error, Result};
 use elunar_scene::predict::job::{Files, fill, finish, state, summary};
+use elunar_scene::predict::notices::{check_exchange, notices};
+use elunar_scene::predict::sun::{KnownFrom, check_sun};
 use elunar_scene::predict::{Input, Part, Scene};
 use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
@@ -26,12 +30,12 @@ pub struct Args {
     /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up.
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360 [default: as the image's file states it].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub sun_azimuth: f64,
-    /// Elevation of the Sun above the horizon, degrees.
+    pub sun_azimuth: Option<f64>,
+    /// Elevation of the Sun above the horizon, degrees, above 0 and below 90 [default: as the image's file states it].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub sun_elevation: f64,
+    pub sun_elevation: Option<f64>,
     /// DTM to write.
     #[arg(short, long, value_name = "DTM.tif")]
     pub output: PathBuf,
@@ -65,6 +69,12 @@ pub struct Args {
     /// Print settings, tiles, times and the curve as JSON.
     #[arg(long)]
     pub json: bool,
+    /// Value of the image's file, before scale and offset, that means no measurement, as if its nodata tag said so.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub image_nodata: Option<f64>,
+    /// Value of the coarse DTM's file, before scale, offset and unit, that means no measurement.
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    pub coarse_nodata: Option<f64>,
     /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub image_srs: Option<Crs>,
@@ -81,6 +91,8 @@ pub struct Args {
 /// # Errors
 /// If an option is out of range, an input cannot be read, or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
+    let user = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
+    check_sun(user)?;
     let mut inputs = vec![args.image.as_path(), &args.coarse];
     inputs.extend(args.truth.as_deref());
     output::check(&args.output, &inputs)?;
@@ -88,19 +100,28 @@ pub fn run(args: Args) -> Result<()> {
         output::extension(path, &["csv", "png"])?;
         output::check(path, &inputs)?;
     }
-    let image = Input::stated(&args.image, Statements { srs: args.image_srs.clone(), unit: None })?;
+    let image = Statements { srs: args.image_srs.clone(), unit: None };
+    let image = Input::stated(&args.image, image, args.image_nodata)?;
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
-    let coarse = Input::stated(&args.coarse, coarse)?;
+    let coarse = Input::stated(&args.coarse, coarse, args.coarse_nodata)?;
+    check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
+    let sun = KnownFrom::new(user, &image.name, image.source.info().sun)?;
     let truth = args.truth.as_deref().map(Input::open).transpose()?;
-    let settings = args.settings(image.source.info().side_m(&image.name)?);
+    let settings = args.settings(both_angles(&sun, &image.name)?, image.source.info().side_m(&image.name)?);
     settings.light()?;
     let scene = Scene::new(image.clone(), coarse)?;
+    let survey = scene.survey()?;
+    let lighting = survey.lighting(Illumination::Given, sun.sun);
+    for warning in notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())? {
+        eprintln!("WARNING: {warning}");
+    }
     let journal = Journal::new(&scene, &image, truth)?;
     let part = Part::open(&args.output, &args.job(&settings)?, scene.cols)?;
     let (part, tally) =
         fill(part, &scene, |from, keep, progress| solve_rows(&scene, &settings, &journal, from, keep, progress))?;
     let light =
-        format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg);
+        format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg)
+            + sun.origin_of(&lighting);
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors: None };
     let finished = finish(part, &scene, (&settings.description(), &light), files)?;
     let tiles = journal.tiles();
@@ -123,9 +144,16 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
+/// Returns azimuth and elevation of the Sun, degrees, which must both be known.
+fn both_angles(sun: &KnownFrom, image: &str) -> Result<(f64, f64)> {
+    let missing = |option: &str| Error::usage(format!("{option} expected, and {image} states none"));
+    let azimuth_deg = sun.sun.azimuth_deg.ok_or_else(|| missing("--sun-azimuth"))?;
+    Ok((azimuth_deg, sun.sun.elevation_deg.ok_or_else(|| missing("--sun-elevation"))?))
+}
+
 impl Args {
-    fn settings(&self, pixel_m: f64) -> Settings {
-        let default = Settings::new(self.sun_azimuth, self.sun_elevation, pixel_m);
+    fn settings(&self, (azimuth_deg, elevation_deg): (f64, f64), pixel_m: f64) -> Settings {
+        let default = Settings::new(azimuth_deg, elevation_deg, pixel_m);
         Settings {
             smoothness_weight_m: self.smoothness_weight.unwrap_or(default.smoothness_weight_m),
             dem_constraint_weight_per_m: self.dem_constraint_weight.unwrap_or(default.dem_constraint_weight_per_m),
@@ -142,7 +170,8 @@ impl Args {
     fn job(&self, settings: &Settings) -> Result<String> {
         let settings = Settings { threads: 0, ..*settings };
         let (image, coarse) = (state(&self.image)?, state(&self.coarse)?);
-        let stated = (&self.image_srs, &self.coarse_srs, self.coarse_unit);
+        let nodata = (self.image_nodata, self.coarse_nodata);
+        let stated = (&self.image_srs, &self.coarse_srs, self.coarse_unit, nodata);
         Ok(format!("{} {image} {coarse} {stated:?} {settings:?}", env!("CARGO_PKG_VERSION")))
     }
 }
@@ -213,7 +242,9 @@ mod tests {
         let before = files();
         let image = folder.path().join("scene_0000_image.tif").display().to_string();
         let cases = [
-            (("--sun-elevation", "-2"), "elevation"),
+            (("--sun-elevation", "-2"), "--sun-elevation: a number above 0 and below 90 degrees expected, found -2"),
+            (("--sun-elevation", "90"), "found 90"),
+            (("--sun-azimuth", "NaN"), "--sun-azimuth: a number from -360 to 360 degrees expected, found NaN"),
             (("--smoothness-weight", "0"), "smoothness weight"),
             (("--shadow-threshold", "2"), "shadow threshold"),
             (("--curve", "curve.txt"), ".csv or .png"),

@@ -12,6 +12,7 @@ pub use reproject::Reprojected;
 pub use windowed::Onto;
 
 use super::source::{Info, Source, check_window};
+use super::sun::StatedSun;
 use super::{Projection, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -98,7 +99,8 @@ pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Resul
 }
 
 fn info(raster: &Raster) -> Info {
-    Info { rows: raster.rows, cols: raster.cols, georef: raster.georef.clone(), unit: None, format: "memory".into() }
+    let (rows, cols, georef) = (raster.rows, raster.cols, raster.georef.clone());
+    Info { rows, cols, georef, unit: None, format: "memory".into(), sun: StatedSun::default() }
 }
 
 /// A borrowed raster as a source.
@@ -163,6 +165,32 @@ mod tests {
 
     fn largest_difference(a: &Raster, b: &Raster) -> f32 {
         a.samples.iter().zip(&b.samples).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    /// Without the rest of the source nothing changes.
+    #[test]
+    fn all_samples_in_use_lie_under_the_target() {
+        use crate::source::InMemory;
+        use std::sync::Arc;
+        let source = plane(40, 50, [-600.0, 60.0, 0.0, 900.0, 0.0, -60.0]);
+        for target in [[30.0, 2.0, 0.0, 40.0, 0.0, -2.0], [100.0, 1.5, 0.5, 0.0, 0.4, -1.8]] {
+            let target = info(&plane(200, 260, target));
+            let onto = |raster: &Raster| {
+                let raster = Arc::new(InMemory::new(raster.clone(), None, "memory"));
+                Onto::new(raster, "coarse", &target, "image", Interpolation::Bicubic).unwrap()
+            };
+            let under = onto(&source).under(200, 260).unwrap();
+            assert!(under.rows * under.cols < 40 * 50 / 4, "{under:?}");
+            let mut alone = source.clone();
+            let within = |i: usize| {
+                let (row, col) = (i / 50, i % 50);
+                (under.row..under.row + under.rows).contains(&row) && (under.col..under.col + under.cols).contains(&col)
+            };
+            alone.samples.iter_mut().enumerate().filter(|(i, _)| !within(*i)).for_each(|(_, z)| *z = f32::NAN);
+            let all = Window { row: 0, col: 0, rows: 200, cols: 260 };
+            let (expected, found) = (onto(&source).read(all).unwrap(), onto(&alone).read(all).unwrap());
+            assert_eq!(found, expected);
+        }
     }
 
     #[test]

@@ -45,6 +45,25 @@ impl Onto {
         Ok(Self { source, plan })
     }
 
+    /// Returns the window of the source, on its own grid, under a target of these rows and columns, with a margin of three samples. Parts
+    /// beyond the seam of a source around the sphere are left out. `None` if nothing is under it.
+    #[must_use]
+    pub fn under(&self, rows: usize, cols: usize) -> Option<Window> {
+        let mut positions: Vec<(f64, f64)> =
+            lattice(rows, cols).map(|(row, col)| self.plan.map.apply(row, col)).collect();
+        self.plan.unwind(&mut positions);
+        let Under { row, col, rows, cols } = self.plan.under(&positions)?;
+        let around = self.plan.size.1;
+        let col = col.rem_euclid(around as isize) as usize;
+        Some(Window { row, col, rows, cols: cols.min(around - col) })
+    }
+
+    /// Returns the source.
+    #[must_use]
+    pub fn source(&self) -> &dyn Source {
+        self.source.as_ref()
+    }
+
     /// Reads the samples of a window of the target, row by row; NaN where the source has none. A value does not depend on the window.
     ///
     /// # Errors

@@ -111,7 +111,7 @@ print(n)
 fn assert_windows_agree(path: &Path, whole: &Raster, seed: u64) {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     for cache_bytes in [0, 40_000, 1 << 26] {
-        let source = super::read::GeoTiff::open(path, cache_bytes).unwrap();
+        let source = super::read::GeoTiff::open(path, cache_bytes, None).unwrap();
         for _ in 0..5 {
             let (row, col) = (rng.random_range(0..whole.rows), rng.random_range(0..whole.cols));
             let (rows, cols) = (rng.random_range(0..=whole.rows - row), rng.random_range(0..=whole.cols - col));

@@ -29,6 +29,7 @@ mod mutation_tests;
 #[cfg(test)]
 mod tests;
 
+pub(super) use read::open_with;
 pub use read::{open, read, read_band};
 pub use write::{BandText, Compression, SampleType, WriteOptions, write};
 pub use writer::Writer;

@@ -32,7 +32,12 @@ const CACHE_BYTES: usize = 64 << 20;
 /// [`Error::Io`] if the file cannot be opened, [`Error::Broken`] if it is truncated or contradicts itself,
 /// [`Error::Unsupported`] for several bands, palettes, inverted grey, internal masks, ground control points and codecs unknown here.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
-    Ok(Box::new(GeoTiff::open(path, CACHE_BYTES)?))
+    open_with(path, None)
+}
+
+/// Opens a GeoTIFF as [`open`] does. Samples stored as `nodata` are invalid, too.
+pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
+    Ok(Box::new(GeoTiff::open(path, CACHE_BYTES, nodata)?))
 }
 
 /// Reads all samples of a GeoTIFF, as [`open`] returns them.
@@ -41,7 +46,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 /// As [`open`]. [`Error::Usage`] if the memory does not suffice.
 pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
     // Each chunk is read once, so no cache is needed.
-    source::read_all(&GeoTiff::open(path.as_ref(), 0)?)
+    source::read_all(&GeoTiff::open(path.as_ref(), 0, None)?)
 }
 
 /// Reads all samples of a band, counted from 0, as [`read`] does. Several bands must be stored one after the other (planar), as [`Writer`]
@@ -52,7 +57,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
 /// # Errors
 /// As [`read`]. [`Error::Unsupported`] if the file has no such band.
 pub fn read_band(path: impl AsRef<Path>, band: usize) -> Result<Raster> {
-    source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0)?)
+    source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0, None)?)
 }
 
 /// An open file.
@@ -71,17 +76,18 @@ struct State {
 }
 
 impl GeoTiff {
-    pub(super) fn open(path: &Path, cache_bytes: usize) -> Result<Self> {
-        Self::open_band(path, None, cache_bytes)
+    pub(super) fn open(path: &Path, cache_bytes: usize, nodata: Option<f64>) -> Result<Self> {
+        Self::open_band(path, None, cache_bytes, nodata)
     }
 
-    fn open_band(path: &Path, band: Option<usize>, cache_bytes: usize) -> Result<Self> {
+    fn open_band(path: &Path, band: Option<usize>, cache_bytes: usize, nodata: Option<f64>) -> Result<Self> {
         let (layout, mut file) = Layout::of(Handle::open(path)?, band)?;
         let georef = georef(&mut file)?;
-        let rule = Rule::of(&mut file, georef.as_ref())?;
+        let rule = Rule::of(&mut file, georef.as_ref(), nodata)?;
         file.refuse_masks()?;
         let format = layout.format.clone();
-        let info = Info { rows: layout.rows, cols: layout.cols, georef, unit: rule.unit.clone(), format };
+        let (rows, cols, unit, sun) = (layout.rows, layout.cols, rule.unit.clone(), rule.sun);
+        let info = Info { rows, cols, georef, unit, format, sun };
         let state = Mutex::new(State { file, cache: Cache::new(cache_bytes) });
         Ok(Self { path: path.into(), info, layout, rule, state })
     }

@@ -1,7 +1,7 @@
 //! Files that were written are read, and broken files are refused.
 
 use super::*;
-use crate::{Crs, Error, GeoRef, Raster};
+use crate::{Crs, Error, GeoRef, Raster, source};
 use std::path::{Path, PathBuf};
 
 pub(super) fn scratch() -> tempfile::TempDir {
@@ -160,4 +160,48 @@ fn missing_files_and_folders_are_named() {
     assert!(matches!(error, Error::Io { .. }), "{error}");
     std::fs::write(folder.path().join("text.tif"), "not a tiff").unwrap();
     assert!(matches!(read(folder.path().join("text.tif")).unwrap_err(), Error::Broken { .. }));
+}
+
+#[test]
+fn a_users_nodata_value_counts_as_the_tags_does() {
+    let folder = scratch();
+    let mut raster = heights(40, 30);
+    // A tenth is not an `f32`, and the first gap has the tag's value.
+    for (at, value) in [(3, -9999.0), (77, -9999.0), (78, 0.1), (79, 0.0)] {
+        raster.samples[at] = value;
+    }
+    let path = written(folder.path(), &raster, &WriteOptions::heights("t"));
+    let with = |nodata: Option<f64>| source::read_all(&*source::open_with(&path, nodata).unwrap()).unwrap().samples;
+    let voids = |samples: &[f32]| (0..samples.len()).filter(|&i| samples[i].is_nan()).collect::<Vec<_>>();
+    assert!(same_bits(&with(None), &raster.samples));
+    assert_eq!(voids(&with(Some(-9999.0))), [3, 77, 600]);
+    assert_eq!(voids(&with(Some(0.1))), [78, 600]);
+    assert_eq!(voids(&with(Some(f64::NAN))), [600]);
+    // It is compared with the stored number: these are kilometres.
+    let mut options = WriteOptions::heights("t");
+    options.unit = Some("km".into());
+    let path = written(folder.path(), &raster, &options);
+    let read = source::read_all(&*source::open_with(&path, Some(-9999.0)).unwrap()).unwrap().samples;
+    assert!(voids(&read) == [3, 77, 600] && (read[0] - 1000.0 * raster.samples[0]).abs() < 1.0);
+    // The same with integers, whose files have no tag if they have no gap.
+    let grey = Raster { samples: (0..20).map(|i| (i % 5) as f32).collect(), rows: 4, cols: 5, georef: None };
+    let path = written(folder.path(), &grey, &WriteOptions::image(SampleType::U8, "t"));
+    let read = source::read_all(&*source::open_with(&path, Some(0.0)).unwrap()).unwrap().samples;
+    assert_eq!(voids(&read), [0, 5, 10, 15]);
+}
+
+#[test]
+fn the_sun_of_an_image_is_read_as_it_was_written() {
+    let folder = scratch();
+    let sun = |options: &WriteOptions| {
+        let path = written(folder.path(), &heights(4, 4), options);
+        let found = source::open(&path).unwrap().info().sun;
+        (found.azimuth_deg, found.elevation_deg)
+    };
+    let plain = WriteOptions::heights("t");
+    assert_eq!(sun(&plain), (None, None));
+    assert_eq!(sun(&plain.clone().with_sun(Some(312.5), Some(31.25))), (Some(312.5), Some(31.25)));
+    assert_eq!(sun(&plain.clone().with_sun(None, Some(31.0))), (None, Some(31.0)));
+    let (azimuth_deg, _) = sun(&plain.with_item("SUN_AZIMUTH_DEG", "north"));
+    assert!(azimuth_deg.unwrap().is_nan(), "something else than a number");
 }

@@ -7,7 +7,7 @@ use super::label::Block;
 use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
 use super::value::{Kind, Value};
-use super::{Defect, one_line, place, read_label};
+use super::{Defect, one_line, place, read_label, sun};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
 use std::fs::File;
@@ -63,8 +63,14 @@ pub(super) struct Description {
 /// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Usage`] if the file that
 /// the label names does not exist.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
+    open_with(path, None)
+}
+
+/// Opens an image as [`open`] does. Samples stored as `nodata` are invalid, too.
+pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     let label = read_label(path)?;
-    let description = describe(&label).map_err(|refusal| refusal.of(path))?;
+    let mut description = describe(&label).map_err(|refusal| refusal.of(path))?;
+    description.meaning.also_missing(nodata, description.layout.sample);
     let data = match &description.file {
         Some(name) => resolve(path, name)?,
         None => path.to_path_buf(),
@@ -73,7 +79,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     let mut head = [0; 4];
     let is_tiff = file.read_exact(&mut head).is_ok() && geotiff_magic(head);
     if is_tiff && description.file.is_some() {
-        return Ok(Box::new(Relabelled::new(path, &data, description)?));
+        return Ok(Box::new(Relabelled::new(path, &data, &label, description)?));
     }
     let file_bytes = file.metadata().map_err(Error::io(&data))?.len();
     description.check_size(path, &data, file_bytes)?;
@@ -85,7 +91,8 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     };
     let kind = if named.is_some() { "detached" } else { "attached" };
     let format = format!("PDS3, {}{order}, {kind} label", layout.sample.name());
-    let info = Info { rows: layout.rows, cols: layout.cols, georef, unit, format };
+    let sun = sun::stated(&label, georef.is_some());
+    let info = Info { rows: layout.rows, cols: layout.cols, georef, unit, format, sun };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
 }
 
@@ -302,7 +309,7 @@ struct Relabelled {
 }
 
 impl Relabelled {
-    fn new(label: &Path, data: &Path, description: Description) -> Result<Self> {
+    fn new(path: &Path, data: &Path, label: &Block, description: Description) -> Result<Self> {
         let tiff = geotiff::open(data)?;
         let Layout { rows, cols, sample, .. } = description.layout;
         let found = tiff.info();
@@ -313,7 +320,7 @@ impl Relabelled {
                 found.cols,
                 data.display()
             );
-            return Err(Error::broken(label, what));
+            return Err(Error::broken(path, what));
         }
         let mut meaning = description.meaning;
         // A TIFF that names its unit has its own scale and offset, already applied.
@@ -323,10 +330,12 @@ impl Relabelled {
         if !sample.is_float() {
             meaning.missing.iter_mut().for_each(|v| *v = f64::from(*v as f32));
         }
+        let georef = found.georef.clone().or(description.georef);
         let info = Info {
-            georef: found.georef.clone().or(description.georef),
             unit: found.unit.clone().or(description.unit),
             format: format!("{}, PDS3 label", found.format),
+            sun: found.sun.or(sun::stated(label, georef.is_some())),
+            georef,
             ..found.clone()
         };
         Ok(Self { tiff, meaning, info })

@@ -8,6 +8,7 @@ mod label;
 mod lexer;
 mod place;
 mod pointer;
+mod sun;
 mod units;
 mod value;
 
@@ -15,6 +16,7 @@ mod value;
 mod tests;
 
 pub use image::open;
+pub(super) use image::open_with;
 pub use label::{Block, Item};
 pub use pointer::label_beside;
 pub use value::{Kind, Value};

@@ -8,9 +8,14 @@ use elunar_raster::{GeoRef, Projection, Result};
 const MOST_SAMPLES: usize = 1 << 22;
 
 pub(super) fn describe(source: &dyn Source) -> Result<String> {
-    let Info { rows, cols, georef, unit, format } = source.info();
+    let Info { rows, cols, georef, unit, format, sun } = source.info();
     let mut text = format!("raster of {rows} x {cols} pixels (rows x columns)\nformat: {format}\n");
     text += &format!("unit: {}\n", unit.as_deref().unwrap_or("not stated"));
+    let angle = |what: &str, deg: Option<f64>| deg.map(|deg| format!("{what} {deg:.3} deg"));
+    let angles = [angle("azimuth", sun.azimuth_deg), angle("elevation", sun.elevation_deg)];
+    if angles.iter().any(Option::is_some) {
+        text += &format!("sun: {}\n", angles.into_iter().flatten().collect::<Vec<_>>().join(", "));
+    }
     text += &match georef {
         Some(georef) => place(georef, *rows, *cols),
         None => "place: none\n".into(),

@@ -36,6 +36,18 @@ fn rasters_are_described() {
 }
 
 #[test]
+fn the_sun_of_an_image_is_described() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let raster = Raster { rows: 2, cols: 2, samples: vec![1.0, 2.0, 3.0, 4.0], georef: None };
+    let options = geotiff::WriteOptions::image(geotiff::SampleType::U8, "image");
+    geotiff::write(&path, &raster, &options).unwrap();
+    assert!(!described(&path).contains("sun:"));
+    geotiff::write(&path, &raster, &options.with_sun(Some(312.5), Some(31.0))).unwrap();
+    assert!(described(&path).contains("sun: azimuth 312.500 deg, elevation 31.000 deg\n"));
+}
+
+#[test]
 fn networks_are_described() {
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
     assert!(described(&models.join("nano.eld")).starts_with("int8 model for tiles of 256 x 320"));

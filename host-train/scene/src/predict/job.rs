@@ -1,6 +1,6 @@
 //! Work on a DTM file. Rows of an interrupted run are kept and the missing rows are made; then all rows become a GeoTIFF.
 
-use super::errors::{ErrorsWriter, Origins, origins_text};
+use super::errors::{ErrorsWriter, Origins};
 use super::tile::TileResult;
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
 use crate::{interrupt, progress};
@@ -61,6 +61,8 @@ pub struct Finished {
     pub low_m: f32,
     /// Highest height, metres.
     pub high_m: f32,
+    /// Number of heights.
+    pub pixels_valid: usize,
     /// Origins of the heights, if expected errors were wanted.
     pub origins: Option<Origins>,
 }
@@ -77,16 +79,21 @@ pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files
     let mut writer = DtmWriter::create(files.output, scene.rows, scene.cols, &scene.georef, &from)?;
     let errors = |(path, sigma_m)| ErrorsWriter::create(path, (scene.rows, scene.cols), &scene.georef, &from, sigma_m);
     let mut errors = files.errors.map(errors).transpose()?;
-    let (mut low_m, mut high_m) = (f32::INFINITY, f32::NEG_INFINITY);
+    let (mut low_m, mut high_m, mut pixels_valid) = (f32::INFINITY, f32::NEG_INFINITY, 0);
+    let mut see = |heights_m: &[f32]| {
+        for &z in heights_m.iter().filter(|z| z.is_finite()) {
+            (low_m, high_m, pixels_valid) = (low_m.min(z), high_m.max(z), pixels_valid + 1);
+        }
+    };
     let cols = scene.cols;
     part.read(&mut |rows| {
         let Some(errors) = &mut errors else {
-            (low_m, high_m) = widened((low_m, high_m), rows);
+            see(rows);
             return writer.add(rows);
         };
         for row in rows.chunks_exact(TileResult::LAYERS * cols) {
             let (heights_m, rest) = row.split_at(cols);
-            (low_m, high_m) = widened((low_m, high_m), heights_m);
+            see(heights_m);
             writer.add(heights_m)?;
             errors.add([0, 1, 2, 3].map(|layer| &rest[layer * cols..][..cols]))?;
         }
@@ -96,12 +103,7 @@ pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files
     let origins = errors.map(ErrorsWriter::finish).transpose()?;
     writer.finish()?;
     part.remove()?;
-    Ok(Finished { low_m, high_m, origins })
-}
-
-/// Returns a range that also holds the finite values.
-fn widened(range: (f32, f32), values: &[f32]) -> (f32, f32) {
-    values.iter().filter(|z| z.is_finite()).fold(range, |(low, high), &z| (low.min(z), high.max(z)))
+    Ok(Finished { low_m, high_m, pixels_valid, origins })
 }
 
 /// Returns a text that changes when the file changes.
@@ -127,7 +129,7 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
 /// Returns one line about a finished DTM.
 #[must_use]
 pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally) -> String {
-    let Finished { low_m: low, high_m: high, origins } = finished;
+    let Finished { low_m: low, high_m: high, .. } = finished;
     let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light } = *tally;
     let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
     let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
@@ -141,9 +143,6 @@ pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally)
     }
     if light.source != LightSource::NotAsked {
         text += &format!("\nlight: {}", light_text(&light));
-    }
-    if let Some(origins) = origins {
-        text += &format!("\nheights: {}", origins_text(origins));
     }
     text
 }

@@ -9,11 +9,15 @@ pub mod errors;
 pub mod int8;
 pub mod job;
 pub mod network;
+pub mod notices;
 mod output;
 mod part;
 mod preview;
+pub mod record;
 mod run;
 mod scene;
+pub mod sun;
+mod survey;
 mod tile;
 
 #[cfg(test)]
@@ -29,5 +33,6 @@ pub use part::Part;
 pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
 pub(crate) use scene::{Band, Cutout};
-pub use scene::{Input, Scene, Survey};
+pub use scene::{Input, Scene};
+pub use survey::{Brightness, Survey};
 pub(crate) use tile::Outcome;

@@ -2,6 +2,7 @@
 
 use super::network::Model;
 use super::scene::{Band, Scene};
+use super::sun::check_sun;
 use super::tile::{Outcome, Rules, TileResult, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
@@ -113,7 +114,7 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// are blended in reading order, whichever thread finishes first. The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] if the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
+/// [`Error::Usage`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
 /// height, or the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
@@ -123,6 +124,7 @@ pub fn predict_rows(
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
+    check_sun(options.sun)?;
     let input = model.input_rules();
     let lighting = scene.light_for(input.illumination, options.sun)?;
     let rules = Rules::new(input, lighting, scene, options);

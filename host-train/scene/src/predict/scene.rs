@@ -1,5 +1,6 @@
 //! Input of a prediction: an image and a coarse DTM on one grid, read one band of rows at a time.
 
+use super::survey::{Brightness, Survey};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
@@ -31,13 +32,13 @@ impl Input {
         Ok(Self { name: path.display().to_string(), source: elunar_raster::source::open(path)?.into() })
     }
 
-    /// Opens a file. The user's statements replace those of the file.
+    /// Opens a file. The user's statements replace those of the file. Samples stored as `nodata` are invalid, too.
     ///
     /// # Errors
     /// As [`Self::open`] and [`Statements::of`].
-    pub fn stated(path: &std::path::Path, stated: Statements) -> Result<Self> {
+    pub fn stated(path: &std::path::Path, stated: Statements, nodata: Option<f64>) -> Result<Self> {
         let name = path.display().to_string();
-        let source = stated.of(&name, elunar_raster::source::open(path)?)?;
+        let source = stated.of(&name, elunar_raster::source::open_with(path, nodata)?)?;
         Ok(Self { name, source: source.into() })
     }
 
@@ -60,9 +61,9 @@ pub struct Scene {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    image: Input,
-    coarse_name: String,
-    coarse: Onto,
+    pub(super) image: Input,
+    pub(super) coarse_name: String,
+    pub(super) coarse: Onto,
 }
 
 /// Some whole rows of a scene; gaps are not finite.
@@ -90,29 +91,6 @@ pub(crate) struct Cutout {
     pub(crate) valid: Vec<bool>,
 }
 
-/// Properties of a scene, measured on a sample of its rows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Survey {
-    /// Fit of brightness to the coarse DTM's slopes.
-    pub light: LightFit,
-    /// Highest minus lowest valid height of the coarse DTM, metres.
-    pub relief_m: f32,
-    /// Extent of the relief, metres: the longer side of the rows that were read.
-    pub extent_m: f64,
-}
-
-impl Survey {
-    /// Relief over extent below which heights are more likely kilometres read as metres. It is 0.06 degrees from end to end; the Moon's
-    /// flattest maria have a degree or two.
-    const FLATTEST: f64 = 1e-3;
-
-    /// Returns whether the coarse DTM's heights look like kilometres.
-    #[must_use]
-    pub fn suspects_kilometres(&self) -> bool {
-        self.relief_m > 0.0 && f64::from(self.relief_m) < Self::FLATTEST * self.extent_m
-    }
-}
-
 /// Rows that a survey reads at once, and the greatest number of such blocks. Long strips are sampled, because a scene has one light.
 const SURVEY_ROWS: usize = 960;
 const SURVEY_BLOCKS: usize = 16;
@@ -132,7 +110,9 @@ impl Scene {
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
             let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
-            return Err(Error::usage(format!("{what}, found pixels {coarse_px:.2} times as wide as the image's")));
+            return Err(Error::usage(format!(
+                "{what}, found pixels {coarse_px:.2} times as wide as the image's: were the two exchanged?"
+            )));
         }
         let info = image.source.info();
         let placed = Onto::new(coarse.source, &coarse.name, info, &image.name, Interpolation::Bicubic)?;
@@ -171,12 +151,8 @@ impl Scene {
     /// # Errors
     /// If a file cannot be read.
     pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<Lighting> {
-        let mut fit = if Lighting::wants_fit(illumination, sun) { self.survey()?.light } else { LightFit::default() };
-        if !illumination.is_guided() {
-            // As for a single tile: other networks have no memory for it.
-            fit = fit.with_axis(None);
-        }
-        Ok(Lighting::decide(illumination, sun, &fit))
+        let survey = if Lighting::wants_fit(illumination, sun) { self.survey()? } else { Survey::default() };
+        Ok(survey.lighting(illumination, sun))
     }
 
     /// Surveys all rows of a small scene, or evenly spread rows of a long one.
@@ -185,6 +161,7 @@ impl Scene {
     /// If a file cannot be read.
     pub fn survey(&self) -> Result<Survey> {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
+        let mut brightness = Brightness::default();
         let mut contrast = Contrast::default();
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
@@ -195,6 +172,7 @@ impl Scene {
             let band = self.band(first, rows)?;
             let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
+            brightness.add(&band.image);
             // Cells with a void are left out.
             light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
             band.add_contrast(&mut contrast);
@@ -202,7 +180,10 @@ impl Scene {
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
             light: light.with_axis(contrast.axis()),
-            relief_m: range.1 - range.0,
+            contrast,
+            brightness,
+            lowest_m: range.0,
+            highest_m: range.1,
             extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),
         })
     }

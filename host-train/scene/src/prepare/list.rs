@@ -1,5 +1,6 @@
 //! Lists of the files of scenes.
 
+use crate::predict::sun::{check_azimuth, check_elevation};
 use crate::table::Rows;
 use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -62,12 +63,11 @@ fn scene(folder: &Path, header: &[&str], cells: &[&str]) -> std::result::Result<
     let cell = |name: &str| header.iter().position(|h| *h == name).map(|k| cells[k]).filter(|c| !c.is_empty());
     let file =
         |name: &str| cell(name).map(|c| folder.join(c)).ok_or_else(|| format!("a file in column {name} expected"));
-    let degrees = |name: &str| match cell(name) {
-        None => Ok(None),
-        Some(text) => match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value)),
-            _ => Err(format!("degrees in column {name} expected, {text:?} found")),
-        },
+    let degrees = |name: &str, check: fn(&str, f64) -> Result<()>| {
+        let Some(text) = cell(name) else { return Ok(None) };
+        let value: f64 = text.parse().map_err(|_| format!("degrees in column {name} expected, {text:?} found"))?;
+        check(&format!("column {name}"), value).map_err(|error| error.to_string())?;
+        Ok::<_, String>(Some(value))
     };
     let image = file("image")?;
     let site = cell("site").map_or_else(|| image.display().to_string(), String::from);
@@ -75,8 +75,8 @@ fn scene(folder: &Path, header: &[&str], cells: &[&str]) -> std::result::Result<
         dtm: file("dtm")?,
         coarse: file("coarse")?,
         site,
-        sun_azimuth_deg: degrees("sun_azimuth_deg")?,
-        sun_elevation_deg: degrees("sun_elevation_deg")?,
+        sun_azimuth_deg: degrees("sun_azimuth_deg", check_azimuth)?,
+        sun_elevation_deg: degrees("sun_elevation_deg", check_elevation)?,
         image,
     })
 }
@@ -121,6 +121,14 @@ mod tests {
             (
                 "image,dtm,coarse,sun_azimuth_deg\na,b,c,north\n",
                 "line 2: degrees in column sun_azimuth_deg expected, \"north\"",
+            ),
+            (
+                "image,dtm,coarse,sun_azimuth_deg\na,b,c,nan\n",
+                "line 2: column sun_azimuth_deg: a number from -360 to 360 degrees expected, found NaN",
+            ),
+            (
+                "image,dtm,coarse,sun_elevation_deg\na,b,c,90\n",
+                "line 2: column sun_elevation_deg: a number above 0 and below 90 degrees expected, found 90",
             ),
         ] {
             let refused = read_text(text).unwrap_err().to_string();

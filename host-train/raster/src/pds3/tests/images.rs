@@ -1,7 +1,7 @@
 //! Images described by labels.
 
 use super::{EQUIRECTANGULAR, POLAR, attached, opened, refused, shared, sldem_label};
-use crate::source::{open, read_all};
+use crate::source::{open, open_with, read_all};
 use crate::{Crs, Projection};
 use elunar_core::tile::Window;
 
@@ -263,6 +263,24 @@ fn constants_that_mean_nothing_was_measured() {
     assert_eq!(gaps(read("SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 16", &shorts, 2)), [true, true, false, false]);
     let text = refused(&[("a.img", &attached(1, 2, &format!("{real} MISSING_CONSTANT = \"x\""), "", 4))]);
     assert!(text.contains("a number as MISSING_CONSTANT"), "{text}");
+}
+
+#[test]
+fn a_users_nodata_value_and_the_sun_of_a_label() {
+    let folder = tempfile::tempdir().unwrap();
+    let real =
+        "SAMPLE_TYPE = PC_REAL SAMPLE_BITS = 32 SCALING_FACTOR = 2 SUB_SOLAR_AZIMUTH = 200 INCIDENCE_ANGLE = 60 <DEG>";
+    for (projection, azimuth_deg) in [("", Some(290.0)), (EQUIRECTANGULAR, None)] {
+        let file = [attached(1, 3, real, projection, 4), le(&[5.0, -9999.0, 0.1])].concat();
+        let source = opened(folder.path(), &[("a.img", &file)]).unwrap();
+        let sun = source.info().sun;
+        assert_eq!((sun.azimuth_deg, sun.elevation_deg), (azimuth_deg, Some(30.0)), "{projection}");
+        for (nodata, void) in [(-9999.0, 1), (0.1, 2)] {
+            let samples = read_all(&*open_with(&folder.path().join("a.img"), Some(nodata)).unwrap()).unwrap().samples;
+            let voids: Vec<usize> = (0..3).filter(|&i| samples[i].is_nan()).collect();
+            assert!(voids == [void] && samples[0] == 10.0, "{samples:?}");
+        }
+    }
 }
 
 #[test]

@@ -1,0 +1,51 @@
+//! Warnings about a scene that is probably not what its user meant, each one line. They change no result.
+//!
+//! All limits are our choice, wide enough that ordinary scenes have no warning: a false alarm is worse than a miss.
+
+mod coarse;
+mod exchange;
+mod image;
+mod light;
+
+#[cfg(test)]
+mod tests;
+
+pub use exchange::check_exchange;
+pub use light::share_of_relief;
+
+use super::sun::KnownFrom;
+use super::{Scene, Survey};
+use elunar_net::illumination::Lighting;
+use elunar_raster::Result;
+
+/// Returns the warnings about a scene, its survey, and the light that it is worked on under. `unit_stated` says that the user has stated the
+/// unit of the heights.
+///
+/// # Errors
+/// If the coarse DTM cannot be read.
+pub fn notices(
+    scene: &Scene,
+    survey: &Survey,
+    sun: &KnownFrom,
+    lighting: &Lighting,
+    unit_stated: bool,
+) -> Result<Vec<String>> {
+    if survey.lowest_m > survey.highest_m {
+        // No valid pixel: the run will end with an error, which is enough.
+        return Ok(vec![]);
+    }
+    let name = &scene.image.name;
+    let of_exchange = exchange::suspected(scene, unit_stated);
+    let of_coarse = coarse::suspected(scene, survey, unit_stated)?;
+    let of_image = image::suspected(name, &survey.brightness);
+    // Neither under a wrong light nor in a clipped image does anything look like relief: the cause is told, not the effect.
+    let little = || light::little_relief(name, survey, lighting).filter(|_| of_image.is_empty());
+    let of_light = light::contradiction(survey, sun, lighting).or_else(little);
+    let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_image);
+    Ok(found.chain(of_light).collect())
+}
+
+/// Returns a share in percent, for messages.
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}

@@ -1,0 +1,116 @@
+//! What a scene is like, measured on a sample of its rows before a run.
+
+use elunar_core::nn::Illumination;
+use elunar_core::norm::LightFit;
+use elunar_core::photoclinometry::Contrast;
+use elunar_net::illumination::{KnownSun, Lighting};
+
+/// Properties of a scene, measured on a sample of its rows.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Survey {
+    /// Fit of brightness to the coarse DTM's slopes.
+    pub light: LightFit,
+    /// Contrast of the image, by wavelength and direction.
+    pub contrast: Contrast,
+    /// Brightness of the image.
+    pub brightness: Brightness,
+    /// Lowest valid height of the coarse DTM, metres; infinite without one.
+    pub lowest_m: f32,
+    /// Highest valid height of the coarse DTM, metres; negative infinity without one.
+    pub highest_m: f32,
+    /// Extent of the heights, metres: the longer side of the rows that were read.
+    pub extent_m: f64,
+}
+
+impl Survey {
+    /// Returns the scene's light for a network that expects `illumination`. Unknown parts of the Sun's direction are those of the fit.
+    #[must_use]
+    pub fn lighting(&self, illumination: Illumination, sun: KnownSun) -> Lighting {
+        // As for a single tile: other networks have no memory for the axis.
+        let fit = if illumination.is_guided() { self.light } else { self.light.with_axis(None) };
+        Lighting::decide(illumination, sun, &fit)
+    }
+}
+
+/// Brightness of an image's valid pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Brightness {
+    /// Valid pixels.
+    pub pixels: u64,
+    sum: f64,
+    squares: f64,
+    lowest: Extreme,
+    highest: Extreme,
+}
+
+/// A lowest or highest value, and how many pixels have exactly this value.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Extreme {
+    value: f32,
+    pixels: u64,
+}
+
+impl Extreme {
+    fn add(&mut self, value: f32, is_beyond: bool) {
+        if self.pixels == 0 || is_beyond {
+            *self = Self { value, pixels: 1 };
+        } else if value == self.value {
+            self.pixels += 1;
+        }
+    }
+}
+
+impl Brightness {
+    /// Adds pixels; those that are not finite do not count.
+    pub fn add(&mut self, image: &[f32]) {
+        for &value in image.iter().filter(|value| value.is_finite()) {
+            self.pixels += 1;
+            self.sum += f64::from(value);
+            self.squares += f64::from(value) * f64::from(value);
+            self.lowest.add(value, value < self.lowest.value);
+            self.highest.add(value, value > self.highest.value);
+        }
+    }
+
+    /// Returns the lowest value, and the share of pixels that have it.
+    #[must_use]
+    pub fn lowest(&self) -> (f32, f64) {
+        (self.lowest.value, self.share(self.lowest.pixels))
+    }
+
+    /// Returns the highest value, and the share of pixels that have it.
+    #[must_use]
+    pub fn highest(&self) -> (f32, f64) {
+        (self.highest.value, self.share(self.highest.pixels))
+    }
+
+    /// Returns the standard deviation as a share of the mean; infinite if the mean is not positive.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        let pixels = self.pixels.max(1) as f64;
+        let mean = self.sum / pixels;
+        if mean > 0.0 { (self.squares / pixels - mean * mean).max(0.0).sqrt() / mean } else { f64::INFINITY }
+    }
+
+    fn share(&self, pixels: u64) -> f64 {
+        pixels as f64 / self.pixels.max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extremes_and_contrast_are_counted_over_all_parts() {
+        let mut found = Brightness::default();
+        found.add(&[3.0, f32::NAN, 5.0]);
+        found.add(&[1.0, 5.0, 1.0, 1.0]);
+        assert_eq!((found.pixels, found.lowest(), found.highest()), (6, (1.0, 0.5), (5.0, 2.0 / 6.0)));
+        // Mean 16 / 6, mean square 62 / 6.
+        let mean = 16.0_f64 / 6.0;
+        assert!((found.contrast() - (62.0_f64 / 6.0 - mean * mean).sqrt() / mean).abs() < 1e-12);
+        found.add(&[-100.0]);
+        assert_eq!((found.lowest().0, found.contrast()), (-100.0, f64::INFINITY));
+    }
+}
