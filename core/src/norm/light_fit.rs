@@ -30,9 +30,9 @@ const UNEXPLAINED_MIN: f64 = 1e-4;
 /// Standard deviation of the logarithm of a fitted strength beyond its noise: long waves show another strength than short ones (our choice;
 /// 0.13 over synthetic scenes, 0.3 over real ones).
 const FITTED_SPREAD: f64 = 0.2;
-/// Standard deviation of the logarithm of the strength for a Sun of known elevation: images are not always linear in radiance, and the
-/// ground does not always follow the Lunar-Lambert law (our choice).
-const TOLD_SPREAD: f64 = 0.3;
+/// Standard deviation of the logarithm of the strength for a Sun of known elevation: images are often not linear in radiance, and the ground
+/// does not always follow the Lunar-Lambert law (our choice; with 0.3 ray-traced images in 8 bits become worse than the coarse DTM).
+const TOLD_SPREAD: f64 = 0.6;
 /// The strength that is expected of a Sun of unknown elevation, and the standard deviation of its logarithm: a Sun 25 degrees high, between
 /// 8 and 50 (our choice).
 const EXPECTED_STRENGTH: f64 = 1.8;
