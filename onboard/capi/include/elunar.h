@@ -56,6 +56,7 @@
 #define ELD_REFUSED_NO_TILE               UINT32_C(0x80010007) /**< no tile was begun */
 #define ELD_REFUSED_NOT_DONE              UINT32_C(0x80010008) /**< the tile is not finished */
 #define ELD_REFUSED_OTHER_TILE            UINT32_C(0x80010009) /**< the tile is the self test's where the caller's is asked for, or the other way round */
+#define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
 
 #define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
 #define ELD_REFUSED_MEMORY_ALIGNMENT      UINT32_C(0x80020002) /**< the lent memory is not aligned as eld_model_check says */
@@ -299,6 +300,40 @@ typedef struct {
 } eld_tile_t;
 
 /**
+ * The errors that the heights and slopes of a tile are expected to have: standard deviations, without the error of the coarse DTM itself.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_errors_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Of heights, metres.
+     */
+    float height_m;
+    /**
+     * Of slopes along either axis, metres per metre.
+     */
+    float slope;
+    /**
+     * Share of the relief between the coarse DTM's pixels that the image explains, 0 to 1.
+     */
+    float explained;
+    /**
+     * Of heights of dark pixels, metres.
+     */
+    float dark_height_m;
+    /**
+     * Of slopes of dark pixels along either axis, metres per metre.
+     */
+    float dark_slope;
+    /**
+     * A pixel is dark if its brightness in `eld_tile_t` is below this.
+     */
+    float dark_below;
+} eld_errors_t;
+
+/**
  * Counters of a context since `eld_init`. They do not wrap within the time of a mission.
  */
 typedef struct {
@@ -452,6 +487,13 @@ eld_status_t eld_output(eld_context_t *context,
                         size_t heights_len,
                         uint8_t *valid,
                         size_t valid_len);
+
+/**
+ * Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused if the
+ * model's light is not `ELD_LIGHT_WEIGHED`. Reads only the context.
+ */
+eld_status_t eld_errors(eld_context_t *context,
+                        eld_errors_t *out);
 
 /**
  * Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
