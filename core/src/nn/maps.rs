@@ -250,7 +250,7 @@ impl<'t, 's> TileMaps<'t, 's> {
             let expected = weighed.then(|| {
                 let Lighting { trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
                 let doubt = LightDoubt { trust, log_strength_sd, azimuth_sd_deg };
-                ExpectedErrors::of_share(guide.share(), doubt, (tile.pixel_m, coarse_px), guide.mean_brightness())
+                ExpectedErrors::of_share(guide.share(), doubt, (tile.pixel_m, coarse_px), guide.dark_below())
             });
             return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected }));
         }

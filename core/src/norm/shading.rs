@@ -11,6 +11,9 @@ use crate::norm::NormError;
 
 /// The network's unit of slope: 0.1 (5.7 degrees), a typical slope on the Moon (our choice).
 pub const SLOPE_UNIT: f32 = 0.1;
+/// A pixel of less than this share of the mean brightness is dark: it shows no slope, only that the ground falls away from the light (our
+/// choice).
+const DARK: f32 = 0.1;
 /// Limit of slopes: 45 degrees, steeper than the angle of repose of loose ground (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
 
@@ -48,10 +51,10 @@ impl Shading {
         Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
     }
 
-    /// Returns the mean brightness.
+    /// Returns the brightness below which a pixel is dark: a tenth of the mean.
     #[must_use]
-    pub fn mean(&self) -> f32 {
-        self.mean
+    pub fn dark_below(&self) -> f32 {
+        DARK * self.mean
     }
 
     /// Returns the slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].

@@ -5,8 +5,6 @@ use core::f32::consts::TAU;
 
 /// Length in coarse pixels beyond which heights are those of the coarse DTM: half of the squared error of such waves remains (our choice).
 const HELD_COARSE_PX: f32 = 2.5;
-/// A pixel of less than this share of the tile's mean brightness is dark: it shows no slope (our choice).
-const DARK: f32 = 0.1;
 
 /// A light's uncertainty, and the trust in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,14 +104,14 @@ impl ExpectedErrors {
     }
 
     /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
-    /// coarse pixel in pixels of the image, `mean` the mean brightness.
+    /// coarse pixel in pixels of the image, `dark_below` the brightness below which a pixel is dark.
     #[must_use]
-    pub fn of_share(share: &Share, doubt: LightDoubt, (pixel_m, coarse_px): (f32, f32), mean: f32) -> Self {
+    pub fn of_share(share: &Share, doubt: LightDoubt, (pixel_m, coarse_px): (f32, f32), dark_below: f32) -> Self {
         let azimuth_sd = doubt.azimuth_sd_deg.to_radians();
         let spoiled = (doubt.log_strength_sd * doubt.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
         let trust = doubt.trust * (1.0 - spoiled);
         let with = |trust| open(share, trust, (pixel_m, coarse_px));
-        Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below: DARK * mean }
+        Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below }
     }
 
     /// Returns those of a tile whose coarse heights are kept: of its image nothing is known. Its fine slopes are taken to be as large as those
@@ -195,7 +193,7 @@ mod tests {
     #[test]
     fn nothing_trusted_leaves_all_open() {
         let none = LightDoubt { trust: 0.0, ..SURE };
-        let errors = ExpectedErrors::of_share(&share(0.02), none, SIZES, 100.0);
+        let errors = ExpectedErrors::of_share(&share(0.02), none, SIZES, 10.0);
         let Errors { height_m, slope, explained, .. } = errors.lit();
         // sqrt(0.02 / 2) along either axis; the height of waves of 5.7 pixels of 2 m.
         assert!((slope - 0.1).abs() < 1e-3, "{slope}");
@@ -206,7 +204,7 @@ mod tests {
 
     #[test]
     fn the_surer_the_light_the_smaller_the_errors() {
-        let of = |doubt| ExpectedErrors::of_share(&share(0.02), doubt, SIZES, 100.0).lit();
+        let of = |doubt| ExpectedErrors::of_share(&share(0.02), doubt, SIZES, 10.0).lit();
         let sure = of(SURE);
         let doubts = [
             LightDoubt { trust: 0.8, ..SURE },
@@ -225,7 +223,7 @@ mod tests {
 
     #[test]
     fn dark_pixels_show_nothing() {
-        let errors = ExpectedErrors::of_share(&share(0.02), SURE, SIZES, 100.0);
+        let errors = ExpectedErrors::of_share(&share(0.02), SURE, SIZES, 10.0);
         assert!(errors.is_dark(9.0) && !errors.is_dark(11.0) && !errors.is_dark(f32::NAN));
         assert_eq!(ExpectedErrors::from_values(errors.to_values()), errors);
         assert!(errors.at(0.0).slope > 1.2 * errors.at(100.0).slope && errors.at(0.0).explained == 0.0);
@@ -248,8 +246,8 @@ mod tests {
 
     #[test]
     fn long_waves_are_the_coarse_dtms() {
-        let near = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 30.0), 1.0).lit();
-        let finer = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 2.0), 1.0).lit();
+        let near = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 30.0), 0.1).lit();
+        let finer = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 2.0), 0.1).lit();
         assert!(finer.slope < 0.7 * near.slope && finer.height_m < 0.7 * near.height_m);
     }
 

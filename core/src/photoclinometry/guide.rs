@@ -127,10 +127,10 @@ impl<'t, 's> Guide<'t, 's> {
         &self.share
     }
 
-    /// Returns the mean brightness of the valid pixels.
+    /// Returns the brightness below which a pixel is dark ([`Shading::dark_below`]).
     #[must_use]
-    pub fn mean_brightness(&self) -> f32 {
-        self.shading.mean()
+    pub fn dark_below(&self) -> f32 {
+        self.shading.dark_below()
     }
 
     /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on: slopes east and south, relief,

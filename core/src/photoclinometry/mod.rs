@@ -88,7 +88,7 @@ impl Photoclinometry {
     ) -> Result<Relief<'s>, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
         let direction = Self::direction(light);
-        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), direction);
+        self.fill(field, brightness, coarse, (|v| shading.along(v, light.strength()), shading.dark_below()), direction);
         self.mirror_cols(field);
         self.rows_forward(field, col_roots);
         self.mirror_rows(field);
@@ -112,7 +112,13 @@ impl Photoclinometry {
         scratch: &mut [f32],
     ) -> Result<Contrast, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        self.fill(field, brightness, coarse, |v| shading.along(v, light.strength()), Self::direction(light));
+        self.fill(
+            field,
+            brightness,
+            coarse,
+            (|v| shading.along(v, light.strength()), shading.dark_below()),
+            Self::direction(light),
+        );
         let squares = f64::from(self.taper(field));
         self.rows_forward(field, col_roots);
         self.clear_margins(field);
@@ -158,7 +164,7 @@ impl Photoclinometry {
         field: &mut [f32],
         brightness: impl Fn(usize, &mut [f32]),
         coarse: impl Fn(usize, &mut [f32]),
-        seen: impl Fn(f32) -> f32,
+        (seen, dark_below): (impl Fn(f32) -> f32, f32),
         [east, south]: [f32; 2],
     ) {
         let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
@@ -179,7 +185,12 @@ impl Photoclinometry {
             let per_row = 1.0 / (down - up).max(1) as f32;
             let missing = |across: f32, along: f32, v: f32| {
                 // Where the image is invalid, no slope remains to be explained.
-                if v.is_nan() { 0.0 } else { seen(v) - (east * across + south * (along * per_row)) }
+                if v.is_nan() {
+                    return 0.0;
+                }
+                let slope = seen(v) - (east * across + south * (along * per_row));
+                // A dark slope may be steeper than its brightness says. If the coarse DTM is steeper, nothing remains to be explained.
+                if v < dark_below { slope.min(0.0) } else { slope }
             };
             let columns = out.iter_mut().zip(bright.iter()).zip(above.iter().zip(below));
             for (((out, &v), (a, b)), z) in columns.skip(1).zip(here.windows(3)) {

@@ -307,3 +307,22 @@ fn trust_is_a_factor_and_albedo_flattens_the_relief() {
     weighed.iter().zip(&half).for_each(|(a, b)| assert!((0.5 * a - b).abs() < 1e-5));
     assert!(of(&found, 0.0).iter().all(|v| *v == 0.0));
 }
+
+/// A slope in shadow may be steeper than the darkest brightness says. The relief does not flatten it.
+#[test]
+fn dark_pixels_do_not_flatten_slopes() {
+    let (rows, cols) = (48, 64);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light { east: 4.0, south: 0.0 };
+    let dark = |i: usize| (30..38).contains(&(i % cols));
+    // A scarp of 0.6 where the darkest brightness says 0.25.
+    let coarse: Vec<f32> = (0..rows * cols).map(|i| -0.6 * ((i % cols) as f32 - 29.5).clamp(0.0, 8.0)).collect();
+    let largest = |dark_brightness: f32| {
+        let image: Vec<f32> = (0..rows * cols).map(|i| if dark(i) { dark_brightness } else { 100.0 }).collect();
+        let relief = relief(&plan, (&image, &coarse), light, 30.0, PLAIN);
+        relief.iter().fold(0.0f32, |most, h| most.max(h.abs()))
+    };
+    // A tenth of the mean is the limit.
+    assert!(largest(0.0) < 0.6, "{}", largest(0.0));
+    assert!(largest(20.0) > 1.0, "{}", largest(20.0));
+}
