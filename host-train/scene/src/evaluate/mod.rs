@@ -1,12 +1,18 @@
 //! Scores of DTMs against a truth. All candidates are scored on the same pixels.
 
+mod calibration;
 mod coalign;
+mod details;
+mod expected;
 pub mod lowpass;
 mod relief;
 mod report;
 mod scores;
 
+pub use calibration::{Calibration, Coverage, calibration};
 pub use coalign::CoAlignment;
+pub use details::Details;
+pub use expected::Expected;
 pub use relief::{Light, ReliefScores, Side, relief};
 pub use report::{json, table};
 pub use scores::Scores;
@@ -181,7 +187,8 @@ mod tests {
         let before = truth.samples[30 * 80 + 40] - truth.samples[15 * 80 + 40];
         assert!((kept / before - 1.0).abs() < 0.05, "{kept} of {before}");
         assert!(
-            table(&coarse).contains("at a resolution of 20.0 m") && json(&coarse).contains("\"resolution_m\": 20.0")
+            table(&coarse, &Details::default()).contains("at a resolution of 20.0 m")
+                && json(&coarse, &Details::default()).contains("\"resolution_m\": 20.0")
         );
         for wrong in [0.0, -3.0, f64::NAN] {
             assert!(at(Some(wrong)).unwrap_err().to_string().contains("above 0 expected"), "{wrong}");
@@ -218,9 +225,9 @@ mod tests {
         let dtm = raster(10, 10, |r, c| (r * c) as f32 + 3.0);
         let candidates = [Candidate::fine("dtm.tif", &dtm), Candidate::coarse("coarse.tif", &truth)];
         let found = compare(Named::new("truth.tif", &truth), &candidates, None).unwrap();
-        let text = table(&found);
+        let text = table(&found, &Details::default());
         assert!(text.contains("dtm.tif") && text.contains("coarse.tif") && text.contains("3.000"), "{text}");
-        let value: serde_json::Value = serde_json::from_str(&json(&found)).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&json(&found, &Details::default())).unwrap();
         assert_eq!(value["candidates"][0]["rmse_m"], 3.0);
         assert_eq!(value["candidates"][0]["share_within_4_m"], 1.0);
         assert_eq!(value["candidates"][1]["mae_m"], 0.0);

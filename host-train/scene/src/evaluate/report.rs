@@ -1,6 +1,6 @@
 //! A comparison as text and as JSON.
 
-use super::{Comparison, Scored};
+use super::{Comparison, Details, Scored};
 use elunar_core::metrics::height::LIMITS_M;
 use serde_json::{Value, json as value};
 use std::collections::BTreeSet;
@@ -28,7 +28,7 @@ const LINES: [Line; 14] = [
 
 /// Returns the table: one column per candidate, one line per figure. The text ends with a newline.
 #[must_use]
-pub fn table(comparison: &Comparison) -> String {
+pub fn table(comparison: &Comparison, details: &Details) -> String {
     let heading = LINES.iter().map(|(name, unit, _)| name.len() + unit.len() + 3).max().unwrap_or(0);
     let names = short_names(comparison);
     let widths: Vec<usize> = names.iter().map(|name| name.chars().count().max(10)).collect();
@@ -53,6 +53,13 @@ pub fn table(comparison: &Comparison) -> String {
         }
         text.push('\n');
     }
+    if let Some(found) = &details.calibration {
+        text += &format!("\n{}", found.table());
+        if comparison.resolution_m.is_some() {
+            text +=
+                "expected errors are those of the DTM's own grid, errors those at the resolution of the comparison\n";
+        }
+    }
     text
 }
 
@@ -71,9 +78,9 @@ fn short_names(comparison: &Comparison) -> Vec<String> {
 
 /// Returns the comparison as JSON: one object, units in the names, shares in [0, 1].
 #[must_use]
-pub fn json(comparison: &Comparison) -> String {
+pub fn json(comparison: &Comparison, details: &Details) -> String {
     let candidates: Vec<Value> = comparison.scored.iter().map(candidate).collect();
-    let whole = value!({
+    let mut whole = value!({
         "truth": comparison.truth,
         "truth_pixels": comparison.truth_pixels,
         "common_pixels": comparison.common_pixels,
@@ -82,6 +89,9 @@ pub fn json(comparison: &Comparison) -> String {
         "resolution_m": comparison.resolution_m,
         "candidates": candidates,
     });
+    if let Some(found) = &details.calibration {
+        whole["expected_errors"] = found.json();
+    }
     format!("{whole:#}")
 }
 
