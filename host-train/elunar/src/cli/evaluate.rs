@@ -2,7 +2,9 @@
 
 use elunar_raster::align::Named;
 use elunar_raster::{Result, source};
-use elunar_scene::evaluate::{Candidate, Details, Expected, calibration, compare, json, table};
+use elunar_scene::evaluate::{
+    Candidate, Details, Expected, calibration, compare, json, octaves_picture, short_names, table,
+};
 use elunar_scene::picture;
 use std::path::PathBuf;
 
@@ -40,6 +42,9 @@ pub struct Args {
     /// Also draw how often errors lie within limits that a Gaussian of the expected size keeps with a given probability.
     #[arg(long, value_name = "CHART.png", requires = "uncertainty")]
     pub reliability: Option<PathBuf>,
+    /// Also draw correlation, gain and amplitude of the waves over their wavelength.
+    #[arg(long, value_name = "CHART.png")]
+    pub spectra: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -58,13 +63,16 @@ pub fn run(args: Args) -> Result<()> {
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
     let comparison = compare(Named::new(&truth_name, &truth), &candidates, args.truth_resolution_m)?;
     let calibration = expected.as_ref().map(|expected| calibration(&comparison, expected)).transpose()?;
-    let details = Details { calibration };
+    let details = Details { calibration, ..Details::of(&comparison) };
     if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
         let error = &scored.error_m;
         picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
     }
     if let (Some(path), Some(found)) = (&args.reliability, &details.calibration) {
         picture::write_png(path, found.picture()?)?;
+    }
+    if let Some(path) = &args.spectra {
+        picture::write_png(path, octaves_picture(&short_names(&comparison), &details.spectra)?)?;
     }
     if args.json {
         println!("{}", json(&comparison, &details));
