@@ -73,12 +73,16 @@ fn an_image_and_a_coarse_dtm_become_a_dtm() {
         "coarse.tif",
         "--error-map",
         "e.png",
+        "--spectra",
+        "s.png",
         "--json",
     ]);
     let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!(found["common_pixels"], 300 * 340 - 40);
     assert!(found["candidates"][1]["rmse_m"].as_f64().unwrap() < 0.1, "bicubic follows smooth terrain: {found}");
-    assert!(bench.path("e.png").exists());
+    assert!(bench.path("e.png").exists() && bench.path("s.png").exists());
+    let offset = &found["candidates"][1]["registration"];
+    assert!(offset["down_px"].as_f64().unwrap().abs() < 0.1 && offset["right_m"].is_f64(), "{found}");
     let out = bench.run(&["evaluate", "--dtm", "one.tif", "--truth", "truth.tif"]);
     assert!(String::from_utf8_lossy(&out.stdout).contains("RMSE [m]"));
 }
@@ -166,6 +170,10 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
         (vec!["evaluate", "--dtm", "projection.tif", "--truth", "truth.tif"], ["projection.tif", "overlapping"]),
         (vec!["evaluate", "--dtm", "mars.tif", "--truth", "truth.tif"], ["mars.tif", "3396190"]),
         (vec!["evaluate", "--dtm", "elsewhere.tif", "--truth", "truth.tif"], ["elsewhere.tif", "overlapping"]),
+        (
+            vec!["evaluate", "--dtm", "truth.tif", "--truth", "truth.tif", "--uncertainty", "coarse.tif"],
+            ["coarse.tif", "the grid of truth.tif expected"],
+        ),
         (vec!["evaluate", "--dtm", "cut.tif", "--truth", "truth.tif", "--error-map", "e.png"], ["cut.tif", "broken"]),
     ];
     for (arguments, expected) in cases {

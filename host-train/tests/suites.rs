@@ -3,7 +3,8 @@
 mod support;
 
 use elunar_net::digest::sha256_hex;
-use elunar_raster::source;
+use elunar_raster::geotiff::{SampleType, WriteOptions, write};
+use elunar_raster::{Crs, source};
 use std::path::Path;
 use support::Shell;
 
@@ -58,6 +59,47 @@ fn mistakes_are_named() {
     let refused = shell.refused(&["suite", "--out", "out", "--against", "known"]);
     assert!(refused.contains("NAME=DIR"), "{refused}");
     assert!(!shell.path("out").exists(), "nothing half made");
+}
+
+/// One of the real sets, made up: the scene is made, scored against its truth, and the absent sets are named.
+#[test]
+fn real_scenes_are_scored_and_absent_sets_named() {
+    let shell = Shell::new();
+    let refused = shell.refused(&["suite", "--real", ".", "--out", "out"]);
+    assert!(refused.contains("mars_gale_hirise_1m/truth_dtm_1m.tif") && refused.contains("found none"), "{refused}");
+    assert!(!shell.path("out").exists());
+    let folder = shell.path("data/mars_gale_hirise_1m");
+    std::fs::create_dir_all(&folder).unwrap();
+    let hills = |x: f64, y: f64| 9.0 * (x * 0.05).sin() + 6.0 * (y * 0.07).cos();
+    for (file, options) in [
+        ("image_1m.tif", WriteOptions::image(SampleType::F32, "image")),
+        ("truth_dtm_1m.tif", WriteOptions::heights("truth")),
+    ] {
+        let crs = Crs::moon_equirectangular(0.0, 0.0);
+        write(&folder.join(file), &support::raster((200, 250), (0.0, 0.0), 1.0, crs, hills), &options).unwrap();
+    }
+    std::fs::create_dir(shell.path("known")).unwrap();
+    let arguments = ["suite", "--real", "data", "--out", "out", "--against", "oracle=known"];
+    let out = shell.run(&[&arguments[..], &["--scenes-only"]].concat());
+    let said = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success() && said.matches("SKIPPED: ").count() == 4, "{said}");
+    assert!(said.contains("moon_wac_lola_north_pole: not there"), "{said}");
+    // The other program returns the truth.
+    let name = "mars_gale_hirise_1m";
+    std::fs::copy(shell.path(&format!("out/scenes/{name}_truth.tif")), shell.path(&format!("known/{name}.tif")))
+        .unwrap();
+    let out = shell.run(&arguments);
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let rows = std::fs::read_to_string(shell.path("out/scenes.csv")).unwrap();
+    let row = |method: &str| -> Vec<String> {
+        let row = rows.lines().find(|row| row.contains(method)).unwrap();
+        row.split(',').map(String::from).collect()
+    };
+    // The truth resolves its shortest octave, 2 to 4 m, and has no offset. Columns are counted from the end, as the heading has commas.
+    let (oracle, coarse) = (row("oracle"), row("coarse DTM"));
+    let last = oracle.len() - 3;
+    assert_eq!(oracle[last..], ["2.8", "0.00", "0.00"], "{rows}");
+    assert!(coarse[last].parse::<f64>().unwrap() > 50.0 && oracle[6] == "0.00" && coarse[6] != "0.00", "{rows}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
+use crate::suite::real::real;
 use crate::suite::{self, SCENES, tables};
 use elunar_raster::{Error, Result};
 use elunar_scene::{interrupt, progress};
@@ -21,6 +22,7 @@ DTMs with --against.
 Examples:
   host-train suite --out out/suite
   host-train suite --suite scenes.toml --model mine.safetensors --model mine.eld --out out/mine
+  host-train suite --real DATA --out out/real
   host-train suite --out out/sfs --scenes-only
   host-train suite --out out/suite --against sfs=out/sfs/dtm")]
 pub struct Args {
@@ -30,6 +32,9 @@ pub struct Args {
     /// List of scenes [default: built-in synthetic scenes].
     #[arg(long, value_name = "LIST.toml")]
     pub suite: Option<PathBuf>,
+    /// Built-in list of real scenes: a folder with their data sets, images with a DTM of stereo or altimetry. Absent sets are named and left out.
+    #[arg(long, value_name = "DIR", conflicts_with = "suite")]
+    pub real: Option<PathBuf>,
     /// Model, .safetensors or .eld, optionally with a name (NAME=FILE). Repeat for several models [default: the shipped ones].
     #[arg(long, value_name = "[NAME=]FILE")]
     pub model: Vec<String>,
@@ -58,7 +63,15 @@ const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
 /// # Errors
 /// If a list, a model or a scene cannot be read, or predicting or writing fails.
 pub fn run(args: Args) -> Result<()> {
-    let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
+    let list = match (&args.real, &args.suite) {
+        (Some(data), _) => {
+            let (list, absent) = real(data, &args.out.join(SCENES))?;
+            absent.iter().for_each(|folder| eprintln!("SKIPPED: {folder}: not there"));
+            list
+        }
+        (None, Some(path)) => List::read(path)?,
+        (None, None) => List::built_in()?,
+    };
     interrupt::listen();
     if args.scenes_only {
         suite::write_scenes(&list, &args.out)?;

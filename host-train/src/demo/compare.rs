@@ -6,7 +6,7 @@ use super::infer::Predicted;
 use super::scene::DemoScene;
 use elunar_raster::align::Named;
 use elunar_raster::{Error, Raster, Result};
-use elunar_scene::evaluate::{Candidate, Comparison, Scores, compare, table};
+use elunar_scene::evaluate::{Candidate, Comparison, Details, Scores, compare, table};
 use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
 /// Picture of heights along the middle row.
@@ -48,7 +48,7 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted
         write_png(&folder.file(&error_file(&scored.name)), map)?;
     }
     profile(folder, scene, &float.made.dtm, &int8.made.dtm)?;
-    for line in table(&against_truth).lines() {
+    for line in table(&against_truth, &Details::default()).lines() {
         say(line);
     }
     Ok(Verdict { against_truth, int8_against_float })

@@ -136,6 +136,27 @@ pub fn is_plain(name: &str) -> bool {
 }
 
 impl Entry {
+    /// Makes an entry without scene, files or Sun.
+    pub(super) fn named(name: String) -> Self {
+        Self {
+            name,
+            kind: any(),
+            ground: None,
+            remarks: String::new(),
+            synth: None,
+            image: None,
+            coarse: None,
+            truth: None,
+            coarse_px: None,
+            srs: None,
+            sun_azimuth_deg: None,
+            sun_elevation_deg: None,
+            high_pass_m: None,
+            truth_resolution_m: None,
+            weak_truth: false,
+        }
+    }
+
     fn check(&self) -> std::result::Result<(), String> {
         if !is_plain(&self.name) {
             return Err("expected a name of letters, digits, '-', '_' and '.'".into());

@@ -1,11 +1,12 @@
 //! Test suites: models, other programs' DTMs and the coarse DTM on scenes with a truth, on the same pixels.
 //!
-//! A [`list`] names the scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs. [`compare`] compares them. [`summary`] and
+//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs. [`compare`] compares them. [`summary`] and
 //! [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
 pub mod list;
 pub mod method;
 pub mod pictures;
+pub mod real;
 pub mod results;
 pub mod scene;
 pub mod score;

@@ -1,7 +1,7 @@
 //! Results of a suite, as in `results.json`.
 
 use elunar_raster::{Error, Result};
-use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
+use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores, Spectral};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -83,8 +83,19 @@ pub struct MethodScores {
     pub heights: Scores,
     /// Scores of the relief.
     pub relief: ReliefScores,
+    /// Octaves, effective resolution and offset; `None` for a scene that is too small or has too many voids.
+    #[serde(default)]
+    pub spectral: Option<Spectral>,
     /// Seconds of the prediction; `None` for an existing DTM.
     pub seconds: Option<f64>,
+}
+
+impl MethodScores {
+    /// Returns the half-coherence wavelength, metres; `None` if there is none.
+    #[must_use]
+    pub fn half_coherence_m(&self) -> Option<f64> {
+        Some(self.spectral.as_ref()?.half_coherence?.wavelength_m)
+    }
 }
 
 /// Comparison of a method's DTMs of a ground under two Suns (Fig. 14).

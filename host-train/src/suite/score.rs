@@ -7,7 +7,7 @@ use elunar_core::metrics::HeightErrors;
 use elunar_raster::align::Named;
 use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::lowpass::high_pass;
-use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief};
+use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief, spectral};
 
 /// Results on a scene, with the DTMs for pictures.
 pub struct ScoredScene {
@@ -38,6 +38,7 @@ pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
             method: scored.name.clone(),
             heights: scored.scores,
             relief: relief(&comparison, scored, scene.high_pass_m, light)?,
+            spectral: spectral(&comparison, scored),
             seconds,
         })
     });

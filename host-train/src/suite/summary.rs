@@ -41,6 +41,8 @@ pub struct Summary {
     pub shading_correlation: Option<f64>,
     /// Seconds of all predictions.
     pub seconds: Option<f64>,
+    /// Geometric mean of the scenes' half-coherence wavelengths, metres.
+    pub half_coherence_m: Option<f64>,
 }
 
 /// Returns the summaries of every method over every kind of scene, then over all. Scenes with a weak truth are left out.
@@ -96,6 +98,7 @@ fn summary(kind: &str, method: &str, scored: &[MethodScores], coarse: &[MethodSc
         sides: bright.zip(shaded),
         shading_correlation: known(scored, |j| j.relief.shading_correlation),
         seconds: known(scored, |j| j.seconds).map(|mean| mean * count),
+        half_coherence_m: known(scored, |j| j.half_coherence_m().map(f64::ln)).map(f64::exp),
     }
 }
 
@@ -113,7 +116,7 @@ fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> 
 pub(crate) mod tests {
     use super::*;
     use crate::suite::results::{MethodInfo, SceneResult};
-    use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores};
+    use elunar_scene::evaluate::{CoAlignment, HalfCoherence, Registration, ReliefScores, Scores, Spectral};
 
     pub(crate) fn scores(method: &str, rmse_m: f64, slope: f64) -> MethodScores {
         let heights = Scores {
@@ -127,6 +130,8 @@ pub(crate) mod tests {
             largest_m: 9.0,
             nmad_m: 1.0,
             error_95_m: 3.0,
+            error_percentiles_m: [1.0, 1.5, 2.5, 3.0, 4.0],
+            slope_error_percentiles_deg: [1.0; 5],
             slope_pixels: 4,
             slope_mae_deg: 10.0 * slope,
             slope_rmse_deg: 1.0,
@@ -141,7 +146,18 @@ pub(crate) mod tests {
             shaded: None,
             shading_correlation: None,
         };
-        MethodScores { method: method.into(), heights, relief, seconds: None }
+        let spectral = Spectral {
+            octaves: vec![],
+            half_coherence: Some(HalfCoherence { wavelength_m: 1000.0 * slope, at_most: false }),
+            registration: Some(Registration {
+                down_px: 0.5,
+                right_px: -0.25,
+                down_m: 1.0,
+                right_m: -0.5,
+                correlation: 0.9,
+            }),
+        };
+        MethodScores { method: method.into(), heights, relief, spectral: Some(spectral), seconds: None }
     }
 
     pub(crate) fn results() -> Results {
@@ -205,5 +221,6 @@ pub(crate) mod tests {
         assert!((all.slope_vector_ratio.unwrap() - 0.16 / 0.4).abs() < 1e-12);
         assert_eq!((all.scenes, all.sides, all.high_pass_rmse_m), (2, None, Some(0.5)));
         assert_eq!(found[0].rmse_ratio, 1.0);
+        assert!((all.half_coherence_m.unwrap() - (60.0_f64 * 100.0).sqrt()).abs() < 1e-9);
     }
 }

@@ -45,6 +45,9 @@ pub fn scenes(results: &Results) -> Table {
         "slope vector error, shaded",
         "hillshade–image correlation",
         "time, s",
+        "half-coherence wavelength, m",
+        "offset down, px",
+        "offset right, px",
     ];
     let mut rows = vec![];
     for scene in &results.scenes {
@@ -57,6 +60,7 @@ pub fn scenes(results: &Results) -> Table {
 fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
     let (heights, relief) = (&scored.heights, &scored.relief);
     let percent = |k: usize| digits(Some(100.0 * heights.share_within[k]), 1);
+    let offset = scored.spectral.as_ref().and_then(|found| found.registration);
     let slope_ratio =
         relief.slope_vector_error.zip(coarse.and_then(|c| c.relief.slope_vector_error)).map(|(a, b)| a / b);
     vec![
@@ -77,7 +81,18 @@ fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String
         digits(relief.shaded.map(|side| side.slope_vector_error), 4),
         digits(relief.shading_correlation, 3),
         digits(scored.seconds, 1),
+        half_coherence(scored),
+        digits(offset.map(|found| found.down_px), 2),
+        digits(offset.map(|found| found.right_px), 2),
     ]
+}
+
+/// Returns the half-coherence wavelength; with "≤" if the true one may be shorter.
+fn half_coherence(scored: &MethodScores) -> String {
+    match scored.spectral.as_ref().and_then(|found| found.half_coherence) {
+        Some(half) if half.at_most => format!("≤{:.1}", half.wavelength_m),
+        half => digits(half.map(|half| half.wavelength_m), 1),
+    }
 }
 
 /// Returns the table of every method over every kind of scene, and over all.
@@ -103,6 +118,7 @@ pub fn sums(results: &Results) -> Table {
         "slope vector error, shaded",
         "hillshade–image correlation",
         "time, s",
+        "half-coherence wavelength, m",
     ];
     Table { heading: heading(&names), rows: summaries(results).iter().map(sum_row).collect() }
 }
@@ -129,6 +145,7 @@ fn sum_row(sum: &Summary) -> Vec<String> {
         digits(sum.sides.map(|sides| sides.1), 4),
         digits(sum.shading_correlation, 3),
         digits(sum.seconds, 1),
+        digits(sum.half_coherence_m, 1),
     ]
 }
 
@@ -176,13 +193,13 @@ impl Table {
         format!("{}{rule}{rows}", line(&self.heading))
     }
 
-    /// Returns the table as CSV. A dash becomes an empty cell.
+    /// Returns the table as CSV. A dash becomes an empty cell, and "≤" is left out.
     ///
     /// # Errors
     /// If a row and the heading differ in length.
     pub fn csv(&self) -> Result<Vec<u8>> {
         let cell = |text: &String| {
-            if text == "–" { String::new() } else { text.clone() }
+            if text == "–" { String::new() } else { text.trim_start_matches('≤').into() }
         };
         to_csv(std::iter::once(&self.heading).chain(&self.rows).map(|cells| cells.iter().map(cell)))
     }
@@ -229,6 +246,7 @@ mod tests {
         assert!(text.contains("| one | net | 50.0 | 75.0 | 100.0 | 0.75 | 1.50 | 0.500 |"), "{text}");
         assert!(text.contains("| g | net | one, two | 1.000 | 2.000 | 0.500 | 0.200 | – |"), "{text}");
         assert!(text.contains("\\|e\\|<2 m"));
+        assert!(text.contains("| – | 60.0 | 0.50 | -0.25 |"), "{text}");
     }
 
     #[test]

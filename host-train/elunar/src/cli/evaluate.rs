@@ -2,7 +2,9 @@
 
 use elunar_raster::align::Named;
 use elunar_raster::{Result, source};
-use elunar_scene::evaluate::{Candidate, compare, json, table};
+use elunar_scene::evaluate::{
+    Candidate, Details, Expected, calibration, compare, json, octaves_picture, short_names, table,
+};
 use elunar_scene::picture;
 use std::path::PathBuf;
 
@@ -34,6 +36,15 @@ pub struct Args {
     /// Also draw the DTM's errors, coloured by the limits of 2, 4 and 10 m.
     #[arg(long, value_name = "MAP.png")]
     pub error_map: Option<PathBuf>,
+    /// Expected errors of the DTM, as `predict --uncertainty` writes them: report how many errors lie within one and 1.96 standard deviations.
+    #[arg(long, value_name = "ERR.tif")]
+    pub uncertainty: Option<PathBuf>,
+    /// Also draw how often errors lie within limits that a Gaussian of the expected size keeps with a given probability.
+    #[arg(long, value_name = "CHART.png", requires = "uncertainty")]
+    pub reliability: Option<PathBuf>,
+    /// Also draw correlation, gain and amplitude of the waves over their wavelength.
+    #[arg(long, value_name = "CHART.png")]
+    pub spectra: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -46,17 +57,27 @@ pub fn run(args: Args) -> Result<()> {
     let name = |path: &PathBuf| path.display().to_string();
     let (truth_name, dtm_name) = (name(&args.truth), name(&args.dtm));
     let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();
+    let expected = args.uncertainty.as_deref().map(|path| Expected::read(path, Named::new(&dtm_name, &dtm)));
+    let expected = expected.transpose()?;
     let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
     candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
     let comparison = compare(Named::new(&truth_name, &truth), &candidates, args.truth_resolution_m)?;
+    let calibration = expected.as_ref().map(|expected| calibration(&comparison, expected)).transpose()?;
+    let details = Details { calibration, ..Details::of(&comparison) };
     if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
         let error = &scored.error_m;
         picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
     }
+    if let (Some(path), Some(found)) = (&args.reliability, &details.calibration) {
+        picture::write_png(path, found.picture()?)?;
+    }
+    if let Some(path) = &args.spectra {
+        picture::write_png(path, octaves_picture(&short_names(&comparison), &details.spectra)?)?;
+    }
     if args.json {
-        println!("{}", json(&comparison));
+        println!("{}", json(&comparison, &details));
     } else {
-        print!("{}", table(&comparison));
+        print!("{}", table(&comparison, &details));
     }
     Ok(())
 }

@@ -1,15 +1,29 @@
 //! Scores of DTMs against a truth. All candidates are scored on the same pixels.
 
+mod calibration;
 mod coalign;
+mod cross_spectrum;
+mod details;
+mod expected;
+mod fill;
 pub mod lowpass;
+mod octaves;
+mod registration;
 mod relief;
 mod report;
 mod scores;
+mod spectral;
 
+pub use calibration::{Calibration, Coverage, calibration};
 pub use coalign::CoAlignment;
+pub use details::Details;
+pub use expected::Expected;
+pub use octaves::{HalfCoherence, Octave, half_coherence};
+pub use registration::Registration;
 pub use relief::{Light, ReliefScores, Side, relief};
-pub use report::{json, table};
-pub use scores::Scores;
+pub use report::{json, short_names, table};
+pub use scores::{PERCENTILES, Scores};
+pub use spectral::{Spectral, octaves_picture, spectral};
 
 use elunar_core::terrain::PixelSize;
 use elunar_raster::align::{Interpolation, Named, onto};
@@ -162,6 +176,7 @@ mod tests {
         close(scores.largest_m, 5.0);
         close(scores.nmad_m, 0.0);
         close(scores.error_95_m, 5.0);
+        assert_eq!(scores.error_percentiles_m.map(f64::round), [1.0, 1.0, 5.0, 5.0, 5.0]);
         assert!(scores.slope_rmse_deg > 0.1 && scores.slope_pixels == 18 * 28);
         assert!((found.scored[0].error_m.samples[1] - 1.0).abs() < 1e-5);
     }
@@ -181,7 +196,8 @@ mod tests {
         let before = truth.samples[30 * 80 + 40] - truth.samples[15 * 80 + 40];
         assert!((kept / before - 1.0).abs() < 0.05, "{kept} of {before}");
         assert!(
-            table(&coarse).contains("at a resolution of 20.0 m") && json(&coarse).contains("\"resolution_m\": 20.0")
+            table(&coarse, &Details::default()).contains("at a resolution of 20.0 m")
+                && json(&coarse, &Details::default()).contains("\"resolution_m\": 20.0")
         );
         for wrong in [0.0, -3.0, f64::NAN] {
             assert!(at(Some(wrong)).unwrap_err().to_string().contains("above 0 expected"), "{wrong}");
@@ -193,6 +209,7 @@ mod tests {
         let (truth, dtm) = (raster(9, 9, |_, _| 3.0), raster(9, 9, |r, _| 2.0 * r as f32));
         let scores = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], None).unwrap().scored[0].scores;
         assert!((scores.slope_mae_deg - 45.0).abs() < 1e-9 && (scores.slope_bias_deg - 45.0).abs() < 1e-9);
+        assert!(scores.slope_error_percentiles_deg.iter().all(|p| (p - 45.0).abs() < 1e-9));
     }
 
     #[test]
@@ -218,9 +235,9 @@ mod tests {
         let dtm = raster(10, 10, |r, c| (r * c) as f32 + 3.0);
         let candidates = [Candidate::fine("dtm.tif", &dtm), Candidate::coarse("coarse.tif", &truth)];
         let found = compare(Named::new("truth.tif", &truth), &candidates, None).unwrap();
-        let text = table(&found);
+        let text = table(&found, &Details::default());
         assert!(text.contains("dtm.tif") && text.contains("coarse.tif") && text.contains("3.000"), "{text}");
-        let value: serde_json::Value = serde_json::from_str(&json(&found)).unwrap();
+        let value: serde_json::Value = serde_json::from_str(&json(&found, &Details::default())).unwrap();
         assert_eq!(value["candidates"][0]["rmse_m"], 3.0);
         assert_eq!(value["candidates"][0]["share_within_4_m"], 1.0);
         assert_eq!(value["candidates"][1]["mae_m"], 0.0);
@@ -260,7 +277,8 @@ e = (z - t)[both]
 s = slope(z) - slope(t); s = s[np.isfinite(s)]
 rms = lambda v: np.sqrt(np.mean(v * v))
 print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e), e.mean(), np.median(e), rms(e - np.median(e)),
-      abs(e).max(), 1.4826 * np.median(abs(e - np.median(e))), np.quantile(abs(e), 0.95), s.size, abs(s).mean(), rms(s), s.mean())
+      abs(e).max(), 1.4826 * np.median(abs(e - np.median(e))), np.quantile(abs(e), 0.95), *np.quantile(abs(e), [0.5, 0.68, 0.9, 0.95, 0.99]),
+      *np.quantile(abs(s), [0.5, 0.68, 0.9, 0.95, 0.99]), s.size, abs(s).mean(), rms(s), s.mean())
 ";
         let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
@@ -281,7 +299,13 @@ print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e),
             s.nmad_m,
             s.error_95_m,
         ];
-        let found = [heights.as_slice(), &[slopes, s.slope_mae_deg, s.slope_rmse_deg, s.slope_bias_deg]].concat();
+        let found = [
+            heights.as_slice(),
+            &s.error_percentiles_m,
+            &s.slope_error_percentiles_deg,
+            &[slopes, s.slope_mae_deg, s.slope_rmse_deg, s.slope_bias_deg],
+        ]
+        .concat();
         for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(
                 (found - expected).abs() < 1e-9 * expected.abs().max(1.0),

@@ -2,13 +2,16 @@
 
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
-use elunar_core::terrain::PixelSize;
+use elunar_core::terrain::{PixelSize, gradient};
 use elunar_raster::quantile::quantile;
 use elunar_raster::{Error, Raster, Result};
 use serde::{Deserialize, Serialize};
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
 const NORMAL: f64 = 1.4826;
+
+/// Percentiles of absolute errors, %.
+pub const PERCENTILES: [u32; 5] = [50, 68, 90, 95, 99];
 
 /// Errors are candidate minus truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -34,6 +37,12 @@ pub struct Scores {
     pub nmad_m: f64,
     /// |error| that 95 % of the pixels do not exceed, metres (LE95).
     pub error_95_m: f64,
+    /// |error| that 50, 68, 90, 95 and 99 % of the pixels do not exceed ([`PERCENTILES`]), metres.
+    #[serde(default)]
+    pub error_percentiles_m: [f64; PERCENTILES.len()],
+    /// |error| of the Horn slope that 50, 68, 90, 95 and 99 % of the pixels with a slope do not exceed, degrees.
+    #[serde(default)]
+    pub slope_error_percentiles_deg: [f64; PERCENTILES.len()],
     /// Pixels with a slope in both, which needs 3 x 3 valid pixels. If there are 0, the slope figures below are 0 as well.
     pub slope_pixels: u64,
     /// Mean absolute error of the Horn slope, degrees.
@@ -63,6 +72,7 @@ impl Scores {
             .ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
         let mut sizes: Vec<f64> = errors.iter().map(|e| e.abs()).collect();
         let mut deviations: Vec<f64> = errors.iter().map(|e| (e - median_m).abs()).collect();
+        let mut slope_sizes = slope_errors(truth_grid, dtm_grid, pixel);
         let square = errors.iter().map(|e| (e - median_m).powi(2)).sum::<f64>() / errors.len() as f64;
         Ok(Self {
             pixels: heights.count(),
@@ -75,10 +85,25 @@ impl Scores {
             largest_m: heights.max_m().unwrap_or_default(),
             nmad_m: NORMAL * quantile(&mut deviations, 0.5).unwrap_or_default(),
             error_95_m: quantile(&mut sizes, 0.95).unwrap_or_default(),
+            error_percentiles_m: percentiles(&mut sizes),
+            slope_error_percentiles_deg: percentiles(&mut slope_sizes),
             slope_pixels: slopes.count(),
             slope_mae_deg: slopes.mae_deg().unwrap_or_default(),
             slope_rmse_deg: slopes.rmse_deg().unwrap_or_default(),
             slope_bias_deg: slopes.bias_deg().unwrap_or_default(),
         })
     }
+}
+
+fn percentiles(values: &mut [f64]) -> [f64; PERCENTILES.len()] {
+    PERCENTILES.map(|percent| quantile(values, f64::from(percent) / 100.0).unwrap_or_default())
+}
+
+/// Returns |error| of the Horn slope, degrees, of all pixels with a slope in both.
+fn slope_errors(truth: GridView<'_, f32>, dtm: GridView<'_, f32>, pixel: PixelSize) -> Vec<f64> {
+    let slope_deg = |grid: GridView<'_, f32>, row: usize, col: usize| {
+        gradient(grid, row, col, pixel).map(|(east, south)| east.hypot(south).atan().to_degrees())
+    };
+    let all = (0..truth.rows()).flat_map(|row| (0..truth.cols()).map(move |col| (row, col)));
+    all.filter_map(|(row, col)| Some((slope_deg(dtm, row, col)? - slope_deg(truth, row, col)?).abs())).collect()
 }

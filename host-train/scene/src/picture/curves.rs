@@ -50,6 +50,10 @@ const COLOURS: [RGBColor; 13] = [
     RGBColor(20, 20, 20),
 ];
 
+/// Numbers along x, at most: those of a logarithmic axis crowd at its end.
+const LABELS: usize = 10;
+const LOG_LABELS: usize = 5;
+
 /// Draws the curves into a PNG file.
 ///
 /// # Errors
@@ -63,8 +67,21 @@ pub fn curves(path: &Path, chart: &Chart, series: &[Series]) -> Result<()> {
 /// # Errors
 /// [`Error::Usage`] if there is no point to draw.
 pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
+    draw(chart, series, false)
+}
+
+/// Draws the curves over a logarithmic x, in memory. Points with x ≤ 0 are left out.
+///
+/// # Errors
+/// [`Error::Usage`] if there is no point to draw.
+pub fn plot_log_x(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
+    draw(chart, series, true)
+}
+
+fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
     install_font();
-    let fits = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && (!chart.log_y || *y > 0.0);
+    let fits =
+        |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && (!chart.log_y || *y > 0.0) && (!log_x || *x > 0.0);
     let series: Vec<Series> = series
         .iter()
         .map(|s| Series { name: s.name.clone(), points: s.points.iter().copied().filter(fits).collect() })
@@ -84,13 +101,18 @@ pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
             .x_label_area_size(44)
             .y_label_area_size(64);
         area.fill(&WHITE).map_err(|e| e.to_string()).and_then(|()| {
-            if chart.log_y {
-                let context = builder.build_cartesian_2d(x, (y.start / 1.1..y.end * 1.1).log_scale());
-                context.map_err(|e| e.to_string()).and_then(|c| fill(c, chart, &series))
-            } else {
-                let margin = 0.05 * (y.end - y.start).max(1e-9 * y.end.abs()).max(f64::MIN_POSITIVE);
-                let context = builder.build_cartesian_2d(x, y.start - margin..y.end + margin);
-                context.map_err(|e| e.to_string()).and_then(|c| fill(c, chart, &series))
+            let margin = 0.05 * (y.end - y.start).max(1e-9 * y.end.abs()).max(f64::MIN_POSITIVE);
+            let (log_y, y) = ((y.start / 1.1..y.end * 1.1).log_scale(), y.start - margin..y.end + margin);
+            let text = |e: DrawingAreaErrorKind<_>| e.to_string();
+            match (log_x, chart.log_y) {
+                (false, false) => fill(builder.build_cartesian_2d(x, y).map_err(text)?, chart, &series, log_x),
+                (false, true) => fill(builder.build_cartesian_2d(x, log_y).map_err(text)?, chart, &series, log_x),
+                (true, false) => {
+                    fill(builder.build_cartesian_2d(x.log_scale(), y).map_err(text)?, chart, &series, log_x)
+                }
+                (true, true) => {
+                    fill(builder.build_cartesian_2d(x.log_scale(), log_y).map_err(text)?, chart, &series, log_x)
+                }
             }
         })
     };
@@ -99,12 +121,14 @@ pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
 }
 
 /// Draws axes, curves and legend.
-fn fill<'a, Y>(
-    mut context: ChartContext<'a, BitMapBackend<'a>, Cartesian2d<plotters::coord::types::RangedCoordf64, Y>>,
+fn fill<'a, X, Y>(
+    mut context: ChartContext<'a, BitMapBackend<'a>, Cartesian2d<X, Y>>,
     chart: &Chart,
     series: &[Series],
+    log_x: bool,
 ) -> std::result::Result<(), String>
 where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
 {
     let text = |e: &dyn std::fmt::Display| e.to_string();
@@ -115,6 +139,7 @@ where
         .label_style((FONT, 14))
         .axis_desc_style((FONT, 15))
         .light_line_style(WHITE)
+        .x_labels(if log_x { LOG_LABELS } else { LABELS })
         .draw()
         .map_err(|e| text(&e))?;
     for (k, one) in series.iter().enumerate() {
@@ -129,12 +154,46 @@ where
     }
     context
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
+        .position(legend(series, |x| if log_x { x.ln() } else { x }, |y| if chart.log_y { y.ln() } else { y }))
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.3))
         .label_font((FONT, 14))
         .draw()
         .map_err(|e| text(&e))
+}
+
+/// Returns the corner with the least of the curves, the upper right one if several have as little.
+fn legend(series: &[Series], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> SeriesLabelPosition {
+    /// Points on every piece of a curve.
+    const STEPS: u32 = 8;
+    let point = |p: &(f64, f64)| (x(p.0), y(p.1));
+    let points = || series.iter().flat_map(|s| s.points.iter().map(point));
+    let (Some(across), Some(up)) = (range(points().map(|p| p.0)), range(points().map(|p| p.1))) else {
+        return SeriesLabelPosition::UpperRight;
+    };
+    let corners = [
+        (SeriesLabelPosition::UpperRight, (true, true)),
+        (SeriesLabelPosition::UpperLeft, (false, true)),
+        (SeriesLabelPosition::LowerRight, (true, false)),
+        (SeriesLabelPosition::LowerLeft, (false, false)),
+    ];
+    let mut counts = [0.0; 4];
+    for pair in series.iter().flat_map(|s| s.points.windows(2)) {
+        let ((x0, y0), (x1, y1)) = (point(&pair[0]), point(&pair[1]));
+        for k in 0..STEPS {
+            let along = f64::from(k) / f64::from(STEPS);
+            let u = (x0 + along * (x1 - x0) - across.start) / (across.end - across.start);
+            let v = (y0 + along * (y1 - y0) - up.start) / (up.end - up.start);
+            for ((_, (right, upper)), count) in corners.iter().zip(&mut counts) {
+                let (beside, level) =
+                    (if *right { u > 0.65 } else { u < 0.35 }, if *upper { v > 0.6 } else { v < 0.4 });
+                let inside = beside && level;
+                *count += if inside { (x1 - x0).abs() } else { 0.0 };
+            }
+        }
+    }
+    let best = (1..4).fold(0, |best, k| if counts[k] < counts[best] { k } else { best });
+    corners[best].0.clone()
 }
 
 /// Returns the smallest and largest value. A single value gets a small margin. `None` without values.

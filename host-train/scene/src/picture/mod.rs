@@ -12,7 +12,7 @@ mod sheet;
 mod text;
 
 pub use bars::{Bars, bars};
-pub use curves::{Chart, Series, curves, plot};
+pub use curves::{Chart, Series, curves, plot, plot_log_x};
 pub use errors::error_map;
 pub use grey::{grey, hillshade, stretch};
 pub use histogram::histogram;

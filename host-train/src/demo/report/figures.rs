@@ -1,13 +1,14 @@
 //! The figures of a tour as JSON.
 
 use super::Story;
+use elunar_scene::evaluate::{Details, json as scores};
 use serde_json::{Value, json};
 
 /// Returns all figures in one object, with units in the names.
 pub(super) fn figures(story: &Story) -> Value {
     let Story { settings, seeds, scene, tuned, shrunk, predicted, verdict, times } = story;
     let against_truth: Value =
-        serde_json::from_str(&elunar_scene::evaluate::json(&verdict.against_truth)).unwrap_or_default();
+        serde_json::from_str(&scores(&verdict.against_truth, &Details::default())).unwrap_or_default();
     let networks: Vec<Value> = predicted
         .iter()
         .map(|p| json!({ "name": p.name, "model": p.model, "tiles": p.made.tally.tiles, "predict_s": p.seconds }))
