@@ -232,6 +232,42 @@ mod tests {
         assert!(refused.contains("truth_dtm_1600m.tif") && refused.contains("300 x 762"), "{refused}");
     }
 
+    /// The list of the script `suites/external.py` has the same maps.
+    #[test]
+    fn scenes_are_those_of_the_script() {
+        let folder = tempfile::tempdir().unwrap();
+        let noctis = folder.path().join("real/mars_noctis_hirise");
+        let hill = |r: usize, c: usize| (r as f32 * 0.13).sin() * 30.0 + (c as f32 * 0.07).cos() * 50.0 - 1900.0;
+        // A void border, as a turned image has.
+        let holed = |r: usize, c: usize| if c + r < 60 || r > 105 { f32::NAN } else { hill(r, c) };
+        save(&noctis, "image_17.5m.tif", (125, 170), 17.5, |r, c| 2100.0 + hill(r, c));
+        save(&noctis, "truth_dtm_17.5m_scale_guessed.tif", (125, 170), 17.5, holed);
+        let gale = folder.path().join("real/mars_gale_hirise_1m");
+        save(&gale, "image_1m.tif", (111, 163), 1.0, |r, c| 2000.0 + holed(r, c));
+        save(&gale, "truth_dtm_1m.tif", (111, 163), 1.0, holed);
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/suites/external.py");
+        let script =
+            format!("import subprocess, sys\nsubprocess.run([sys.executable, {script:?}, '.', 'lists'], check=True)");
+        if elunar_testing::rasterio(&script, folder.path()).is_none() {
+            return;
+        }
+        let (list, _) = real(&folder.path().join("real"), &folder.path().join("out")).unwrap();
+        let theirs = List::read(&folder.path().join("lists/real.toml")).unwrap();
+        assert_eq!((list.scene.len(), &list.about), (2, &theirs.about));
+        for (ours, theirs) in list.scene.iter().zip(&theirs.scene) {
+            assert_eq!((&ours.name, &ours.kind), (&theirs.name, &theirs.kind));
+            assert!((ours.truth_resolution_m.unwrap() / theirs.truth_resolution_m.unwrap() - 1.0).abs() < 1e-12);
+            for (ours, theirs) in
+                [(&ours.image, &theirs.image), (&ours.coarse, &theirs.coarse), (&ours.truth, &theirs.truth)]
+            {
+                let [a, b] = [ours, theirs].map(|path| source::read(path.as_ref().unwrap()).unwrap());
+                let place = |map: &Raster| map.georef.as_ref().unwrap().transform;
+                assert_eq!((a.rows, a.cols, place(&a)), (b.rows, b.cols, place(&b)), "{ours:?}");
+                assert!(a.samples.iter().zip(&b.samples).all(|(a, b)| a == b || a.is_nan() && b.is_nan()), "{ours:?}");
+            }
+        }
+    }
+
     #[test]
     fn a_folder_without_any_set_is_refused_with_the_files_expected() {
         let folder = tempfile::tempdir().unwrap();

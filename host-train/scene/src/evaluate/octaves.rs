@@ -45,8 +45,11 @@ pub struct HalfCoherence {
 
 /// Returns the octaves of two maps, from short to long: from twice the wider side of a pixel up to the shorter side of the valid ground. An
 /// octave in which a map has no waves has no correlation and is left out.
-pub(super) fn octaves(spectrum: &CrossSpectrum, pixel: PixelSize) -> Vec<Octave> {
-    let shortest_m = 2.0 * pixel.row_m.max(pixel.col_m);
+///
+/// Maps that were smoothed to a resolution begin at half of it. A wave half as long is lowered to a sixteenth; the truth resolves none that is
+/// shorter.
+pub(super) fn octaves(spectrum: &CrossSpectrum, pixel: PixelSize, resolution_m: Option<f64>) -> Vec<Octave> {
+    let shortest_m = (2.0 * pixel.row_m.max(pixel.col_m)).max(0.5 * resolution_m.unwrap_or(0.0));
     let scene_m = (spectrum.rows as f64 * pixel.row_m).min(spectrum.cols as f64 * pixel.col_m);
     let count = (scene_m / shortest_m).log2().floor().max(0.0) as usize;
     // Rounding of a wave that is exactly as long as two pixels.
@@ -122,7 +125,7 @@ mod tests {
     }
 
     fn of(truth: &Raster, candidate: &Raster) -> Vec<Octave> {
-        octaves(&CrossSpectrum::of(truth, candidate).unwrap(), PIXEL)
+        octaves(&CrossSpectrum::of(truth, candidate).unwrap(), PIXEL, None)
     }
 
     #[test]
@@ -179,6 +182,22 @@ mod tests {
         let found = noisy(3.0);
         assert!(!found.at_most && (found.wavelength_m / 31.4).log2().abs() < 0.3, "{found:?}");
         assert!(noisy(0.5).at_most);
+    }
+
+    /// Hills in common, short waves unrelated, both smoothed to 60 m.
+    #[test]
+    fn smoothed_maps_begin_at_half_their_resolution() {
+        let hill = |i: usize| 60.0 * ((i / COLS) as f32 * 0.02).sin() + 40.0 * ((i % COLS) as f32 * 0.017).cos();
+        let smooth = LowPass::new(60.0, (2.0, 2.0));
+        let [a, b] = [1, 4].map(|seed| {
+            let rough = noise(seed);
+            let samples = rough.samples.iter().enumerate().map(|(i, v)| 20.0 * v + hill(i)).collect();
+            Raster { samples: smooth.apply(&Raster { samples, ..rough.clone() }).0, ..rough }
+        });
+        let found = octaves(&CrossSpectrum::of(&a, &b).unwrap(), PIXEL, Some(60.0));
+        assert_eq!(found.iter().map(|o| o.shortest_m).collect::<Vec<_>>(), [30.0, 60.0, 120.0]);
+        assert!(found[0].correlation.abs() < 0.4 && found[2].correlation > 0.7, "{found:?}");
+        assert_eq!(octaves(&CrossSpectrum::of(&a, &b).unwrap(), PIXEL, Some(1.0))[0].shortest_m, 4.0);
     }
 
     #[test]

@@ -79,9 +79,9 @@ fn refined(spectrum: &CrossSpectrum, weight: &dyn Fn(&Wave) -> f64, start: (f64,
     let (mut down, mut right) = start;
     for _ in 0..STEPS {
         let (mut gradient, mut curvature) = ([0.0; 2], [0.0; 3]);
-        for wave in spectrum.waves() {
+        for (w, wave) in spectrum.waves().map(|wave| (weight(&wave), wave)).filter(|(w, _)| *w > 0.0) {
             let (k, l) = (TAU * wave.frequency.0, TAU * wave.frequency.1);
-            let value = turned(&wave, (down, right)) * weight(&wave);
+            let value = turned(&wave, (down, right)) * w;
             gradient[0] -= k * value.im;
             gradient[1] -= l * value.im;
             [k * k, k * l, l * l].iter().zip(&mut curvature).for_each(|(kl, c)| *c -= kl * value.re);

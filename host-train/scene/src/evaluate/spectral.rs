@@ -29,7 +29,7 @@ pub struct Spectral {
 #[must_use]
 pub fn spectral(comparison: &Comparison, scored: &Scored) -> Option<Spectral> {
     let spectrum = CrossSpectrum::of(&comparison.truth_m, &scored.placed)?;
-    let octaves = octaves(&spectrum, comparison.pixel);
+    let octaves = octaves(&spectrum, comparison.pixel, comparison.resolution_m);
     let half_coherence = half_coherence(&octaves);
     let resolved_m = half_coherence.map_or(0.0, |half| half.wavelength_m);
     Some(Spectral { half_coherence, registration: registration(&spectrum, comparison.pixel, resolved_m), octaves })

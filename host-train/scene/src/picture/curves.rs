@@ -50,10 +50,6 @@ const COLOURS: [RGBColor; 13] = [
     RGBColor(20, 20, 20),
 ];
 
-/// Numbers along x, at most: those of a logarithmic axis crowd at its end.
-const LABELS: usize = 10;
-const LOG_LABELS: usize = 5;
-
 /// Draws the curves into a PNG file.
 ///
 /// # Errors
@@ -132,16 +128,12 @@ where
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
 {
     let text = |e: &dyn std::fmt::Display| e.to_string();
-    context
-        .configure_mesh()
-        .x_desc(chart.x)
-        .y_desc(chart.y)
-        .label_style((FONT, 14))
-        .axis_desc_style((FONT, 15))
-        .light_line_style(WHITE)
-        .x_labels(if log_x { LOG_LABELS } else { LABELS })
-        .draw()
-        .map_err(|e| text(&e))?;
+    let mut mesh = context.configure_mesh();
+    mesh.x_desc(chart.x).y_desc(chart.y).label_style((FONT, 14)).axis_desc_style((FONT, 15)).light_line_style(WHITE);
+    if log_x {
+        mesh.x_label_formatter(&round_number);
+    }
+    mesh.draw().map_err(|e| text(&e))?;
     for (k, one) in series.iter().enumerate() {
         let style = COLOURS[k % COLOURS.len()].stroke_width(2);
         let line = LineSeries::new(one.points.iter().copied(), style);
@@ -160,6 +152,12 @@ where
         .label_font((FONT, 14))
         .draw()
         .map_err(|e| text(&e))
+}
+
+/// Returns a number of a logarithmic axis as text if its first digit is 1, 2 or 5; others would crowd.
+fn round_number(value: &f64) -> String {
+    let digit = value / 10.0_f64.powf(value.log10().floor());
+    if [1.0, 2.0, 5.0, 10.0].iter().any(|d| (digit - d).abs() < 1e-6) { format!("{value}") } else { String::new() }
 }
 
 /// Returns the corner with the least of the curves, the upper right one if several have as little.
@@ -203,5 +201,23 @@ fn range(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
         false => None,
         true if low < high => Some(low..high),
         true => Some(low - 0.5 * low.abs().max(1e-6)..low + 0.5 * low.abs().max(1e-6)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_legend_keeps_away_from_the_curves_and_logarithms_have_round_numbers() {
+        let corner = |points: &[(f64, f64)]| {
+            let series = [Series { name: "a".into(), points: points.to_vec() }];
+            format!("{:?}", legend(&series, f64::ln, |y| y))
+        };
+        assert_eq!(corner(&[(1.0, 5.0), (100.0, 0.0)]), "UpperRight");
+        assert_eq!(corner(&[(1.0, 0.0), (100.0, 5.0)]), "UpperLeft");
+        assert_eq!(corner(&[(1.0, 0.0), (2.0, 5.0), (100.0, 5.0)]), "LowerRight");
+        assert_eq!(corner(&[(1.0, 5.0), (50.0, 5.0), (100.0, 0.0)]), "LowerLeft");
+        assert_eq!([0.05, 2.0, 70.0, 1000.0].map(|v| round_number(&v)), ["0.05", "2", "", "1000"]);
     }
 }

@@ -9,7 +9,7 @@ use elunar_capi::elunar_core::nn::{
     Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
 };
 use elunar_capi::elunar_core::strip::{
-    Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
+    LineErrors, Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
 };
 use elunar_capi::elunar_core::terrain::TerrainError;
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
@@ -116,6 +116,9 @@ root! {
     }
     elunar_root_lines_push(lines: &mut TerrainLines<'_>, line_m: &[f32], maps: &mut LineMaps<'_>)
         -> Result<Option<u64>, TerrainError> { lines.push(line_m, maps) }
+    elunar_root_limits_sigmas(limits: HazardLimits, sigmas: f32) -> Result<HazardLimits, TerrainError> { limits.with_sigmas(sigmas) }
+    elunar_root_lines_push_with(lines: &mut TerrainLines<'_>, line_m: &[f32], slope_sd: &[f32], maps: &mut LineMaps<'_>)
+        -> Result<Option<u64>, TerrainError> { lines.push_with(line_m, slope_sd, maps) }
     elunar_root_lines_finish(lines: &mut TerrainLines<'_>, maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
         lines.finish(maps)
     }
@@ -149,6 +152,8 @@ root! {
     elunar_root_strip_take(strip: &mut Strip<'_, '_>, out_m: &mut [f32]) -> Result<Option<usize>, StripError> {
         strip.take_line(out_m)
     }
+    elunar_root_strip_take_with(strip: &mut Strip<'_, '_>, out_m: &mut [f32], errors: LineErrors<'_>)
+        -> Result<Option<usize>, StripError> { strip.take_line_with(out_m, errors) }
     elunar_root_strip_scrub(strip: &mut Strip<'_, '_>, max_bytes: usize) -> Result<(), RunError> {
         strip.scrub(max_bytes)
     }
