@@ -16,7 +16,12 @@ pub struct Table {
 
 /// Returns a figure with this number of digits; a dash if there is none.
 fn digits(value: Option<f64>, digits: usize) -> String {
-    value.filter(|v| v.is_finite()).map_or_else(|| "–".into(), |v| format!("{v:.digits$}"))
+    let text = value.filter(|v| v.is_finite()).map_or_else(|| "–".into(), |v| format!("{v:.digits$}"));
+    // A small negative figure is not "-0.00".
+    match text.strip_prefix('-') {
+        Some(size) if size.chars().all(|c| "0.".contains(c)) => size.into(),
+        _ => text,
+    }
 }
 
 fn heading(names: &[&str]) -> Vec<String> {
