@@ -154,6 +154,8 @@ pub(crate) mod tests {
                 right_px: -0.25,
                 down_m: 1.0,
                 right_m: -0.5,
+                down_sd_px: 0.1,
+                right_sd_px: 0.1,
                 correlation: 0.9,
             }),
         };

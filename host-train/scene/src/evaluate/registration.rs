@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 const SHORTEST_PX: f64 = 4.0;
 /// The offset is searched up to this share of either side.
 const SEARCH: f64 = 0.125;
+/// A Hann window along rows and columns makes this many neighbouring coefficients alike: (35/128)² / (9/64)⁴.
+const ALIKE: f64 = 3.781;
 /// Steps of Newton's method from the best whole pixel.
 const STEPS: usize = 12;
 
@@ -25,6 +27,12 @@ pub struct Registration {
     pub down_m: f64,
     /// Offset to the right, metres.
     pub right_m: f64,
+    /// Standard deviation of the offset down, pixels, from the candidate's waves that are not the truth's.
+    #[serde(default)]
+    pub down_sd_px: f64,
+    /// Standard deviation of the offset to the right, pixels.
+    #[serde(default)]
+    pub right_sd_px: f64,
     /// Correlation of the slope vectors of these waves at this offset, [-1, 1].
     pub correlation: f64,
 }
@@ -60,7 +68,10 @@ pub(super) fn registration(spectrum: &CrossSpectrum, pixel: PixelSize, resolved_
         truth += w * wave.truth;
         candidate += w * wave.candidate;
     }
+    let [down_sd_px, right_sd_px] = deviations(spectrum, &weight, (down_px, right_px))?;
     Some(Registration {
+        down_sd_px,
+        right_sd_px,
         down_px,
         right_px,
         down_m: down_px * pixel.row_m,
@@ -104,6 +115,32 @@ fn refined(spectrum: &CrossSpectrum, weight: &dyn Fn(&Wave) -> f64, start: (f64,
     (down, right)
 }
 
+/// Returns the standard deviations of an offset down and right, pixels; `None` if the waves do not determine it. The candidate, moved back, is
+/// taken as g t + n: the truth t with a gain g for each octave, and a rest n. To first order, the rest moves the maximum of Σ w Re(t* z) by
+/// Σ w k Im(t* n) / Σ w g k² |t|², with w the weights.
+fn deviations(spectrum: &CrossSpectrum, weight: &dyn Fn(&Wave) -> f64, offset: (f64, f64)) -> Option<[f64; 2]> {
+    let octave = |wave: &Wave| (-wave.frequency.0.hypot(wave.frequency.1).log2()).clamp(0.0, 31.0) as usize;
+    let mut sums = [(0.0, 0.0); 32];
+    for wave in spectrum.waves() {
+        let sum = &mut sums[octave(&wave)];
+        *sum = (sum.0 + turned(&wave, offset).re, sum.1 + wave.truth);
+    }
+    let gains = sums.map(|(cross, truth)| if truth > 0.0 { cross / truth } else { 0.0 });
+    let (mut squares, mut curvatures) = ([0.0; 2], [0.0; 2]);
+    for wave in spectrum.waves() {
+        let (w, gain) = (weight(&wave), gains[octave(&wave)]);
+        // |z - g t|², which rounding may take below 0.
+        let cross = turned(&wave, offset).re;
+        let rest = (wave.candidate + gain * (gain * wave.truth - 2.0 * cross)).max(0.0);
+        for (axis, k) in [TAU * wave.frequency.0, TAU * wave.frequency.1].into_iter().enumerate() {
+            squares[axis] += (w * k).powi(2) * wave.truth * rest;
+            curvatures[axis] += w * gain * k * k * wave.truth;
+        }
+    }
+    let found = [0, 1].map(|axis: usize| (ALIKE * squares[axis]).sqrt() / curvatures[axis]);
+    found.iter().all(|sd| sd.is_finite() && *sd >= 0.0).then_some(found)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,6 +181,31 @@ mod tests {
             assert!(off < 0.02 + 0.02 * down.hypot(right), "{down} {right}: {found:?}");
             assert_eq!((found.down_m, found.right_m), (2.0 * found.down_px, 3.0 * found.right_px));
             assert!(found.correlation > 0.9, "{found:?}");
+        }
+    }
+
+    /// White noise moves the offset by as much as its standard deviation says.
+    #[test]
+    fn the_standard_deviation_is_that_of_offsets_under_noise() {
+        use rand::{Rng, SeedableRng};
+        let truth = hills(0.0, 0.0, 1.0);
+        let (mut squares, mut variances) = ([0.0; 2], [0.0; 2]);
+        for seed in 0..24 {
+            let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let mut dtm = hills(0.3, -0.2, 0.8);
+            dtm.samples.iter_mut().for_each(|z| *z += random.random_range(-1.5..1.5_f32));
+            let found = of(&truth, &dtm).unwrap();
+            let (errors, sds) = ([found.down_px - 0.3, found.right_px + 0.2], [found.down_sd_px, found.right_sd_px]);
+            for axis in [0, 1] {
+                squares[axis] += errors[axis].powi(2);
+                variances[axis] += sds[axis].powi(2);
+            }
+        }
+        for axis in [0, 1] {
+            let (ratio, sd) = ((squares[axis] / variances[axis]).sqrt(), (variances[axis] / 24.0).sqrt());
+            // 24 errors give their standard deviation to 15 %.
+            assert!((0.6..1.6).contains(&ratio), "{ratio} of {sd}");
+            assert!(sd > 0.01, "the noise moves the offset: {sd}");
         }
     }
 

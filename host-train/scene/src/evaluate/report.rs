@@ -39,10 +39,12 @@ const LINES: [Line; 23] = [
 /// A row of figures from spectra, likewise.
 type SpectralLine = (&'static str, &'static str, fn(&Spectral) -> Option<f64>);
 
-const SPECTRAL_LINES: [SpectralLine; 6] = [
+const SPECTRAL_LINES: [SpectralLine; 8] = [
     ("half-coherence wavelength", "m", |s| Some(s.half_coherence?.wavelength_m)),
     ("offset down", "px", |s| Some(s.registration?.down_px)),
     ("offset right", "px", |s| Some(s.registration?.right_px)),
+    ("offset down, standard deviation", "px", |s| Some(s.registration?.down_sd_px)),
+    ("offset right, standard deviation", "px", |s| Some(s.registration?.right_sd_px)),
     ("offset down", "m", |s| Some(s.registration?.down_m)),
     ("offset right", "m", |s| Some(s.registration?.right_m)),
     ("correlation of slopes there", "1", |s| Some(s.registration?.correlation)),
