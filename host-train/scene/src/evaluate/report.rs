@@ -53,7 +53,9 @@ const SPECTRAL_LINES: [SpectralLine; 8] = [
 /// Returns the table: one column per candidate, one line per figure. The text ends with a newline.
 #[must_use]
 pub fn table(comparison: &Comparison, details: &Details) -> String {
-    let heading = LINES.iter().map(|(name, unit, _)| name.len() + unit.len() + 3).max().unwrap_or(0);
+    let names = LINES.iter().map(|(name, unit, _)| (name, unit));
+    let names = names.chain(SPECTRAL_LINES.iter().map(|(name, unit, _)| (name, unit)));
+    let heading = names.map(|(name, unit)| name.len() + unit.len() + 3).max().unwrap_or(0);
     let names = short_names(comparison);
     let widths: Vec<usize> = names.iter().map(|name| name.chars().count().max(10)).collect();
     let mut text = format!(
