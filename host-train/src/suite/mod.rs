@@ -55,7 +55,7 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
             let path = out.join(DTMS).join(&method.name).join(format!("{}.tif", entry.name));
             write(
                 &path,
-                &found.placed,
+                &found.as_it_is,
                 &WriteOptions::heights(format!("DTM of a test scene: {}", method.description)),
             )?;
         }
@@ -63,7 +63,7 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
         result.pictures = pictures::scene(out, &scene, &scored.comparison)?;
         results.scenes.push(result);
         if let Some(ground) = &entry.ground {
-            let dtms = scored.comparison.scored.into_iter().map(|j| (j.name, j.placed)).collect();
+            let dtms = scored.comparison.scored.into_iter().map(|j| (j.name, j.as_it_is)).collect();
             let seen = Seen { name: entry.name.clone(), truth: scene.truth, high_pass_m: scene.high_pass_m, dtms };
             match grounds.iter_mut().find(|(name, _)| name == ground) {
                 Some((_, all)) => all.push(seen),

@@ -63,6 +63,8 @@ pub struct Scored {
     pub scores: Scores,
     /// The candidate on the truth's grid at the resolution of the comparison, metres; NaN off the common pixels.
     pub placed: Raster,
+    /// The candidate on the truth's grid as it is, before it is brought to that resolution.
+    pub as_it_is: Raster,
     /// Candidate minus truth, metres, on the truth's grid; NaN off the common pixels.
     pub error_m: Raster,
 }
@@ -127,11 +129,12 @@ pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>
     };
     let truth_m = resolved(truth.raster);
     let scored = candidates.iter().zip(placed).map(|(candidate, placed)| {
+        let as_it_is = masked(&placed, &common);
         let placed = resolved(&placed);
         let samples = placed.samples.iter().zip(&truth_m.samples).map(|(z, t)| z - t).collect();
         let scores = Scores::of(&truth_m, &placed, pixel)?;
         let error_m = Raster { samples, ..placed.clone() };
-        Ok(Scored { name: candidate.dtm.name.into(), scores, placed, error_m })
+        Ok(Scored { name: candidate.dtm.name.into(), scores, placed, as_it_is, error_m })
     });
     let scored = scored.collect::<Result<_>>()?;
     let (truth, truth_pixels) = (truth.name.into(), truth.raster.valid_count());
@@ -191,6 +194,7 @@ mod tests {
         let (whole, coarse) = (at(None).unwrap(), at(Some(20.0)).unwrap());
         let rmse = |found: &Comparison| found.scored[0].scores.rmse_m;
         assert!((rmse(&whole) - 1.0).abs() < 1e-5 && rmse(&coarse) < 0.05, "{} {}", rmse(&whole), rmse(&coarse));
+        assert_eq!(coarse.scored[0].as_it_is.samples, dtm.samples, "the DTM itself is not smoothed");
         // The truth's own waves of 126 m stay.
         let kept = coarse.truth_m.samples[30 * 80 + 40] - coarse.truth_m.samples[15 * 80 + 40];
         let before = truth.samples[30 * 80 + 40] - truth.samples[15 * 80 + 40];
