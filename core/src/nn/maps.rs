@@ -6,9 +6,9 @@ use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::intensity::IntensityRange;
-use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
+use crate::norm::{ElevationScale, LightEstimate, LightFit, Mirror, NormError};
 use crate::part::item;
-use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, LightDoubt, MAPS, Photoclinometry, Weight};
+use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, MAPS, Photoclinometry, Weight};
 use crate::tile::Shape;
 use core::fmt;
 
@@ -248,9 +248,9 @@ impl<'t, 's> TileMaps<'t, 's> {
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
             let weighed = rules.illumination == Illumination::Weighed;
             let expected = weighed.then(|| {
-                let Lighting { trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
-                let doubt = LightDoubt { trust, log_strength_sd, azimuth_sd_deg };
-                ExpectedErrors::of_share(guide.share(), doubt, (tile.pixel_m, coarse_px), guide.dark_below())
+                let Lighting { light, trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
+                let light = LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust };
+                ExpectedErrors::of_share(guide.share(), &light, (tile.pixel_m, coarse_px), guide.dark_below())
             });
             return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected }));
         }

@@ -1,21 +1,11 @@
 //! The errors that heights and slopes of a tile are expected to have.
 
 use super::share::{OCTAVES, Share};
+use crate::norm::LightEstimate;
 use core::f32::consts::TAU;
 
 /// Length in coarse pixels beyond which heights are those of the coarse DTM: half of the squared error of such waves remains (our choice).
 const HELD_COARSE_PX: f32 = 2.5;
-
-/// A light's uncertainty, and the trust in it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LightDoubt {
-    /// Share of the relief that is kept, 0 to 1.
-    pub trust: f32,
-    /// Standard deviation of the logarithm of the strength.
-    pub log_strength_sd: f32,
-    /// Standard deviation of the azimuth, degrees.
-    pub azimuth_sd_deg: f32,
-}
 
 /// Standard deviations of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -106,10 +96,10 @@ impl ExpectedErrors {
     /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
     /// coarse pixel in pixels of the image, `dark_below` the brightness below which a pixel is dark.
     #[must_use]
-    pub fn of_share(share: &Share, doubt: LightDoubt, (pixel_m, coarse_px): (f32, f32), dark_below: f32) -> Self {
-        let azimuth_sd = doubt.azimuth_sd_deg.to_radians();
-        let spoiled = (doubt.log_strength_sd * doubt.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
-        let trust = doubt.trust * (1.0 - spoiled);
+    pub fn of_share(share: &Share, light: &LightEstimate, (pixel_m, coarse_px): (f32, f32), dark_below: f32) -> Self {
+        let azimuth_sd = light.azimuth_sd_deg.to_radians();
+        let spoiled = (light.log_strength_sd * light.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
+        let trust = light.trust * (1.0 - spoiled);
         let with = |trust| open(share, trust, (pixel_m, coarse_px));
         Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below }
     }
@@ -179,7 +169,8 @@ mod tests {
     use super::*;
     use crate::norm::Light;
 
-    const SURE: LightDoubt = LightDoubt { trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
+    const LIGHT: Light = Light { east: 2.0, south: 0.0 };
+    const SURE: LightEstimate = LightEstimate { light: LIGHT, trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
     const SIZES: (f32, f32) = (2.0, 30.0);
 
     /// The share of ground whose slopes have the variance `slope_variance` in the octave of 4 to 8 pixels alone.
@@ -187,13 +178,13 @@ mod tests {
         let mut octaves = [Power::default(); OCTAVES];
         let total = 0.5 * slope_variance;
         octaves[1] = Power { total, cos: 0.5 * total, sin: 0.0, waves: 1e9 };
-        Contrast::new(octaves, 1.0, 1.0).share(Light { east: 2.0, south: 0.0 })
+        Contrast::new(octaves, 1.0, 1.0).share(LIGHT)
     }
 
     #[test]
     fn nothing_trusted_leaves_all_open() {
-        let none = LightDoubt { trust: 0.0, ..SURE };
-        let errors = ExpectedErrors::of_share(&share(0.02), none, SIZES, 10.0);
+        let none = LightEstimate { trust: 0.0, ..SURE };
+        let errors = ExpectedErrors::of_share(&share(0.02), &none, SIZES, 10.0);
         let Errors { height_m, slope, explained, .. } = errors.lit();
         // sqrt(0.02 / 2) along either axis; the height of waves of 5.7 pixels of 2 m.
         assert!((slope - 0.1).abs() < 1e-3, "{slope}");
@@ -204,12 +195,12 @@ mod tests {
 
     #[test]
     fn the_surer_the_light_the_smaller_the_errors() {
-        let of = |doubt| ExpectedErrors::of_share(&share(0.02), doubt, SIZES, 10.0).lit();
+        let of = |doubt| ExpectedErrors::of_share(&share(0.02), &doubt, SIZES, 10.0).lit();
         let sure = of(SURE);
         let doubts = [
-            LightDoubt { trust: 0.8, ..SURE },
-            LightDoubt { log_strength_sd: 0.4, ..SURE },
-            LightDoubt { azimuth_sd_deg: 25.0, ..SURE },
+            LightEstimate { trust: 0.8, ..SURE },
+            LightEstimate { log_strength_sd: 0.4, ..SURE },
+            LightEstimate { azimuth_sd_deg: 25.0, ..SURE },
         ];
         for doubt in doubts {
             let found = of(doubt);
@@ -217,13 +208,13 @@ mod tests {
             assert!(found.explained < sure.explained);
         }
         // More uncertainty than anything can have explains nothing, and never less.
-        let lost = of(LightDoubt { log_strength_sd: 3.0, azimuth_sd_deg: 180.0, ..SURE });
-        assert_eq!(lost, of(LightDoubt { trust: 0.0, ..SURE }));
+        let lost = of(LightEstimate { log_strength_sd: 3.0, azimuth_sd_deg: 180.0, ..SURE });
+        assert_eq!(lost, of(LightEstimate { trust: 0.0, ..SURE }));
     }
 
     #[test]
     fn dark_pixels_show_nothing() {
-        let errors = ExpectedErrors::of_share(&share(0.02), SURE, SIZES, 10.0);
+        let errors = ExpectedErrors::of_share(&share(0.02), &SURE, SIZES, 10.0);
         assert!(errors.is_dark(9.0) && !errors.is_dark(11.0) && !errors.is_dark(f32::NAN));
         assert_eq!(ExpectedErrors::from_values(errors.to_values()), errors);
         assert!(errors.at(0.0).slope > 1.2 * errors.at(100.0).slope && errors.at(0.0).explained == 0.0);
@@ -246,8 +237,8 @@ mod tests {
 
     #[test]
     fn long_waves_are_the_coarse_dtms() {
-        let near = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 30.0), 0.1).lit();
-        let finer = ExpectedErrors::of_share(&share(0.02), SURE, (2.0, 2.0), 0.1).lit();
+        let near = ExpectedErrors::of_share(&share(0.02), &SURE, (2.0, 30.0), 0.1).lit();
+        let finer = ExpectedErrors::of_share(&share(0.02), &SURE, (2.0, 2.0), 0.1).lit();
         assert!(finer.slope < 0.7 * near.slope && finer.height_m < 0.7 * near.height_m);
     }
 

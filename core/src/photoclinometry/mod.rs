@@ -19,7 +19,7 @@ mod fft;
 mod guide;
 mod share;
 
-pub use expected::{Errors, ExpectedErrors, LightDoubt, Origin};
+pub use expected::{Errors, ExpectedErrors, Origin};
 pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 
@@ -32,8 +32,8 @@ use share::Power;
 
 /// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
-/// Length, in coarse pixels, by which heights weigh as much as slopes (our choice: with 1 the waves of two coarse pixels are a tenth too
-/// flat; with more, long waves are albedo).
+/// Length, in coarse pixels, over which a height weighs as much as a slope (our choice: with 1, waves of one to two coarse pixels are 2 to 5 %
+/// flatter; with 2, heights gain less).
 const STIFFNESS_COARSE_PX: f32 = 1.4;
 /// Smallest number of pixels by which a tile is continued on either side, mirrored, so that opposite sides do not touch.
 const MARGIN_PX: usize = 24;

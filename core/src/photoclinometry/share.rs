@@ -21,8 +21,8 @@ use core::f32::consts::PI;
 
 /// Number of octaves: wavelengths from 2 to 512 pixels. Longer waves count with the last one.
 pub const OCTAVES: usize = 8;
-/// The share of ground without albedo. Shading is not quite linear, and ground has directions of its own (our choice: of 0.65 to 1 the best
-/// on real and synthetic scenes alike).
+/// The share of ground without albedo. Shading is not quite linear, and ground has directions of its own (our choice,
+/// near 0.72, the best of 0.72, 0.8, 0.9 and 1 on real scenes).
 const WHOLE: f32 = 0.75;
 /// Smallest share, and so the largest weight of slopes: such an octave adds nothing visible.
 const SHARE_MIN: f32 = 0.015;
