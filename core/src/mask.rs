@@ -48,6 +48,18 @@ pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Result<(f32, f3
     if found < MIN_VALID_PX { Err(found) } else { Ok((low, high)) }
 }
 
+/// Returns the mean of the valid pixels; NaN if there are none.
+pub(crate) fn mean(samples: &[f32], valid: Option<&[bool]>) -> f32 {
+    let (mut sum, mut count) = (0.0f64, 0usize);
+    for (i, &sample) in samples.iter().enumerate() {
+        if counts(samples, valid, i) {
+            sum += f64::from(sample);
+            count += 1;
+        }
+    }
+    (sum / count as f64) as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,6 +8,8 @@
 //!   itself is a mean over a coarse pixel, so brightness is averaged over cell and coarse pixel, one after the other: with a tent.
 //! - An octave is the variation of four cells, two by two, about their mean: a nested analysis of variance. The next octave takes these
 //!   means as cells.
+//! - A cell whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope. It is left out (our
+//!   choice). A cell with some dark pixels stays: without it the fit would miss the steepest ground and become too strong.
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
 //!
@@ -15,6 +17,7 @@
 
 use crate::mask;
 use crate::norm::Light;
+use crate::norm::shading::DARK;
 use crate::part::item;
 use crate::terrain::PixelSize;
 
@@ -198,7 +201,8 @@ impl LightFit {
         self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
     }
 
-    /// As [`Self::add`], without the cells in which a pixel is invalid ([`crate::mask`]).
+    /// As [`Self::add`], without the cells in which a pixel is invalid ([`crate::mask`]). Cells in shadow are left out by both; a pixel is
+    /// dark below a tenth of the rectangle's mean brightness.
     pub fn add_masked(
         &mut self,
         image: &[f32],
@@ -212,7 +216,8 @@ impl LightFit {
         if coarse_m.len() != image.len() || cell_px < 2 {
             return;
         }
-        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px };
+        let dark_below = DARK * mask::mean(image, valid);
+        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px, dark_below };
         // Tents reach half a cell beyond the cells.
         let first = cell_px / 2;
         for top in (first..rows).step_by(4 * cell_px) {
@@ -340,10 +345,12 @@ struct Rectangle<'a> {
     cols: usize,
     pixel: PixelSize,
     side: usize,
+    /// Brightness below which a pixel is dark.
+    dark_below: f32,
 }
 
 impl Rectangle<'_> {
-    /// Returns a cell; `None` if it or its tent leaves the rectangle, or one of its pixels is invalid.
+    /// Returns a cell; `None` if it or its tent leaves the rectangle, one of its pixels is invalid, or all of them are dark.
     fn cell(&self, top: usize, left: usize) -> Option<Cell> {
         let &Rectangle { rows, cols, side, .. } = self;
         let reach = side - side / 2;
@@ -354,15 +361,16 @@ impl Rectangle<'_> {
         Some([self.brightness(top - side / 2, left - side / 2)?, east, south])
     }
 
-    /// Returns the mean slopes over a cell.
+    /// Returns the mean slopes over a cell; `None` if a pixel is invalid, or all are dark.
     fn slopes(&self, top: usize, left: usize) -> Option<[f64; 2]> {
         let z = |i: usize| item(self.coarse_m, i);
-        let (mut east, mut south, mut real) = (0.0f64, 0.0f64, true);
+        let (mut east, mut south, mut real, mut lit) = (0.0f64, 0.0f64, true, false);
         for row in top..top + self.side {
             let (mut along, mut down) = (0.0f32, 0.0f32);
             for i in row * self.cols + left..row * self.cols + left + self.side {
                 let near = [z(i - 1), z(i + 1), z(i - self.cols), z(i + self.cols)];
                 real &= mask::counts(self.image, self.valid, i) && near.into_iter().all(mask::is_real);
+                lit |= item(self.image, i) >= self.dark_below;
                 along += near[1] - near[0];
                 down += near[3] - near[2];
             }
@@ -370,7 +378,7 @@ impl Rectangle<'_> {
             south += f64::from(down);
         }
         let count = 2.0 * (self.side * self.side) as f64;
-        real.then_some([east / count / self.pixel.col_m, south / count / self.pixel.row_m])
+        (real && lit).then_some([east / count / self.pixel.col_m, south / count / self.pixel.row_m])
     }
 
     /// Returns the mean brightness under a tent of twice a cell's side, over valid pixels.

@@ -13,7 +13,7 @@ use crate::norm::NormError;
 pub const SLOPE_UNIT: f32 = 0.1;
 /// A pixel of less than this share of the mean brightness is dark: it shows no slope, only that the ground falls away from the light (our
 /// choice).
-const DARK: f32 = 0.1;
+pub(super) const DARK: f32 = 0.1;
 /// Limit of slopes: 45 degrees, steeper than the angle of repose of loose ground (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
 
@@ -36,14 +36,7 @@ impl Shading {
             same_length(image.len(), mask.len())?;
         }
         let (low, high) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let (mut sum, mut count) = (0.0f64, 0usize);
-        for (i, &v) in image.iter().enumerate() {
-            if mask::counts(image, valid, i) {
-                sum += f64::from(v);
-                count += 1;
-            }
-        }
-        let mean = (sum / count as f64) as f32;
+        let mean = mask::mean(image, valid);
         if !(low < high && mean.is_finite() && mean > 0.0) {
             return Err(NormError::ConstantImage);
         }

@@ -111,7 +111,7 @@ fn cells_with_invalid_pixels_are_left_out() {
     let clean = fit(&image, &heights);
     // A wrong value under the mask, in one cell; a void elsewhere.
     let valid: Vec<bool> = (0..image.len()).map(|i| i != 20 * COLS + 20).collect();
-    image[20 * COLS + 20] = 1e6;
+    image[20 * COLS + 20] = 1e3;
     image[100 * COLS + 100] = f32::NAN;
     let of = |valid| LightFit::of_tile(&image, &heights, valid, COLS, 2.0, COARSE_PX);
     // Quads without one of their cells do not count.
@@ -119,6 +119,25 @@ fn cells_with_invalid_pixels_are_left_out() {
     assert_eq!(of(None).cells, clean.cells - 4.0);
     let (found, clean) = (of(Some(&valid)).estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
     assert!((found.light.east - clean.light.east).abs() < 0.03, "{found:?} for {clean:?}");
+}
+
+/// Half of the scene lies in the shadow of a mountain beyond its edge. The fit is that of the other half.
+#[test]
+fn cells_in_shadow_are_left_out() {
+    let light = Light::of(300.0, 1.0).unwrap();
+    let (mut image, heights) = scene(light, 7.0);
+    let heights = coarse(&heights);
+    let all = fit(&image, &heights);
+    for (i, v) in image.iter_mut().enumerate() {
+        if i % COLS >= COLS / 2 {
+            *v *= 0.01;
+        }
+    }
+    let fit = fit(&image, &heights);
+    assert!((0.4 * all.cells..0.6 * all.cells).contains(&fit.cells), "{} of {}", fit.cells, all.cells);
+    let (found, clean) = (fit.estimate(None, None).unwrap(), all.estimate(None, None).unwrap());
+    assert!((found.light.azimuth_deg() - clean.light.azimuth_deg()).abs() < 12.0, "{found:?} for {clean:?}");
+    assert!(found.azimuth_sd_deg < 20.0 && found.trust > 0.8, "{found:?}");
 }
 
 #[test]
