@@ -48,11 +48,11 @@ pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Result<(f32, f3
     if found < MIN_VALID_PX { Err(found) } else { Ok((low, high)) }
 }
 
-/// Returns the mean of the valid pixels; NaN if there are none.
-pub(crate) fn mean(samples: &[f32], valid: Option<&[bool]>) -> f32 {
+/// Returns the mean of the valid pixels that are not below `least`; NaN if there are none.
+pub(crate) fn mean(samples: &[f32], valid: Option<&[bool]>, least: f32) -> f32 {
     let (mut sum, mut count) = (0.0f64, 0usize);
     for (i, &sample) in samples.iter().enumerate() {
-        if counts(samples, valid, i) {
+        if counts(samples, valid, i) && sample >= least {
             sum += f64::from(sample);
             count += 1;
         }

@@ -17,7 +17,7 @@
 
 use crate::mask;
 use crate::norm::Light;
-use crate::norm::shading::DARK;
+use crate::norm::shading;
 use crate::part::item;
 use crate::terrain::PixelSize;
 
@@ -216,7 +216,7 @@ impl LightFit {
         if coarse_m.len() != image.len() || cell_px < 2 {
             return;
         }
-        let dark_below = DARK * mask::mean(image, valid);
+        let dark_below = shading::dark_below(image, valid);
         let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px, dark_below };
         // Tents reach half a cell beyond the cells.
         let first = cell_px / 2;

@@ -1,6 +1,7 @@
 //! An image as slopes: for each pixel the smallest slope that explains its contrast.
 //!
-//! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. As two maps for the
+//! Of all slopes g with b . g = c, where c = I / mean(I) - 1 and b is the [`Light`], the smallest is g = c b / |b|^2. The mean is that of
+//! lit ground: shadows would make level ground look like a slope towards the Sun. As two maps for the
 //! network it gives a possible slope and its direction, independent of the Sun's elevation and azimuth (our choice; the paper gives the
 //! brightness, normalised to [0, 1], and the network must also find the Sun).
 
@@ -13,9 +14,21 @@ use crate::norm::NormError;
 pub const SLOPE_UNIT: f32 = 0.1;
 /// A pixel of less than this share of the mean brightness is dark: it shows no slope, only that the ground falls away from the light (our
 /// choice).
-pub(super) const DARK: f32 = 0.1;
+const DARK: f32 = 0.1;
 /// Limit of slopes: 45 degrees, steeper than the angle of repose of loose ground (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
+
+/// Returns the mean brightness of lit ground: of the valid pixels that are brighter than a tenth of the mean of all; NaN if this mean is not
+/// positive.
+fn lit_mean(image: &[f32], valid: Option<&[bool]>) -> f32 {
+    let dark_below = dark_below(image, valid);
+    if dark_below > 0.0 { mask::mean(image, valid, dark_below) } else { f32::NAN }
+}
+
+/// Returns the brightness below which a pixel is dark, from the mean of all valid pixels; NaN if there are none.
+pub(super) fn dark_below(image: &[f32], valid: Option<&[bool]>) -> f32 {
+    DARK * mask::mean(image, valid, f32::NEG_INFINITY)
+}
 
 /// The conversion of a tile's brightness to slopes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +39,7 @@ pub struct Shading {
 }
 
 impl Shading {
-    /// Makes the shading of a tile from its mean brightness over the valid pixels (see [`mask`]), under `light`.
+    /// Makes the shading of a tile from its mean brightness over the valid pixels that are not dark (see [`mask`]), under `light`.
     ///
     /// # Errors
     /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::ConstantImage`] if the
@@ -36,7 +49,7 @@ impl Shading {
             same_length(image.len(), mask.len())?;
         }
         let (low, high) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let mean = mask::mean(image, valid);
+        let mean = lit_mean(image, valid);
         if !(low < high && mean.is_finite() && mean > 0.0) {
             return Err(NormError::ConstantImage);
         }
@@ -44,7 +57,7 @@ impl Shading {
         Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
     }
 
-    /// Returns the brightness below which a pixel is dark: a tenth of the mean.
+    /// Returns the brightness below which a pixel is dark: a tenth of the mean of lit ground.
     #[must_use]
     pub fn dark_below(&self) -> f32 {
         DARK * self.mean
@@ -88,6 +101,17 @@ mod tests {
         let shading = Shading::new(&[1.0, 3.0, f32::NAN], None, Light { east: 0.1, south: 0.0 }).unwrap();
         assert_eq!([shading.slopes(1.0), shading.slopes(3.0)], [[-10.0, 0.0], [10.0, 0.0]]);
         assert_eq!([shading.along(1.0, 0.1), shading.along(3.0, 0.1)], [-1.0, 1.0]);
+    }
+
+    #[test]
+    fn level_ground_beside_a_shadow_has_no_slope() {
+        // A half in shadow, a void, and pixels beyond the mask.
+        let image = [100.0, 100.0, 120.0, 80.0, 1.0, 2.0, 1.5, 0.0, f32::NAN, 9e3];
+        let valid = [[true; 9].as_slice(), &[false]].concat();
+        let light = Light { east: 1.0, south: 0.0 };
+        let shading = Shading::new(&image, Some(&valid), light).unwrap();
+        assert_eq!(shading.along(100.0, 1.0), 0.0);
+        assert_eq!(shading.dark_below(), 10.0);
     }
 
     #[test]

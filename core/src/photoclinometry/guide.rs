@@ -108,7 +108,7 @@ impl<'t, 's> Guide<'t, 's> {
         let (share, trust) = match weight {
             Weight::Plain => (Share::WHOLE, 1.0),
             Weight::Trust(trust) => {
-                let contrast = plan.contrast((&brightness, &coarse), (&shading, light), scratch)?;
+                let contrast = plan.contrast((&brightness, &coarse), (&shading, light), coarse_px, scratch)?;
                 (contrast.share(light), trust)
             }
         };

@@ -35,6 +35,9 @@ pub const SMOOTHNESS: f32 = 0.05;
 /// Length, in coarse pixels, over which a height weighs as much as a slope (our choice: with 1, waves of one to two coarse pixels are 2 to 5 %
 /// flatter; with 2, heights gain less).
 const STIFFNESS_COARSE_PX: f32 = 1.4;
+/// Length of a dark stretch of a row, in coarse pixels, from which on it hides the ground: the coarse DTM shows such ground better (our choice:
+/// with 1 coarse pixel, slopes of ray-traced scenes are 2 % worse).
+const HIDDEN_COARSE_PX: f32 = 4.0;
 /// Smallest number of pixels by which a tile is continued on either side, mirrored, so that opposite sides do not touch.
 const MARGIN_PX: usize = 24;
 /// Number of rows that are transformed together, in pairs as real and imaginary part. The margin has space for them.
@@ -88,7 +91,7 @@ impl Photoclinometry {
     ) -> Result<Relief<'s>, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
         let direction = Self::direction(light);
-        self.fill(field, brightness, coarse, (|v| shading.along(v, light.strength()), shading.dark_below()), direction);
+        self.fill(field, (brightness, coarse), (shading, light), coarse_px);
         self.mirror_cols(field);
         self.rows_forward(field, col_roots);
         self.mirror_rows(field);
@@ -100,7 +103,7 @@ impl Photoclinometry {
         Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
     }
 
-    /// Measures the contrast of a tile, from the same maps as [`Self::relief`]: the slopes along the light that the coarse DTM does not
+    /// Measures the contrast of a tile, from the same arguments as [`Self::relief`]: the slopes along the light that the coarse DTM does not
     /// explain. They are tapered towards the tile's edges (by a raised cosine over a quarter of a side), so that no wave is cut.
     ///
     /// # Errors
@@ -109,16 +112,11 @@ impl Photoclinometry {
         &self,
         (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
         (shading, light): (&Shading, Light),
+        coarse_px: f32,
         scratch: &mut [f32],
     ) -> Result<Contrast, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        self.fill(
-            field,
-            brightness,
-            coarse,
-            (|v| shading.along(v, light.strength()), shading.dark_below()),
-            Self::direction(light),
-        );
+        self.fill(field, (brightness, coarse), (shading, light), coarse_px);
         let squares = f64::from(self.taper(field));
         self.rows_forward(field, col_roots);
         self.clear_margins(field);
@@ -158,22 +156,26 @@ impl Photoclinometry {
         field.split_at_mut_checked(self.corner().0 * self.cols.len()).unwrap_or_default()
     }
 
-    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, and subtracts its mean.
+    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, and subtracts its mean
+    /// over lit ground. It is 0 where the image is invalid, or a shadow hides the ground.
     fn fill(
         &self,
         field: &mut [f32],
-        brightness: impl Fn(usize, &mut [f32]),
-        coarse: impl Fn(usize, &mut [f32]),
-        (seen, dark_below): (impl Fn(f32) -> f32, f32),
-        [east, south]: [f32; 2],
+        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
+        (shading, light): (&Shading, Light),
+        coarse_px: f32,
     ) {
+        let ([east, south], strength) = (Self::direction(light), light.strength());
+        let dark_below = shading.dark_below();
+        // `as` turns NaN and negative numbers into 0.
+        let hidden_px = ((HIDDEN_COARSE_PX * coarse_px) as usize).max(1);
         let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
         let (margin, tile) = self.margin(field);
         // Space for three rows of the coarse DTM and one of the image.
         let (heights, rest) = margin.split_at_mut_checked(3 * cols).unwrap_or_default();
         let bright = head_mut(rest, cols);
         coarse(0, head_mut(heights, cols));
-        let mut sum = 0.0f64;
+        let (mut sum, mut known) = (0.0f64, 0usize);
         for row in 0..rows {
             let (up, down) = (row.saturating_sub(1), (row + 1).min(rows - 1));
             if down > row {
@@ -184,11 +186,8 @@ impl Photoclinometry {
             let out = part_mut(tile, row * width + left, cols);
             let per_row = 1.0 / (down - up).max(1) as f32;
             let missing = |across: f32, along: f32, v: f32| {
-                // Where the image is invalid, no slope remains to be explained.
-                if v.is_nan() {
-                    return 0.0;
-                }
-                let slope = seen(v) - (east * across + south * (along * per_row));
+                // NaN where the image is invalid.
+                let slope = shading.along(v, strength) - (east * across + south * (along * per_row));
                 // A dark slope may be steeper than its brightness says. If the coarse DTM is steeper, nothing remains to be explained.
                 if v < dark_below { slope.min(0.0) } else { slope }
             };
@@ -203,11 +202,15 @@ impl Photoclinometry {
                 let across = item(here, after.min(cols.saturating_sub(1))) - item(here, before);
                 put(out, col, missing(across, item(below, col) - item(above, col), item(bright, col)));
             }
-            out.iter().for_each(|v| sum += f64::from(*v));
+            hide(out, bright, (dark_below, hidden_px));
+            for (v, _) in out.iter().zip(bright.iter()).filter(|(v, bright)| !v.is_nan() && **bright >= dark_below) {
+                sum += f64::from(*v);
+                known += 1;
+            }
         }
-        let mean = (sum / (rows * cols).max(1) as f64) as f32;
+        let mean = (sum / known.max(1) as f64) as f32;
         for line in tile.chunks_exact_mut(width.max(1)).take(rows) {
-            part_mut(line, left, cols).iter_mut().for_each(|v| *v -= mean);
+            part_mut(line, left, cols).iter_mut().for_each(|v| *v = if v.is_nan() { 0.0 } else { *v - mean });
         }
     }
 
@@ -418,6 +421,21 @@ struct Field<'s> {
     field: &'s mut [f32],
     row_roots: &'s [f32],
     col_roots: &'s [f32],
+}
+
+/// Sets the slopes of a row to NaN where `hidden_px` or more pixels side by side are dark.
+fn hide(slopes: &mut [f32], brightness: &[f32], (dark_below, hidden_px): (f32, usize)) {
+    let mut dark = 0;
+    for end in 0..=brightness.len() {
+        if brightness.get(end).is_some_and(|v| *v < dark_below) {
+            dark += 1;
+            continue;
+        }
+        if dark >= hidden_px {
+            part_mut(slopes, end - dark, dark).fill(f32::NAN);
+        }
+        dark = 0;
+    }
 }
 
 /// Returns the weight of sample `i` of `n`: 1 in the middle half, falling to 0 over the outer quarters.

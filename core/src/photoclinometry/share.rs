@@ -69,15 +69,15 @@ impl Contrast {
         Self { octaves, tiles: 1.0 }
     }
 
-    /// Measures the contrast of an image alone, of this shape, row-major, at valid pixels ([`crate::mask`]). `scratch` has at least
-    /// [`Photoclinometry::scratch_len`] values.
+    /// Measures the contrast of an image alone, of this shape, row-major, at valid pixels ([`crate::mask`]). `coarse_px` is the side of a
+    /// pixel of the coarse DTM in pixels of the image; `scratch` has at least [`Photoclinometry::scratch_len`] values.
     ///
     /// # Errors
     /// Those of [`Shading::new`]; [`NormError::Length`] if a buffer has another length.
     pub fn of_image(
         image: &[f32],
         valid: Option<&[bool]>,
-        shape: Shape,
+        (shape, coarse_px): (Shape, f32),
         scratch: &mut [f32],
     ) -> Result<Self, NormError> {
         crate::error::same_length(shape.pixels(), image.len())?;
@@ -90,7 +90,7 @@ impl Contrast {
             }
         };
         let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-        Ok(Photoclinometry::new(shape).contrast((brightness, level), (&shading, light), scratch)?)
+        Ok(Photoclinometry::new(shape).contrast((brightness, level), (&shading, light), coarse_px, scratch)?)
     }
 
     /// Adds another tile, or several.

@@ -182,7 +182,7 @@ fn contrast(plan: &Photoclinometry, image: &[f32], light: Light) -> Contrast {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    plan.contrast((bright, level), (&shading, light), &mut scratch).unwrap()
+    plan.contrast((bright, level), (&shading, light), 30.0, &mut scratch).unwrap()
 }
 
 /// Returns noise with waves of 4 pixels and more: means over 4 x 4 values.
@@ -244,7 +244,7 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    let found = plan.contrast((bright, level), (&shading, light), &mut scratch).unwrap();
+    let found = plan.contrast((bright, level), (&shading, light), 30.0, &mut scratch).unwrap();
 
     let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
     let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();
@@ -325,4 +325,27 @@ fn dark_pixels_do_not_flatten_slopes() {
     // A tenth of the mean is the limit.
     assert!(largest(0.0) < 0.6, "{}", largest(0.0));
     assert!(largest(20.0) > 1.0, "{}", largest(20.0));
+}
+
+/// A wide shadow shows nothing of the ground in it, and changes nothing beside it.
+#[test]
+fn wide_shadows_hide_the_ground() {
+    let (rows, cols) = (64, 96);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light::of(290.0, 1.0).unwrap();
+    let (lit, level) = (lit(rows, cols, light, 0.4, 0.3), vec![0.0; rows * cols]);
+    let shadowed = |from: usize, to: usize| -> Vec<f32> {
+        (0..rows * cols).map(|i| if (from..to).contains(&(i % cols)) { 0.01 } else { 1.0 } * lit[i]).collect()
+    };
+    // Coarse pixels of 8 pixels: from 32 pixels on the ground is hidden.
+    let of = |image: &[f32]| relief(&plan, (image, &level), light, 8.0, PLAIN);
+    let (whole, half) = (of(&lit), of(&shadowed(cols / 2, cols)));
+    let of_cols = |map: &[f32], from: usize, to: usize| {
+        map.iter().enumerate().filter(|(i, _)| (from..to).contains(&(i % cols))).map(|(_, v)| v * v).sum::<f32>().sqrt()
+    };
+    let apart: Vec<f32> = whole.iter().zip(&half).map(|(a, b)| a - b).collect();
+    assert!(of_cols(&apart, 4, 32) < 0.2 * of_cols(&whole, 4, 32), "{}", of_cols(&apart, 4, 32));
+    assert!(of_cols(&half, 66, 96) < 0.1 * of_cols(&whole, 66, 96), "{}", of_cols(&half, 66, 96));
+    // In a narrower shadow the ground falls away from the light.
+    assert!(of_cols(&of(&shadowed(40, 60)), 40, 60) > 2.0 * of_cols(&whole, 40, 60));
 }

@@ -175,7 +175,7 @@ impl Scene {
             brightness.add(&band.image);
             // Cells with a void are left out.
             light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
-            band.add_contrast(&mut contrast);
+            band.add_contrast(&mut contrast, self.coarse_px);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
@@ -205,7 +205,7 @@ fn close_gap(map: &mut [f32], cols: usize) {
 
 impl Band {
     /// Adds the contrast of the band's image, tile by tile; what is left over at the right and below is left out. Voids have no contrast.
-    fn add_contrast(&self, contrast: &mut Contrast) {
+    fn add_contrast(&self, contrast: &mut Contrast, coarse_px: f32) {
         let tile = Shape::new(TILE_ROWS.min(self.rows), TILE_COLS.min(self.cols));
         let mut scratch = vec![0.0; Photoclinometry::new(tile).scratch_len()];
         for top in (0..=self.rows - tile.rows).step_by(tile.rows.max(1)) {
@@ -213,7 +213,7 @@ impl Band {
                 let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
                 let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
                 // Darkness and sameness have no contrast.
-                if let Ok(found) = Contrast::of_image(&image, None, tile, &mut scratch) {
+                if let Ok(found) = Contrast::of_image(&image, None, (tile, coarse_px), &mut scratch) {
                     contrast.add(&found);
                 }
             }
