@@ -50,8 +50,9 @@ pub enum LightSource {
 /// heights of these have wrong signs. So an assumed light of unknown azimuth has no [`Self::trust`]: a network of weighed maps keeps the
 /// coarse heights under it.
 ///
-/// A scene has one light, and so has a strip. It is decided once, by a fit to all ground seen so far, because a light that changes from
-/// tile to tile makes steps at the seams. A single tile has a light of its own. [`TileLight`] distinguishes the two.
+/// A scene has one light, and so has a strip. It is decided once, by a fit to all ground seen so far, because a light that jumps from
+/// tile to tile makes steps at the seams. (On the ground, a scene whose Sun turns has a light that changes smoothly.) A single tile has a
+/// light of its own. [`TileLight`] distinguishes the two.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lighting {
     /// The light on the ground, not mirrored.

@@ -124,7 +124,9 @@ impl TileInput<'_> {
             let pixel_m = f64::from(self.pixel_m);
             let fit = LightFit::of_tile(self.image, self.coarse_m, self.valid, shape.cols, pixel_m, self.coarse_px);
             let axis = match (illumination, sun.azimuth_deg) {
-                (guided, None) if guided.is_guided() => Contrast::of_image(self.image, self.valid, (shape, self.coarse_px), scratch).ok(),
+                (guided, None) if guided.is_guided() => {
+                    Contrast::of_image(self.image, self.valid, (shape, self.coarse_px), scratch).ok()
+                }
                 _ => None,
             };
             fit.with_axis(axis.and_then(|contrast| contrast.axis()))

@@ -227,6 +227,30 @@ impl LightFit {
         }
     }
 
+    /// Adds the fit of another part of the scene, with a weight from 0 to 1. The axis stays.
+    pub fn add_fit(&mut self, other: &Self, weight: f64) {
+        self.cells += weight * other.cells;
+        self.brightness += weight * other.brightness;
+        for (sum, octave) in self.octaves.iter_mut().zip(&other.octaves) {
+            sum.freedom += weight * octave.freedom;
+            sum.products.iter_mut().zip(octave.products).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+
+    /// Returns how far a light is from the fitted one, in units of the fit's uncertainty: chi squared with two degrees of freedom. `spread`
+    /// is what two parts under one Sun differ by beyond their noise, as a share of the light's strength. `None` without light or variation.
+    #[must_use]
+    pub fn chi_squared(&self, light: Light, spread: f64) -> Option<f64> {
+        let known = self.information()?;
+        let (fitted, [xx, xy, yy]) = self.axis.map_or(known, |axis| known.along(axis)).solve()?;
+        let (east, south) = (f64::from(light.east), f64::from(light.south));
+        let more = spread * spread * (east * east + south * south);
+        let covariance =
+            Information { precision: [xx + more, xy, yy + more], vector: [east - fitted[0], south - fitted[1]] };
+        let (solved, _) = covariance.solve()?;
+        Some(solved[0] * covariance.vector[0] + solved[1] * covariance.vector[1])
+    }
+
     /// States the axis that the image shows; without it the azimuth is that of the regression alone.
     #[must_use]
     pub fn with_axis(self, axis: Option<Axis>) -> Self {

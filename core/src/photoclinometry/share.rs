@@ -95,13 +95,18 @@ impl Contrast {
 
     /// Adds another tile, or several.
     pub fn add(&mut self, other: &Self) {
+        self.add_weighted(other, 1.0);
+    }
+
+    /// Adds another tile, or several, with a weight from 0 to 1.
+    pub fn add_weighted(&mut self, other: &Self, weight: f64) {
         for (sum, octave) in self.octaves.iter_mut().zip(&other.octaves) {
-            sum.total += octave.total;
-            sum.cos += octave.cos;
-            sum.sin += octave.sin;
-            sum.waves += octave.waves;
+            sum.total += weight * octave.total;
+            sum.cos += weight * octave.cos;
+            sum.sin += weight * octave.sin;
+            sum.waves += weight * octave.waves;
         }
-        self.tiles += other.tiles;
+        self.tiles += weight * other.tiles;
     }
 
     /// Returns the share of relief under a light.

@@ -141,6 +141,28 @@ fn cells_in_shadow_are_left_out() {
 }
 
 #[test]
+fn fits_add_up_and_tell_another_light() {
+    let light = Light::of(300.0, 1.0).unwrap();
+    let (image, heights) = scene(light, 7.0);
+    let one = fit(&image, &coarse(&heights));
+    let at = |fit: &LightFit| fit.estimate(None, None).unwrap();
+    // Half of it twice is all of it; a part without weight is nothing.
+    let mut halves = LightFit::default();
+    halves.add_fit(&one, 0.5);
+    halves.add_fit(&one, 0.5);
+    halves.add_fit(&fit(&image.iter().map(|v| 9.0 - v).collect::<Vec<_>>(), &heights), 0.0);
+    assert_eq!((at(&halves), halves.cells), (at(&one), one.cells));
+    let chi = |azimuth, strength, spread| one.chi_squared(Light::of(azimuth, strength).unwrap(), spread).unwrap();
+    let found = at(&one).light;
+    assert!(one.chi_squared(Light::of(found.azimuth_deg(), 1.0).unwrap(), 0.2).unwrap() < 0.1);
+    // 0.2 of the strength is one standard deviation, and so are 11 degrees; the fit has its own.
+    assert!((0.6..1.2).contains(&chi(300.0, 1.2, 0.2)), "{}", chi(300.0, 1.2, 0.2));
+    assert!((0.6..1.2).contains(&chi(311.5, 1.0, 0.2)), "{}", chi(311.5, 1.0, 0.2));
+    assert!(chi(340.0, 1.0, 0.2) > 9.0 && chi(340.0, 1.0, 0.0) > 100.0);
+    assert_eq!(LightFit::default().chi_squared(light, 0.2), None);
+}
+
+#[test]
 fn what_is_known_is_kept_and_the_rest_fitted() {
     let truth = Light::of(300.0, 1.0).unwrap();
     let (image, heights) = scene(truth, 7.0);

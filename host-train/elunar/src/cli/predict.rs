@@ -153,12 +153,14 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
     })?;
     let model = model.description();
-    let light = light_text(&tally.light) + sun.origin_of(&tally.light);
+    let Tally { light, change, .. } = tally;
+    let changes = change.map_or(String::new(), |change| format!("; {change}"));
+    let stored = light_text(&light) + sun.origin_of(&light) + &changes;
     let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors };
-    let finished = finish(part, &scene, (&model, &light), files)?;
-    let mut text = summary(&args.output, &scene, &finished, &tally) + sun.origin_of(&tally.light);
+    let finished = finish(part, &scene, (&model, &stored), files)?;
+    let mut text = summary(&args.output, &scene, &finished, &tally) + sun.origin_of(&light) + &changes;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
         let origins = origins_text(origins);
@@ -172,7 +174,6 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         return Ok(());
     }
     eprintln!("{text}");
-    let Tally { light, .. } = tally;
     let name = |path: &Path| path.display().to_string();
     let record = Record {
         image: name(&args.image),
@@ -190,7 +191,7 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         pixels_valid: finished.pixels_valid,
         pixels_void: scene.rows * scene.cols - finished.pixels_valid,
         tiles: (&tally).into(),
-        light: LightRecord::new(&light, &sun),
+        light: LightRecord::new(&light, change, &sun),
         share_of_relief: share_of_relief(&survey, &light),
         warnings,
         seconds: start.elapsed().as_secs_f64(),

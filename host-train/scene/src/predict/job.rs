@@ -130,7 +130,7 @@ fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlo
 #[must_use]
 pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally) -> String {
     let Finished { low_m: low, high_m: high, .. } = finished;
-    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light } = *tally;
+    let Tally { tiles, tiles_before, tiles_coarse, tiles_empty, light, .. } = *tally;
     let (output, rows, cols) = (output.display(), scene.rows, scene.cols);
     let mut text = format!("{output}: {rows} x {cols} pixels, {low:.1} to {high:.1} m, {tiles} tiles");
     let notes = [

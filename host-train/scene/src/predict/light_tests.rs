@@ -20,7 +20,7 @@ fn moon(index: u64) -> (Raster, Raster, f64, Light) {
 fn fitted(image: &Raster, coarse: &Raster) -> Lighting {
     let input = |name: &str, raster: &Raster| Input::in_memory(name, raster.clone());
     let scene = Scene::new(input("image", image), input("coarse DTM", coarse)).unwrap();
-    scene.light_for(Illumination::Weighed, KnownSun::default()).unwrap()
+    scene.light_for(Illumination::Weighed, KnownSun::default()).unwrap().whole
 }
 
 fn apart_deg(a: f64, b: f64) -> f64 {

@@ -8,6 +8,7 @@ mod arrays;
 pub mod errors;
 pub mod int8;
 pub mod job;
+pub mod neighbourhoods;
 pub mod network;
 pub mod notices;
 mod output;

@@ -2,6 +2,7 @@
 
 use super::Tally;
 use super::errors::Origins;
+use super::neighbourhoods::Change;
 use super::sun::KnownFrom;
 use elunar_net::illumination::{LightSource, Lighting};
 use serde::Serialize;
@@ -119,12 +120,14 @@ pub struct LightRecord {
     pub azimuth_from_file: bool,
     /// Whether the elevation is from the image's file.
     pub elevation_from_file: bool,
+    /// How it changes across the scene; `None` if the scene has one light.
+    pub change: Option<Change>,
 }
 
 impl LightRecord {
     /// Makes the record of a light; `None` if the network takes none.
     #[must_use]
-    pub fn new(lighting: &Lighting, sun: &KnownFrom) -> Option<Self> {
+    pub fn new(lighting: &Lighting, change: Option<Change>, sun: &KnownFrom) -> Option<Self> {
         let Lighting { light, source, trust, log_strength_sd, azimuth_sd_deg } = *lighting;
         let source = match source {
             LightSource::NotAsked => return None,
@@ -142,6 +145,7 @@ impl LightRecord {
             trust,
             azimuth_from_file: sun.azimuth_from_file,
             elevation_from_file: sun.elevation_from_file,
+            change,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! All tiles of a scene on several threads, joined in a fixed order.
 
+use super::neighbourhoods::Change;
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::sun::check_sun;
@@ -73,8 +74,10 @@ pub struct Tally {
     pub tiles_coarse: usize,
     /// Tiles of this run without a valid pixel.
     pub tiles_empty: usize,
-    /// The scene's light.
+    /// The light of the whole scene.
     pub light: Lighting,
+    /// How it changes across the scene; `None` if the scene has one light.
+    pub change: Option<Change>,
 }
 
 /// The result of [`predict`].
@@ -126,12 +129,14 @@ pub fn predict_rows(
 ) -> Result<Tally> {
     check_sun(options.sun)?;
     let input = model.input_rules();
-    let lighting = scene.light_for(input.illumination, options.sun)?;
-    let rules = Rules::new(input, lighting, scene, options);
-    let makers = || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules))) };
+    let light = scene.light_for(input.illumination, options.sun)?;
+    let (whole, change) = (light.whole, light.change());
+    let rules = Rules::new(input, light, scene, options);
+    let makers =
+        || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules.clone()))) };
     let cut =
         Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
-    Ok(Tally { light: lighting, ..make_rows(scene, cut, &makers, from, keep, progress)? })
+    Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, from, keep, progress)? })
 }
 
 /// How a scene is cut into tiles and shared between threads.

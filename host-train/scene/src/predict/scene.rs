@@ -1,5 +1,6 @@
 //! Input of a prediction: an image and a coarse DTM on one grid, read one band of rows at a time.
 
+use super::neighbourhoods::{Parts, SceneLight};
 use super::survey::{Brightness, Survey};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
@@ -12,6 +13,7 @@ use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
 use elunar_raster::{Error, GeoRef, Raster, Result};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A raster open for reading, with its name in messages.
@@ -73,7 +75,7 @@ pub struct Band {
     pub first: usize,
     /// Rows.
     pub rows: usize,
-    /// Columns of the scene.
+    /// Columns: those of the scene, or of a part of it.
     pub cols: usize,
     /// Relative brightness.
     pub image: Vec<f32>,
@@ -150,9 +152,9 @@ impl Scene {
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<Lighting> {
+    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> Result<SceneLight> {
         let survey = if Lighting::wants_fit(illumination, sun) { self.survey()? } else { Survey::default() };
-        Ok(survey.lighting(illumination, sun))
+        Ok(survey.light(illumination, sun))
     }
 
     /// Surveys all rows of a small scene, or evenly spread rows of a long one.
@@ -163,6 +165,7 @@ impl Scene {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
         let mut brightness = Brightness::default();
         let mut contrast = Contrast::default();
+        let mut parts = Parts::new(self.coarse_px);
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
@@ -176,11 +179,13 @@ impl Scene {
             // Cells with a void are left out.
             light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
             band.add_contrast(&mut contrast, self.coarse_px);
+            parts.add(&band, pixel);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
             light: light.with_axis(contrast.axis()),
             contrast,
+            parts,
             brightness,
             lowest_m: range.0,
             highest_m: range.1,
@@ -205,7 +210,7 @@ fn close_gap(map: &mut [f32], cols: usize) {
 
 impl Band {
     /// Adds the contrast of the band's image, tile by tile; what is left over at the right and below is left out. Voids have no contrast.
-    fn add_contrast(&self, contrast: &mut Contrast, coarse_px: f32) {
+    pub(super) fn add_contrast(&self, contrast: &mut Contrast, coarse_px: f32) {
         let tile = Shape::new(TILE_ROWS.min(self.rows), TILE_COLS.min(self.cols));
         let mut scratch = vec![0.0; Photoclinometry::new(tile).scratch_len()];
         for top in (0..=self.rows - tile.rows).step_by(tile.rows.max(1)) {
@@ -218,6 +223,15 @@ impl Band {
                 }
             }
         }
+    }
+
+    /// Returns a rectangle of the band.
+    pub(super) fn part(&self, rows: Range<usize>, cols: Range<usize>) -> Self {
+        let cut = |map: &[f32]| {
+            rows.clone().flat_map(|row| &map[row * self.cols..][cols.clone()]).copied().collect::<Vec<f32>>()
+        };
+        let (image, coarse_m) = (cut(&self.image), cut(&self.coarse_m));
+        Self { first: self.first + rows.start, rows: rows.len(), cols: cols.len(), image, coarse_m }
     }
 
     /// Returns whether both inputs are valid, pixel by pixel.

@@ -73,7 +73,7 @@ fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usi
         pixel_m: scene.pixel_m,
         coarse_px: scene.coarse_px,
         anchor: options.anchor,
-        light: scene.light_for(model.input_rules().illumination, options.sun).unwrap(),
+        light: scene.light_for(model.input_rules().illumination, options.sun).unwrap().whole,
         expected_errors: options.expected_errors,
     }
 }

@@ -1,17 +1,20 @@
 //! What a scene is like, measured on a sample of its rows before a run.
 
+use super::neighbourhoods::{Parts, SceneLight};
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
 use elunar_core::photoclinometry::Contrast;
 use elunar_net::illumination::{KnownSun, Lighting};
 
 /// Properties of a scene, measured on a sample of its rows.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Survey {
     /// Fit of brightness to the coarse DTM's slopes.
     pub light: LightFit,
     /// Contrast of the image, by wavelength and direction.
     pub contrast: Contrast,
+    /// What the parts of the scene show of the light.
+    pub parts: Parts,
     /// Brightness of the image.
     pub brightness: Brightness,
     /// Lowest valid height of the coarse DTM, metres; infinite without one.
@@ -29,6 +32,12 @@ impl Survey {
         // As for a single tile: other networks have no memory for the axis.
         let fit = if illumination.is_guided() { self.light } else { self.light.with_axis(None) };
         Lighting::decide(illumination, sun, &fit)
+    }
+
+    /// Returns the light of every place of the scene, as [`Self::lighting`] does for the whole of it.
+    #[must_use]
+    pub fn light(self, illumination: Illumination, sun: KnownSun) -> SceneLight {
+        SceneLight::new(self.lighting(illumination, sun), illumination, sun, self.parts)
     }
 }
 

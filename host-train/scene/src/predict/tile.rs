@@ -1,6 +1,7 @@
 //! One tile: normalise, run the network, recover metres.
 
 use super::Options;
+use super::neighbourhoods::SceneLight;
 use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
@@ -9,7 +10,6 @@ use elunar_core::nn::{Illumination, InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
-use elunar_net::illumination::Lighting;
 use elunar_raster::{Error, Result};
 
 /// Result of a tile.
@@ -43,13 +43,13 @@ impl From<Vec<f32>> for TileResult {
 }
 
 /// Settings that all tiles of a job share.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Rules {
     pub(super) input: InputRules,
     /// Rows and columns of the scene.
     pub(super) scene: Shape,
     /// The light of the scene.
-    pub(super) lighting: Lighting,
+    pub(super) light: SceneLight,
     /// Ground size of a pixel, metres.
     pub(super) pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
@@ -61,13 +61,13 @@ pub(super) struct Rules {
 
 impl Rules {
     /// Makes the rules for a scene and its light.
-    pub(super) fn new(input: InputRules, lighting: Lighting, scene: &Scene, options: &Options) -> Self {
+    pub(super) fn new(input: InputRules, light: SceneLight, scene: &Scene, options: &Options) -> Self {
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
         Self {
             input,
             scene: Shape::new(scene.rows, scene.cols),
-            lighting,
+            light,
             pixel_m,
             coarse_px,
             blend,
@@ -102,7 +102,7 @@ impl<'a> TileWorker<'a> {
             return Ok(Outcome::Empty);
         };
         let weights = self.weights(&valid, window);
-        match self.maps(&image, &coarse_m, window.shape())? {
+        match self.maps(&image, &coarse_m, window)? {
             Some(tile) => {
                 let errors = tile.expected.unwrap_or(ExpectedErrors::UNKNOWN);
                 let heights_m = self.predicted(tile, &coarse_m, window)?;
@@ -124,12 +124,12 @@ impl<'a> TileWorker<'a> {
     }
 
     /// Prepares a tile; `None` for one without contrast or relief.
-    fn maps(&mut self, image: &[f32], coarse_m: &[f32], shape: Shape) -> Result<Option<Maps>> {
-        let Rules { input, pixel_m, coarse_px, lighting, .. } = self.rules;
-        let light = TileLight::Scene(lighting);
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], window: Window) -> Result<Option<Maps>> {
+        let Rules { input, pixel_m, coarse_px, .. } = self.rules;
+        let light = TileLight::Scene(self.rules.light.of(window));
         // Filled pixels count in the ranges. They hold values of valid neighbours, so they hardly widen a range and need no clamping.
         let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        match Maps::new(&input, shape, &tile, &mut self.scratch) {
+        match Maps::new(&input, window.shape(), &tile, &mut self.scratch) {
             Ok(maps) => Ok(Some(maps)),
             Err(e) if e.nothing_to_see() => Ok(None),
             Err(e) => Err(Error::usage(e.to_string())),

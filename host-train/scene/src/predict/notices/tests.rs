@@ -37,7 +37,8 @@ fn warned(scene: &Scene, sun: &KnownFrom) -> (Vec<String>, Survey, Option<f32>) 
     let survey = scene.survey().unwrap();
     let lighting = survey.lighting(Illumination::Weighed, sun.sun);
     let found = notices(scene, &survey, sun, &lighting, false).unwrap();
-    (found, survey, share_of_relief(&survey, &lighting))
+    let share = share_of_relief(&survey, &lighting);
+    (found, survey, share)
 }
 
 /// Returns the only warning.
