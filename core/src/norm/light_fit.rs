@@ -85,7 +85,7 @@ pub struct Axis {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LightFit {
-    /// Number of cells, and the sum of their brightness.
+    /// Number of cells, and the sum over them of the mean brightness of lit ground about them.
     cells: f64,
     brightness: f64,
     octaves: [Octave; OCTAVES],
@@ -216,8 +216,8 @@ impl LightFit {
         if coarse_m.len() != image.len() || cell_px < 2 {
             return;
         }
-        let dark_below = shading::dark_below(image, valid);
-        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px, dark_below };
+        let (dark_below, lit_mean) = (shading::dark_below(image, valid), shading::lit_mean(image, valid));
+        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px, dark_below, lit_mean };
         // Tents reach half a cell beyond the cells.
         let first = cell_px / 2;
         for top in (first..rows).step_by(4 * cell_px) {
@@ -267,7 +267,7 @@ impl LightFit {
             if let [Some(a), Some(b), Some(c), Some(d)] = core::array::from_fn(cell) {
                 let cells = [a, b, c, d];
                 self.cells += 4.0;
-                self.brightness += cells.iter().map(|cell| cell[0]).sum::<f64>();
+                self.brightness += 4.0 * f64::from(maps.lit_mean);
                 let [fine, _] = &mut self.octaves;
                 *mean = Some(fine.add(&cells));
             }
@@ -371,6 +371,8 @@ struct Rectangle<'a> {
     side: usize,
     /// Brightness below which a pixel is dark.
     dark_below: f32,
+    /// Mean brightness of lit ground, to which contrasts relate ([`Shading`](crate::norm::Shading)).
+    lit_mean: f32,
 }
 
 impl Rectangle<'_> {

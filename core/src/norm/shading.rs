@@ -20,7 +20,7 @@ pub const SLOPE_MAX: f32 = 1.0;
 
 /// Returns the mean brightness of lit ground: of the valid pixels that are brighter than a tenth of the mean of all; NaN if this mean is not
 /// positive.
-fn lit_mean(image: &[f32], valid: Option<&[bool]>) -> f32 {
+pub(super) fn lit_mean(image: &[f32], valid: Option<&[bool]>) -> f32 {
     let dark_below = dark_below(image, valid);
     if dark_below > 0.0 { mask::mean(image, valid, dark_below) } else { f32::NAN }
 }
