@@ -22,6 +22,8 @@ mod survey;
 mod tile;
 
 #[cfg(test)]
+mod half_tests;
+#[cfg(test)]
 mod light_tests;
 #[cfg(test)]
 mod strip_tests;

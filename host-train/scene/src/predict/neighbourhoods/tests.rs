@@ -1,4 +1,5 @@
 use super::*;
+use crate::predict::half_tests::slope_error;
 use crate::predict::{Input, Options, Scene, int8, predict};
 use elunar_raster::Raster;
 use elunar_synth::{Moon, SynthOptions, photograph};
@@ -84,26 +85,13 @@ fn slopes_gain_by_the_light_of_the_neighbourhood() {
     let [one, own] = [one, UNKNOWN].map(|sun| {
         let found =
             predict(&scene, &nano, &Options { sun, ..Options::default() }, &mut |_, _| ControlFlow::Continue(()));
-        slope_error(&found.unwrap().dtm.samples, &truth.samples)
+        slope_error(&found.unwrap().dtm, &truth, COLS - 1)
     });
-    let coarse = slope_error(&scene.coarse_raster().unwrap().samples, &truth.samples);
+    let coarse = slope_error(&scene.coarse_raster().unwrap(), &truth, COLS - 1);
     println!(
         "slope-vector error over the coarse DTM's: one light {:.3}, of neighbourhoods {:.3}",
         one / coarse,
         own / coarse
     );
     assert!(own < 0.95 * one, "{own} for {one}");
-}
-
-/// Returns the mean length of the differences of slopes, in metres per pixel.
-fn slope_error(found: &[f32], truth: &[f32]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for i in (COLS + 1..(ROWS - 1) * COLS).filter(|i| (1..COLS - 1).contains(&(i % COLS))) {
-        let difference = |a: usize, b: usize| f64::from((found[a] - found[b]) - (truth[a] - truth[b]));
-        let error = 0.5 * difference(i + 1, i - 1).hypot(difference(i + COLS, i - COLS));
-        if error.is_finite() {
-            (sum, count) = (sum + error, count + 1.0);
-        }
-    }
-    sum / count
 }
