@@ -6,6 +6,7 @@ mod coarse;
 mod exchange;
 mod image;
 mod light;
+mod scale;
 
 #[cfg(test)]
 mod tests;
@@ -37,11 +38,12 @@ pub fn notices(
     let name = &scene.image.name;
     let of_exchange = exchange::suspected(scene, unit_stated);
     let of_coarse = coarse::suspected(scene, survey, unit_stated)?;
+    let of_scale = scale::suspected(name, &scene.coarse_name, scene.coarse_px);
     let of_image = image::suspected(name, &survey.brightness);
     // Neither under a wrong light nor in a clipped image does anything look like relief: the cause is told, not the effect.
     let little = || light::little_relief(name, survey, lighting).filter(|_| of_image.is_empty());
     let of_light = light::contradiction(survey, sun, lighting).or_else(little);
-    let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_image);
+    let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_scale).chain(of_image);
     Ok(found.chain(of_light).collect())
 }
 

@@ -185,6 +185,26 @@ fn heights_that_the_moon_does_not_have_are_told() {
 }
 
 #[test]
+fn pixels_unlike_those_of_training_are_told() {
+    let made = made(2, SynthOptions::default());
+    let told_at = |coarse_px: f32| {
+        let mut scene = scene(made.image_raster(), made.coarse_raster());
+        scene.coarse_px = coarse_px;
+        warned(&scene, &told(made.sun_azimuth_deg, made.sun_elevation_deg)).0
+    };
+    for fit in [4.0, 29.6, 120.0] {
+        let found = told_at(fit);
+        assert!(!found.iter().any(|text| text.contains("training scenes")), "{fit}: {found:?}");
+    }
+    for unfit in [3.9, 121.0] {
+        let text =
+            format!("c.tif: its pixels are {unfit:.1} pixels of i.tif wide, those of the training scenes are 12 to 59");
+        let found = told_at(unfit);
+        assert!(found.iter().any(|found| found.starts_with(&text)), "{unfit}: {found:?}");
+    }
+}
+
+#[test]
 fn exchanged_files_are_refused_or_told() {
     let made = made(2, SynthOptions::default());
     let (image, coarse) = (made.image_raster(), made.coarse_raster());
