@@ -29,6 +29,8 @@ mod light_tests;
 mod strip_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unrelated_tests;
 
 pub use arrays::predict_array;
 pub use output::{DtmWriter, Provenance, hillshade_path};
