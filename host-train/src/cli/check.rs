@@ -13,7 +13,7 @@ pub struct Args {
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// Backend to run on.
-    #[arg(long, default_value = "flex")]
+    #[arg(long, default_value = "flex", value_parser = Backend::parser())]
     pub backend: Backend,
 }
 

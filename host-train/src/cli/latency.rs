@@ -13,7 +13,7 @@ pub struct Args {
     #[command(flatten)]
     pub shared: shared::Args,
     /// Backend of a float network.
-    #[arg(long, default_value = "flex")]
+    #[arg(long, default_value = "flex", value_parser = Backend::parser())]
     pub backend: Backend,
 }
 

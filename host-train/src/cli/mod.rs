@@ -3,6 +3,7 @@
 pub mod average;
 pub mod check;
 pub mod demo;
+pub mod devices;
 pub mod experiment;
 pub mod faults;
 pub mod init;
@@ -50,6 +51,8 @@ pub enum Command {
     Faults(faults::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
+    /// List the devices of every backend.
+    Devices(devices::Args),
     /// The commands that `elunar` also has.
     #[command(flatten)]
     Shared(Shared),
@@ -86,6 +89,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Faults(args)) => faults::run_command(&args),
         Some(Command::Latency(args)) => latency::run(args),
+        Some(Command::Devices(args)) => devices::run(&args),
         Some(Command::Shared(shared)) => run_shared(shared),
     }
 }

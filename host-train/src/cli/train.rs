@@ -65,7 +65,7 @@ pub struct Start {
     #[arg(long, value_name = "SWIN.safetensors")]
     pub swin: Option<PathBuf>,
     /// Backend [default: flex].
-    #[arg(long)]
+    #[arg(long, value_parser = Backend::parser())]
     pub backend: Option<Backend>,
     /// Changes to the preset's recipe.
     #[command(flatten)]

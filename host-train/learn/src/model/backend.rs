@@ -1,19 +1,21 @@
-//! Backends of this build.
+//! Backends of this build, and the devices that each finds on this machine.
 
-use burn::tensor::Device;
-#[cfg(any(feature = "cuda", feature = "vulkan"))]
+#[cfg(any(feature = "cuda", feature = "vulkan", feature = "tch"))]
 use burn::tensor::DeviceType;
+use burn::tensor::{Device, FloatDType, Tensor};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use elunar_raster::{Error, Result};
+use std::panic::AssertUnwindSafe;
 
 /// A compute backend. Each is a Cargo feature of the same name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Backend {
     /// Pure-Rust CPU with SIMD and threads (default).
     Flex,
     /// Reference CPU.
     Ndarray,
-    /// libtorch.
+    /// libtorch: its first CUDA device, otherwise the CPU.
     Tch,
     /// NVIDIA GPUs.
     Cuda,
@@ -21,66 +23,244 @@ pub enum Backend {
     Vulkan,
 }
 
+/// A device as the command `devices` lists it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Found {
+    /// Name of the device.
+    pub name: String,
+    /// Whether it is a GPU. Vulkan also finds drivers that compute on the CPU.
+    pub gpu: bool,
+    /// Whether it computes in bfloat16.
+    pub bf16: bool,
+}
+
 impl Backend {
-    /// Returns the backend's first device.
+    /// All backends. The first are the first choice of [`Self::automatic`].
+    pub const ALL: [Self; 5] = [Self::Cuda, Self::Vulkan, Self::Tch, Self::Flex, Self::Ndarray];
+
+    /// Returns the name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flex => "flex",
+            Self::Ndarray => "ndarray",
+            Self::Tch => "tch",
+            Self::Cuda => "cuda",
+            Self::Vulkan => "vulkan",
+        }
+    }
+
+    /// Returns whether this build has the backend.
+    #[must_use]
+    pub fn is_built(self) -> bool {
+        match self {
+            Self::Flex => true,
+            Self::Ndarray => cfg!(feature = "ndarray"),
+            Self::Tch => cfg!(feature = "tch"),
+            Self::Cuda => cfg!(feature = "cuda"),
+            Self::Vulkan => cfg!(feature = "vulkan"),
+        }
+    }
+
+    /// Returns a parser of `--backend`: a name, or `auto` for [`Self::automatic`].
+    pub fn parser() -> impl TypedValueParser<Value = Self> {
+        let names = Self::ALL.map(Self::name).into_iter().chain(["auto"]);
+        PossibleValuesParser::new(names)
+            .map(|name| Self::ALL.into_iter().find(|backend| backend.name() == name).unwrap_or_else(Self::automatic))
+    }
+
+    /// Returns the first backend of [`Self::ALL`] that finds a GPU, otherwise flex, and says on stderr which.
+    #[must_use]
+    pub fn automatic() -> Self {
+        let gpu = |backend: &Self| backend.found().ok().and_then(|all| all.into_iter().find(|found| found.gpu));
+        let first =
+            Self::ALL.into_iter().filter(|backend| backend.is_built()).find_map(|b| gpu(&b).map(|d| (b, d.name)));
+        let (backend, name) = first.unwrap_or((Self::Flex, processor()));
+        eprintln!("backend: {} ({name})", backend.name());
+        backend
+    }
+
+    /// Returns the backend's first device, after a computation on it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if this build lacks the backend's feature, the machine has no such device, or the device does not work.
+    pub fn device(self) -> Result<Device> {
+        Ok(self.devices(1)?.remove(0))
+    }
+
+    /// Returns `count` devices that share the work, each after a computation on it. On GPUs these are the first ones. The CPU is one device,
+    /// so it is returned `count` times.
+    ///
+    /// # Errors
+    /// As [`Self::device`], also if the machine has too few devices.
+    pub fn devices(self, count: usize) -> Result<Vec<Device>> {
+        let mut all = self.enumerate()?;
+        if all.first().is_some_and(on_processor) {
+            all = vec![all[0].clone(); count];
+        }
+        if all.len() < count {
+            let (name, found) = (self.name(), all.len());
+            return Err(match found {
+                0 => Error::usage(format!("backend {name}: expected {}, found none", self.wants())),
+                _ => Error::usage(format!("devices: expected at least {count} of {name}, found {found}")),
+            });
+        }
+        all.truncate(count);
+        all.iter().try_for_each(|device| self.try_out(device))?;
+        Ok(all)
+    }
+
+    /// Returns all devices that the backend finds on this machine.
     ///
     /// # Errors
     /// [`Error::Usage`] if this build lacks the backend's feature.
-    #[allow(deprecated)] // ndarray and libtorch serve for comparison as long as the pinned release has them
-    pub fn device(self) -> Result<Device> {
+    pub fn found(self) -> Result<Vec<Found>> {
+        Ok(self.enumerate()?.iter().filter_map(|device| quietly(|| self.describe(device)).ok()).collect())
+    }
+
+    /// Returns what the backend needs on the machine.
+    #[must_use]
+    pub fn wants(self) -> &'static str {
         match self {
-            #[cfg(feature = "flex")]
-            Self::Flex => Ok(Device::flex()),
+            Self::Flex | Self::Ndarray | Self::Tch => "a processor",
+            Self::Cuda => "an NVIDIA GPU with its driver (libcuda)",
+            Self::Vulkan => "a Vulkan loader (libvulkan) and a driver",
+        }
+    }
+
+    #[allow(deprecated)] // ndarray and libtorch serve for comparison as long as the pinned release has them
+    fn enumerate(self) -> Result<Vec<Device>> {
+        match self {
+            Self::Flex => Ok(vec![Device::flex()]),
             #[cfg(feature = "ndarray")]
-            Self::Ndarray => Ok(Device::ndarray()),
+            Self::Ndarray => Ok(vec![Device::ndarray()]),
             #[cfg(feature = "tch")]
-            Self::Tch => Ok(Device::libtorch()),
+            Self::Tch => {
+                let gpus = Device::enumerate(DeviceType::LibTorch).into_vec();
+                Ok(if gpus.is_empty() { vec![Device::libtorch()] } else { gpus })
+            }
             #[cfg(feature = "cuda")]
-            Self::Cuda => Ok(Device::cuda(0)),
+            Self::Cuda => Ok(Device::enumerate(DeviceType::Cuda).into_vec()),
             #[cfg(feature = "vulkan")]
-            Self::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+            Self::Vulkan => Ok(Device::enumerate(DeviceType::Vulkan).into_vec()),
             #[allow(unreachable_patterns)]
             other => {
-                let name = format!("{other:?}").to_lowercase();
+                let name = other.name();
+                let built: Vec<&str> = Self::ALL.into_iter().filter(|b| b.is_built()).map(Self::name).collect();
                 Err(Error::usage(format!(
                     "backend {name}: not in this build; build with `--features {name}` (found: {})",
-                    Self::available().join(", ")
+                    built.join(", ")
                 )))
             }
         }
     }
 
-    /// Returns `count` devices that share the work. On GPUs these are the first ones. The CPU is one device, so it is returned `count`
-    /// times.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if this build lacks the backend's feature, or the machine has too few devices.
-    pub fn devices(self, count: usize) -> Result<Vec<Device>> {
-        let first = self.device()?;
-        let all: Vec<Device> = match self {
-            _ if count == 1 => return Ok(vec![first]),
-            #[cfg(feature = "cuda")]
-            Self::Cuda => Device::enumerate(DeviceType::Cuda).into_vec(),
-            #[cfg(feature = "vulkan")]
-            Self::Vulkan => Device::enumerate(DeviceType::Vulkan).into_vec(),
-            _ => vec![first; count],
+    /// Computes something. Burn's GPU backends panic if a library is missing.
+    fn try_out(self, device: &Device) -> Result<()> {
+        let work = || Tensor::<1>::ones([2], device).add_scalar(1.0).into_data().try_to_vec::<f32>();
+        let broken = |what: &str| {
+            let first = what.lines().find(|line| !line.trim().is_empty()).unwrap_or("no reason given");
+            Error::usage(format!("backend {}: expected a working device, found: {first}", self.name()))
         };
-        if all.len() < count {
-            let what = format!("devices: expected at least {count} of {self:?}, found {}", all.len());
-            return Err(Error::usage(what));
+        match quietly(work) {
+            Ok(Ok(sums)) if sums == [2.0, 2.0] => Ok(()),
+            Ok(Ok(sums)) => Err(broken(&format!("1 + 1 = {sums:?}"))),
+            Ok(Err(error)) => Err(broken(&format!("{error:?}"))),
+            Err(panic) => Err(broken(&panic)),
         }
-        Ok(all.into_iter().take(count).collect())
     }
 
-    /// Returns the names of the backends in this build.
-    pub fn available() -> Vec<&'static str> {
-        let all = [
-            (cfg!(feature = "flex"), "flex"),
-            (cfg!(feature = "ndarray"), "ndarray"),
-            (cfg!(feature = "tch"), "tch"),
-            (cfg!(feature = "cuda"), "cuda"),
-            (cfg!(feature = "vulkan"), "vulkan"),
-        ];
-        all.into_iter().filter_map(|(built, name)| built.then_some(name)).collect()
+    fn describe(self, device: &Device) -> Found {
+        let bf16 = computes_in_bf16(device);
+        #[cfg(feature = "gpu")]
+        if let Some(identity) = device.identity() {
+            return Found { name: identity.name, gpu: identity.physical.is_some() || self == Self::Cuda, bf16 };
+        }
+        let gpu = !on_processor(device);
+        Found { name: if gpu { format!("{device:?}") } else { processor() }, gpu, bf16 }
+    }
+}
+
+/// Returns whether the device computes in bfloat16. Some devices only store it.
+#[must_use]
+pub fn computes_in_bf16(device: &Device) -> bool {
+    device.supports_dtype(FloatDType::BF16)
+}
+
+/// Returns whether CubeCL computes on the device, as it does for Burn's GPU backends. It lacks some gradients.
+#[must_use]
+pub fn is_cubecl(device: &Device) -> bool {
+    #[cfg(feature = "gpu")]
+    return device.identity().is_some();
+    #[cfg(not(feature = "gpu"))]
+    {
+        let _ = device;
+        false
+    }
+}
+
+/// Returns whether the device is the processor, which is one device for all threads.
+#[must_use]
+#[allow(deprecated)] // as `enumerate`
+pub fn on_processor(device: &Device) -> bool {
+    let processors = [
+        Device::flex(),
+        #[cfg(feature = "ndarray")]
+        Device::ndarray(),
+        #[cfg(feature = "tch")]
+        Device::libtorch(),
+    ];
+    processors.contains(device)
+}
+
+fn processor() -> String {
+    format!("CPU, {} threads", rayon::current_num_threads())
+}
+
+/// Runs `work` and returns the message of a panic. The message is not printed.
+fn quietly<T>(work: impl FnOnce() -> T) -> std::result::Result<T, String> {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let found = std::panic::catch_unwind(AssertUnwindSafe(work));
+    std::panic::set_hook(hook);
+    found.map_err(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).into())).unwrap_or_else(|| "a panic".into())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_processor_is_as_many_devices_as_are_asked_for() {
+        let devices = Backend::Flex.devices(3).unwrap();
+        assert!(devices.len() == 3 && devices.iter().all(|device| *device == Device::flex()));
+        let found = Backend::Flex.found().unwrap();
+        assert!(found.len() == 1 && !found[0].gpu && found[0].name.contains("threads"), "{found:?}");
+    }
+
+    #[test]
+    fn a_backend_that_is_not_built_is_named_with_those_that_are() {
+        for backend in Backend::ALL.into_iter().filter(|backend| !backend.is_built()) {
+            let error = backend.device().unwrap_err().to_string();
+            let feature = format!("build with `--features {}`", backend.name());
+            assert!(error.contains(&feature) && error.contains("found: ") && error.contains("flex"), "{error}");
+        }
+    }
+
+    #[test]
+    fn names_are_those_of_records_and_of_the_command_line() {
+        for backend in Backend::ALL {
+            assert_eq!(serde_json::to_string(&backend).unwrap(), format!("\"{}\"", backend.name()));
+        }
+    }
+
+    #[test]
+    fn a_panic_becomes_its_message() {
+        assert_eq!(quietly(|| -> u8 { panic!("no {}", "library") }), Err("no library".into()));
+        assert_eq!(quietly(|| -> u8 { panic!("none") }), Err("none".into()));
+        assert_eq!(quietly(|| 3), Ok(3));
     }
 }

@@ -19,7 +19,7 @@ const SWIN_STD: f32 = 0.02;
 /// The ReLU head starts at NR/2, because a ReLU that is zero everywhere makes the mean in Eq. 6 zero. The residual head starts with zero
 /// correction, so that an untrained network returns the coarse DTM.
 pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
-    let mut weights = shapes(config, &Device::default());
+    let mut weights = shapes(config, &Device::flex());
     for (name, array) in &mut weights.tensors {
         let fan_in: usize = array.shape.iter().skip(1).product();
         let field = name.rsplit('.').next().unwrap_or(name);
@@ -55,7 +55,7 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
 /// [`Error::Broken`] if they do not fit the configuration.
 pub fn weights_for(mut weights: Weights, config: &NetConfig, path: &Path) -> Result<Weights> {
     config.check().map_err(|what| Error::broken(path, what))?;
-    check_fit(&outline(config, &Device::default()), &weights, path)?;
+    check_fit(&outline(config, &Device::flex()), &weights, path)?;
     let text = serde_json::to_string(config).expect("a plain struct");
     weights.metadata.insert("config".into(), text);
     Ok(weights)

@@ -4,9 +4,10 @@
 //! gradients flow back through the cast. Computations that add up many numbers stay `f32`: batch and layer normalisation, softmax, the sum
 //! with the coarse DTM, the loss, the optimiser. `bf16` has the exponent of `f32`, so the loss is not scaled.
 
+use super::backend::computes_in_bf16;
 use super::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, Param};
-use burn::tensor::{DType, Tensor};
+use burn::tensor::{DType, Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 /// Precision of training.
@@ -21,6 +22,12 @@ pub enum Precision {
 }
 
 impl Precision {
+    /// Returns whether the device computes in this precision.
+    #[must_use]
+    pub fn runs_on(self, device: &Device) -> bool {
+        self == Self::F32 || computes_in_bf16(device)
+    }
+
     /// Returns `net` in this precision, on the same graph. Gradients of its output are gradients of `net`'s own weights.
     pub fn of(self, net: &ELunarDtmNet) -> ELunarDtmNet {
         match self {
@@ -68,7 +75,7 @@ pub fn in_f32<const D: usize>(x: Tensor<D>, work: impl FnOnce(Tensor<D>) -> Tens
     cast(work(cast(x, DType::F32)), dtype)
 }
 
-#[cfg(all(test, feature = "flex"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::backend::Backend;
@@ -76,7 +83,7 @@ mod tests {
     use crate::model::store;
     use crate::testing::without_zeros;
     use burn::optim::GradientsParams;
-    use burn::tensor::{Device, TensorData};
+    use burn::tensor::TensorData;
     use elunar_net::config::{DecoderKind, Illumination, ImageEncoderKind, NetConfig, miniature_network};
     use std::path::Path;
 

@@ -92,18 +92,43 @@ impl Feed {
         Err(last.unwrap_or_else(|| Error::usage("no usable tile")))
     }
 
-    /// Returns batches from `first` on. A thread makes them up to two steps in advance.
-    pub fn ahead(&self, first: usize) -> Receiver<Result<Batch>> {
-        let (send, receive) = sync_channel(2);
-        let feed = self.clone();
-        std::thread::spawn(move || {
-            for step in first..feed.recipe.steps {
-                if send.send(feed.batch(step)).is_err() {
-                    return;
+    /// Returns batches from `first` on, in order. Each of `makers` threads makes every `makers`-th one, up to two of its own in advance.
+    ///
+    /// # Panics
+    /// If `makers` is 0.
+    pub fn ahead(&self, first: usize, makers: usize) -> Ahead {
+        assert!(makers > 0, "somebody must make the batches");
+        let maker = |maker: usize| {
+            let (send, receive) = sync_channel(2);
+            let feed = self.clone();
+            std::thread::spawn(move || {
+                for step in (first + maker..feed.recipe.steps).step_by(makers) {
+                    if send.send(feed.batch(step)).is_err() {
+                        return;
+                    }
                 }
-            }
-        });
-        receive
+            });
+            receive
+        };
+        Ahead { makers: (0..makers).map(maker).collect(), next: 0 }
+    }
+}
+
+/// Batches that other threads make in advance.
+pub struct Ahead {
+    makers: Vec<Receiver<Result<Batch>>>,
+    /// Maker of the next batch.
+    next: usize,
+}
+
+impl Iterator for Ahead {
+    type Item = Result<Batch>;
+
+    /// Waits for the next batch; `None` after the recipe's last step.
+    fn next(&mut self) -> Option<Result<Batch>> {
+        let maker = self.next;
+        self.next = (maker + 1) % self.makers.len();
+        self.makers[maker].recv().ok()
     }
 }
 

@@ -82,10 +82,17 @@ pub struct Recipe {
     pub validation_tiles: usize,
     /// Number of steps between checkpoints.
     pub checkpoint_every: usize,
+    /// Greatest time between checkpoints, minutes. The time does not change the result.
+    #[serde(default = "minutes")]
+    pub checkpoint_minutes: f64,
 }
 
 fn one() -> usize {
     1
+}
+
+fn minutes() -> f64 {
+    5.0
 }
 
 impl Recipe {
@@ -113,6 +120,7 @@ impl Recipe {
             validate_every: 5_000,
             validation_tiles: 64,
             checkpoint_every: 1_000,
+            checkpoint_minutes: minutes(),
         };
         match preset {
             Preset::Paper | Preset::Small => paper,
@@ -203,6 +211,9 @@ impl Recipe {
         if !(0.0..=1.0).contains(&self.known_sun) {
             return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
         }
+        if self.checkpoint_minutes.is_nan() || self.checkpoint_minutes < 0.0 {
+            return Err(format!("checkpoint minutes: expected at least 0, found {}", self.checkpoint_minutes));
+        }
         if !(self.learning_rate.is_finite() && self.learning_rate > 0.0) {
             return Err(format!("learning rate: expected a number above 0, found {}", self.learning_rate));
         }
@@ -268,6 +279,9 @@ pub struct RecipeFlags {
     /// Number of steps between checkpoints [default: the preset's].
     #[arg(long)]
     pub checkpoint_every: Option<usize>,
+    /// Greatest time between checkpoints, minutes [default: 5].
+    #[arg(long, value_name = "MINUTES")]
+    pub checkpoint_minutes: Option<f64>,
 }
 
 impl RecipeFlags {
@@ -298,6 +312,7 @@ impl RecipeFlags {
         recipe.validate_every = self.validate_every.unwrap_or(recipe.validate_every);
         recipe.validation_tiles = self.validation_tiles.unwrap_or(recipe.validation_tiles);
         recipe.checkpoint_every = self.checkpoint_every.unwrap_or(recipe.checkpoint_every);
+        recipe.checkpoint_minutes = self.checkpoint_minutes.unwrap_or(recipe.checkpoint_minutes);
         recipe.check().map_err(Error::usage)?;
         Ok(recipe)
     }

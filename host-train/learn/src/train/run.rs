@@ -9,7 +9,7 @@ use super::sample::Sample;
 use super::source::{DataSpec, TileSource};
 use super::step::Trainer;
 use super::validate::{Validation, ValidationSet};
-use crate::model::backend::Backend;
+use crate::model::backend::{Backend, on_processor};
 use crate::model::store;
 use crate::stopwatch::{Part, pause, time};
 use burn::module::Module;
@@ -114,12 +114,15 @@ impl Run {
         let (mut state, first) = self.open()?;
         let recipe = &self.record.recipe;
         let feed = Feed::new(self.training.clone(), self.record.network.clone(), recipe.clone(), self.record.seed);
-        let batches = feed.ahead(first);
+        // While a GPU has the work, all threads make batches. On the processor they belong to the network.
+        let makers = if on_processor(&state.trainer.device.clone().inner()) { 1 } else { rayon::current_num_threads() };
+        let mut batches = feed.ahead(first, makers);
         let bar = progress(first, recipe.steps);
         let (start, mut done) = (Instant::now(), first);
+        let mut saved = Instant::now();
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
-            let batch =
-                time(Part::Tiles, || batches.recv()).map_err(|_| Error::usage("the data feed stopped early"))??;
+            let batch = time(Part::Tiles, || batches.next());
+            let batch = batch.ok_or_else(|| Error::usage("the data feed stopped early"))??;
             let parts = recipe.parts();
             let micro = batch.chunks(recipe.batch / parts).enumerate();
             let place = |(i, samples): (usize, &[Sample])| tensors(samples, state.trainer.device_of(i, parts));
@@ -132,8 +135,10 @@ impl Run {
             if done.is_multiple_of(recipe.validate_every) || done == recipe.steps {
                 self.validate(&mut state, done, &bar)?;
             }
-            if done.is_multiple_of(recipe.checkpoint_every) || done == recipe.steps {
+            let due = saved.elapsed().as_secs_f64() >= 60.0 * recipe.checkpoint_minutes;
+            if due || done.is_multiple_of(recipe.checkpoint_every) || done == recipe.steps {
                 self.checkpoint(&state, done)?;
+                saved = Instant::now();
             }
         }
         let finished = done == recipe.steps;

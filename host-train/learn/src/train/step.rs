@@ -57,7 +57,7 @@ impl Trainer {
     /// least one device. Each computes gradients as `recipe` says.
     ///
     /// # Errors
-    /// If the weights do not fit the configuration.
+    /// If the weights do not fit the configuration, or a device does not compute in the recipe's precision.
     pub fn new(
         config: &NetConfig,
         recipe: &Recipe,
@@ -69,6 +69,10 @@ impl Trainer {
             let device = device.autodiff();
             if recipe.checkpointing { device.gradient_checkpointing() } else { device }
         };
+        if let Some(device) = devices.iter().find(|device| !recipe.precision.runs_on(device)) {
+            let what = "precision bf16: expected a device that computes in bfloat16, found one that does not";
+            return Err(Error::usage(format!("{what} ({device:?}); take --precision f32")));
+        }
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::usage("devices: expected at least one, found none"))?.clone();
         let crew = if devices.len() > 1 { Some(Crew::new(&devices)?) } else { None };
@@ -141,6 +145,13 @@ impl Trainer {
     }
 }
 
+/// Reads scalars from the device, in one transfer.
+fn numbers<const N: usize>(scalars: [Tensor<1>; N]) -> Result<[f64; N]> {
+    let found = Tensor::cat(scalars.into(), 0).into_data().try_to_vec::<f32>();
+    let found = found.map_err(|e| Error::usage(format!("figures of a step: {e:?}")))?;
+    Ok(std::array::from_fn(|i| f64::from(found[i])))
+}
+
 /// Work on the micro-batches of a step.
 struct Task<'a> {
     recipe: &'a Recipe,
@@ -163,16 +174,18 @@ impl Task<'_> {
             if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
                 total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
             }
-            let number = |t: &Tensor<1>| share * f64::from(t.clone().into_scalar::<f32>());
-            add(&mut figures, [&total, &terms.elevation, &terms.gradient, &terms.normal].map(number));
+            let four = [&total, &terms.elevation, &terms.gradient, &terms.normal].map(|t| t.clone().detach());
+            let total = if share < 1.0 { total.mul_scalar(share) } else { total };
+            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), net));
+            gradients.accumulate(net, found);
+            // Read together, and after the backward pass was given to the device: a GPU works on while the processor waits.
+            let four = time(Part::Loss, || numbers(four))?;
+            add(&mut figures, four.map(|figure| share * figure));
             let loss = figures[0];
             if !loss.is_finite() {
                 let what = "expected a finite loss; lower the learning rate or look at the data";
                 return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
             }
-            let total = if share < 1.0 { total.mul_scalar(share) } else { total };
-            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), net));
-            gradients.accumulate(net, found);
         }
         Ok(Found { gradients: gradients.grads(), figures })
     }

@@ -4,7 +4,7 @@ use super::adversarial::Adversarial;
 use super::feed::{Feed, tensors};
 use super::recipe::Recipe;
 use super::run::{BEST, LAST, Record, Run};
-use super::sample::RawTile;
+use super::sample::{RawTile, Sample};
 use super::source::{DataSpec, TileSource};
 use super::step::Trainer;
 use crate::model::backend::Backend;
@@ -110,6 +110,48 @@ fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
         let [a, b] = [&whole, &parts].map(|f| std::fs::read(f.join(file)).unwrap());
         assert!(a == b, "{file} differs");
     }
+}
+
+#[test]
+fn batches_do_not_depend_on_the_number_of_their_makers() {
+    let (network, recipe) = miniature();
+    let feed = Feed::new(Arc::new(Ripples), network, recipe.clone(), 5);
+    for makers in [1, 2, 3, 11] {
+        for first in [0, 3] {
+            let made: Vec<_> = feed.ahead(first, makers).map(Result::unwrap).collect();
+            assert_eq!(made.len(), recipe.steps - first);
+            for (step, batch) in (first..).zip(made) {
+                let expected = feed.batch(step).unwrap();
+                let maps = |batch: &[Sample]| {
+                    batch.iter().map(|s| [&s.image, &s.coarse, &s.truth].map(Clone::clone)).collect::<Vec<_>>()
+                };
+                assert!(maps(&batch) == maps(&expected), "batch of step {step} from {makers} makers");
+            }
+        }
+    }
+}
+
+/// Breaks after the tiles of four steps.
+struct Breaking;
+
+impl TileSource for Breaking {
+    fn tile(&self, index: u64) -> Result<RawTile> {
+        if index < 8 { Ripples.tile(index) } else { Err(elunar_raster::Error::usage("the disk is gone")) }
+    }
+}
+
+#[test]
+fn checkpoints_are_written_by_time_too() {
+    let (network, recipe) = miniature();
+    let kept = |minutes: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let recipe = Recipe { checkpoint_every: 1_000, checkpoint_minutes: minutes, ..recipe.clone() };
+        let mut run = run_of((network.clone(), recipe), folder.path(), false, None);
+        run.training = Arc::new(Breaking);
+        assert!(run.train().unwrap_err().to_string().contains("the disk is gone"));
+        super::checkpoint::load(folder.path()).unwrap().expect("a checkpoint").state.step
+    };
+    assert_eq!([kept(0.0), kept(60.0)], [4, 0]);
 }
 
 #[test]

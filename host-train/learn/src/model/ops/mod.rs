@@ -1,44 +1,33 @@
-//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's.
+//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's, except for upsampling.
 //!
 //! Burn's flex computes a convolution as a product with a matrix of patches, and its gradients as further convolutions with kernels as
 //! large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]). For all channel counts they use the full width
 //! of the processor's vectors. They are a backend extension of Burn ([`extension`]), so the rest of the network does not depend on them.
 //! Results do not depend on the number of threads.
 
-#[cfg(feature = "flex")]
 mod batch_norm;
-#[cfg(feature = "flex")]
 mod border;
-#[cfg(feature = "flex")]
 mod conv;
-#[cfg(feature = "flex")]
 mod correlate;
-#[cfg(feature = "flex")]
 mod extension;
-#[cfg(feature = "flex")]
 mod frame;
-#[cfg(feature = "flex")]
 mod product;
-#[cfg(feature = "flex")]
 mod scratch;
-#[cfg(feature = "flex")]
 mod smooth;
-#[cfg(all(test, feature = "flex"))]
+#[cfg(test)]
 mod tests;
-#[cfg(feature = "flex")]
 mod up2;
 
+use crate::model::backend::is_cubecl;
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module;
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
-#[cfg(feature = "flex")]
 use extension::{convolutions, norms, takes};
 
 /// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
 /// `[B, O, (H + 2 p - kh) / stride + 1, (W + 2 p - kw) / stride + 1]`, with p = `padding` zeros around `x`.
 pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) -> Tensor<4> {
-    #[cfg(feature = "flex")]
     if takes(&[&x, &weight]) {
         return convolutions::run(x, weight, convolutions::Kind::Conv { stride, padding });
     }
@@ -48,7 +37,6 @@ pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) ->
 /// Upsamples by two bilinearly (half-pixel centres, align_corners = false; our choice, the paper does not state it), then convolves 5x5
 /// with two zeros on every side: `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
 pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
-    #[cfg(feature = "flex")]
     if takes(&[&x, &weight]) && x.dims()[2].min(x.dims()[3]) >= up2::MIN_SIDE {
         return convolutions::run(x, weight, convolutions::Kind::Up2);
     }
@@ -57,9 +45,41 @@ pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
 
 /// Computes [`up2_conv5`] in two steps.
 fn up2_then_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
+    conv2d(up2(x), weight, 1, 2)
+}
+
+/// Upsamples by two bilinearly. CubeCL has no gradient of Burn's operator (Burn 0.22.1 panics: "Bilinear interpolation backward is not
+/// supported by JIT backend"). There, upsampling with gradients is [`up2_by_sums`].
+fn up2(x: Tensor<4>) -> Tensor<4> {
+    let device = x.device();
+    if device.is_autodiff() && is_cubecl(&device) { up2_by_sums(x) } else { up2_by_burn(x) }
+}
+
+fn up2_by_burn(x: Tensor<4>) -> Tensor<4> {
     let options =
         InterpolateOptions::new(InterpolateMode::Bilinear).with_align_corners(false).with_scale_factor([2.0, 2.0]);
-    conv2d(module::interpolate(x, options), weight, 1, 2)
+    module::interpolate(x, options)
+}
+
+/// Upsamples by two bilinearly with operators that have gradients on every backend.
+fn up2_by_sums(x: Tensor<4>) -> Tensor<4> {
+    double(double(x, 2), 3)
+}
+
+/// Upsamples one axis. Each pixel becomes two: three quarters of it, and a quarter of its neighbour on that side. At the border it is its
+/// own neighbour.
+fn double(x: Tensor<4>, axis: usize) -> Tensor<4> {
+    let mut dims = x.dims();
+    let last = dims[axis] - 1;
+    dims[axis] *= 2;
+    let part = |start: usize, length: usize| x.clone().narrow(axis, start, length);
+    let [before, after] = match last {
+        0 => [x.clone(), x.clone()],
+        _ => [[part(0, 1), part(0, last)], [part(1, last), part(last, 1)]].map(|two| Tensor::cat(two.into(), axis)),
+    };
+    let near = x.mul_scalar(0.75);
+    let two = [before, after].map(|neighbour| near.clone().add(neighbour.mul_scalar(0.25)));
+    Tensor::stack::<5>(two.into(), axis + 1).reshape(dims)
 }
 
 /// Result of [`batch_norm_train`].
@@ -74,7 +94,6 @@ pub struct Normalised {
 
 /// Normalises `x` `[B, C, H, W]` by its own statistics over B, H and W, then applies `weight` and `bias` `[C]`, then optionally a ReLU.
 pub fn batch_norm_train(x: Tensor<4>, weight: Tensor<1>, bias: Tensor<1>, epsilon: f64, with_relu: bool) -> Normalised {
-    #[cfg(feature = "flex")]
     if takes(&[&x]) {
         let channels = x.dims()[1];
         let options = norms::Options { epsilon: epsilon as f32, relu: with_relu };

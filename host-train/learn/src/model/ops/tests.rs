@@ -79,6 +79,20 @@ fn upsampled_convolutions_equal_the_plain_order_with_gradients() {
 }
 
 #[test]
+fn upsampling_by_sums_equals_burns_with_gradients() {
+    let device = Device::flex().autodiff();
+    for shape in [[1, 4, 1, 1], [1, 2, 1, 5], [2, 1, 4, 1], [1, 1, 2, 2], [2, 3, 5, 8]] {
+        let x = random(shape, 1, &device);
+        let (found, expected) = (up2_by_sums(x.clone()), up2_by_burn(x.clone()));
+        assert_close(&format!("{shape:?}"), &found, &expected);
+        let other = random(expected.dims(), 2, &device);
+        let [found, expected] =
+            [found, expected].map(|y| x.grad(&y.mul(other.clone()).sum().backward()).expect("a gradient"));
+        assert_close(&format!("{shape:?}: gradient"), &found, &expected);
+    }
+}
+
+#[test]
 fn batch_norm_equals_burns_with_gradients() {
     let device = Device::flex().autodiff();
     for ([b, c, h, w], with_relu) in [([2, 3, 5, 7], false), ([3, 4, 40, 33], true), ([1, 2, 4, 5], true)] {
