@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test checked asan backends no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint test checked asan backends vulkan no_std boards architecture fuzz
 #   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
@@ -31,6 +31,24 @@ lint() {
 # computed sooner than a large crate is optimised.
 backends() {
     cargo run --locked --package host-train --features ndarray --config profile.dev.package.host-train.opt-level=0 --config profile.dev.package.elunar-learn.opt-level=0 -- check --backend ndarray tests/golden/{mini,ablations}/case.safetensors
+}
+
+# Whether there is a Vulkan loader and a driver; says so if not.
+has_vulkan() {
+    local loader driver
+    loader="$(ldconfig -p 2>/dev/null | grep -c 'libvulkan\.so\.1 ' || true)"
+    driver="${VK_DRIVER_FILES:-$(find /usr/share/vulkan/icd.d /etc/vulkan/icd.d -name '*.json' 2>/dev/null | head -1)}"
+    [ "$loader" != 0 ] && [ -n "$driver" ] && return
+    echo "SKIPPED: vulkan: no loader or no driver (Debian packages libvulkan1 and mesa-vulkan-drivers)"
+    return 1
+}
+
+# Training and prediction by Burn's GPU code through Vulkan, on the first device that it finds. Without a GPU that is Mesa's lavapipe,
+# which computes on the processor.
+vulkan() {
+    has_vulkan || return 0
+    cargo build --locked --profile gpu --package host-train --features vulkan-plain --config "$(host-train/gpu/patched.sh)"
+    host-train/gpu/check.sh "$target/gpu/host-train" vulkan
 }
 
 test() {
@@ -124,16 +142,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test checked asan backends no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint test checked asan backends vulkan no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | checked | asan | backends | no_std | boards | no_panic | architecture | fuzz)
+    format | lint | test | checked | asan | backends | vulkan | no_std | boards | no_panic | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test checked asan backends no_std boards no_panic architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test checked asan backends vulkan no_std boards no_panic architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

@@ -56,7 +56,7 @@ def arguments():
 
 def sobel(z):
     """d/dx and d/dy per pixel, replicated border."""
-    x = torch.tensor([[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]]) / 8
+    x = torch.tensor([[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]], device=z.device) / 8
     d = F.conv2d(F.pad(z, (1, 1, 1, 1), mode="replicate"), torch.stack([x, x.T])[:, None])
     return d[:, :1], d[:, 1:]
 
@@ -69,6 +69,18 @@ def loss(truth, prediction):
     return sum(weight * term for weight, term in zip(TERM_WEIGHTS, terms))
 
 
+def clip(parameters):
+    """Each parameter's gradient gets a norm of at most one."""
+    gradients = [p.grad for p in parameters]
+    norms = torch._foreach_norm(gradients)
+    torch._foreach_mul_(gradients, [torch.clamp(CLIP_NORM / (norm + 1e-38), max=1.0) for norm in norms])
+
+
+def adam(parameters):
+    """The optimiser of the recipe."""
+    return torch.optim.AdamW(parameters, lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY, eps=ADAM_EPSILON, fused=True)
+
+
 class PyTorch:
     """A trainer in this process."""
 
@@ -78,9 +90,7 @@ class PyTorch:
         self.network = network.trainable(weights, *batch[0].shape[2:])[0].to(memory_format=form)
         self.batch = [torch.from_numpy(map).contiguous(memory_format=form) for map in batch]
         self.parameters = list(self.network.parameters())
-        self.optimiser = torch.optim.AdamW(
-            self.parameters, lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY, eps=ADAM_EPSILON, fused=True
-        )
+        self.optimiser = adam(self.parameters)
 
     def run(self, steps):
         """Seconds, processor seconds and losses of some steps."""
@@ -90,10 +100,7 @@ class PyTorch:
             self.optimiser.zero_grad(set_to_none=True)
             value = loss(truth, self.network(image, coarse))
             value.backward()
-            # Each parameter's gradient has a norm of at most one.
-            gradients = [p.grad for p in self.parameters]
-            norms = torch._foreach_norm(gradients)
-            torch._foreach_mul_(gradients, [torch.clamp(CLIP_NORM / (norm + 1e-38), max=1.0) for norm in norms])
+            clip(self.parameters)
             self.optimiser.step()
             losses.append(value.item())
         return time.perf_counter() - start, time.process_time() - busy, losses
@@ -137,10 +144,10 @@ class Ours:
         self.process.stdout.close()
 
 
-def batch(a, config):
-    """Images, coarse DTMs and truths, f32 [batch, 1, rows, cols]. The truth is made of the coarse DTM and the image: any will do."""
-    rows, cols = a.size
-    made = [tiles.tile(seed, config) for seed in range(a.batch)]
+def batch(count, size, config):
+    """Images, coarse DTMs and truths, f32 [count, 1, rows, cols]. The truth is made of the coarse DTM and the image: any will do."""
+    rows, cols = size
+    made = [tiles.tile(seed, config) for seed in range(count)]
     image, coarse = (np.concatenate([tile[i] for tile in made])[:, :, :rows, :cols] for i in range(2))
     truth = coarse + (image - image.mean())[:, :1]
     return [np.ascontiguousarray(map, dtype=np.float32) for map in (image, coarse, truth)]
@@ -158,7 +165,7 @@ def check(losses):
 
 def measure(a, weights, server, config):
     """Seconds a step of everyone, in turns."""
-    maps = batch(a, config)
+    maps = batch(a.batch, a.size, config)
     torch.set_num_threads(a.threads)
     peers = {"ours": Ours(server, weights, maps, a.threads)}
     try:

@@ -25,7 +25,7 @@ pub fn run(args: Args) -> Result<()> {
     let device = args.backend.device()?;
     let mut failed = Vec::new();
     for path in &args.files {
-        println!("{} on {:?}", path.display(), args.backend);
+        println!("{} on {}", path.display(), args.backend.name());
         for line in compare(path, &device)? {
             let ok = line.error <= line.tolerance;
             println!("  {:24} {:10.3e}  {}  {}", line.name, line.error, if ok { "ok" } else { "FAILED" }, line.note);

@@ -26,6 +26,6 @@ pub fn run(args: Args) -> Result<()> {
         return shared::run(args.shared);
     }
     let model = open(&args.shared.model, args.backend)?;
-    let kernel = format!("float, {:?}", args.backend).to_lowercase();
+    let kernel = format!("float, {}", args.backend.name());
     shared::run_other(&args.shared, &model, kernel)
 }

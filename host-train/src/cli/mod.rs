@@ -12,6 +12,7 @@ pub mod predict;
 pub mod report;
 pub mod suite;
 pub mod train;
+pub mod train_speed;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use elunar::cli::{Shared, run_shared};
@@ -51,6 +52,8 @@ pub enum Command {
     Faults(faults::Args),
     /// Measure the latency of one tile.
     Latency(latency::Args),
+    /// Measure training steps per second, and how fast their tiles are made.
+    TrainSpeed(train_speed::Args),
     /// List the devices of every backend.
     Devices(devices::Args),
     /// The commands that `elunar` also has.
@@ -89,6 +92,7 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Faults(args)) => faults::run_command(&args),
         Some(Command::Latency(args)) => latency::run(args),
+        Some(Command::TrainSpeed(args)) => train_speed::run(&args),
         Some(Command::Devices(args)) => devices::run(&args),
         Some(Command::Shared(shared)) => run_shared(shared),
     }

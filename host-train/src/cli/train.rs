@@ -83,14 +83,14 @@ pub fn run(args: Args) -> Result<()> {
     let run = if args.resume { resume(&args)? } else { start(args.start, &args.out)? };
     let (record, folder) = (run.record.clone(), run.folder.clone());
     eprintln!(
-        "{}: {} parameters, {} steps of {} crops {}x{}, {:?}",
+        "{}: {} parameters, {} steps of {} crops {}x{}, {}",
         folder.display(),
-        parameters(&store::outline(&record.network, &record.backend.device()?)),
+        parameters(&store::outline(&record.network, &Backend::Flex.device()?)),
         record.recipe.steps,
         record.recipe.batch,
         record.recipe.crop[0],
         record.recipe.crop[1],
-        record.backend
+        record.backend.name()
     );
     let begun = Instant::now();
     if args.profile {

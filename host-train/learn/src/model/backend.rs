@@ -1,6 +1,6 @@
 //! Backends of this build, and the devices that each finds on this machine.
 
-#[cfg(any(feature = "cuda", feature = "vulkan", feature = "tch"))]
+#[cfg(any(feature = "cuda", feature = "vulkan-plain", feature = "tch"))]
 use burn::tensor::DeviceType;
 use burn::tensor::{Device, FloatDType, Tensor};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -58,7 +58,7 @@ impl Backend {
             Self::Ndarray => cfg!(feature = "ndarray"),
             Self::Tch => cfg!(feature = "tch"),
             Self::Cuda => cfg!(feature = "cuda"),
-            Self::Vulkan => cfg!(feature = "vulkan"),
+            Self::Vulkan => cfg!(feature = "vulkan-plain"),
         }
     }
 
@@ -141,7 +141,7 @@ impl Backend {
             }
             #[cfg(feature = "cuda")]
             Self::Cuda => Ok(Device::enumerate(DeviceType::Cuda).into_vec()),
-            #[cfg(feature = "vulkan")]
+            #[cfg(feature = "vulkan-plain")]
             Self::Vulkan => Ok(Device::enumerate(DeviceType::Vulkan).into_vec()),
             #[allow(unreachable_patterns)]
             other => {
@@ -172,7 +172,7 @@ impl Backend {
 
     fn describe(self, device: &Device) -> Found {
         let bf16 = computes_in_bf16(device);
-        #[cfg(feature = "gpu")]
+        #[cfg(feature = "cubecl")]
         if let Some(identity) = device.identity() {
             return Found { name: identity.name, gpu: identity.physical.is_some() || self == Self::Cuda, bf16 };
         }
@@ -190,9 +190,9 @@ pub fn computes_in_bf16(device: &Device) -> bool {
 /// Returns whether CubeCL computes on the device, as it does for Burn's GPU backends. It lacks some gradients.
 #[must_use]
 pub fn is_cubecl(device: &Device) -> bool {
-    #[cfg(feature = "gpu")]
+    #[cfg(feature = "cubecl")]
     return device.identity().is_some();
-    #[cfg(not(feature = "gpu"))]
+    #[cfg(not(feature = "cubecl"))]
     {
         let _ = device;
         false

@@ -1,7 +1,7 @@
 //! The convolution unit of every branch, on a map or on the map upsampled by two.
 
 use super::norm::BatchNorm2d;
-use super::ops::{conv2d, up2_conv5};
+use super::ops::{Upsampled, conv2d};
 use burn::module::Module;
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -47,9 +47,9 @@ impl ConvBn {
         self.finish(convolve(&self.conv, x))
     }
 
-    /// Applies the unit to the map upsampled by two: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
-    pub fn forward_up2(&self, x: Tensor<4>) -> Tensor<4> {
-        self.finish(up2_conv5(x, self.conv.weight.val()))
+    /// Applies the unit to an upsampled map: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
+    pub fn forward_up2(&self, x: &Upsampled) -> Tensor<4> {
+        self.finish(x.conv5(self.conv.weight.val()))
     }
 
     fn finish(&self, x: Tensor<4>) -> Tensor<4> {

@@ -1,6 +1,7 @@
 //! Decoder blocks (Fig. 6): upsample by two, refine, add a shortcut.
 
 use super::conv::{ConvBn, ConvBnShape};
+use super::ops::Upsampled;
 use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
@@ -30,12 +31,12 @@ impl DecoderBlock {
 
     /// Maps `d` `[B, C, h, w]` and the skip map `e` of the same size to `[B, C_out, 2h, 2w]`.
     pub fn forward(&self, d: Tensor<4>, e: Option<Tensor<4>>) -> Tensor<4> {
-        let all = match e {
+        let all = Upsampled::new(match e {
             Some(e) => Tensor::cat(vec![e, d.clone()], 1),
             None => d.clone(),
-        };
-        let short = self.shortcut.forward_up2(if self.upb { all.clone() } else { d });
-        let main = self.main[1].forward(self.main[0].forward_up2(all));
+        });
+        let short = self.shortcut.forward_up2(&if self.upb { all.clone() } else { all.last_channels(d) });
+        let main = self.main[1].forward(self.main[0].forward_up2(&all));
         relu(main.add(short))
     }
 }

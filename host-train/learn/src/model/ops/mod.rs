@@ -34,18 +34,34 @@ pub fn conv2d(x: Tensor<4>, weight: Tensor<4>, stride: usize, padding: usize) ->
     module::conv2d(x, weight, None, ConvOptions::new([stride; 2], [padding; 2], [1, 1], 1))
 }
 
-/// Upsamples by two bilinearly (half-pixel centres, align_corners = false; our choice, the paper does not state it), then convolves 5x5
-/// with two zeros on every side: `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
-pub fn up2_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
-    if takes(&[&x, &weight]) && x.dims()[2].min(x.dims()[3]) >= up2::MIN_SIDE {
-        return convolutions::run(x, weight, convolutions::Kind::Up2);
-    }
-    up2_then_conv5(x, weight)
+/// A map to be upsampled by two bilinearly (half-pixel centres, align_corners = false; our choice, the paper does not state it), and then
+/// convolved. The CPU backend does both in one; for others the upsampled map is made once, for all its convolutions.
+#[derive(Clone)]
+pub struct Upsampled {
+    small: Tensor<4>,
+    large: Option<Tensor<4>>,
 }
 
-/// Computes [`up2_conv5`] in two steps.
-fn up2_then_conv5(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
-    conv2d(up2(x), weight, 1, 2)
+impl Upsampled {
+    /// Takes a map `[B, I, h, w]`.
+    pub fn new(small: Tensor<4>) -> Self {
+        let in_one = takes(&[&small]) && small.dims()[2].min(small.dims()[3]) >= up2::MIN_SIDE;
+        Self { large: (!in_one).then(|| up2(small.clone())), small }
+    }
+
+    /// Returns the map of the last channels alone. `small` are these channels, before upsampling.
+    pub fn last_channels(&self, small: Tensor<4>) -> Self {
+        let [count, all] = [&small, &self.small].map(|map| map.dims()[1]);
+        Self { large: self.large.clone().map(|large| large.narrow(1, all - count, count)), small }
+    }
+
+    /// Convolves 5x5 with two zeros on every side: with `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
+    pub fn conv5(&self, weight: Tensor<4>) -> Tensor<4> {
+        match &self.large {
+            Some(large) => conv2d(large.clone(), weight, 1, 2),
+            None => convolutions::run(self.small.clone(), weight, convolutions::Kind::Up2),
+        }
+    }
 }
 
 /// Upsamples by two bilinearly. CubeCL has no gradient of Burn's operator (Burn 0.22.1 panics: "Bilinear interpolation backward is not

@@ -74,7 +74,20 @@ fn convolutions_equal_burns_with_gradients() {
 fn upsampled_convolutions_equal_the_plain_order_with_gradients() {
     for [b, i, o, h, w] in [[1, 1, 1, 3, 3], [2, 3, 4, 3, 8], [2, 5, 9, 13, 18], [3, 20, 8, 6, 26]] {
         let what = format!("{b}x{i}x{h}x{w} to {o}");
-        compare(&what, [b, i, h, w], [o, i, 5, 5], up2_conv5, up2_then_conv5);
+        let in_one = |x, weight| Upsampled::new(x).conv5(weight);
+        compare(&what, [b, i, h, w], [o, i, 5, 5], in_one, |x, weight| conv2d(up2_by_burn(x), weight, 1, 2));
+    }
+}
+
+#[test]
+fn last_channels_of_an_upsampled_map_are_those_of_the_map() {
+    let device = Device::flex().autodiff();
+    // Upsampled and convolved in one, and one after the other.
+    for [h, w] in [[4, 6], [2, 3]] {
+        let (all, weight) = (random([2, 5, h, w], 1, &device), random([3, 2, 5, 5], 2, &device));
+        let part = all.clone().narrow(1, 3, 2);
+        let found = Upsampled::new(all).last_channels(part.clone());
+        assert_close("last channels", &found.conv5(weight.clone()), &Upsampled::new(part).conv5(weight));
     }
 }
 

@@ -1,0 +1,98 @@
+//! `host-train train-speed`: measures training steps per second, and how fast their tiles are made.
+
+use elunar_learn::model::backend::Backend;
+use elunar_learn::model::init::initial_weights;
+use elunar_learn::train::feed::Feed;
+use elunar_learn::train::recipe::{Recipe, RecipeFlags};
+use elunar_learn::train::speed;
+use elunar_net::config::{Preset, config_of, trained_network};
+use elunar_net::weights::Weights;
+use elunar_raster::{Error, Result};
+use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
+use elunar_scene::prepare::Split;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Options of `train-speed`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Prints one line of JSON. Steps run on one batch of synthetic tiles, so that making tiles does not count. \
+With --makers only tiles are made, by so many threads.
+
+Examples:
+  host-train train-speed --preset nano --backend cuda --precision bf16
+  host-train train-speed --preset nano --makers 16")]
+pub struct Args {
+    /// Size of the network, and its recipe.
+    #[arg(long, default_value = "nano")]
+    pub preset: Preset,
+    /// Network and its weights [default: random weights of the preset's network].
+    #[arg(long, value_name = "W.safetensors")]
+    pub start_from: Option<PathBuf>,
+    /// Backend of the steps.
+    #[arg(long, default_value = "flex", value_parser = Backend::parser())]
+    pub backend: Backend,
+    /// Number of steps (or batches) that are timed.
+    #[arg(long, default_value_t = 20)]
+    pub count: usize,
+    /// Number of steps before the timed ones. A GPU's kernels are compiled and chosen in them.
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub untimed: usize,
+    /// Make batches with so many threads instead, without a network.
+    #[arg(long, value_name = "THREADS")]
+    pub makers: Option<usize>,
+    /// Changes to the preset's recipe. With its --steps, the schedule of the learning rate changes alone.
+    #[command(flatten)]
+    pub recipe: RecipeFlags,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If options contradict each other, there is no device, or a step fails.
+pub fn run(args: &Args) -> Result<()> {
+    if args.count == 0 || args.makers == Some(0) {
+        return Err(Error::usage("--count and --makers: expected at least 1, found 0"));
+    }
+    let loaded = args.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    let network = match (&loaded, &args.start_from) {
+        (Some(weights), Some(path)) => config_of(weights, path)?,
+        _ => trained_network(args.preset),
+    };
+    // So many steps that the learning rate stays as it is.
+    let recipe = args.recipe.apply(Recipe { steps: 1_000_000_000, ..Recipe::preset(args.preset) })?;
+    let tiles = DataSpec::parse(None, VALIDATION_SEED, Split::Train)?.open()?;
+    let feed = Feed::new(tiles, network.clone(), recipe.clone(), 0);
+    let preset = format!("{:?}", args.preset).to_lowercase();
+    let batch = json!({ "preset": preset, "batch": recipe.batch, "crop": recipe.crop });
+    let line = match args.makers {
+        Some(makers) => {
+            let batches_per_s = speed::batches(&feed, makers, args.count)?;
+            json!({ "makers": makers, "crops_per_tile": recipe.crops_per_tile, "batches_per_s": batches_per_s })
+        }
+        None => {
+            let mut say = |step: usize, loss: f64| {
+                if step <= args.untimed {
+                    eprintln!("step {step} of {} untimed: loss {loss:.6}", args.untimed);
+                }
+            };
+            let counts = [args.untimed, args.count];
+            let weights = loaded.unwrap_or_else(|| initial_weights(&network, 0));
+            let found = speed::steps(&feed, (&network, &weights), &recipe, args.backend, counts, &mut say)?;
+            let mut line = json!({ "backend": args.backend, "precision": recipe.precision, "devices": recipe.devices });
+            merge(&mut line, json!(found));
+            line
+        }
+    };
+    let mut whole = batch;
+    merge(&mut whole, line);
+    println!("{whole}");
+    Ok(())
+}
+
+/// Adds the fields of `more`.
+fn merge(line: &mut serde_json::Value, more: serde_json::Value) {
+    if let (Some(line), serde_json::Value::Object(more)) = (line.as_object_mut(), more) {
+        line.extend(more);
+    }
+}
