@@ -47,7 +47,8 @@ has_vulkan() {
 # which computes on the processor.
 vulkan() {
     has_vulkan || return 0
-    cargo build --locked --profile gpu --package host-train --features vulkan-plain --config "$(host-train/gpu/patched.sh)"
+    cargo build --locked --profile gpu --config profile.gpu.opt-level=0 --package host-train --features vulkan-plain \
+        --config "$(host-train/gpu/patched.sh)"
     host-train/gpu/check.sh "$target/gpu/host-train" vulkan
 }
 

@@ -22,6 +22,19 @@ height_tolerance=1e-3
     { grep FAILED "$work/golden" >&2; fail "golden files: expected every map within its tolerance"; }
 say "golden files: $(grep -c ' ok' "$work/golden") quantities within their tolerances"
 
+# A machine without a driver gets one line. The loader of Vulkan takes its drivers from this variable.
+if [ "$backend" = vulkan ]; then
+    if VK_DRIVER_FILES=/dev/null VK_ICD_FILENAMES=/dev/null "$program" check --backend vulkan tests/golden/mini/case.safetensors \
+        >"$work/none" 2>&1; then
+        fail "without a driver: expected an error"
+    fi
+    if [ "$(wc -l <"$work/none")" != 1 ] || ! grep -q '^ERROR: backend vulkan: expected a Vulkan loader' "$work/none"; then
+        head -5 "$work/none" >&2
+        fail "without a driver: expected one ERROR line"
+    fi
+    say "without a driver: $(cat "$work/none")"
+fi
+
 # The smallest run of the shipped network's kind with all parts of a run. $1: folder, $2: backend, $3: steps.
 train() {
     "$program" train --preset nano --batch 2 --crop 64 64 --validation-tiles 1 --validate-every "$3" --checkpoint-every 1 \

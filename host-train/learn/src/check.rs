@@ -1,6 +1,7 @@
-//! Compares the network with a golden file, map by map.
+//! Compares the network with a golden file, map by map, and the gradients of its weights with those on the CPU.
 
 mod kinks;
+mod weights;
 
 pub use kinks::Kinks;
 
@@ -20,6 +21,9 @@ use std::path::Path;
 
 /// Greatest accepted relative error of a map, the output or a loss term.
 pub const MAP_TOLERANCE: f64 = 1e-4;
+/// Greatest accepted relative error of the gradients of the weights ([`weights::compare_gradients`]). Sums of thousands of products in another
+/// order, on the way back through all layers.
+pub const GRADIENT_TOLERANCE: f64 = 1e-3;
 /// Greatest accepted relative error of a metric.
 pub const METRIC_TOLERANCE: f64 = 1e-5;
 
@@ -70,6 +74,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
     }
     lines.extend(compare_metrics(&golden, path)?);
     lines.push(compare_gradient(&golden, path, device)?);
+    lines.push(weights::compare_gradients(&golden, path, device)?);
     Ok(lines)
 }
 

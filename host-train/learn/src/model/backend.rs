@@ -115,7 +115,7 @@ impl Backend {
     /// # Errors
     /// [`Error::Usage`] if this build lacks the backend's feature.
     pub fn found(self) -> Result<Vec<Found>> {
-        Ok(self.enumerate()?.iter().filter_map(|device| quietly(|| self.describe(device)).ok()).collect())
+        Ok(self.enumerate()?.iter().filter_map(|device| quietly(|| describe(device)).ok()).collect())
     }
 
     /// Returns what the backend needs on the machine.
@@ -155,30 +155,31 @@ impl Backend {
         }
     }
 
-    /// Computes something. Burn's GPU backends panic if a library is missing.
+    /// Computes exp(0) + 1. Burn's GPU backends panic if a library is missing, and CUDA's has `exp` in a library of its own.
     fn try_out(self, device: &Device) -> Result<()> {
-        let work = || Tensor::<1>::ones([2], device).add_scalar(1.0).into_data().try_to_vec::<f32>();
+        let work = || Tensor::<1>::zeros([2], device).exp().add_scalar(1.0).into_data().try_to_vec::<f32>();
         let broken = |what: &str| {
-            let first = what.lines().find(|line| !line.trim().is_empty()).unwrap_or("no reason given");
-            Error::usage(format!("backend {}: expected a working device, found: {first}", self.name()))
+            Error::usage(format!("backend {}: expected a working device, found: {}", self.name(), reason(what)))
         };
         match quietly(work) {
             Ok(Ok(sums)) if sums == [2.0, 2.0] => Ok(()),
-            Ok(Ok(sums)) => Err(broken(&format!("1 + 1 = {sums:?}"))),
+            Ok(Ok(sums)) => Err(broken(&format!("exp(0) + 1 = {sums:?}"))),
             Ok(Err(error)) => Err(broken(&format!("{error:?}"))),
             Err(panic) => Err(broken(&panic)),
         }
     }
+}
 
-    fn describe(self, device: &Device) -> Found {
-        let bf16 = computes_in_bf16(device);
-        #[cfg(feature = "cubecl")]
-        if let Some(identity) = device.identity() {
-            return Found { name: identity.name, gpu: identity.physical.is_some() || self == Self::Cuda, bf16 };
-        }
-        let gpu = !on_processor(device);
-        Found { name: if gpu { format!("{device:?}") } else { processor() }, gpu, bf16 }
+/// Returns what `devices` lists of a device.
+#[must_use]
+pub fn describe(device: &Device) -> Found {
+    let bf16 = computes_in_bf16(device);
+    #[cfg(feature = "cubecl")]
+    if let Some(identity) = device.identity() {
+        return Found { name: identity.name, gpu: identity.physical.is_some(), bf16 };
     }
+    let gpu = !on_processor(device);
+    Found { name: if gpu { format!("{device:?}") } else { processor() }, gpu, bf16 }
 }
 
 /// Returns whether the device computes in bfloat16. Some devices only store it.
@@ -187,16 +188,12 @@ pub fn computes_in_bf16(device: &Device) -> bool {
     device.supports_dtype(FloatDType::BF16)
 }
 
-/// Returns whether CubeCL computes on the device, as it does for Burn's GPU backends. It lacks some gradients.
+/// Returns whether Burn's bilinear interpolation has a gradient on the device. Only flex and libtorch have it (Burn 0.22.1); ndarray and
+/// CubeCL, which computes on GPUs, panic.
 #[must_use]
-pub fn is_cubecl(device: &Device) -> bool {
-    #[cfg(feature = "cubecl")]
-    return device.identity().is_some();
-    #[cfg(not(feature = "cubecl"))]
-    {
-        let _ = device;
-        false
-    }
+pub fn interpolates_with_gradient(device: &Device) -> bool {
+    let libtorch = |device: &Device| Backend::Tch.enumerate().is_ok_and(|all| all.contains(device));
+    *device == Device::flex() || libtorch(device)
 }
 
 /// Returns whether the device is the processor, which is one device for all threads.
@@ -215,6 +212,13 @@ pub fn on_processor(device: &Device) -> bool {
 
 fn processor() -> String {
     format!("CPU, {} threads", rayon::current_num_threads())
+}
+
+/// Returns the line of a message that says why: the first after its last "Caused by:", otherwise the first.
+fn reason(message: &str) -> &str {
+    let last = message.rsplit("Caused by:").next().unwrap_or(message);
+    let line = last.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or("no reason given");
+    line.trim_start_matches(|c: char| c.is_ascii_digit() || c == ':' || c == ' ')
 }
 
 /// Runs `work` and returns the message of a panic. The message is not printed.
@@ -255,6 +259,15 @@ mod tests {
         for backend in Backend::ALL {
             assert_eq!(serde_json::to_string(&backend).unwrap(), format!("\"{}\"", backend.name()));
         }
+    }
+
+    #[test]
+    fn the_reason_of_a_chain_of_errors_is_its_last() {
+        let chain = "reading failed\n\nCaused by:\n    0: an error\nCaused by:\n    no libdevice\n\nBacktrace:";
+        assert_eq!(
+            [reason(chain), reason("\nno driver\nmore"), reason("")],
+            ["no libdevice", "no driver", "no reason given"]
+        );
     }
 
     #[test]

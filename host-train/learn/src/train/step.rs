@@ -6,6 +6,7 @@ use super::journal::StepRecord;
 use super::loss::terms;
 use super::parallel::Crew;
 use super::recipe::Recipe;
+use crate::model::backend::describe;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::stopwatch::{Part, time};
@@ -70,8 +71,8 @@ impl Trainer {
             if recipe.checkpointing { device.gradient_checkpointing() } else { device }
         };
         if let Some(device) = devices.iter().find(|device| !recipe.precision.runs_on(device)) {
-            let what = "precision bf16: expected a device that computes in bfloat16, found one that does not";
-            return Err(Error::usage(format!("{what} ({device:?}); take --precision f32")));
+            let what = "precision bf16: expected a device that computes in bfloat16, found";
+            return Err(Error::usage(format!("{what} {}; take --precision f32", describe(device).name)));
         }
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::usage("devices: expected at least one, found none"))?.clone();

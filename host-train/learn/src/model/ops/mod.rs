@@ -1,4 +1,4 @@
-//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's, except for upsampling.
+//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's, except where its gradient is missing or another (upsampling, GELU).
 //!
 //! Burn's flex computes a convolution as a product with a matrix of patches, and its gradients as further convolutions with kernels as
 //! large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]). For all channel counts they use the full width
@@ -18,11 +18,11 @@ mod smooth;
 mod tests;
 mod up2;
 
-use crate::model::backend::is_cubecl;
-use burn::tensor::Tensor;
+use crate::model::backend::interpolates_with_gradient;
 use burn::tensor::activation::relu;
 use burn::tensor::module;
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
+use burn::tensor::{Device, Tensor};
 use extension::{convolutions, norms, takes};
 
 /// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
@@ -64,11 +64,10 @@ impl Upsampled {
     }
 }
 
-/// Upsamples by two bilinearly. CubeCL has no gradient of Burn's operator (Burn 0.22.1 panics: "Bilinear interpolation backward is not
-/// supported by JIT backend"). There, upsampling with gradients is [`up2_by_sums`].
+/// Upsamples by two bilinearly. Where Burn's operator has no gradient, upsampling with gradients is [`up2_by_sums`].
 fn up2(x: Tensor<4>) -> Tensor<4> {
     let device = x.device();
-    if device.is_autodiff() && is_cubecl(&device) { up2_by_sums(x) } else { up2_by_burn(x) }
+    if device.is_autodiff() && !interpolates_with_gradient(&device) { up2_by_sums(x) } else { up2_by_burn(x) }
 }
 
 fn up2_by_burn(x: Tensor<4>) -> Tensor<4> {
@@ -96,6 +95,19 @@ fn double(x: Tensor<4>, axis: usize) -> Tensor<4> {
     let near = x.mul_scalar(0.75);
     let two = [before, after].map(|neighbour| near.clone().add(neighbour.mul_scalar(0.25)));
     Tensor::stack::<5>(two.into(), axis + 1).reshape(dims)
+}
+
+/// Applies GELU, with its own gradient. Burn's operator has it on flex alone; elsewhere its gradient is that of an approximation by tanh, up
+/// to 5e-4 off (Burn 0.22.1).
+pub fn gelu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    let device = x.device();
+    if device.is_autodiff() && device != Device::flex() { gelu_by_erf(x) } else { burn::tensor::activation::gelu(x) }
+}
+
+/// Computes GELU as x (1 + erf(x / sqrt 2)) / 2.
+fn gelu_by_erf<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    let both = x.clone().mul_scalar(std::f64::consts::FRAC_1_SQRT_2).erf().add_scalar(1.0);
+    x.mul_scalar(0.5).mul(both)
 }
 
 /// Result of [`batch_norm_train`].

@@ -1,7 +1,7 @@
 //! Each operator agrees with Burn's composition: values and all gradients, on unusual shapes.
 
 use super::*;
-use burn::tensor::{Device, TensorData};
+use burn::tensor::TensorData;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -103,6 +103,19 @@ fn upsampling_by_sums_equals_burns_with_gradients() {
             [found, expected].map(|y| x.grad(&y.mul(other.clone()).sum().backward()).expect("a gradient"));
         assert_close(&format!("{shape:?}: gradient"), &found, &expected);
     }
+}
+
+#[test]
+fn gelu_by_erf_equals_burns_on_the_processor_with_gradients() {
+    let device = Device::flex().autodiff();
+    let x = random([2, 3, 5, 7], 1, &device).mul_scalar(4.0).detach().require_grad();
+    let other = random([2, 3, 5, 7], 2, &device);
+    let [found, expected] = [gelu_by_erf(x.clone()), gelu(x.clone())].map(|y| {
+        let gradient = x.grad(&y.clone().mul(other.clone()).sum().backward()).expect("a gradient");
+        (y, gradient)
+    });
+    assert_close("GELU", &found.0, &expected.0);
+    assert_close("gradient of GELU", &found.1, &expected.1);
 }
 
 #[test]

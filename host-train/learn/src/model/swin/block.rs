@@ -2,10 +2,10 @@
 
 use super::attention::WindowAttention;
 use super::windows::{WindowPlan, merge, partition};
+use crate::model::ops::gelu;
 use crate::model::precision::in_f32;
 use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
-use burn::tensor::activation::gelu;
 use burn::tensor::ops::PadMode;
 use burn::tensor::{Device, Tensor};
 
