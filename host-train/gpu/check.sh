@@ -19,7 +19,7 @@ loss_tolerance=1e-5
 height_tolerance=1e-3
 
 "$program" check --backend "$backend" tests/golden/{mini,ablations}/case.safetensors >"$work/golden" ||
-    { grep FAILED "$work/golden" >&2; fail "golden files: expected every map within its tolerance"; }
+    { grep FAILED "$work/golden" >&2 || true; fail "golden files: expected every map within its tolerance"; }
 say "golden files: $(grep -c ' ok' "$work/golden") quantities within their tolerances"
 
 # A machine without a driver gets one line. The loader of Vulkan takes its drivers from this variable.

@@ -188,10 +188,10 @@ pub fn computes_in_bf16(device: &Device) -> bool {
     device.supports_dtype(FloatDType::BF16)
 }
 
-/// Returns whether Burn's bilinear interpolation has a gradient on the device. Only flex and libtorch have it (Burn 0.22.1); ndarray and
-/// CubeCL, which computes on GPUs, panic.
+/// Returns whether Burn's bilinear interpolation and GELU have their own gradients on the device, as they do on flex and libtorch (Burn 0.22.1).
+/// On ndarray and CubeCL, which computes on GPUs, the first panics, and the second is that of an approximation by tanh, up to 5e-4 off.
 #[must_use]
-pub fn interpolates_with_gradient(device: &Device) -> bool {
+pub fn has_exact_gradients(device: &Device) -> bool {
     let libtorch = |device: &Device| Backend::Tch.enumerate().is_ok_and(|all| all.contains(device));
     *device == Device::flex() || libtorch(device)
 }

@@ -18,11 +18,11 @@ mod smooth;
 mod tests;
 mod up2;
 
-use crate::model::backend::interpolates_with_gradient;
+use crate::model::backend::has_exact_gradients;
+use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module;
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
-use burn::tensor::{Device, Tensor};
 use extension::{convolutions, norms, takes};
 
 /// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
@@ -67,7 +67,7 @@ impl Upsampled {
 /// Upsamples by two bilinearly. Where Burn's operator has no gradient, upsampling with gradients is [`up2_by_sums`].
 fn up2(x: Tensor<4>) -> Tensor<4> {
     let device = x.device();
-    if device.is_autodiff() && !interpolates_with_gradient(&device) { up2_by_sums(x) } else { up2_by_burn(x) }
+    if device.is_autodiff() && !has_exact_gradients(&device) { up2_by_sums(x) } else { up2_by_burn(x) }
 }
 
 fn up2_by_burn(x: Tensor<4>) -> Tensor<4> {
@@ -97,11 +97,14 @@ fn double(x: Tensor<4>, axis: usize) -> Tensor<4> {
     Tensor::stack::<5>(two.into(), axis + 1).reshape(dims)
 }
 
-/// Applies GELU, with its own gradient. Burn's operator has it on flex alone; elsewhere its gradient is that of an approximation by tanh, up
-/// to 5e-4 off (Burn 0.22.1).
+/// Applies GELU, with its own gradient on every backend.
 pub fn gelu<const D: usize>(x: Tensor<D>) -> Tensor<D> {
     let device = x.device();
-    if device.is_autodiff() && device != Device::flex() { gelu_by_erf(x) } else { burn::tensor::activation::gelu(x) }
+    if device.is_autodiff() && !has_exact_gradients(&device) {
+        gelu_by_erf(x)
+    } else {
+        burn::tensor::activation::gelu(x)
+    }
 }
 
 /// Computes GELU as x (1 + erf(x / sqrt 2)) / 2.

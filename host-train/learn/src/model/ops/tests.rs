@@ -1,7 +1,7 @@
 //! Each operator agrees with Burn's composition: values and all gradients, on unusual shapes.
 
 use super::*;
-use burn::tensor::TensorData;
+use burn::tensor::{Device, TensorData};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
