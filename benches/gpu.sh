@@ -90,7 +90,7 @@ if [ -z "$backends" ]; then
 fi
 right=""
 for backend in $backends; do
-    if trial 150 "golden files on $backend" "$host_train" check --backend "$backend" tests/golden/{mini,ablations}/case.safetensors; then
+    if trial 240 "golden files on $backend" "$host_train" check --backend "$backend" tests/golden/{mini,ablations}/case.safetensors; then
         right="$right $backend"
     fi
 done

@@ -52,7 +52,6 @@ record() { # name, arguments of the program
     rm -rf "${work:?}/$name" && mkdir -p "$work/$name"
     (
         cd "$work/$name" # without a manifest of Cargo above it, or the kernels would be kept beside that
-        printf '[compilation]\ncache = true\n' >cubecl.toml
         # shellcheck disable=SC2030 # for this run alone
         export CUDA_PATH XDG_CACHE_HOME="$work/cache" LD_LIBRARY_PATH="$work/lib:${LD_LIBRARY_PATH:-}" FAKE_CUDA_FOLDER="$PWD"
         "$program" "$@" >output.txt 2>&1

@@ -130,6 +130,8 @@ impl Backend {
 
     #[allow(deprecated)] // ndarray and libtorch serve for comparison as long as the pinned release has them
     fn enumerate(self) -> Result<Vec<Device>> {
+        #[cfg(feature = "tuned")]
+        keep_kernels();
         match self {
             Self::Flex => Ok(vec![Device::flex()]),
             #[cfg(feature = "ndarray")]
@@ -168,6 +170,20 @@ impl Backend {
             Err(panic) => Err(broken(&panic)),
         }
     }
+}
+
+/// Has CubeCL keep compiled kernels on disk, where it keeps its choice of kernels. By default it compiles all of them anew in every process.
+/// Everything else is as the user's `cubecl.toml` and environment say.
+#[cfg(feature = "tuned")]
+fn keep_kernels() {
+    use burn::cubecl::config::{CubeClRuntimeConfig, RuntimeConfig};
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        let mut config = CubeClRuntimeConfig::from_current_dir().override_from_env();
+        config.compilation.cache = true;
+        // Another configuration that was read before stays.
+        let _ = CubeClRuntimeConfig::try_set(config);
+    });
 }
 
 /// Returns what `devices` lists of a device.
