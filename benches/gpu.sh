@@ -88,6 +88,7 @@ watched() {
 if [ -z "$backends" ]; then
     backends="$("$host_train" devices | awk '$3 == "GPU" { print $1 }' | sort -u | tr '\n' ' ')"
 fi
+[ -n "${backends// /}" ] || echo "no backend of this program finds a GPU (host-train devices): PyTorch and the feed alone" | tee -a "$out/log.txt" >&2
 right=""
 for backend in $backends; do
     if trial 240 "golden files on $backend" "$host_train" check --backend "$backend" tests/golden/{mini,ablations}/case.safetensors; then
