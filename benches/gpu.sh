@@ -153,9 +153,9 @@ for l in steps:
     rate = l.get("steps_per_s")
     ratio = f"{rate / peer:.2f}" if peer and rate else ""
     rows.append([l["preset"], l.get("trainer") or f"ours, {l['backend']}", l["precision"], f"{l['batch']} of {l['crop'][0]} x {l['crop'][1]}",
-                 f"{rate:.2f}" if rate else l.get("error", ""), ratio, l.get("memory_mib") or "", f"{l.get('warm_up_s', 0):.1f}",
+                 f"{rate:.2f}" if rate else l.get("error", ""), ratio, l.get("memory_mib") or "", f"{l.get('untimed_s', 0):.1f}",
                  " ".join(f"{x:.5g}" for x in l.get("first_losses", []))])
-write("steps", ["preset", "trainer", "precision", "batch", "steps/s", "over PyTorch's fastest", "memory, MiB", "warm-up, s", "first losses"], rows)
+write("steps", ["preset", "trainer", "precision", "batch", "steps/s", "over PyTorch's fastest", "memory, MiB", "untimed, s", "first losses"], rows)
 write("feed", ["makers", "batch", "batches/s"], [[l["makers"], l["batch"], f"{l['batches_per_s']:.2f}"] for l in lines if "makers" in l])
 EOF
 

@@ -1,6 +1,6 @@
 //! `host-train check`: the network against a golden file, map by map.
 
-use elunar_learn::check::{MAP_TOLERANCE, METRIC_TOLERANCE, compare};
+use elunar_learn::check::compare;
 use elunar_learn::model::backend::Backend;
 use elunar_raster::{Error, Result};
 use std::path::PathBuf;
@@ -30,15 +30,19 @@ pub fn run(args: Args) -> Result<()> {
             let ok = line.error <= line.tolerance;
             println!("  {:24} {:10.3e}  {}  {}", line.name, line.error, if ok { "ok" } else { "FAILED" }, line.note);
             if !ok {
-                failed.push(format!("{}: {} off by {:.3e}", path.display(), line.name, line.error));
+                failed.push(format!(
+                    "{}: {} off by {:.3e}: expected at most {:e}",
+                    path.display(),
+                    line.name,
+                    line.error,
+                    line.tolerance
+                ));
             }
         }
     }
     match failed.first() {
         None => Ok(()),
-        Some(first) => {
-            let what = format!("{first}: expected at most {MAP_TOLERANCE:e} (metrics {METRIC_TOLERANCE:e})");
-            Err(Error::usage(if failed.len() == 1 { what } else { format!("{what}; {} more", failed.len() - 1) }))
-        }
+        Some(first) if failed.len() == 1 => Err(Error::usage(first)),
+        Some(first) => Err(Error::usage(format!("{first}; {} more", failed.len() - 1))),
     }
 }

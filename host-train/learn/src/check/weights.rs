@@ -23,6 +23,13 @@ pub(super) fn compare_gradients(golden: &Weights, path: &Path, device: &Device) 
     let peak = |values: &[f32]| super::peak(values);
     let floor = FLOOR * expected.iter().map(|(_, values)| peak(values)).fold(0.0, f64::max);
     let mut worst = (0.0, "");
+    let names = |list: &[(String, Vec<f32>)]| list.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    if names(&expected) != names(&found) {
+        let (expected, found) = (expected.len(), found.len());
+        return Err(Error::usage(format!(
+            "gradients: expected those of {expected} tensors, as on flex, found {found}"
+        )));
+    }
     for ((name, expected), (_, found)) in expected.iter().zip(&found) {
         let difference: Vec<f32> = expected.iter().zip(found).map(|(a, b)| a - b).collect();
         let sound = found.iter().all(|value| value.is_finite());

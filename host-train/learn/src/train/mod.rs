@@ -2,7 +2,8 @@
 //!
 //! [`run`] is the loop, and [`step`] is one step of it. [`feed`] makes normalised, cropped batches ([`elunar_scene::data`]). [`loss`] is
 //! Eq. 5–7 on tensors. [`recipe`] has the hyper-parameters. [`adversarial`] trains against a critic. `parallel` divides a step between
-//! several devices. [`checkpoint`] allows a killed run to continue. [`validate`], [`journal`] and [`curves`] record the progress. [`speed`] measures it.
+//! several devices. [`checkpoint`] allows a killed run to continue. [`validate`], [`journal`] and [`curves`] record the progress.
+//! [`speed`] measures steps and feed.
 
 pub mod adversarial;
 pub mod checkpoint;

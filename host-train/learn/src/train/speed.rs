@@ -15,7 +15,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, Serialize)]
 pub struct Steps {
     /// Seconds of the steps that were not counted. A GPU's kernels are compiled and chosen in them.
-    pub warm_up_s: f64,
+    pub untimed_s: f64,
     /// Steps per second, transfer of the batch included.
     pub steps_per_s: f64,
     /// Losses of the first steps, at most three. They show that backends train the same.
@@ -24,7 +24,7 @@ pub struct Steps {
     pub last_loss: f64,
 }
 
-/// Times `count` steps of a network on the first batch of `feed`, after `warm_up` ones.
+/// Times `count` steps of a network on the first batch of `feed`, after `untimed` ones.
 ///
 /// # Errors
 /// If there is no device, no batch can be made, or a loss is not finite.
@@ -33,7 +33,7 @@ pub fn steps(
     (config, weights): (&NetConfig, &Weights),
     recipe: &Recipe,
     backend: Backend,
-    [warm_up, count]: [usize; 2],
+    [untimed, count]: [usize; 2],
     progress: &mut dyn FnMut(usize, f64),
 ) -> Result<Steps> {
     let devices = backend.devices(recipe.devices)?;
@@ -49,15 +49,15 @@ pub fn steps(
         Ok(())
     };
     let start = Instant::now();
-    (0..warm_up).try_for_each(&mut run)?;
-    let warm_up_s = start.elapsed().as_secs_f64();
+    (0..untimed).try_for_each(&mut run)?;
+    let untimed_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    (warm_up..warm_up + count).try_for_each(&mut run)?;
+    (untimed..untimed + count).try_for_each(&mut run)?;
     // The last step's weights may still be on their way.
     trainer.device.sync().map_err(|e| Error::usage(format!("backend {}: {e:?}", backend.name())))?;
     let steps_per_s = count as f64 / start.elapsed().as_secs_f64();
     let last_loss = losses.last().copied().unwrap_or(f64::NAN);
-    Ok(Steps { warm_up_s, steps_per_s, first_losses: losses.into_iter().take(3).collect(), last_loss })
+    Ok(Steps { untimed_s, steps_per_s, first_losses: losses.into_iter().take(3).collect(), last_loss })
 }
 
 /// Times `count` batches of `feed`, made by `makers` threads, after two of each maker. Returns batches per second.
