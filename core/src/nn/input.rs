@@ -23,6 +23,8 @@ pub enum Illumination {
     /// As `Given`, and the guide is weighed by the trust in the light, and by the share of the contrast that is relief
     /// ([`crate::photoclinometry::Share`]).
     Weighed,
+    /// As `Weighed`, with four more maps: the slopes of coarse DTM plus relief, and the direction of the light.
+    Sloped,
 }
 
 impl Illumination {
@@ -30,12 +32,22 @@ impl Illumination {
     /// relief; other networks need them filled.
     #[must_use]
     pub const fn is_guided(self) -> bool {
-        matches!(self, Self::Given | Self::Weighed)
+        matches!(self, Self::Given | Self::Weighed | Self::Sloped)
+    }
+
+    /// Returns whether the guide is weighed.
+    #[must_use]
+    pub const fn is_weighed(self) -> bool {
+        matches!(self, Self::Weighed | Self::Sloped)
     }
 
     /// Number of maps for the image, side by side in every pixel: brightness alone, or the maps of a guide.
     #[must_use]
     pub const fn image_maps(self) -> usize {
-        if self.is_guided() { crate::photoclinometry::MAPS } else { 1 }
+        match self {
+            Self::Any | Self::Northwest => 1,
+            Self::Given | Self::Weighed => crate::photoclinometry::MAPS,
+            Self::Sloped => crate::photoclinometry::SLOPED_MAPS,
+        }
     }
 }

@@ -43,7 +43,7 @@ pub enum LightSource {
 /// | given | | | known angles are kept, the rest is fitted | `Fitted` |
 /// | either | | | [`Light::assumed`], if the fit finds no light | `Assumed` |
 ///
-/// "given" stands for [`Illumination::Given`] and [`Illumination::Weighed`].
+/// "given" stands for every guided [`Illumination`].
 ///
 /// Where the fit finds no light, one is assumed and the caller learns it ([`LightSource::Assumed`]; our choice). The coarse DTM of such
 /// ground is nearly level, but it may have craters and rocks that only the image shows. If the true Sun is elsewhere than assumed, the
@@ -112,7 +112,7 @@ impl Lighting {
         match illumination {
             Illumination::Any => false,
             Illumination::Northwest => sun.azimuth_deg.is_none(),
-            Illumination::Given | Illumination::Weighed => true,
+            guided => guided.is_guided(),
         }
     }
 
@@ -125,7 +125,7 @@ impl Lighting {
             // Only the quadrant matters; it does not depend on the elevation of the Sun.
             (Illumination::Northwest, Some(azimuth_deg)) => Light::from_azimuth_deg(azimuth_deg).map(Self::given),
             (Illumination::Northwest, None) => fit.estimate(None, None).map(Self::fitted),
-            (Illumination::Given | Illumination::Weighed, _) => fit.estimate(azimuth_deg, elevation_deg).map(|found| {
+            (_, _) => fit.estimate(azimuth_deg, elevation_deg).map(|found| {
                 let known = azimuth_deg.is_some() && elevation_deg.is_some();
                 let source = if known { LightSource::Given } else { LightSource::Fitted };
                 Self { source, ..Self::fitted(found) }

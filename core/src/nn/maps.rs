@@ -8,7 +8,7 @@ use crate::mask;
 use crate::norm::intensity::IntensityRange;
 use crate::norm::{ElevationScale, LightEstimate, LightFit, Mirror, NormError};
 use crate::part::item;
-use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, MAPS, Photoclinometry, Weight};
+use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, MAPS, Photoclinometry, SLOPED_MAPS, Weight};
 use crate::tile::Shape;
 use core::fmt;
 
@@ -64,10 +64,7 @@ impl InputRules {
     /// Number of values of scratch memory that [`TileMaps::new`] needs for tiles of this shape.
     #[must_use]
     pub fn scratch_len(&self, tile: Shape) -> usize {
-        match self.illumination {
-            Illumination::Given | Illumination::Weighed => Photoclinometry::new(tile).scratch_len(),
-            Illumination::Any | Illumination::Northwest => 0,
-        }
+        if self.illumination.is_guided() { Photoclinometry::new(tile).scratch_len() } else { 0 }
     }
 
     /// Returns the scale that normalises a tile's truth in training: `scale`, which normalised its coarse heights, or one from the truth's
@@ -189,19 +186,20 @@ impl TileScale {
 /// [0, 1] and the coarse DTM in [0, NR] (Eq. 2 and Sec. III-A2, by the tile's own ranges), or the maps of a guide.
 #[derive(Debug)]
 pub enum TileMaps<'t, 's> {
-    /// Four maps for the image, and the coarse DTM in pixels.
+    /// Four or eight maps for the image, and the coarse DTM in pixels.
     Guided(GuidedMaps<'t, 's>),
     /// Brightness and heights, each normalised by its range.
     Ranged(RangedMaps<'t>),
 }
 
-/// The maps for [`Illumination::Given`] and [`Illumination::Weighed`].
+/// The maps for [`Illumination::Given`], [`Illumination::Weighed`] and [`Illumination::Sloped`].
 #[derive(Debug)]
 pub struct GuidedMaps<'t, 's> {
     guide: Guide<'t, 's>,
     scale: TileScale,
     source: LightSource,
     expected: Option<ExpectedErrors>,
+    sloped: bool,
 }
 
 /// The maps for all other networks.
@@ -242,19 +240,19 @@ impl<'t, 's> TileMaps<'t, 's> {
         let weight = match rules.illumination {
             Illumination::Any | Illumination::Northwest => None,
             Illumination::Given => Some(Weight::Plain),
-            Illumination::Weighed => Some(Weight::Trust(lighting.trust)),
+            Illumination::Weighed | Illumination::Sloped => Some(Weight::Trust(lighting.trust)),
         };
         if let Some(weight) = weight {
             let plan = Photoclinometry::new(shape);
             let input = GuideInput { image, coarse_m, valid, mirror, coarse_px, weight };
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
-            let weighed = rules.illumination == Illumination::Weighed;
-            let expected = weighed.then(|| {
+            let expected = rules.illumination.is_weighed().then(|| {
                 let Lighting { light, trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
                 let light = LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust };
                 ExpectedErrors::of_share(guide.share(), &light, (tile.pixel_m, coarse_px), guide.dark_below())
             });
-            return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected }));
+            let sloped = rules.illumination == Illumination::Sloped;
+            return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected, sloped }));
         }
         let range = IntensityRange::of(image, valid)?;
         Ok(Self::Ranged(RangedMaps { tile: *tile, shape, range, scale, source }))
@@ -293,6 +291,7 @@ impl<'t, 's> TileMaps<'t, 's> {
     /// [`NormError::Length`] if a buffer has another length.
     pub fn fill(&self, image: &mut [f32], coarse: &mut [f32]) -> Result<(), NormError> {
         match self {
+            Self::Guided(maps) if maps.sloped => maps.guide.fill_sloped(image, coarse),
             Self::Guided(maps) => maps.guide.fill(image, coarse),
             Self::Ranged(maps) => {
                 same_length(maps.tile.image.len(), image.len())?;
@@ -310,10 +309,14 @@ impl<'t, 's> TileMaps<'t, 's> {
 
 impl GuidedMaps<'_, '_> {
     /// Writes samples of the image from `first` on within a row, the maps side by side in every pixel. `first` and the length of `out` are
-    /// multiples of [`MAPS`].
+    /// multiples of the number of maps.
     #[inline]
     pub(super) fn image(&self, first: usize, out: &mut [f32]) {
-        self.guide.image(first / MAPS, out.as_chunks_mut::<MAPS>().0);
+        if self.sloped {
+            self.guide.sloped_image(first / SLOPED_MAPS, out.as_chunks_mut::<SLOPED_MAPS>().0);
+        } else {
+            self.guide.image(first / MAPS, out.as_chunks_mut::<MAPS>().0);
+        }
     }
 
     #[inline]

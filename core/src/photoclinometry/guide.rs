@@ -1,15 +1,17 @@
-//! The input of a network with a given light: four maps for the image, and the coarse DTM plus the relief.
+//! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
 use super::{Photoclinometry, Relief, Share};
 use crate::mask;
 use crate::norm::NormError;
 use crate::norm::shading::SLOPE_UNIT;
 use crate::norm::{ElevationScale, Light, Mirror, Shading};
-use crate::part::item;
+use crate::part::{head_mut, item};
 use crate::tile::Shape;
 
 /// Number of maps for the image: two components of slope, the relief, and its uncertainty.
 pub const MAPS: usize = 4;
+/// Number of maps for the image with slopes: [`MAPS`], two components of the slope of coarse DTM plus relief, and of the light's direction.
+pub const SLOPED_MAPS: usize = 8;
 /// Limit of all maps: slopes of 45 degrees, reliefs of ten pixels, and the light of a Sun near the zenith.
 pub const LIMIT: f32 = 10.0;
 
@@ -69,6 +71,7 @@ pub struct Guide<'t, 's> {
     shape: Shape,
     scale: ElevationScale,
     shading: Shading,
+    direction: [f32; 2],
     kept: f32,
     uncertainty: f32,
     share: Share,
@@ -118,7 +121,8 @@ impl<'t, 's> Guide<'t, 's> {
             Weight::Trust(trust) => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
         };
         let relief = plan.relief((brightness, coarse), (&shading, light), coarse_px, (&share, trust), scratch)?;
-        Ok(Self { tile, shape, scale: *scale, shading, kept, uncertainty, share, relief })
+        let direction = Photoclinometry::direction(light);
+        Ok(Self { tile, shape, scale: *scale, shading, direction, kept, uncertainty, share, relief })
     }
 
     /// Returns the share of the contrast that is relief; all of it for [`Weight::Plain`].
@@ -155,17 +159,67 @@ impl<'t, 's> Guide<'t, 's> {
         }
     }
 
-    /// Writes all maps of the image, side by side in every pixel, and the coarse DTM.
+    /// Writes the maps of [`Self::image`], then the slopes east and south of coarse DTM plus relief, in 0.1 of slope, and the direction of
+    /// the light: a vector of length one. Ground that rises along it is bright.
+    pub fn sloped_image(&self, first: usize, out: &mut [[f32; SLOPED_MAPS]]) {
+        const TOGETHER: usize = 8;
+        let Shape { rows, cols } = self.shape;
+        let (row, left) = (first / cols.max(1), first % cols.max(1));
+        let last = |n: usize| n.saturating_sub(1);
+        let (above, below) = (last(row), (row + 1).min(last(rows)));
+        // Differences over two pixels; at the border over one.
+        let unit = |from: usize, to: usize| 1.0 / (SLOPE_UNIT * to.saturating_sub(from).max(1) as f32);
+        let down = unit(above, below);
+        let [x, y] = self.direction;
+        for (block, out) in out.chunks_mut(TOGETHER).enumerate() {
+            let (mut maps, at) = ([[0.0; MAPS]; TOGETHER], left + block * TOGETHER);
+            let maps = head_mut(&mut maps, out.len());
+            self.image(row * cols + at, maps);
+            for (i, (out, &[a, b, c, d])) in out.iter_mut().zip(&*maps).enumerate() {
+                let col = at + i;
+                let (before, after) = (last(col), (col + 1).min(last(cols)));
+                let east = (self.height(row, after) - self.height(row, before)) * unit(before, after);
+                let south = (self.height(below, col) - self.height(above, col)) * down;
+                *out = [a, b, c, d, east.clamp(-LIMIT, LIMIT), south.clamp(-LIMIT, LIMIT), x, y];
+            }
+        }
+    }
+
+    /// Returns coarse DTM plus relief at a pixel of the mirrored tile, in pixels about its mean.
+    fn height(&self, row: usize, col: usize) -> f32 {
+        let index = row * self.shape.cols + col;
+        let relief = self.relief.part(index, 1).first().copied().unwrap_or(0.0);
+        self.scale.normalised(item(self.tile.coarse_m, self.tile.mirror.source(index, self.shape))) + relief
+    }
+
+    /// Writes all maps of [`Self::image`], side by side in every pixel, and the coarse DTM plus the relief.
     ///
     /// # Errors
     /// [`NormError::Length`] if a buffer has another length.
     pub fn fill(&self, image: &mut [f32], coarse: &mut [f32]) -> Result<(), NormError> {
+        self.fill_with(image, coarse, Self::image)
+    }
+
+    /// Writes all maps of [`Self::sloped_image`], side by side in every pixel, and the coarse DTM plus the relief.
+    ///
+    /// # Errors
+    /// [`NormError::Length`] if a buffer has another length.
+    pub fn fill_sloped(&self, image: &mut [f32], coarse: &mut [f32]) -> Result<(), NormError> {
+        self.fill_with(image, coarse, Self::sloped_image)
+    }
+
+    fn fill_with<const N: usize>(
+        &self,
+        image: &mut [f32],
+        coarse: &mut [f32],
+        write: impl Fn(&Self, usize, &mut [[f32; N]]),
+    ) -> Result<(), NormError> {
         crate::error::same_length(self.tile.image.len(), coarse.len())?;
-        crate::error::same_length(MAPS * coarse.len(), image.len())?;
+        crate::error::same_length(N * coarse.len(), image.len())?;
         let cols = self.shape.cols.max(1);
-        let lines = image.as_chunks_mut::<MAPS>().0.chunks_mut(cols).zip(coarse.chunks_mut(cols));
+        let lines = image.as_chunks_mut::<N>().0.chunks_mut(cols).zip(coarse.chunks_mut(cols));
         for (row, (maps, heights)) in lines.enumerate() {
-            self.image(row * cols, maps);
+            write(self, row * cols, maps);
             self.coarse(row * cols, heights);
         }
         Ok(())

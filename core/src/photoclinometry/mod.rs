@@ -20,7 +20,7 @@ mod guide;
 mod share;
 
 pub use expected::{Errors, ExpectedErrors, Origin};
-pub use guide::{Guide, GuideInput, LIMIT, MAPS, Weight};
+pub use guide::{Guide, GuideInput, LIMIT, MAPS, SLOPED_MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 
 use crate::error::LengthError;

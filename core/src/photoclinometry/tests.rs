@@ -349,3 +349,46 @@ fn wide_shadows_hide_the_ground() {
     // In a narrower shadow the ground falls away from the light.
     assert!(of_cols(&of(&shadowed(40, 60)), 40, 60) > 2.0 * of_cols(&whole, 40, 60));
 }
+
+#[test]
+fn slopes_are_those_of_the_heights_and_the_light_is_named() {
+    let (rows, cols) = (40, 56);
+    let light = Light::of(300.0, 1.2).unwrap();
+    let image = lit(rows, cols, light, 0.1, 0.02);
+    let coarse_m: Vec<f32> =
+        (0..rows * cols).map(|i| 3.0 * (i / cols) as f32 - ((i % cols) as f32 * 0.2).sin()).collect();
+    let scale = ElevationScale::from_pixel(&coarse_m, None, 2.0, 50.0).unwrap();
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    for mirror in [Mirror::default(), Mirror { rows: true, cols: false }] {
+        let mut scratch = vec![0.0; plan.scratch_len()];
+        let (valid, weight) = (None, Weight::Trust(0.8));
+        let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid, mirror, coarse_px: 12.0, weight };
+        let guide = Guide::new(&plan, tile, &scale, light, &mut scratch).unwrap();
+        let (mut maps, mut plain) = (vec![0.0; SLOPED_MAPS * image.len()], vec![0.0; MAPS * image.len()]);
+        let (mut heights, mut again) = (vec![0.0; image.len()], vec![0.0; image.len()]);
+        guide.fill_sloped(&mut maps, &mut heights).unwrap();
+        guide.fill(&mut plain, &mut again).unwrap();
+        assert_eq!(heights, again);
+        let height = |row: usize, col: usize| heights[row * cols + col];
+        for (i, (maps, plain)) in maps.chunks(SLOPED_MAPS).zip(plain.chunks(MAPS)).enumerate() {
+            let (row, col) = (i / cols, i % cols);
+            // In units of 0.1, over two pixels, at the border over one.
+            let slope = |n: usize, at: usize, height: &dyn Fn(usize) -> f32| {
+                let (from, to) = (at.max(1) - 1, (at + 1).min(n - 1));
+                10.0 * (height(to) - height(from)) / (to - from) as f32
+            };
+            let east = slope(cols, col, &|col| height(row, col));
+            let south = slope(rows, row, &|row| height(row, col));
+            assert_eq!(maps[..MAPS], *plain);
+            assert!((maps[4] - east.clamp(-LIMIT, LIMIT)).abs() < 1e-3, "{i}: {} {east}", maps[4]);
+            assert!((maps[5] - south.clamp(-LIMIT, LIMIT)).abs() < 1e-3, "{i}: {} {south}", maps[5]);
+            assert!((maps[6] - light.east / light.strength()).abs() < 1e-6);
+            assert!((maps[7] - light.south / light.strength()).abs() < 1e-6);
+        }
+        // A part of a row is that of the whole.
+        let mut part = [[0.0; SLOPED_MAPS]; 11];
+        guide.sloped_image(5 * cols + 13, &mut part);
+        assert_eq!(part.as_flattened(), &maps[SLOPED_MAPS * (5 * cols + 13)..][..SLOPED_MAPS * 11]);
+        assert!(guide.fill_sloped(&mut plain, &mut heights).is_err());
+    }
+}

@@ -6,9 +6,7 @@ use super::expected::{Expected, LineErrors};
 use super::lines::Lines;
 use super::plan::StripPlan;
 use crate::fill::fill_gaps;
-use crate::nn::{
-    Illumination, Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale,
-};
+use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale};
 use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::part::{copy, head_mut};
@@ -401,9 +399,10 @@ impl<'a, 'm> Strip<'a, 'm> {
         let settings = self.plan.settings;
         if settings.expected_errors {
             let sizes = (settings.pixel_m, settings.coarse_px);
-            self.expect(&match self.runner.model().illumination() {
-                Illumination::Weighed => ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, sizes),
-                _ => ExpectedErrors::UNKNOWN,
+            self.expect(&if self.runner.model().illumination().is_weighed() {
+                ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, sizes)
+            } else {
+                ExpectedErrors::UNKNOWN
             });
         }
         copy(self.image, self.coarse_m);

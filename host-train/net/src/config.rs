@@ -88,6 +88,15 @@ pub struct Switches {
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[cfg_attr(feature = "clap", arg(long))]
     pub no_coarse: bool,
+    /// Channels of the detail stage, at full resolution behind the decoder; 0: none [default: 0].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub detail: Option<usize>,
+    /// Channels inside the residual blocks of the detail stage [default: half of its channels].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub detail_inner: Option<usize>,
+    /// Residual blocks of the detail stage [default: 1].
+    #[cfg_attr(feature = "clap", arg(long))]
+    pub detail_blocks: Option<usize>,
     /// Pass the coarse DTM as one more channel of the image instead of a separate branch (as in other published networks with a single
     /// branch).
     #[cfg_attr(feature = "clap", arg(long))]
@@ -122,6 +131,11 @@ impl Switches {
         config.decoder_kind = self.decoder_kind.unwrap_or(config.decoder_kind);
         config.illumination = self.illumination.unwrap_or(config.illumination);
         config.bn_momentum = self.bn_momentum.unwrap_or(config.bn_momentum);
+        if let Some(detail) = self.detail {
+            (config.detail, config.detail_inner) = (detail, detail / 2);
+        }
+        config.detail_inner = self.detail_inner.unwrap_or(config.detail_inner);
+        config.detail_blocks = self.detail_blocks.unwrap_or(config.detail_blocks);
         config.coarse_channel |= self.coarse_channel;
         config.use_coarse &= !(self.no_coarse || self.coarse_channel);
         config.check().map_err(Error::usage)?;
@@ -177,6 +191,16 @@ pub struct NetConfig {
     /// a single branch do so. Not exported.
     #[serde(default)]
     pub coarse_channel: bool,
+    /// Channels of the detail stage; 0: none, as in the paper. The stage works at full resolution, on the image's maps and on the decoder's
+    /// last map (our choice: patches of 4 x 4 pixels and a stem of stride 2 lose what the finest waves show).
+    #[serde(default)]
+    pub detail: usize,
+    /// Channels inside the residual blocks of the detail stage.
+    #[serde(default)]
+    pub detail_inner: usize,
+    /// Residual blocks of the detail stage.
+    #[serde(default)]
+    pub detail_blocks: usize,
 }
 
 fn relu() -> Head {
@@ -233,7 +257,15 @@ impl NetConfig {
             bn_momentum: 0.1,
             use_coarse: true,
             coarse_channel: false,
+            detail: 0,
+            detail_inner: 0,
+            detail_blocks: 1,
         }
+    }
+
+    /// Returns the number of channels that the head reads.
+    pub fn head_channels(&self) -> usize {
+        if self.detail > 0 { self.detail } else { self.decoder[4] }
     }
 
     /// Returns the number of the image's maps: 1 for brightness, 4 for a guide.
@@ -279,6 +311,16 @@ impl NetConfig {
                     "configuration: stage {i}: expected heads to divide {dim} channels, found {heads}"
                 ));
             }
+        }
+        let Self { detail, detail_inner, detail_blocks, .. } = *self;
+        if detail > 1 << 10 || detail_inner > 1 << 10 || detail_blocks > 64 {
+            return Err(format!(
+                "configuration: expected detail and detail_inner in 0..=1024 and detail_blocks in 0..=64, found {detail}, {detail_inner} and \
+                 {detail_blocks}"
+            ));
+        }
+        if detail > 0 && detail_blocks > 0 && detail_inner == 0 {
+            return Err("configuration: expected detail_inner > 0 in a detail stage with blocks, found 0".into());
         }
         if !(self.nr.is_finite() && self.nr > 0.0) {
             return Err(format!("configuration: expected nr > 0, found {}", self.nr));

@@ -32,6 +32,8 @@ pub(crate) enum IlluminationName {
     /// As given. In addition, the first estimate is weighed by the trust in the light, and by the share of the contrast that is relief (our
     /// choice).
     Weighed,
+    /// As weighed. In addition, the network is given the slopes of the first estimate and the direction of the light (our choice).
+    Sloped,
 }
 
 #[cfg(feature = "clap")]
@@ -55,6 +57,7 @@ mod options {
             IlluminationName::Northwest => Illumination::Northwest,
             IlluminationName::Given => Illumination::Given,
             IlluminationName::Weighed => Illumination::Weighed,
+            IlluminationName::Sloped => Illumination::Sloped,
         })
     }
 }

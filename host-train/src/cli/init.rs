@@ -14,17 +14,17 @@ The switches depart from the paper's network; without any, the network is the pa
 --start-from makes its weights itself.
 
 With --from, the weights of another network are kept and only its switches change, as far as its tensors still fit: weights for \
-given light, say, also serve weighed maps.
+given light, say, also serve weighed maps. Maps that the image gains, and a detail stage, change nothing at first.
 
 Examples:
   host-train init --preset tiny --seed 7 -o tiny.safetensors
-  host-train init --from nano.safetensors --illumination weighed -o weighed.safetensors")]
+  host-train init --from nano.safetensors --illumination sloped --detail 16 -o start.safetensors")]
 pub struct Args {
     /// Size of the network [default: nano].
-    #[arg(long, conflicts_with = "from")]
+    #[arg(long)]
     pub preset: Option<Preset>,
     /// Keep the weights and the configuration of this network, and change the switches alone.
-    #[arg(long, value_name = "W.safetensors", conflicts_with = "seed")]
+    #[arg(long, value_name = "W.safetensors", conflicts_with = "preset")]
     pub from: Option<PathBuf>,
     /// Changes to the paper's network.
     #[command(flatten)]
@@ -47,7 +47,7 @@ pub fn run(args: Args) -> Result<()> {
             output::check(&args.output, &[path])?;
             let weights = Weights::read(path)?;
             let config = args.switches.apply(config_of(&weights, path)?)?;
-            (weights_for(weights, &config, path)?, format!("the weights of {}", path.display()))
+            (weights_for(weights, &config, args.seed, path)?, format!("the weights of {}", path.display()))
         }
         None => {
             let preset = args.preset.unwrap_or(Preset::Nano);

@@ -4,7 +4,7 @@ use crate::layout::{ALIGN_BYTES, Layout};
 use crate::status::*;
 use crate::types::{
     ELD_HEIGHTS_COARSE_RELIEF, ELD_HEIGHTS_OWN_RELIEF, ELD_HEIGHTS_PIXELS, ELD_LIGHT_ANY, ELD_LIGHT_GIVEN,
-    ELD_LIGHT_NORTHWEST, ELD_LIGHT_WEIGHED, eld_model_info_t, eld_status_t,
+    ELD_LIGHT_NORTHWEST, ELD_LIGHT_SLOPED, ELD_LIGHT_WEIGHED, eld_model_info_t, eld_status_t,
 };
 use elunar_core::nn::file::{Operator, VERSION, u32_at, word};
 use elunar_core::nn::{Illumination, Model, ModelError, TruthRange};
@@ -34,6 +34,7 @@ pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld
             Illumination::Northwest => ELD_LIGHT_NORTHWEST,
             Illumination::Given => ELD_LIGHT_GIVEN,
             Illumination::Weighed => ELD_LIGHT_WEIGHED,
+            Illumination::Sloped => ELD_LIGHT_SLOPED,
         },
         heights: match model.truth_range() {
             TruthRange::Own => ELD_HEIGHTS_OWN_RELIEF,

@@ -21,6 +21,8 @@ pub const ELD_LIGHT_NORTHWEST: u32 = 1;
 pub const ELD_LIGHT_GIVEN: u32 = 2;
 /// Light: as `ELD_LIGHT_GIVEN`, and the maps are weighed by the trust in the light and by the share of the contrast that is relief.
 pub const ELD_LIGHT_WEIGHED: u32 = 3;
+/// Light: as `ELD_LIGHT_WEIGHED`, with more maps: the slopes of the first estimate, and the direction of the light.
+pub const ELD_LIGHT_SLOPED: u32 = 4;
 
 /// Heights: scaled by the relief of the tile's own truth, which the relief of the coarse DTM replaces.
 pub const ELD_HEIGHTS_OWN_RELIEF: u32 = 0;

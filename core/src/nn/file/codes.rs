@@ -30,7 +30,7 @@ macro_rules! codes {
 codes!(Dtype, U8 = 0, I16 = 1, F32 = 2);
 codes!(Edge, Zero = 0, Nearest = 1);
 codes!(TruthRange, Own = 0, Reference = 1, Pixel = 2);
-codes!(Illumination, Any = 0, Northwest = 1, Given = 2, Weighed = 3);
+codes!(Illumination, Any = 0, Northwest = 1, Given = 2, Weighed = 3, Sloped = 4);
 
 #[cfg(test)]
 mod tests {
@@ -42,8 +42,9 @@ mod tests {
         assert_eq!([Dtype::U8, Dtype::I16, Dtype::F32].map(Dtype::code), [0, 1, 2]);
         assert_eq!([Edge::Zero, Edge::Nearest].map(Edge::code), [0, 1]);
         assert_eq!([TruthRange::Own, TruthRange::Reference, TruthRange::Pixel].map(TruthRange::code), [0, 1, 2]);
-        let light = [Illumination::Any, Illumination::Northwest, Illumination::Given, Illumination::Weighed];
-        assert_eq!(light.map(Illumination::code), [0, 1, 2, 3]);
+        use Illumination::{Any, Given, Northwest, Sloped, Weighed};
+        let light = [Any, Northwest, Given, Weighed, Sloped];
+        assert_eq!(light.map(Illumination::code), [0, 1, 2, 3, 4]);
     }
 
     #[test]
@@ -52,7 +53,7 @@ mod tests {
             assert_eq!(Dtype::from_code(code).map_or(9, Dtype::code), if code < 3 { code } else { 9 });
             assert_eq!(Edge::from_code(code).map_or(9, Edge::code), if code < 2 { code } else { 9 });
             assert_eq!(TruthRange::from_code(code).map_or(9, TruthRange::code), if code < 3 { code } else { 9 });
-            assert_eq!(Illumination::from_code(code).map_or(9, Illumination::code), if code < 4 { code } else { 9 });
+            assert_eq!(Illumination::from_code(code).map_or(9, Illumination::code), if code < 5 { code } else { 9 });
         }
     }
 }

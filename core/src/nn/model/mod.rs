@@ -13,7 +13,6 @@ use super::input::{Illumination, TruthRange};
 use super::maps::InputRules;
 use super::ops::{Constants, Prepared};
 use super::tensor::Tensor;
-use crate::photoclinometry::Photoclinometry;
 use crate::tile::Shape;
 
 /// A validated model, borrowing the file's bytes. Every operator of a `Model` stays inside its tensors, constants and accumulators, and no
@@ -98,7 +97,7 @@ impl<'a> Model<'a> {
         InputRules { nr, range_margin, truth_range: self.truth_range(), illumination: self.illumination() }
     }
 
-    /// Number of samples of the image in every pixel: brightness alone, or the four maps of [`crate::photoclinometry::Guide`].
+    /// Number of samples of the image in every pixel: brightness alone, or the maps of a [`crate::photoclinometry::Guide`].
     pub fn image_maps(&self) -> usize {
         self.illumination().image_maps()
     }
@@ -162,10 +161,7 @@ impl<'a> Model<'a> {
 
     /// Number of values of scratch memory that is needed to begin a tile in metres; 0 for models without a given light.
     pub fn scratch_len(&self) -> usize {
-        match self.illumination() {
-            Illumination::Given | Illumination::Weighed => Photoclinometry::new(self.tile()).scratch_len(),
-            _ => 0,
-        }
+        self.input_rules().scratch_len(self.tile())
     }
 
     /// Number of checksums of rows in the arena: one per row that is kept.

@@ -1,7 +1,6 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use super::output;
-use elunar_core::nn::Illumination;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
@@ -128,7 +127,7 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         output::check(errors, &[&args.image, &args.coarse, &args.model, &args.output])?;
     }
     let model = open(&args.model)?;
-    if args.uncertainty.is_some() && model.input_rules().illumination != Illumination::Weighed {
+    if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
         return Err(Error::unsupported(
             &args.model,
             "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",

@@ -2,6 +2,7 @@
 
 use super::conv::{ConvBn, ConvBnShape, conv, convolve};
 use super::decoder::{DecoderBlock, decoder};
+use super::detail::Detail;
 use super::encoder::{ImageEncoder, dtm_encoder};
 use super::precision::cast;
 use burn::module::Module;
@@ -17,6 +18,7 @@ pub struct ELunarDtmNet {
     dtm_encoder: Vec<ConvBn>,
     fusion: ConvBn,
     decoder: Vec<DecoderBlock>,
+    detail: Option<Detail>,
     head: Conv2d,
     residual: bool,
     /// Factor that brings the coarse DTM to [0, 1], if it is among the image's channels.
@@ -46,7 +48,8 @@ impl ELunarDtmNet {
                 device,
             ),
             decoder: decoder(config, device),
-            head: conv(config.decoder[4], 1, 3, 1, true, device),
+            detail: Detail::new(config, device),
+            head: conv(config.head_channels(), 1, 3, 1, true, device),
             residual: config.head == Head::Residual,
             channel_scale: config.coarse_channel.then(|| 1.0 / f64::from(config.nr)),
         }
@@ -77,7 +80,8 @@ impl ELunarDtmNet {
         };
         // Maps have the precision of the weights.
         let dtype = self.head.weight.val().dtype();
-        let e = self.image_encoder.forward(cast(image, dtype));
+        let image = cast(image, dtype);
+        let e = self.image_encoder.forward(image.clone());
         e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));
         let mut deepest = vec![e[4].clone()];
         if !self.dtm_encoder.is_empty() {
@@ -91,6 +95,9 @@ impl ELunarDtmNet {
         for (u, block) in self.decoder.iter().enumerate() {
             d = block.forward(d, (u > 0).then(|| e[4 - u].clone()));
             note(format!("d{}", u + 1), &d);
+        }
+        if let Some(detail) = &self.detail {
+            d = detail.forward(image, d);
         }
         let z = cast(convolve(&self.head, d), DType::F32);
         if self.residual { z.add(coarse) } else { relu(z) }

@@ -4,7 +4,7 @@ use super::store::{outline, shapes};
 use burn::tensor::Device;
 use elunar_net::config::{Head, NetConfig};
 use elunar_net::fit::check_fit;
-use elunar_net::weights::Weights;
+use elunar_net::weights::{Array, Weights};
 use elunar_raster::{Error, Result};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -30,6 +30,8 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
                 continue;
             }
             ("head.weight", _) if config.head == Head::Residual => 0.0,
+            // A residual block begins as the identity.
+            (name, "weight") if name.starts_with("detail.blocks.") && name.ends_with(".1.weight") => 0.0,
             (_, "running_var") => {
                 array.data.fill(1.0);
                 continue;
@@ -48,17 +50,57 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
-/// Returns the weights of another network as those of `config`: only the configuration in their metadata changes. Messages call the weights
-/// `path`.
+/// Returns the weights of another network as those of `config`, which may have more maps of the image and a detail stage. The network
+/// computes the same as before: new maps have zero weights, and the detail stage passes the decoder's last map on. Other weights of the stage
+/// are random, from `seed`. Messages call the weights `path`.
 ///
 /// # Errors
 /// [`Error::Broken`] if they do not fit the configuration.
-pub fn weights_for(mut weights: Weights, config: &NetConfig, path: &Path) -> Result<Weights> {
+pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &Path) -> Result<Weights> {
     config.check().map_err(|what| Error::broken(path, what))?;
+    if config.detail >= config.decoder[4] && !weights.tensors.contains_key("detail.join.weight") {
+        add_detail(&mut weights, config, seed);
+    }
+    if !config.coarse_channel {
+        for name in ["image_encoder.stem.conv.weight", "image_encoder.swin.patch_embed.proj.weight"] {
+            weights.tensors.get_mut(name).into_iter().for_each(|array| widen(array, config.image_maps()));
+        }
+    }
     check_fit(&outline(config, &Device::flex()), &weights, path)?;
     let text = serde_json::to_string(config).expect("a plain struct");
     weights.metadata.insert("config".into(), text);
     Ok(weights)
+}
+
+/// Adds a detail stage that passes the decoder's last map on, which has no negative values.
+fn add_detail(weights: &mut Weights, config: &NetConfig, seed: u64) {
+    let fresh = initial_weights(config, seed).tensors;
+    weights.tensors.extend(fresh.into_iter().filter(|(name, _)| name.starts_with("detail.")));
+    if let Some(join) = weights.tensors.get_mut("detail.join.weight") {
+        let filter = join.data.len() / config.detail;
+        for (channel, filter) in join.data.chunks_exact_mut(filter).enumerate().take(config.decoder[4]) {
+            filter.fill(0.0);
+            // The centre of the 3x3 weights of the same channel.
+            filter[9 * channel + 4] = 1.0;
+        }
+    }
+    weights.tensors.get_mut("head.weight").into_iter().for_each(|head| widen(head, config.detail));
+}
+
+/// Gives a convolution `[O, I, k, k]` more input channels, with weights of zero.
+fn widen(array: &mut Array, inputs: usize) {
+    if let [outputs, old, ..] = array.shape[..]
+        && old < inputs
+        && outputs > 0
+        && old > 0
+    {
+        let (filter, area) = (array.data.len() / outputs, array.data.len() / (outputs * old));
+        let wider = |filter: &[f32]| {
+            filter.iter().copied().chain(std::iter::repeat_n(0.0, area * (inputs - old))).collect::<Vec<_>>()
+        };
+        array.data = array.data.chunks_exact(filter).flat_map(wider).collect();
+        array.shape[1] = inputs;
+    }
 }
 
 /// Returns He-normal weights and zero biases for `arrays` of a module of convolutions.
@@ -90,6 +132,9 @@ fn fill_normal(data: &mut [f32], std: f32, seed: u64, name: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::store::load;
+    use crate::testing::without_zeros;
+    use burn::tensor::{Distribution, Tensor};
     use elunar_net::config::{Illumination, config_of, miniature_network};
 
     #[test]
@@ -99,11 +144,36 @@ mod tests {
         let mut weights = initial_weights(&config, 3);
         weights.metadata.insert("origin".into(), "kept".into());
         let weighed = NetConfig { illumination: Illumination::Weighed, ..config.clone() };
-        let made = weights_for(weights.clone(), &weighed, path).unwrap();
+        let made = weights_for(weights.clone(), &weighed, 0, path).unwrap();
         assert_eq!(config_of(&made, path).unwrap(), weighed);
         assert_eq!((made.metadata["origin"].as_str(), made.tensors == weights.tensors), ("kept", true));
+        // With slopes and a detail stage the network is the same at first, and every new weight can learn.
+        let detailed = NetConfig {
+            illumination: Illumination::Sloped,
+            detail: 6,
+            detail_inner: 3,
+            detail_blocks: 2,
+            ..config.clone()
+        };
+        let grown = weights_for(without_zeros(weights.clone()), &detailed, 7, path).unwrap();
+        let device = Device::flex();
+        let random = |maps: usize| Tensor::<4>::random([1, maps, 32, 64], Distribution::Normal(0.0, 1.0), &device);
+        let (image, coarse) = (random(8), random(1));
+        let of = |config: &NetConfig, weights: &Weights, image: Tensor<4>| {
+            let net = load(config, weights, path, &device).unwrap();
+            net.forward(image, coarse.clone()).into_data().try_to_vec::<f32>().unwrap()
+        };
+        let expected = of(&config, &without_zeros(weights.clone()), image.clone().narrow(1, 0, 4));
+        let found = of(&detailed, &grown, image);
+        let apart = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-4, "{apart}");
+        assert!(expected.iter().any(|z| z.abs() > 0.1));
+        // Too narrow to pass the decoder's map on.
+        assert!(
+            weights_for(weights.clone(), &NetConfig { detail: 2, detail_inner: 1, ..config.clone() }, 7, path).is_err()
+        );
         // Brightness is one map, a guide has four.
         let any = NetConfig { illumination: Illumination::Any, ..config };
-        assert!(weights_for(weights, &any, path).unwrap_err().to_string().contains("do not fit"));
+        assert!(weights_for(weights, &any, 0, path).unwrap_err().to_string().contains("do not fit"));
     }
 }

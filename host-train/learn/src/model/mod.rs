@@ -4,6 +4,7 @@ pub mod backend;
 pub mod conv;
 pub mod critic;
 pub mod decoder;
+pub mod detail;
 pub mod elunar;
 pub mod encoder;
 pub mod init;

@@ -1,6 +1,7 @@
 //! Batches of training samples from a source of tiles. Cropping and mirroring depend only on the seed and the step. Batches are made in
 //! advance.
 
+use super::kept::Kept;
 use super::recipe::Recipe;
 use super::sample::Sample;
 use super::source::TileSource;
@@ -23,6 +24,8 @@ pub struct Feed {
     config: NetConfig,
     recipe: Recipe,
     seed: u64,
+    /// Tiles in use.
+    tiles: Arc<Kept>,
 }
 
 /// Separates the random choice of tiles without a known Sun from the choice of crops.
@@ -34,7 +37,7 @@ const TRIES: u64 = 8;
 impl Feed {
     /// Makes a feed of batches from `source`; `recipe` gives their size.
     pub fn new(source: Arc<dyn TileSource>, config: NetConfig, recipe: Recipe, seed: u64) -> Self {
-        Self { source, config, recipe, seed }
+        Self { source, config, recipe, seed, tiles: Arc::default() }
     }
 
     /// Returns the batch of a step.
@@ -42,17 +45,22 @@ impl Feed {
     /// # Errors
     /// If tiles cannot be made, are smaller than the crop, or cannot be normalised.
     pub fn batch(&self, step: usize) -> Result<Batch> {
-        let per_tile = self.recipe.crops_per_tile.min(self.recipe.batch);
-        let tiles = self.recipe.batch.div_ceil(per_tile);
-        // One after the other. The thread pool belongs to the network, and its short tasks must not wait for whole tiles.
-        let made: Result<Vec<Sample>> = (0..tiles).map(|slot| self.sample((step * tiles + slot) as u64)).collect();
-        let made = made?;
+        let Recipe { batch, crop: [rows, cols], crops_per_tile, pool, transpose, .. } = self.recipe;
+        let per_tile = crops_per_tile.min(batch);
+        let new = batch.div_ceil(per_tile);
+        let end = (step + 1) * new;
+        let first = if pool > 0 { end.saturating_sub(pool.max(new)) } else { end - new };
+        // Other threads may be a few steps behind. A forgotten tile is made again.
+        self.tiles.forget_before(first.saturating_sub(pool) as u64);
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(step as u64);
-        let [rows, cols] = self.recipe.crop;
-        (0..self.recipe.batch)
+        // One after the other. The thread pool belongs to the network, and its short tasks must not wait for whole tiles.
+        (0..batch)
             .map(|i| {
-                let sample = &made[i / per_tile];
+                let index = if pool > 0 { rng.random_range(first..end) } else { first + i / per_tile };
+                let sample = self.tiles.get(index as u64, || self.sample(index as u64))?;
+                let turned = transpose && rng.random();
+                let [rows, cols] = if turned { [cols, rows] } else { [rows, cols] };
                 if sample.rows < rows || sample.cols < cols {
                     return Err(Error::usage(format!(
                         "training tiles: expected at least {rows}x{cols} pixels, found {}x{}",
@@ -63,7 +71,8 @@ impl Feed {
                 // Mirrored at random, unless the light must stay in the quadrant that the network expects.
                 let random = Mirror { rows: rng.random(), cols: rng.random() };
                 let mirror = if self.config.illumination == Illumination::Any { random } else { Mirror::default() };
-                Ok(sample.window(corner, [rows, cols], mirror))
+                let crop = sample.window(corner, [rows, cols], mirror);
+                Ok(if turned { crop.transposed() } else { crop })
             })
             .collect()
     }

@@ -10,6 +10,7 @@ pub mod checkpoint;
 pub mod curves;
 pub mod feed;
 pub mod journal;
+mod kept;
 pub mod loss;
 mod parallel;
 pub mod recipe;

@@ -76,6 +76,12 @@ pub struct Recipe {
     pub crop: [usize; 2],
     /// Number of crops of one tile.
     pub crops_per_tile: usize,
+    /// Number of the latest tiles from which every crop's tile is drawn, so that a tile serves several steps; 0: each step's own tiles.
+    #[serde(default)]
+    pub pool: usize,
+    /// Whether half of the crops have rows and columns exchanged.
+    #[serde(default)]
+    pub transpose: bool,
     /// Number of steps between validations.
     pub validate_every: usize,
     /// Number of tiles of the fixed validation set.
@@ -117,6 +123,8 @@ impl Recipe {
             known_sun: 0.5,
             crop: [256, 320],
             crops_per_tile: 1,
+            pool: 0,
+            transpose: false,
             validate_every: 5_000,
             validation_tiles: 64,
             checkpoint_every: 1_000,
@@ -255,6 +263,12 @@ pub struct RecipeFlags {
     /// Number of crops of one tile [default: the preset's].
     #[arg(long)]
     pub crops_per_tile: Option<usize>,
+    /// Number of the latest tiles from which every crop's tile is drawn; 0: each step's own tiles [default: the preset's].
+    #[arg(long, value_name = "TILES")]
+    pub pool: Option<usize>,
+    /// Exchange rows and columns of half of the crops.
+    #[arg(long)]
+    pub transpose: bool,
     /// Share of the steps that use the elevation term alone [default: the preset's].
     #[arg(long)]
     pub elevation_only: Option<f64>,
@@ -302,6 +316,8 @@ impl RecipeFlags {
             recipe.crop = [*rows, *cols];
         }
         recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
+        recipe.pool = self.pool.unwrap_or(recipe.pool);
+        recipe.transpose |= self.transpose;
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
         recipe.target = self.target.unwrap_or(recipe.target);

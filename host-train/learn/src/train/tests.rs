@@ -12,7 +12,7 @@ use crate::model::init::initial_weights;
 use crate::model::precision::Precision;
 use crate::model::store;
 use crate::testing::without_zeros;
-use elunar_net::config::{NetConfig, Preset, miniature_network};
+use elunar_net::config::{Illumination, NetConfig, Preset, miniature_network};
 use elunar_net::illumination::KnownSun;
 use elunar_raster::Result;
 use std::path::Path;
@@ -89,8 +89,11 @@ fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, s
 #[test]
 fn a_killed_run_resumes_bit_for_bit() {
     let (network, recipe) = miniature();
-    let shared = (network, Recipe { devices: 2, precision: Precision::Bf16, ..recipe });
-    for kind in [miniature(), rival(), shared] {
+    let shared = (network.clone(), Recipe { devices: 2, precision: Precision::Bf16, ..recipe.clone() });
+    // Tiles of several steps, turned crops, a detail stage.
+    let detailed = NetConfig { illumination: Illumination::Sloped, detail: 6, detail_inner: 3, ..network };
+    let pooled = (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], ..recipe });
+    for kind in [miniature(), rival(), shared, pooled] {
         resumes_bit_for_bit(&kind);
     }
 }
@@ -115,7 +118,12 @@ fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
 #[test]
 fn batches_do_not_depend_on_the_number_of_their_makers() {
     let (network, recipe) = miniature();
-    let feed = Feed::new(Arc::new(Ripples), network, recipe.clone(), 5);
+    batches_are_those_of_one_maker(&network, &recipe);
+    batches_are_those_of_one_maker(&network, &Recipe { pool: 5, transpose: true, crop: [64, 96], ..recipe });
+}
+
+fn batches_are_those_of_one_maker(network: &NetConfig, recipe: &Recipe) {
+    let feed = Feed::new(Arc::new(Ripples), network.clone(), recipe.clone(), 5);
     for makers in [1, 2, 3, 11] {
         for first in [0, 3] {
             let made: Vec<_> = feed.ahead(first, makers).map(Result::unwrap).collect();
@@ -282,4 +290,31 @@ fn every_micro_batch_counts_and_their_order_does_not() {
     for other in [apart(&[0, 1], &[0]), apart(&[0, 1], &[1]), apart(&[0], &[1])] {
         assert!(other > 0.2, "{other}");
     }
+}
+
+/// A turned tile is the tile of turned ground under a turned Sun.
+#[test]
+fn turned_samples_are_samples_of_turned_ground() {
+    let config = NetConfig { illumination: Illumination::Sloped, ..miniature_network() };
+    let mut tile = Ripples.tile(3).unwrap();
+    tile.sun = KnownSun { azimuth_deg: Some(290.0), elevation_deg: Some(30.0) };
+    let (rows, cols) = (tile.rows, tile.cols);
+    let turn = |map: &[f32]| (0..rows * cols).map(|i| map[i % rows * cols + i / rows]).collect::<Vec<f32>>();
+    let turned = RawTile {
+        image: turn(&tile.image),
+        coarse_m: turn(&tile.coarse_m),
+        truth_m: turn(&tile.truth_m),
+        // Exchanging east and south takes 290 degrees (20 north of west) to 340 (20 west of north).
+        sun: KnownSun { azimuth_deg: Some(340.0), elevation_deg: Some(30.0) },
+        ..tile.clone()
+    };
+    let (found, expected) = (Sample::new(&config, &tile).unwrap().transposed(), Sample::new(&config, &turned).unwrap());
+    for (found, expected) in
+        [(&found.image, &expected.image), (&found.coarse, &expected.coarse), (&found.truth, &expected.truth)]
+    {
+        assert_eq!(found.len(), expected.len());
+        let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 2e-3, "{apart}");
+    }
+    assert!(found.image != Sample::new(&config, &tile).unwrap().image);
 }

@@ -113,7 +113,30 @@ impl<'a> Builder<'a> {
         for u in 0..5 {
             d = self.decoder_block(u, d, (u > 0).then(|| e[4 - u]));
         }
+        if self.config.detail > 0 {
+            d = self.detail(image, d);
+        }
         self.head(d, coarse);
+    }
+
+    /// Adds the detail stage: a convolution of the decoder's last map and the image's maps, then residual blocks.
+    fn detail(&mut self, image: NodeId, d: NodeId) -> NodeId {
+        let (channels, inner) = (self.config.detail, self.config.detail_inner);
+        // As in the decoder: the steps of an 8-bit map before the head would be terraces.
+        let mut x = self.biased("detail.join", &[d, image], channels, None, true);
+        for block in 0..self.config.detail_blocks {
+            let within = self.biased(&format!("detail.blocks.{block}.0"), &[x], inner, None, false);
+            x = self.biased(&format!("detail.blocks.{block}.1"), &[within], channels, Some(x), true);
+        }
+        x
+    }
+
+    /// Adds a 3x3 convolution with bias and ReLU.
+    fn biased(&mut self, name: &str, inputs: &[NodeId], output: usize, add: Option<NodeId>, precise: bool) -> NodeId {
+        let sources: Vec<Source> = inputs.iter().copied().map(plain).collect();
+        let input = inputs.iter().map(|&node| self.graph.nodes[node].channels).sum();
+        let kernel = self.kernel(name, input, output, 3, true);
+        self.conv(name, &sources, kernel, (1, 1), Activation::Relu, add, precise)
     }
 
     fn image_encoder(&mut self, image: NodeId) -> [NodeId; 5] {
@@ -217,7 +240,7 @@ impl<'a> Builder<'a> {
 
     fn head(&mut self, d: NodeId, coarse: Option<NodeId>) {
         let residual = self.config.head == Head::Residual;
-        let kernel = self.kernel("head", self.config.decoder[4], 1, 3, true);
+        let kernel = self.kernel("head", self.config.head_channels(), 1, 3, true);
         let activation = if residual { Activation::None } else { Activation::Relu };
         let add = coarse.filter(|_| residual);
         let head = self.conv("head", &[plain(d)], kernel, (1, 1), activation, add, true);

@@ -99,4 +99,35 @@ impl Sample {
             scale: self.scale,
         }
     }
+
+    /// Returns the sample with rows and columns exchanged, and so the two components of every vector among a guide's maps. The light stays in
+    /// the north-west. `scale` does not take part: heights cannot be brought back to the ground any more.
+    pub fn transposed(&self) -> Self {
+        let Self { rows, cols, .. } = *self;
+        let turn = |map: &[f32]| -> Vec<f32> {
+            let maps = map.len() / (rows * cols);
+            let mut out = Vec::with_capacity(map.len());
+            for i in 0..rows * cols {
+                let (row, col) = (i % rows, i / rows);
+                let pixel = &map[maps * (row * cols + col)..][..maps];
+                out.extend_from_slice(pixel);
+                for [east, south] in VECTORS.into_iter().filter(|[_, south]| *south < maps) {
+                    let at = out.len() - maps;
+                    out.swap(at + east, at + south);
+                }
+            }
+            out
+        };
+        Self {
+            rows: cols,
+            cols: rows,
+            image: turn(&self.image),
+            coarse: turn(&self.coarse),
+            truth: turn(&self.truth),
+            scale: self.scale,
+        }
+    }
 }
+
+/// Components east and south of the vectors among a guide's maps.
+const VECTORS: [[usize; 2]; 3] = [[0, 1], [4, 5], [6, 7]];

@@ -140,7 +140,8 @@ fn training_tiles_are_served_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let (mut mirrored, mut compared) = (0, 0);
     for (scene, tile, source) in scenes(folder.path()) {
-        for illumination in [Illumination::Any, Illumination::Northwest, Illumination::Given, Illumination::Weighed] {
+        use Illumination::{Any, Given, Northwest, Sloped, Weighed};
+        for illumination in [Any, Northwest, Given, Weighed, Sloped] {
             for range in [TruthRange::Own, TruthRange::Reference, TruthRange::Pixel] {
                 let what = format!("{illumination:?} {range:?} {source:?}");
                 let config = config(illumination, range);
@@ -163,7 +164,7 @@ fn training_tiles_are_served_tiles() {
             }
         }
     }
-    assert_eq!(compared, 36);
+    assert_eq!(compared, 45);
     assert!(mirrored >= 6, "{mirrored} tiles mirrored");
 }
 

@@ -6,7 +6,7 @@ use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
-use elunar_core::nn::{Illumination, InputRules, TileInput, TileLight};
+use elunar_core::nn::{InputRules, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
@@ -110,9 +110,10 @@ impl<'a> TileWorker<'a> {
             }
             None => {
                 let Rules { pixel_m, coarse_px, .. } = self.rules;
-                let errors = match self.rules.input.illumination {
-                    Illumination::Weighed => ExpectedErrors::of_coarse(&coarse_m, window.cols, (pixel_m, coarse_px)),
-                    _ => ExpectedErrors::UNKNOWN,
+                let errors = if self.rules.input.illumination.is_weighed() {
+                    ExpectedErrors::of_coarse(&coarse_m, window.cols, (pixel_m, coarse_px))
+                } else {
+                    ExpectedErrors::UNKNOWN
                 };
                 Ok(Outcome::Coarse { maps: self.result(coarse_m, &image, &errors), weights })
             }

@@ -111,7 +111,7 @@ fn agreement(made: &Export, tile: &CalibrationTile, found: &mut BTreeMap<&'stati
     }
 }
 
-fn networks() -> [NetConfig; 6] {
+fn networks() -> [NetConfig; 7] {
     let small = small_config();
     [
         small.clone(),
@@ -123,8 +123,9 @@ fn networks() -> [NetConfig; 6] {
             image_encoder: ImageEncoderKind::Resnet,
             use_coarse: false,
             decoder_kind: DecoderKind::Upb,
-            ..small
+            ..small.clone()
         },
+        NetConfig { detail: 5, detail_inner: 3, detail_blocks: 2, ..small },
     ]
 }
 

@@ -6,7 +6,7 @@ use crate::config::{Head, Illumination, NetConfig, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
 use elunar_core::norm::ElevationScale;
-use elunar_core::photoclinometry::{Guide, GuideInput, MAPS, Photoclinometry, Weight};
+use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry, Weight};
 use elunar_core::tile::Shape;
 use std::path::Path;
 
@@ -132,6 +132,7 @@ fn metres_come_out_as_by_way_of_buffers() {
 fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     guided(Illumination::Given, Weight::Plain);
     guided(Illumination::Weighed, Weight::Trust(1.0));
+    guided(Illumination::Sloped, Weight::Trust(1.0));
 }
 
 /// Compares a model's heights with those of a network that is given the maps of a guide.
@@ -152,8 +153,12 @@ fn guided(illumination: Illumination, weight: Weight) {
     let tile =
         GuideInput { image: &image, coarse_m: &heights, valid: None, mirror: unmirrored, coarse_px: 30.0, weight };
     let guide = Guide::new(&plan, tile, &scale, light.mirrored(mirror), &mut scratch).unwrap();
-    let (mut maps, mut pixels) = (vec![0.0; MAPS * image.len()], vec![0.0; heights.len()]);
-    guide.fill(&mut maps, &mut pixels).unwrap();
+    let (mut maps, mut pixels) = (vec![0.0; illumination.image_maps() * image.len()], vec![0.0; heights.len()]);
+    if illumination == Illumination::Sloped {
+        guide.fill_sloped(&mut maps, &mut pixels).unwrap();
+    } else {
+        guide.fill(&mut maps, &mut pixels).unwrap();
+    }
     let tile = CalibrationTile { image: maps, coarse: pixels, ground: None };
     let options = Options { tile: shape, precision: Precision::Mixed, name: "given".into() };
     let weights = random_weights(&config, 12);
@@ -177,7 +182,10 @@ fn guided(illumination: Illumination, weight: Weight) {
     let dark = TileInput { coarse_m: &level, light: TileLight::default(), ..input };
     let begun = runner.begin_metres(&dark, &mut scratch).unwrap();
     assert_eq!((begun.scale.mirror, begun.light), (Mirror::default(), LightSource::Assumed));
-    assert_eq!(runner.begin(&brightness, &tile.coarse), Err(RunError::TileSize { expected: 8192, found: 2048 }));
+    assert_eq!(
+        runner.begin(&brightness, &tile.coarse),
+        Err(RunError::TileSize { expected: illumination.image_maps() * 2048, found: 2048 })
+    );
 }
 
 #[test]
