@@ -5,18 +5,26 @@
 //! of the processor's vectors. They are a backend extension of Burn ([`extension`]), so the rest of the network does not depend on them.
 //! Results do not depend on the number of threads.
 
+mod attention;
 mod batch_norm;
 mod border;
 mod conv;
 mod correlate;
+mod dense;
 mod extension;
 mod frame;
+mod functions;
+mod layer_norm;
+mod perceptron;
 mod product;
 mod scratch;
 mod smooth;
 #[cfg(test)]
 mod tests;
+mod tokens;
 mod up2;
+
+pub use tokens::{layer_norm, perceptron, window_attention};
 
 use crate::model::backend::has_exact_gradients;
 use burn::tensor::Tensor;

@@ -1,19 +1,11 @@
 //! Each operator agrees with Burn's composition: values and all gradients, on unusual shapes.
 
 use super::*;
-use burn::tensor::{Device, TensorData};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use crate::testing::random;
+use burn::tensor::Device;
 
 /// Error of sums of up to a few thousand products in another order, relative to the largest value.
 const TOLERANCE: f32 = 2e-5;
-
-/// Returns numbers between -1 and 1, always the same for a shape and a seed.
-fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let numbers: Vec<f32> = (0..shape.iter().product()).map(|_| rng.random_range(-1.0..1.0)).collect();
-    Tensor::from_data(TensorData::new(numbers, shape), device).require_grad()
-}
 
 fn assert_close(what: &str, found: &Tensor<4>, expected: &Tensor<4>) {
     assert_eq!(found.dims(), expected.dims(), "{what}");
