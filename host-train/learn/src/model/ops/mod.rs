@@ -11,6 +11,7 @@ mod border;
 mod conv;
 mod correlate;
 mod dense;
+mod ends;
 mod extension;
 mod frame;
 mod functions;
