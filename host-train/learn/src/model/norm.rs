@@ -52,6 +52,8 @@ impl BatchNorm2d {
         let blend = |old: &RunningState<Tensor<1>>, new: Tensor<1>, scale: f64| {
             let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - self.momentum);
             old.update(kept.add(new.detach().mul_scalar(self.momentum * scale)).detach());
+            // An update is kept for its thread alone until then, and the next step may run on another thread.
+            let _ = old.value_sync();
         };
         blend(&self.running_mean, out.mean, 1.0);
         blend(&self.running_var, out.variance, unbiased);

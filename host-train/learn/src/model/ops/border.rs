@@ -41,8 +41,14 @@ pub(super) const FIRST: Fold = [[-0.75, -0.25, 0.25, 0.75, 0.25], [-1.0, 0.25, 0
 /// [`FIRST`].
 pub(super) const LAST: Fold = [[-0.75, -1.0, 0.25, 0.0, 0.25], [-1.0, 0.0, 0.0, 0.0, 0.0]];
 
+#[inline(always)]
+fn weigh(shares: &[f32; SIDE], [a, b, c, d, e]: [f32; SIDE]) -> f32 {
+    shares[0] * a + shares[1] * b + shares[2] * c + shares[3] * d + shares[4] * e
+}
+
 /// Folds every kernel of `weight`. `at(row, column)` is the index of a row and column in the kernel.
-fn fold(weight: &[f32], shares: &Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
+#[inline(always)]
+fn fold(weight: &[f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
     let kernels = weight.len() / KERNEL;
     let mut folded = Scratch::new(OUT * kernels * SIDE);
     let (first, second) = folded.split_at_mut(kernels * SIDE);
@@ -50,15 +56,15 @@ fn fold(weight: &[f32], shares: &Fold, at: impl Fn(usize, usize) -> usize + Copy
     to.zip(weight.par_chunks_exact(KERNEL)).with_min_len(MIN_KERNELS).for_each(|((first, second), kernel)| {
         for x in 0..SIDE {
             let column: [f32; SIDE] = std::array::from_fn(|row| kernel[at(row, x)]);
-            let [of_first, of_second] = shares.map(|shares| (0..SIDE).map(|row| shares[row] * column[row]).sum());
-            (first[x], second[x]) = (of_first, of_second);
+            (first[x], second[x]) = (weigh(&shares[0], column), weigh(&shares[1], column));
         }
     });
     folded
 }
 
 /// Adds the gradient of the folded weights, unfolded, to the gradient of the weights. The rest is as in [`fold`].
-fn unfold(folded: &[f32], whole: &mut [f32], shares: &Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) {
+#[inline(always)]
+fn unfold(folded: &[f32], whole: &mut [f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) {
     let (first, second) = folded.split_at(whole.len() / KERNEL * SIDE);
     let from = first.par_chunks_exact(SIDE).zip(second.par_chunks_exact(SIDE));
     whole.par_chunks_exact_mut(KERNEL).zip(from).with_min_len(MIN_KERNELS).for_each(|(kernel, (first, second))| {
