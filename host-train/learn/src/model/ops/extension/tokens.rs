@@ -13,8 +13,10 @@ use burn::tensor::Tensor;
 /// Weight and bias of a linear layer or a normalisation.
 #[derive(Debug, Clone, ExtensionType)]
 pub(in super::super) struct Affine<B: Backend> {
-    weight: FloatTensor<B>,
-    bias: FloatTensor<B>,
+    /// Weight.
+    pub(super) weight: FloatTensor<B>,
+    /// Bias.
+    pub(super) bias: FloatTensor<B>,
 }
 
 /// Extension of flex for tokens.
