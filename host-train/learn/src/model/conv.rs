@@ -47,6 +47,12 @@ impl ConvBn {
         self.finish(convolve(&self.conv, x))
     }
 
+    /// Applies convolution and batch normalisation, adds `other`, and applies a ReLU. Only for a unit without a ReLU of its own.
+    pub fn forward_added(&self, x: Tensor<4>, other: Tensor<4>) -> Tensor<4> {
+        debug_assert!(!self.relu);
+        self.bn.forward_added(convolve(&self.conv, x), other)
+    }
+
     /// Applies the unit to an upsampled map: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.
     pub fn forward_up2(&self, x: &Upsampled) -> Tensor<4> {
         self.finish(x.conv5(self.conv.weight.val()))

@@ -3,7 +3,6 @@
 use super::conv::{ConvBn, ConvBnShape};
 use super::ops::Upsampled;
 use burn::module::Module;
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::{DecoderKind, NetConfig};
 
@@ -36,8 +35,7 @@ impl DecoderBlock {
             None => d.clone(),
         });
         let short = self.shortcut.forward_up2(&if self.upb { all.clone() } else { all.last_channels(d) });
-        let main = self.main[1].forward(self.main[0].forward_up2(&all));
-        relu(main.add(short))
+        self.main[1].forward_added(self.main[0].forward_up2(&all), short)
     }
 }
 

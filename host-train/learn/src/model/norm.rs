@@ -1,6 +1,6 @@
 //! Batch normalisation with PyTorch's running statistics.
 
-use super::ops::batch_norm_train;
+use super::ops::{Normalised, batch_norm_train, batch_norm_train_added};
 use super::precision::cast;
 use burn::module::{Initializer, Module, Param, RunningState};
 use burn::tensor::activation::relu;
@@ -39,22 +39,51 @@ impl BatchNorm2d {
     /// Maps `[B, C, H, W]` to the same shape, optionally through a ReLU. It computes in `f32`.
     pub fn forward(&self, x: Tensor<4>, with_relu: bool) -> Tensor<4> {
         let (device, dtype) = (x.device(), x.dtype());
-        let x = cast(x, DType::F32);
         if !device.is_autodiff() {
-            let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
-            let y = batch_norm(x, self.weight.val(), self.bias.val(), mean, var, EPSILON);
+            let y = self.by_running_statistics(x);
             return cast(if with_relu { relu(y) } else { y }, dtype);
         }
-        let [b, _, h, w] = x.dims();
-        let samples = (b * h * w) as f64;
-        let unbiased = samples / (samples - 1.0).max(1.0);
+        let x = cast(x, DType::F32);
+        let samples = samples(&x);
         let out = batch_norm_train(x, self.weight.val(), self.bias.val(), EPSILON, with_relu);
+        cast(self.learn(out, samples), dtype)
+    }
+
+    /// Normalises `x`, adds `other`, and applies a ReLU.
+    pub fn forward_added(&self, x: Tensor<4>, other: Tensor<4>) -> Tensor<4> {
+        let (device, dtype) = (x.device(), x.dtype());
+        let (x, other) = (cast(x, DType::F32), cast(other, DType::F32));
+        if !device.is_autodiff() {
+            return cast(relu(self.by_running_statistics(x).add(other)), dtype);
+        }
+        let samples = samples(&x);
+        let out = batch_norm_train_added(x, self.weight.val(), self.bias.val(), EPSILON, other);
+        cast(self.learn(out, samples), dtype)
+    }
+
+    fn by_running_statistics(&self, x: Tensor<4>) -> Tensor<4> {
+        let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
+        batch_norm(cast(x, DType::F32), self.weight.val(), self.bias.val(), mean, var, EPSILON)
+    }
+
+    /// Adds the statistics of a batch to the running ones. Returns the map.
+    fn learn(&self, out: Normalised, samples: f64) -> Tensor<4> {
+        let device = out.output.device();
+        let unbiased = samples / (samples - 1.0).max(1.0);
         let blend = |old: &RunningState<Tensor<1>>, new: Tensor<1>, scale: f64| {
             let kept = old.value_sync().to_device(&device).mul_scalar(1.0 - self.momentum);
             old.update(kept.add(new.detach().mul_scalar(self.momentum * scale)).detach());
+            // An update is kept for its thread alone until then, and the next step may run on another thread.
+            let _ = old.value_sync();
         };
         blend(&self.running_mean, out.mean, 1.0);
         blend(&self.running_var, out.variance, unbiased);
-        cast(out.output, dtype)
+        out.output
     }
+}
+
+/// Returns the number of samples of a channel.
+fn samples(x: &Tensor<4>) -> f64 {
+    let [b, _, h, w] = x.dims();
+    (b * h * w) as f64
 }

@@ -129,7 +129,10 @@ impl Trainer {
         let share = 1.0 / batches.len() as f64;
         let task = Task { recipe, step, share };
         let found = match &self.crew {
-            None => vec![task.work(&self.net, batches, self.opponent.as_mut())?],
+            None => {
+                let Self { net, opponent, .. } = self;
+                vec![in_pool(|| task.work(net, batches, opponent.as_mut()))?]
+            }
             Some(crew) => crew.work(&mut self.net, batches, |net, batches| task.work(net, batches, None))?,
         };
         let mut figures = Figures::default();
@@ -140,10 +143,16 @@ impl Trainer {
         }
         let learning_rate = recipe.learning_rate_at(step);
         let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
-        self.net = time(Part::Optimiser, learn);
+        self.net = time(Part::Optimiser, || in_pool(learn));
         let [loss, elevation, gradient, normal] = figures;
         Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
     }
+}
+
+/// Runs `work` on a thread of the pool. From elsewhere, every parallel operator would wake the pool and wait for it: some thousand switches
+/// of threads per step.
+fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
 }
 
 /// Reads scalars from the device, in one transfer.

@@ -1,77 +1,76 @@
-//! The two outermost rows or columns along one edge of [`super::up2`]. Three small rows become four upsampled ones, and the convolution
-//! makes two of them. Across the edge both steps are folded into one kernel; along it they follow each other.
+//! What the two outermost rows or columns along one edge of [`super::up2`] need besides the smoothed phases.
 //!
-//! All four edges use the same strip, with one axis from the edge inwards ("deep") and one along it. Kernels are rotated accordingly.
+//! The smoothing takes phases beyond the edge as zero, where in truth the edge is repeated. The convolution has zeros beyond the edge of
+//! the upsampled map, where the smoothed phases repeat it. Both differences depend on the outermost small row alone: upsampled along the
+//! edge, it is convolved with one folded kernel for each of the two output rows, and the result is added.
+//!
+//! All four edges use the same strip, with one axis from the edge inwards ("deep") and one along it. Kernels are rotated accordingly. At
+//! the corners, strips along two edges meet. So those along rows leave out what belongs to both ([`super::ends`]).
 
 use super::correlate::correlate;
+use super::ends;
 use super::frame::Frame;
 use super::product::{Area, Taps, multiply};
 use super::scratch::Scratch;
-use super::smooth::{FAR, NEAR};
 use super::up2::Shape;
 use rayon::prelude::*;
 
 /// Side of the kernel.
-const SIDE: usize = 5;
+pub(super) const SIDE: usize = 5;
 /// Number of weights of a kernel.
 const KERNEL: usize = SIDE * SIDE;
-/// Small rows and output rows of a strip.
-const SMALL: usize = 3;
-const OUT: usize = 2;
+/// Output rows of a strip.
+pub(super) const OUT: usize = 2;
 /// Least number of kernels for a separate task.
 const MIN_KERNELS: usize = 512;
 /// Columns that a kernel reads.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
-/// Number of weights of a folded kernel: small rows times columns.
-const FOLDED: usize = SMALL * SIDE;
 
-/// Folds one column of a kernel's rows into the weights of each small row for output row 0 and for output row 1.
+/// Shares of a kernel's rows, counted from the edge, in the folded kernel of each output row.
+pub(super) type Fold = [[f32; SIDE]; OUT];
+
+/// Shares at the first row (or column).
 ///
-/// Counted from the edge, which is repeated, the upsampled rows are `s0, (3 s0 + s1) / 4, (s0 + 3 s1) / 4, (3 s1 + s2) / 4`. Kernel row r
-/// is multiplied with upsampled row r - 2 for output row 0, with r - 1 for output row 1, and with zeros beyond the edge.
-#[inline(always)]
-fn fold_column([_, b, c, d, e]: [f32; SIDE]) -> [[f32; SMALL]; OUT] {
-    let first = [c + NEAR * d + FAR * e, FAR * d + NEAR * e, 0.0];
-    let second = [b + NEAR * c + FAR * d, FAR * c + NEAR * (d + e), FAR * e];
-    [first, second]
-}
+/// With kernel rows K0 to K4 and s the outermost small row: phases V0 = (K0 + K2 + K4) s and V1 = (K1 + K3) s beyond the edge add
+/// (V0 + 3 V1) / 4 to output row 0, and V1 / 4 to row 1. Zeros take (K0 + K1) s from row 0, and K0 s from row 1.
+pub(super) const FIRST: Fold = [[-0.75, -0.25, 0.25, 0.75, 0.25], [-1.0, 0.25, 0.0, 0.25, 0.0]];
 
-/// Applies the transpose of [`fold_column`].
+/// Shares at the last row (or column). There is one phase row less beyond it.
+///
+/// With kernel rows counted from the edge as well: V0 = (K0 + K2 + K4) s adds V0 / 4 to output row 0. Zeros take the same as in
+/// [`FIRST`].
+pub(super) const LAST: Fold = [[-0.75, -1.0, 0.25, 0.0, 0.25], [-1.0, 0.0, 0.0, 0.0, 0.0]];
+
 #[inline(always)]
-fn unfold_column([[f0, f1, _], [s0, s1, s2]]: [[f32; SMALL]; OUT]) -> [f32; SIDE] {
-    let c = f0 + NEAR * s0 + FAR * s1;
-    let d = NEAR * (f0 + s1) + FAR * (f1 + s0);
-    let e = FAR * (f0 + s2) + NEAR * (f1 + s1);
-    [0.0, s0, c, d, e]
+fn weigh(shares: &[f32; SIDE], [a, b, c, d, e]: [f32; SIDE]) -> f32 {
+    shares[0] * a + shares[1] * b + shares[2] * c + shares[3] * d + shares[4] * e
 }
 
 /// Folds every kernel of `weight`. `at(row, column)` is the index of a row and column in the kernel.
-fn fold(weight: &[f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
+#[inline(always)]
+fn fold(weight: &[f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
     let kernels = weight.len() / KERNEL;
-    let mut folded = Scratch::new(OUT * kernels * FOLDED);
-    let (first, second) = folded.split_at_mut(kernels * FOLDED);
-    let to = first.par_chunks_exact_mut(FOLDED).zip(second.par_chunks_exact_mut(FOLDED));
+    let mut folded = Scratch::new(OUT * kernels * SIDE);
+    let (first, second) = folded.split_at_mut(kernels * SIDE);
+    let to = first.par_chunks_exact_mut(SIDE).zip(second.par_chunks_exact_mut(SIDE));
     to.zip(weight.par_chunks_exact(KERNEL)).with_min_len(MIN_KERNELS).for_each(|((first, second), kernel)| {
         for x in 0..SIDE {
-            let [of_first, of_second] = fold_column(std::array::from_fn(|row| kernel[at(row, x)]));
-            for small in 0..SMALL {
-                first[small * SIDE + x] = of_first[small];
-                second[small * SIDE + x] = of_second[small];
-            }
+            let column: [f32; SIDE] = std::array::from_fn(|row| kernel[at(row, x)]);
+            (first[x], second[x]) = (weigh(&shares[0], column), weigh(&shares[1], column));
         }
     });
     folded
 }
 
-/// Adds the gradient of the folded weights, unfolded, to the gradient of the weights. `at` is as in [`fold`].
-fn unfold(folded: &[f32], whole: &mut [f32], at: impl Fn(usize, usize) -> usize + Copy + Sync) {
-    let (first, second) = folded.split_at(whole.len() / KERNEL * FOLDED);
-    let from = first.par_chunks_exact(FOLDED).zip(second.par_chunks_exact(FOLDED));
+/// Adds the gradient of the folded weights, unfolded, to the gradient of the weights. The rest is as in [`fold`].
+#[inline(always)]
+fn unfold(folded: &[f32], whole: &mut [f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) {
+    let (first, second) = folded.split_at(whole.len() / KERNEL * SIDE);
+    let from = first.par_chunks_exact(SIDE).zip(second.par_chunks_exact(SIDE));
     whole.par_chunks_exact_mut(KERNEL).zip(from).with_min_len(MIN_KERNELS).for_each(|(kernel, (first, second))| {
         for x in 0..SIDE {
-            let small = |folded: &[f32]| std::array::from_fn(|small| folded[small * SIDE + x]);
-            for (row, value) in unfold_column([small(first), small(second)]).into_iter().enumerate() {
-                kernel[at(row, x)] += value;
+            for row in 0..SIDE {
+                kernel[at(row, x)] += shares[0][row] * first[x] + shares[1][row] * second[x];
             }
         }
     });
@@ -89,9 +88,9 @@ pub(super) enum Edge {
     Top,
     /// Last rows.
     Bottom,
-    /// First columns, without the corners.
+    /// First columns.
     Left,
-    /// Last columns, without the corners.
+    /// Last columns.
     Right,
 }
 
@@ -118,15 +117,12 @@ impl Edge {
         }
     }
 
-    /// Returns the output pixels along the edge that belong to this edge.
-    fn own(self, shape: &Shape) -> std::ops::Range<usize> {
-        match self {
-            Self::Top | Self::Bottom => 0..2 * self.length(shape),
-            Self::Left | Self::Right => 2..2 * self.length(shape) - 2,
-        }
+    /// Returns whether the edge is along rows.
+    fn along_rows(self) -> bool {
+        matches!(self, Self::Top | Self::Bottom)
     }
 
-    /// Returns the layout: one line per channel and small row, and per output row and channel.
+    /// Returns the layout: one line per channel, and per output row and channel.
     fn frame(self, shape: &Shape) -> Frame {
         Frame::new(shape.images, [1, 2 * self.length(shape)], [0, SIDE / 2])
     }
@@ -135,10 +131,10 @@ impl Edge {
     fn input_lines(self, shape: &Shape, frame: &Frame, x: &[f32]) -> Scratch {
         let (length, channels) = (self.length(shape), shape.channels[0]);
         let plane = shape.small[0] * shape.small[1];
-        let mut lines = Scratch::new(channels * SMALL * frame.length);
-        frame.fill(&mut lines, |line, image, _, to| {
-            let map = &x[(image * channels + line / SMALL) * plane..][..plane];
-            let small = |along: usize| map[self.index(shape.small, line % SMALL, along)];
+        let mut lines = Scratch::new(channels * frame.length);
+        frame.fill(&mut lines, |channel, image, _, to| {
+            let map = &x[(image * channels + channel) * plane..][..plane];
+            let small = |along: usize| map[self.index(shape.small, 0, along)];
             let (mut before, mut here) = (small(0), small(0));
             for (along, pair) in to[..2 * length].chunks_exact_mut(2).enumerate() {
                 let after = small((along + 1).min(length - 1));
@@ -153,42 +149,52 @@ impl Edge {
 
     /// Returns the gradient of this edge's output pixels as lines.
     fn gradient_lines(self, shape: &Shape, frame: &Frame, gradient: &[f32]) -> Scratch {
-        let (outputs, own) = (shape.channels[1], self.own(shape));
+        let (outputs, wide) = (shape.channels[1], 2 * self.length(shape));
         let mut lines = Scratch::new(OUT * outputs * frame.length);
         frame.fill(&mut lines, |line, image, _, to| {
-            to[..own.start].fill(0.0);
-            for along in own.clone() {
-                to[along] = gradient[self.output(shape, image * outputs + line % outputs, line / outputs, along)];
+            for (along, to) in to[..wide].iter_mut().enumerate() {
+                *to = gradient[self.output(shape, image * outputs + line % outputs, line / outputs, along)];
             }
-            own.end
+            wide
         });
         lines
     }
 
-    /// Returns the folded weights `[OUT * outputs, inputs, SMALL, SIDE]`.
+    /// Returns the folded weights `[OUT * outputs, inputs, SIDE]`.
     fn fold(self, weight: &[f32]) -> Scratch {
         // One loop per edge, so that the compiler knows the indices of each.
         match self {
-            Self::Top => fold(weight, |row, x| Self::Top.index([SIDE; 2], row, x)),
-            Self::Bottom => fold(weight, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
-            Self::Left => fold(weight, |row, x| Self::Left.index([SIDE; 2], row, x)),
-            Self::Right => fold(weight, |row, x| Self::Right.index([SIDE; 2], row, x)),
+            Self::Top => fold(weight, &FIRST, |row, x| Self::Top.index([SIDE; 2], row, x)),
+            Self::Bottom => fold(weight, &LAST, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
+            Self::Left => fold(weight, &FIRST, |row, x| Self::Left.index([SIDE; 2], row, x)),
+            Self::Right => fold(weight, &LAST, |row, x| Self::Right.index([SIDE; 2], row, x)),
         }
     }
 
     /// Adds the gradient of the folded weights, unfolded, to the gradient of the weights.
     fn unfold(self, folded: &[f32], whole: &mut [f32]) {
         match self {
-            Self::Top => unfold(folded, whole, |row, x| Self::Top.index([SIDE; 2], row, x)),
-            Self::Bottom => unfold(folded, whole, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
-            Self::Left => unfold(folded, whole, |row, x| Self::Left.index([SIDE; 2], row, x)),
-            Self::Right => unfold(folded, whole, |row, x| Self::Right.index([SIDE; 2], row, x)),
+            Self::Top => unfold(folded, whole, &FIRST, |row, x| Self::Top.index([SIDE; 2], row, x)),
+            Self::Bottom => unfold(folded, whole, &LAST, |row, x| Self::Bottom.index([SIDE; 2], row, x)),
+            Self::Left => unfold(folded, whole, &FIRST, |row, x| Self::Left.index([SIDE; 2], row, x)),
+            Self::Right => unfold(folded, whole, &LAST, |row, x| Self::Right.index([SIDE; 2], row, x)),
         }
+    }
+
+    /// Returns the small pixels at the strip's ends, `[ends, channels, images]`.
+    fn corners(self, shape: &Shape, x: &[f32]) -> Vec<f32> {
+        let (plane, [_, last]) = (shape.small[0] * shape.small[1], shape.small.map(|n| n - 1));
+        let corner = |along| {
+            let at = self.index(shape.small, 0, along);
+            let maps = move |channel| (0..shape.images).map(move |image| image * shape.channels[0] + channel);
+            (0..shape.channels[0]).flat_map(maps).map(move |map| x[map * plane + at])
+        };
+        [0, last].into_iter().flat_map(corner).collect()
     }
 
     /// Returns the positions in the input's lines that an output reads, in the order of the folded weights.
     fn shifts(self, shape: &Shape, frame: &Frame) -> Vec<usize> {
-        let lines = 0..shape.channels[0] * SMALL;
+        let lines = 0..shape.channels[0];
         lines.flat_map(|line| REACH.map(move |dx| (line, dx))).map(|(line, dx)| frame.neighbour(line, 0, dx)).collect()
     }
 
@@ -198,20 +204,23 @@ impl Edge {
         map * size[0] * size[1] + self.index(size, deep, along)
     }
 
-    /// Writes this edge's pixels of the output.
+    /// Adds this edge's part to the output.
     pub(super) fn forward(self, shape: &Shape, x: &[f32], weight: &[f32], out: &mut [f32]) {
         let (frame, outputs) = (self.frame(shape), shape.channels[1]);
         let lines = self.input_lines(shape, &frame, x);
-        let (folded, depth) = (self.fold(weight), shape.channels[0] * FOLDED);
+        let (folded, depth) = (self.fold(weight), shape.channels[0] * SIDE);
         let columns: Vec<usize> = (0..depth).collect();
         let taps = Taps::new(OUT * outputs, self.shifts(shape, &frame), &folded, |m| m * depth, &columns);
         let wide = 2 * self.length(shape);
         let mut strip = Scratch::new(shape.images * OUT * outputs * wide);
         multiply_rows(&taps, &lines, &frame, wide, &mut strip);
+        if self.along_rows() {
+            ends::forward(&self.corners(shape, x), &folded, shape, &mut strip);
+        }
         for (i, row) in strip.chunks_exact(wide).enumerate() {
             let (deep, channel, image) = (i / shape.images / outputs, i / shape.images % outputs, i % shape.images);
-            for along in self.own(shape) {
-                out[self.output(shape, image * outputs + channel, deep, along)] = row[along];
+            for (along, value) in row.iter().enumerate() {
+                out[self.output(shape, image * outputs + channel, deep, along)] += value;
             }
         }
     }
@@ -232,7 +241,12 @@ impl Edge {
         }
         if let Some(whole) = of_weight {
             let input = self.input_lines(shape, &frame, x);
-            self.unfold(&correlate(&lines, &input, &self.shifts(shape, &frame), &frame), whole);
+            let mut folded = correlate(&lines, &input, &self.shifts(shape, &frame), &frame);
+            if self.along_rows() {
+                let slope = ends::Slope::new(shape, &frame, &lines);
+                slope.of_weight(&self.corners(shape, x), shape, &mut folded);
+            }
+            self.unfold(&folded, whole);
         }
     }
 
@@ -241,23 +255,30 @@ impl Edge {
         let folded = self.fold(weight);
         let reads = (0..OUT * outputs).flat_map(|line| REACH.map(move |dx| (line, dx)));
         let shifts = reads.map(|(line, dx)| frame.neighbour(line, 0, -dx)).collect();
-        let columns: Vec<usize> = (0..OUT * outputs * SIDE).map(|k| k / SIDE * inputs * FOLDED + k % SIDE).collect();
-        // In the folded weights, small rows are consecutive, and so are inputs.
-        let taps = Taps::new(inputs * SMALL, shifts, &folded, |m| m * SIDE, &columns);
+        let columns: Vec<usize> = (0..OUT * outputs * SIDE).map(|k| k / SIDE * inputs * SIDE + k % SIDE).collect();
+        let taps = Taps::new(inputs, shifts, &folded, |m| m * SIDE, &columns);
         let wide = 2 * length;
-        let mut up = Scratch::new(shape.images * inputs * SMALL * wide);
+        let mut up = Scratch::new(shape.images * inputs * wide);
         multiply_rows(&taps, lines, frame, wide, &mut up);
         // This is the transpose of the upsampling along the edge.
         let plane = shape.small[0] * shape.small[1];
         for (i, row) in up.chunks_exact(wide).enumerate() {
-            let (input, small, image) = (i / shape.images / SMALL, i / shape.images % SMALL, i % shape.images);
-            let map = &mut whole[(image * inputs + input) * plane..][..plane];
+            let map = &mut whole[(i % shape.images * inputs + i / shape.images) * plane..][..plane];
             for along in 0..length {
                 let (left, right) = (row[2 * along], row[2 * along + 1]);
                 let before = if along == 0 { left } else { row[2 * along - 1] };
                 let after = if along + 1 == length { right } else { row[2 * along + 2] };
                 let value = 0.25 * (before + after) + 0.75 * (left + right);
-                map[self.index(shape.small, small, along)] += value;
+                map[self.index(shape.small, 0, along)] += value;
+            }
+        }
+        if self.along_rows() {
+            let slope = ends::Slope::new(shape, frame, lines);
+            let corners = slope.of_corners(&folded, shape);
+            for (i, value) in corners.iter().enumerate() {
+                let (end, input, image) = (i / shape.images / inputs, i / shape.images % inputs, i % shape.images);
+                let at = self.index(shape.small, 0, end * (length - 1));
+                whole[(image * inputs + input) * plane + at] += value;
             }
         }
     }

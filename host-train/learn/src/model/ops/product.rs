@@ -1,6 +1,6 @@
 //! The inner loop of convolutions: sums of shifted lines, `out[m][n] = Σ_k weight[m][k] * line[shift[k] + n]`.
 //!
-//! A block of eight outputs by three vectors of pixels stays in registers while k runs, so memory is read once per block. Every sum runs
+//! A block of eight outputs by two or three vectors of pixels stays in registers while k runs, so memory is read once per block. Every sum runs
 //! over k in order, whatever the number of threads.
 
 use super::frame::Frame;
@@ -121,10 +121,15 @@ impl WithSimd for Strip<'_> {
     fn with_simd<S: Simd>(mut self, simd: S) {
         let end = (self.strips[0].len() / self.cols - 1) * self.pitch + self.cols;
         let whole = self.strips.len() / BLOCK * BLOCK;
-        if S::REGISTER_COUNT >= 32 {
-            self.blocks::<S, 8, 3>(simd, 0, whole, end);
-        } else {
+        // Two or three vectors, whichever leaves fewer unused.
+        let vectors = end.div_ceil(S::F32_LANES);
+        let by_two = vectors.next_multiple_of(2) < vectors.next_multiple_of(3);
+        if S::REGISTER_COUNT < 32 {
             self.blocks::<S, 8, 1>(simd, 0, whole, end);
+        } else if by_two {
+            self.blocks::<S, 8, 2>(simd, 0, whole, end);
+        } else {
+            self.blocks::<S, 8, 3>(simd, 0, whole, end);
         }
         if whole < self.strips.len() {
             let (from, to) = (whole, self.strips.len());

@@ -1,19 +1,11 @@
 //! Each operator agrees with Burn's composition: values and all gradients, on unusual shapes.
 
 use super::*;
-use burn::tensor::{Device, TensorData};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use crate::testing::random;
+use burn::tensor::Device;
 
 /// Error of sums of up to a few thousand products in another order, relative to the largest value.
 const TOLERANCE: f32 = 2e-5;
-
-/// Returns numbers between -1 and 1, always the same for a shape and a seed.
-fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Device) -> Tensor<D> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let numbers: Vec<f32> = (0..shape.iter().product()).map(|_| rng.random_range(-1.0..1.0)).collect();
-    Tensor::from_data(TensorData::new(numbers, shape), device).require_grad()
-}
 
 fn assert_close(what: &str, found: &Tensor<4>, expected: &Tensor<4>) {
     assert_eq!(found.dims(), expected.dims(), "{what}");
@@ -141,6 +133,30 @@ fn batch_norm_equals_burns_with_gradients() {
         assert_close(&format!("{what}: gradient of the map"), &found.0, &expected.0);
         assert_close(&format!("{what}: gradient of the weight"), &found.1, &expected.1);
         assert_close(&format!("{what}: gradient of the bias"), &found.2, &expected.2);
+    }
+}
+
+#[test]
+fn batch_norm_with_another_map_equals_burns_with_gradients() {
+    let device = Device::flex().autodiff();
+    let [b, c, h, w] = [3, 4, 21, 33];
+    let x = random([b, c, h, w], 1, &device).mul_scalar(0.5).add_scalar(3.0).detach().require_grad();
+    let (weight, bias, other) = (random([c], 2, &device), random([c], 3, &device), random([b, c, h, w], 4, &device));
+    let slope = random([b, c, h, w], 5, &device);
+    let found = batch_norm_train_added(x.clone(), weight.clone(), bias.clone(), 1e-5, other.clone());
+    let burns = module::batch_norm_train(x.clone(), weight.clone(), bias.clone(), 1e-5);
+    let wide = |t: Tensor<1>| t.reshape([1, 1, 1, c]);
+    assert_close("mean", &wide(found.mean), &wide(burns.mean));
+    let expected = relu(burns.output.add(other.clone()));
+    assert_close("map", &found.output, &expected);
+    let [found, expected] = [found.output, expected].map(|y| {
+        let grads = y.mul(slope.clone()).sum().backward();
+        let maps = [x.grad(&grads).unwrap(), other.grad(&grads).unwrap()];
+        let [of_weight, of_bias] = [&weight, &bias].map(|t| wide(t.grad(&grads).unwrap()));
+        [maps[0].clone(), maps[1].clone(), of_weight, of_bias]
+    });
+    for (what, (found, expected)) in ["map", "other", "weight", "bias"].iter().zip(found.iter().zip(&expected)) {
+        assert_close(&format!("gradient of the {what}"), found, expected);
     }
 }
 

@@ -6,7 +6,7 @@
 //! 2x3 and 2x2 of them.
 //!
 //! The two steps do not commute at the border, where the upsampling repeats the edge but the convolution has zeros beyond it. Two pixels
-//! along each border are computed in the plain order ([`super::border`]).
+//! along each border are corrected ([`super::border`]).
 
 use super::border::Edge;
 use super::correlate::correlate;
@@ -17,7 +17,7 @@ use super::smooth;
 use pulp::Arch;
 use rayon::prelude::*;
 
-/// Smallest side of the small map, because a border strip has three rows.
+/// Smallest side of the small map. Below it, the plain order is as fast.
 pub(super) const MIN_SIDE: usize = 3;
 
 /// Number of weights of a kernel.
@@ -84,7 +84,7 @@ impl Shape {
             let (phase, channel) = (PHASES[line / channels], line % channels);
             let map = &gradient[4 * (image * channels + channel) * rows * cols..][..4 * rows * cols];
             let mut columns = vec![0.0; 2 * cols + 4];
-            smooth::transposed_row(arch, map, self.small, phase, y - 1, &mut columns, &mut to[1..=cols]);
+            smooth::transposed_row(arch, map, cols, phase, y - 1, &mut columns, &mut to[1..=cols]);
             to[0] = 0.0;
             cols + 1
         });
@@ -110,8 +110,8 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let (phases, arch) = (&*phases, Arch::new());
     out.par_chunks_mut(4 * plane).enumerate().for_each(|(i, map)| {
         let phases = std::array::from_fn(|p| &phases[(p * shape.images * outputs + i) * plane..][..plane]);
-        let mut columns = vec![0.0; 2 * cols];
-        for (n, row) in map.chunks_exact_mut(2 * cols).enumerate().skip(2).take(2 * rows - 4) {
+        let mut columns = vec![0.0; 3 * cols + 4];
+        for (n, row) in map.chunks_exact_mut(2 * cols).enumerate() {
             smooth::row(arch, phases, cols, n, &mut columns, row);
         }
     });

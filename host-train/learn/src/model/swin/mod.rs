@@ -5,7 +5,7 @@ pub mod block;
 pub mod windows;
 
 use self::block::Block;
-use super::precision::in_f32;
+use super::ops::layer_norm;
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
@@ -31,7 +31,7 @@ impl PatchMerging {
         let [b, h, w, c] = x.dims();
         let x: Tensor<6> = x.reshape([b, h / 2, 2, w / 2, 2, c]);
         let x: Tensor<4> = x.permute([0, 1, 3, 4, 2, 5]).reshape([b, h / 2, w / 2, 4 * c]);
-        self.reduction.forward(in_f32(x, |x| self.norm.forward(x)))
+        self.reduction.forward(layer_norm(&self.norm, x))
     }
 }
 
@@ -69,11 +69,11 @@ impl Swin {
     /// Maps `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
     pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 4] {
         let tokens = self.patch_embed.proj.forward(image).permute([0, 2, 3, 1]);
-        let mut x = in_f32(tokens, |x| self.patch_embed.norm.forward(x));
+        let mut x = layer_norm(&self.patch_embed.norm, tokens);
         let norms = [&self.norm0, &self.norm1, &self.norm2, &self.norm3];
         std::array::from_fn(|i| {
             x = self.layers[i].forward(x.clone());
-            in_f32(x.clone(), |x| norms[i].forward(x)).permute([0, 3, 1, 2])
+            layer_norm(norms[i], x.clone()).permute([0, 3, 1, 2])
         })
     }
 }

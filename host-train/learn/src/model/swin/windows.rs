@@ -27,7 +27,7 @@ impl WindowPlan {
 
     /// Returns the region (of up to nine) of a shifted token. Tokens of different regions were not neighbours before the shift and must not
     /// attend to each other.
-    fn region(&self, row: usize, col: usize) -> usize {
+    pub fn region(&self, row: usize, col: usize) -> usize {
         let band = |i: usize, n: usize, shift: usize| match i {
             _ if i < n - self.window => 0,
             _ if i < n - shift => 1,
@@ -71,18 +71,23 @@ pub fn merge(x: Tensor<3>, k: usize, [b, h, w]: [usize; 3]) -> Tensor<4> {
 }
 
 /// Returns the row of the relative position bias table for each (query, key) pair of a window: `[n * n]`.
-pub fn relative_index(k: usize, device: &Device) -> Tensor<1, Int> {
+pub fn relative_rows(k: usize) -> Vec<usize> {
     let n = k * k;
     let side = 2 * k - 1;
-    let index: Vec<i32> = (0..n * n)
-        .map(|p| {
-            let (q, key) = (p / n, p % n);
-            let dy = q / k + k - 1 - key / k;
-            let dx = q % k + k - 1 - key % k;
-            (dy * side + dx) as i32
-        })
-        .collect();
-    Tensor::from_data(TensorData::new(index, [n * n]), device)
+    let row = |p: usize| {
+        let (q, key) = (p / n, p % n);
+        let dy = q / k + k - 1 - key / k;
+        let dx = q % k + k - 1 - key % k;
+        dy * side + dx
+    };
+    (0..n * n).map(row).collect()
+}
+
+/// Returns [`relative_rows`] as a tensor.
+pub fn relative_index(k: usize, device: &Device) -> Tensor<1, Int> {
+    let index: Vec<i32> = relative_rows(k).into_iter().map(|row| row as i32).collect();
+    let n = index.len();
+    Tensor::from_data(TensorData::new(index, [n]), device)
 }
 
 #[cfg(test)]

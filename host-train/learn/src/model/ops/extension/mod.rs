@@ -2,6 +2,8 @@
 
 pub(super) mod convolutions;
 pub(super) mod norms;
+mod step;
+pub(super) mod tokens;
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata, ops::FloatTensorOps};
@@ -22,4 +24,9 @@ fn numbers(tensor: &FloatTensor<Flex>) -> &[f32] {
 
 fn tensor<const D: usize>(data: Vec<f32>, dims: [usize; D]) -> FloatTensor<Flex> {
     Flex::float_from_data(TensorData::new(data, dims), &Default::default())
+}
+
+/// Makes a tensor of the shape of another.
+fn shaped(data: Vec<f32>, like: &FloatTensor<Flex>) -> FloatTensor<Flex> {
+    Flex::float_from_data(TensorData::new(data, like.shape()), &Default::default())
 }

@@ -1,7 +1,9 @@
 //! The batch normalisation of the extension.
 
 use super::super::batch_norm::{self, Parameters, Shape};
-use super::{dims, numbers, tensor};
+use super::step::{Operator, apply, track};
+use super::tokens::Affine;
+use super::{dims, numbers, shaped, tensor};
 use crate::stopwatch::{Part, Pass, time};
 use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
@@ -26,6 +28,15 @@ pub(super) trait Norms: Backend {
         statistics: FloatTensor<Self>,
         options: Options,
     ) -> FloatTensor<Self>;
+
+    /// The same, with `other` added before a ReLU.
+    fn normalise_and_add(
+        x: FloatTensor<Self>,
+        #[extension_type] affine: Affine<Self>,
+        statistics: FloatTensor<Self>,
+        other: FloatTensor<Self>,
+        epsilon: f32,
+    ) -> FloatTensor<Self>;
 }
 
 /// Options of the normalisation.
@@ -48,6 +59,52 @@ pub(in super::super) fn run(
     let (weight, bias) = (weight.into_dispatch(), bias.into_dispatch());
     let out = <Dispatch as Norms>::normalise_channels(x.into_dispatch(), weight, bias, statistics.clone(), options);
     (Tensor::from_dispatch(out), Tensor::from_dispatch(statistics))
+}
+
+/// Returns relu(normalised + other) and statistics of the operator on maps that [`super::takes`] accepts.
+pub(in super::super) fn run_added(
+    x: Tensor<4>,
+    affine: Affine<Dispatch>,
+    epsilon: f32,
+    other: Tensor<4>,
+) -> (Tensor<4>, Tensor<2>) {
+    let statistics = <Dispatch as Norms>::channel_statistics(x.clone().into_dispatch());
+    let (x, other) = (x.into_dispatch(), other.into_dispatch());
+    let out = <Dispatch as Norms>::normalise_and_add(x, affine, statistics.clone(), other, epsilon);
+    (Tensor::from_dispatch(out), Tensor::from_dispatch(statistics))
+}
+
+/// The normalisation with addition and ReLU, of a map, weight, bias, and the other map.
+#[derive(Debug, Clone)]
+struct Added {
+    statistics: FloatTensor<Flex>,
+    epsilon: f32,
+}
+
+impl Added {
+    /// Returns the parameters. The ReLU comes after the addition.
+    fn parameters<'a>(&'a self, [weight, bias]: [&'a FloatTensor<Flex>; 2]) -> Parameters<'a> {
+        parameters(weight, bias, &self.statistics, Options { epsilon: self.epsilon, relu: false })
+    }
+}
+
+impl Operator<4> for Added {
+    fn forward(&self, operands: &[FloatTensor<Flex>; 4]) -> FloatTensor<Flex> {
+        let [x, weight, bias, other] = operands;
+        let parameters = self.parameters([weight, bias]);
+        let run = || batch_norm::forward_added(&shape(x), numbers(x), &parameters, numbers(other));
+        shaped(time(Part::BatchNorm(Pass::Forward), run), x)
+    }
+
+    fn backward(&self, operands: &[FloatTensor<Flex>; 4], gradient: &FloatTensor<Flex>) -> [Vec<f32>; 4] {
+        let ([x, weight, bias, other], shape) = (operands, shape(&operands[0]));
+        let parameters = self.parameters([weight, bias]);
+        time(Part::BatchNorm(Pass::Backward), || {
+            let passed = batch_norm::passed_added(&shape, numbers(x), &parameters, numbers(other), numbers(gradient));
+            let [of_x, of_weight, of_bias] = batch_norm::backward(&shape, numbers(x), &parameters, &passed);
+            [of_x, of_weight, of_bias, passed]
+        })
+    }
 }
 
 fn shape(x: &FloatTensor<Flex>) -> Shape {
@@ -75,6 +132,16 @@ impl Norms for Flex {
         let normalise = || batch_norm::forward(&shape(&x), numbers(&x), &parameters);
         let out = time(Part::BatchNorm(Pass::Forward), normalise);
         tensor(out, dims::<4>(&x))
+    }
+
+    fn normalise_and_add(
+        x: FloatTensor<Self>,
+        affine: Affine<Self>,
+        statistics: FloatTensor<Self>,
+        other: FloatTensor<Self>,
+        epsilon: f32,
+    ) -> FloatTensor<Self> {
+        apply(&Added { statistics, epsilon }, [x, affine.weight, affine.bias, other])
     }
 }
 
@@ -138,5 +205,16 @@ impl<C: CheckpointStrategy> Norms for Autodiff<Flex, C> {
                 prep.finish(Flex::normalise_channels(x, weight, bias, statistics, options))
             }
         }
+    }
+
+    fn normalise_and_add(
+        x: FloatTensor<Self>,
+        affine: Affine<Self>,
+        statistics: FloatTensor<Self>,
+        other: FloatTensor<Self>,
+        epsilon: f32,
+    ) -> FloatTensor<Self> {
+        let operator = Added { statistics: statistics.into_primitive(), epsilon };
+        track::<C, 4>(operator, [x, affine.weight, affine.bias, other])
     }
 }
