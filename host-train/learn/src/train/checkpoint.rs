@@ -1,6 +1,7 @@
 //! Checkpoints. With one, a killed run continues with the same result as an uninterrupted run.
 
 use super::adversarial::Opponent;
+use super::average::Average;
 use super::step::Trainer;
 use burn::optim::ModuleOptimizer;
 use burn::tensor::Device;
@@ -15,6 +16,7 @@ const SPARE: &str = "checkpoint.old";
 const FRESH: &str = "checkpoint.new";
 const WEIGHTS: &str = "weights.safetensors";
 const OPTIMISER: &str = "optimiser.bpk";
+const AVERAGE: &str = "average.safetensors";
 /// Files of an adversarial run's critic.
 const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
 const STATE: &str = "state.json";
@@ -30,6 +32,9 @@ pub struct State {
     pub weights_sha256: String,
     /// SHA-256 of the optimiser file.
     pub optimiser_sha256: String,
+    /// SHA-256 of the averaged weights, if there are any.
+    #[serde(default)]
+    pub average_sha256: Option<String>,
     /// SHA-256 of the critic's weights and of its optimiser's file, if there is one.
     #[serde(default)]
     pub critic_sha256: Option<[String; 2]>,
@@ -41,6 +46,8 @@ pub struct Checkpoint {
     pub state: State,
     /// Weights of the network.
     pub weights: Weights,
+    /// Averaged weights, if there are any.
+    pub average: Option<Weights>,
     /// Burn's record of the optimiser.
     optimiser: Vec<u8>,
     /// The critic's weights and its optimiser's record.
@@ -51,7 +58,13 @@ pub struct Checkpoint {
 ///
 /// # Errors
 /// If the run folder cannot be written.
-pub fn save(run: &Path, step: usize, best_rmse: Option<f64>, weights: &Weights, trainer: &Trainer) -> Result<()> {
+pub fn save(
+    run: &Path,
+    (step, best_rmse): (usize, Option<f64>),
+    weights: &Weights,
+    average: Option<&Average>,
+    trainer: &Trainer,
+) -> Result<()> {
     let fresh = run.join(FRESH);
     remove(&fresh)?;
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;
@@ -61,11 +74,16 @@ pub fn save(run: &Path, step: usize, best_rmse: Option<f64>, weights: &Weights, 
         Some(opponent) => Some([opponent.weights().to_bytes(), record(&opponent.optimiser)?]),
         None => None,
     };
+    let average = average.map(|average| average.weights.to_bytes());
+    let average_sha256 = average.as_ref().map(|bytes| sha256_hex(bytes));
     let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(|bytes| sha256_hex(bytes)));
     let (weights_sha256, optimiser_sha256) = (sha256_hex(&weights), sha256_hex(&optimiser));
-    let state = State { step, best_rmse, weights_sha256, optimiser_sha256, critic_sha256 };
+    let state = State { step, best_rmse, weights_sha256, optimiser_sha256, average_sha256, critic_sha256 };
     atomic_write(&fresh.join(WEIGHTS), &weights)?;
     atomic_write(&fresh.join(OPTIMISER), &optimiser)?;
+    if let Some(bytes) = &average {
+        atomic_write(&fresh.join(AVERAGE), bytes)?;
+    }
     for (name, bytes) in CRITIC.iter().zip(critic.iter().flatten()) {
         atomic_write(&fresh.join(name), bytes)?;
     }
@@ -110,8 +128,9 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         Some([first, second]) => Some((weights(CRITIC[0], first)?, whole(CRITIC[1], second)?.1)),
         None => None,
     };
+    let average = state.average_sha256.as_ref().map(|expected| weights(AVERAGE, expected)).transpose()?;
     let (_, optimiser) = whole(OPTIMISER, &state.optimiser_sha256)?;
-    Ok(Some(Checkpoint { weights: weights(WEIGHTS, &state.weights_sha256)?, optimiser, critic, state }))
+    Ok(Some(Checkpoint { weights: weights(WEIGHTS, &state.weights_sha256)?, average, optimiser, critic, state }))
 }
 
 impl Checkpoint {

@@ -6,6 +6,7 @@
 //! [`speed`] measures steps and feed.
 
 pub mod adversarial;
+pub mod average;
 pub mod checkpoint;
 pub mod curves;
 pub mod feed;

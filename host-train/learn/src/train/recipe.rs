@@ -82,6 +82,9 @@ pub struct Recipe {
     /// Whether half of the crops have rows and columns exchanged.
     #[serde(default)]
     pub transpose: bool,
+    /// Number of steps over which the weights are averaged ([`super::average::Average`]). The mean is validated and written. 0: no mean.
+    #[serde(default)]
+    pub average_steps: usize,
     /// Number of steps between validations.
     pub validate_every: usize,
     /// Number of tiles of the fixed validation set.
@@ -125,6 +128,7 @@ impl Recipe {
             crops_per_tile: 1,
             pool: 0,
             transpose: false,
+            average_steps: 0,
             validate_every: 5_000,
             validation_tiles: 64,
             checkpoint_every: 1_000,
@@ -269,6 +273,9 @@ pub struct RecipeFlags {
     /// Exchange rows and columns of half of the crops.
     #[arg(long)]
     pub transpose: bool,
+    /// Validate and write the mean of the weights of so many steps; 0: the weights [default: the preset's].
+    #[arg(long, value_name = "STEPS")]
+    pub average_steps: Option<usize>,
     /// Share of the steps that use the elevation term alone [default: the preset's].
     #[arg(long)]
     pub elevation_only: Option<f64>,
@@ -318,6 +325,7 @@ impl RecipeFlags {
         recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
         recipe.pool = self.pool.unwrap_or(recipe.pool);
         recipe.transpose |= self.transpose;
+        recipe.average_steps = self.average_steps.unwrap_or(recipe.average_steps);
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
         recipe.target = self.target.unwrap_or(recipe.target);

@@ -1,5 +1,6 @@
 //! The training loop: steps, validation, checkpoints, progress. Ctrl-C or a kill leaves a run that can be resumed.
 
+use super::average::Average;
 use super::checkpoint::{self, Checkpoint};
 use super::curves;
 use super::feed::{Feed, tensors};
@@ -96,6 +97,7 @@ pub struct Outcome {
 
 struct Loop {
     trainer: Trainer,
+    average: Option<Average>,
     journal: Journal,
     set: ValidationSet,
     best_rmse: Option<f64>,
@@ -129,6 +131,8 @@ impl Run {
             let micro = time(Part::Tensors, || micro.map(place).collect());
             let figures = state.trainer.step(recipe, done, micro)?;
             done += 1;
+            let Loop { average, trainer, .. } = &mut state;
+            average.iter_mut().for_each(|average| average.add(done, &self.record.network, &trainer.net));
             state.journal.step(&figures)?;
             bar.set_message(format!("loss {:.4}", figures.loss));
             bar.set_position(done as u64);
@@ -147,7 +151,7 @@ impl Run {
             curves::draw(&self.folder)?;
         }
         bar.abandon();
-        store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(LAST))?;
+        self.result(&state).write(&self.folder.join(LAST))?;
         let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
         Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
     }
@@ -167,9 +171,11 @@ impl Run {
         if let Some(saved) = &saved {
             trainer.restore(saved)?;
         }
+        let begun = saved.as_ref().and_then(|c| c.average.as_ref()).unwrap_or(weights);
+        let average = (recipe.average_steps > 0).then(|| Average::new(begun.clone(), recipe.average_steps));
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
-        let state = Loop { trainer, journal, set, best_rmse, best: None, last: None };
+        let state = Loop { trainer, average, journal, set, best_rmse, best: None, last: None };
         if first == 0 {
             self.checkpoint(&state, 0)?;
         }
@@ -199,7 +205,11 @@ impl Run {
 
     fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
         let device = state.trainer.device.clone().inner();
-        let found = pause(|| state.set.run(&state.trainer.net.valid(), &device))?;
+        let net = match &state.average {
+            Some(average) => store::load(&self.record.network, &average.weights, &self.folder, &device)?,
+            None => state.trainer.net.valid(),
+        };
+        let found = pause(|| state.set.run(&net, &device))?;
         state.journal.validation(step, &found)?;
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {
@@ -215,15 +225,23 @@ impl Run {
         if best {
             state.best_rmse = Some(found.rmse);
             state.best = Some(found);
-            store::save(&self.record.network, &state.trainer.net).write(&self.folder.join(BEST))?;
+            self.result(state).write(&self.folder.join(BEST))?;
         }
         state.last = Some(found);
         curves::draw(&self.folder)
     }
 
+    /// Returns the weights that the run is for: their mean, or the latest.
+    fn result(&self, state: &Loop) -> Weights {
+        match &state.average {
+            Some(average) => average.weights.clone(),
+            None => store::save(&self.record.network, &state.trainer.net),
+        }
+    }
+
     fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
         let weights = store::save(&self.record.network, &state.trainer.net);
-        checkpoint::save(&self.folder, step, state.best_rmse, &weights, &state.trainer)
+        checkpoint::save(&self.folder, (step, state.best_rmse), &weights, state.average.as_ref(), &state.trainer)
     }
 }
 

@@ -92,7 +92,8 @@ fn a_killed_run_resumes_bit_for_bit() {
     let shared = (network.clone(), Recipe { devices: 2, precision: Precision::Bf16, ..recipe.clone() });
     // Tiles of several steps, turned crops, a detail stage.
     let detailed = NetConfig { illumination: Illumination::Sloped, detail: 6, detail_inner: 3, ..network };
-    let pooled = (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], ..recipe });
+    let pooled =
+        (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], average_steps: 64, steps: 40, ..recipe });
     for kind in [miniature(), rival(), shared, pooled] {
         resumes_bit_for_bit(&kind);
     }
@@ -103,10 +104,11 @@ fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
     let folder = tempfile::tempdir().unwrap();
     let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
     assert!(run(&whole, false, None).train().unwrap().finished);
-    assert!(!run(&parts, false, Some(5)).train().unwrap().finished);
+    let stop = kind.1.steps / 2 + 1;
+    assert!(!run(&parts, false, Some(stop)).train().unwrap().finished);
     // A kill after the checkpoint leaves rows of steps that are done again.
     let steps = parts.join("steps.csv");
-    let text = std::fs::read_to_string(&steps).unwrap() + "6,0,0,0,0,0\n7,0,";
+    let text = std::fs::read_to_string(&steps).unwrap() + &format!("{},0,0,0,0,0\n{},0,", stop + 1, stop + 2);
     std::fs::write(&steps, text).unwrap();
     assert!(run(&parts, true, None).train().unwrap().finished);
     for file in [BEST, LAST, "steps.csv", "validation.csv"] {

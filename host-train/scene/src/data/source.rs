@@ -45,14 +45,15 @@ pub enum DataSpec {
 
 /// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
 /// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
-/// times as rough as usual, and patches have up to three times the usual contrast. Photometry and tones differ from the average ground and
+/// times as rough as usual, and patches have none to three times the usual contrast. Coarse DTMs have none to 4 m of long-wave error. Photometry and tones differ from the average ground and
 /// a calibrated camera. Coarse DTMs have stripes and steps.
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
         sun_elevation_deg: (7.0, 64.0),
         relief: (0.7, 3.0),
-        albedo_contrast: (0.5, 3.0),
+        albedo_contrast: (0.0, 3.0),
+        coarse_error_m: (0.0, 4.0),
         lunar_weight_shift: (-0.3, 0.3),
         response_exponent: (0.7, 1.3),
         pedestal: (0.0, 0.2),

@@ -1,0 +1,70 @@
+//! The running mean of a run's weights. Near the end of a cosine it hardly differs from the weights; before that it is better than they are,
+//! because the noise of single steps is averaged out. So a long run can be stopped anywhere.
+
+use crate::model::elunar::ELunarDtmNet;
+use crate::model::store;
+use elunar_net::config::NetConfig;
+use elunar_net::weights::Weights;
+
+/// Number of steps between two weights that are averaged: reading weights from a device takes time.
+const EVERY: usize = 16;
+
+/// Mean of the weights after every 16th step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Average {
+    /// The mean, with the configuration in its metadata.
+    pub weights: Weights,
+    /// Number of steps over which the mean goes. Older weights fade exponentially.
+    span: usize,
+}
+
+impl Average {
+    /// Begins with these weights.
+    pub fn new(weights: Weights, span: usize) -> Self {
+        Self { weights, span }
+    }
+
+    /// Adds the weights after step `done` (from 1), if it is one that counts. Until the span is filled, all weights count alike.
+    pub fn add(&mut self, done: usize, config: &NetConfig, net: &ELunarDtmNet) {
+        if !done.is_multiple_of(EVERY) {
+            return;
+        }
+        let share = (1.0 / (done / EVERY + 1) as f64).max(EVERY as f64 / self.span.max(EVERY) as f64);
+        let new = store::save(config, net);
+        for (name, array) in &mut self.weights.tensors {
+            // Both are weights of the same network.
+            if let Some(new) = new.tensors.get(name) {
+                for (mean, new) in array.data.iter_mut().zip(&new.data) {
+                    *mean += (share * (f64::from(*new) - f64::from(*mean))) as f32;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::init::initial_weights;
+    use burn::tensor::Device;
+    use elunar_net::config::miniature_network;
+    use std::path::Path;
+
+    #[test]
+    fn all_weights_count_alike_until_older_ones_fade() {
+        let config = miniature_network();
+        let of = |seed: u64| initial_weights(&config, seed);
+        let net = |seed: u64| store::load(&config, &of(seed), Path::new("w"), &Device::flex()).unwrap();
+        let name = "fusion.conv.weight";
+        let value = |weights: &Weights| f64::from(weights.tensors[name].data[5]);
+        let mut average = Average::new(of(0), 3 * EVERY);
+        average.add(EVERY - 1, &config, &net(9));
+        assert_eq!(average.weights.tensors, of(0).tensors);
+        let mut expected = value(&of(0));
+        for (done, share) in [(1, 1.0 / 2.0), (2, 1.0 / 3.0), (3, 1.0 / 3.0), (4, 1.0 / 3.0)] {
+            average.add(done * EVERY, &config, &net(done as u64));
+            expected += share * (value(&of(done as u64)) - expected);
+            assert!((value(&average.weights) - expected).abs() < 1e-7, "after {done}");
+        }
+    }
+}
