@@ -3,7 +3,7 @@
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::real::real;
-use crate::suite::{self, SCENES, tables};
+use crate::suite::{self, Baselines, SCENES, tables};
 use elunar_raster::{Error, Result};
 use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are \
-scored. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
+scored. The coarse DTM and the pipeline without training (untrained: coarse DTM plus photoclinometry) are scored with them, so \
+that what learning adds is seen. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
 GeoTIFFs; `report` makes a page of the folder. host-train/docs/experiments.md says how to write a list of scenes, and what the \
 figures mean.
 
@@ -81,11 +82,15 @@ pub fn run(args: Args) -> Result<()> {
     let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
     let methods = methods(&args, usage)?;
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
-    let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
+    let results = suite::run(&list, Baselines { usage }, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
     // If all scenes have a weak truth, there are no summaries.
     let sums = tables::sums(&results);
     let shown = if sums.rows.is_empty() { tables::scenes(&results) } else { sums };
+    let learning = tables::learning(&results).markdown();
+    if !learning.is_empty() {
+        println!("What learning adds:\n\n{learning}");
+    }
     print!("{}", shown.markdown());
     println!(
         "\n{}: results.json, tables.md and pictures; a page of it: host-train report {0} -o report.html",

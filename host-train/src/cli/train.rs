@@ -126,6 +126,9 @@ fn report(folder: &Path, outcome: &Outcome) {
     }
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
+        if let Some(untrained) = v.untrained {
+            println!("untrained:  RMSE {:.3} m, slope error {:.3}°", untrained.rmse_m, untrained.slope_mae_deg);
+        }
         println!("coarse DTM: RMSE {:.3} m, slope error {:.3}°", v.coarse.rmse_m, v.coarse.slope_mae_deg);
     }
     println!("weights: {at}/{BEST} (lowest validation RMSE), {at}/{LAST}");

@@ -1,7 +1,7 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
 use super::list::is_plain;
-use super::results::MethodInfo;
+use super::results::{MethodInfo, UNTRAINED};
 use super::scene::TestScene;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -11,6 +11,7 @@ use elunar_raster::{Error, Raster, Result, source};
 use elunar_scene::evaluate::CoAlignment;
 use elunar_scene::interrupt;
 use elunar_scene::predict::network::Model;
+use elunar_scene::predict::untrained::Untrained;
 use elunar_scene::predict::{Options, Prediction, predict};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -67,6 +68,13 @@ impl Method {
         check(name)?;
         let model = open_any(path, Backend::Flex)?;
         Ok(Self { name: name.into(), description: model.description(), source: DtmSource::Network { model, usage } })
+    }
+
+    /// Makes the baseline of all learning: the pipeline with a network that corrects nothing ([`Untrained`]).
+    #[must_use]
+    pub fn untrained(usage: Usage) -> Self {
+        let source = DtmSource::Network { model: Box::new(Untrained), usage };
+        Self { name: UNTRAINED.into(), description: Untrained::DESCRIPTION.into(), source }
     }
 
     /// Makes a method from DTMs of another program, files `SCENE.tif` or `SCENE_dtm.tif`.
@@ -142,4 +150,31 @@ fn check(name: &str) -> Result<()> {
         return Ok(());
     }
     Err(Error::usage(format!("method {name:?}: expected a name of letters, digits, '-', '_' and '.'")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suite::list::{Entry, SynthEntry};
+    use elunar_learn::model::init::initial_weights;
+    use elunar_net::config::{Preset, trained_network};
+    use elunar_synth::SynthOptions;
+
+    /// The baseline is exactly what a network of the `nano` preset gives before its first step.
+    #[test]
+    fn the_untrained_row_is_an_untrained_network() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("w.safetensors");
+        initial_weights(&trained_network(Preset::Nano), 3).write(&path).unwrap();
+        let options = SynthOptions { rows: 256, cols: 330, ..SynthOptions::default() };
+        let synth = Some(SynthEntry { seed: 500_001, index: 0, options });
+        let scene = TestScene::make(&Entry { synth, ..Entry::named("a".into()) }).unwrap();
+        let coarse = scene.input.coarse_raster().unwrap();
+        for usage in [Usage::default(), Usage { tell_sun: false, anchor: false, ..Usage::default() }] {
+            let (expected, _) = Method::network("net", &path, usage).unwrap().dtm(&scene).unwrap();
+            let (found, seconds) = Method::untrained(usage).dtm(&scene).unwrap();
+            assert!(found.samples == expected.samples && seconds.is_some());
+            assert!(found.samples != coarse.samples, "photoclinometry adds nothing");
+        }
+    }
 }

@@ -204,10 +204,12 @@ impl Run {
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {
             eprintln!(
-                "step {step:6}  validation: RMSE {:.2} m (coarse {:.2}), slope {:.2}° (coarse {:.2}°){}",
+                "step {step:6}  validation: RMSE {:.2} m (untrained {:.2}, coarse {:.2}), slope {:.2}° (untrained {:.2}°, coarse {:.2}°){}",
                 found.network.rmse_m,
+                found.untrained.map_or(f64::NAN, |scores| scores.rmse_m),
                 found.coarse.rmse_m,
                 found.network.slope_mae_deg,
+                found.untrained.map_or(f64::NAN, |scores| scores.slope_mae_deg),
                 found.coarse.slope_mae_deg,
                 if best { "  best" } else { "" }
             );
