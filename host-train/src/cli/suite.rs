@@ -24,6 +24,7 @@ Examples:
   host-train suite --out out/suite
   host-train suite --suite scenes.toml --model mine.safetensors --model mine.eld --out out/mine
   host-train suite --real DATA --out out/real
+  host-train suite --linear-bound --out out/bound
   host-train suite --out out/sfs --scenes-only
   host-train suite --out out/suite --against sfs=out/sfs/dtm")]
 pub struct Args {
@@ -42,6 +43,10 @@ pub struct Args {
     /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.
     #[arg(long, value_name = "NAME=DIR")]
     pub against: Vec<String>,
+    /// Also score the best linear filter of image and coarse DTM that other grounds under the scene's Sun teach: a bound for linear methods,
+    /// made with truths. The Sun must be known.
+    #[arg(long)]
+    pub linear_bound: bool,
     /// Do not pass the Sun's direction to the models, so that it is estimated.
     #[arg(long)]
     pub hide_sun: bool,
@@ -80,9 +85,10 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
+    let baselines = Baselines { usage, linear_bound: args.linear_bound };
     let methods = methods(&args, usage)?;
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
-    let results = suite::run(&list, Baselines { usage }, &methods, &args.out, &mut |_| bar.inc(1))?;
+    let results = suite::run(&list, baselines, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
     // If all scenes have a weak truth, there are no summaries.
     let sums = tables::sums(&results);

@@ -1,7 +1,8 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
+use super::linear;
 use super::list::is_plain;
-use super::results::{MethodInfo, UNTRAINED};
+use super::results::{LINEAR_BOUND, MethodInfo, UNTRAINED};
 use super::scene::TestScene;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -36,6 +37,8 @@ pub enum DtmSource {
         /// Usage of the network.
         usage: Usage,
     },
+    /// The best linear filter that other grounds under the scene's Sun teach ([`linear`]).
+    LinearBound(Usage),
     /// Files `SCENE.tif` or `SCENE_dtm.tif` of a folder.
     Folder(PathBuf),
 }
@@ -77,6 +80,13 @@ impl Method {
         Self { name: UNTRAINED.into(), description: Untrained::DESCRIPTION.into(), source }
     }
 
+    /// Makes the bound for linear methods. Of the usage, only the anchor counts.
+    #[must_use]
+    pub fn linear_bound(usage: Usage) -> Self {
+        let description = "best linear filter of contrast and coarse DTM, from the truths of other grounds under the same Sun: a bound";
+        Self { name: LINEAR_BOUND.into(), description: description.into(), source: DtmSource::LinearBound(usage) }
+    }
+
     /// Makes a method from DTMs of another program, files `SCENE.tif` or `SCENE_dtm.tif`.
     ///
     /// # Errors
@@ -105,6 +115,10 @@ impl Method {
                 })?;
                 let dtm = source::read(path)?;
                 Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
+            }
+            DtmSource::LinearBound(usage) => {
+                let dtm = linear::dtm(scene, usage.anchor)?;
+                Ok((onto(Named::new(&self.name, &dtm), truth, Interpolation::Bilinear)?, None))
             }
             DtmSource::Network { model, usage } => {
                 let overlap_px = Options::overlap_for(model.tile());
@@ -138,6 +152,7 @@ impl Method {
     pub fn info(&self) -> MethodInfo {
         let (anchor, co_alignment, sun_told) = match &self.source {
             DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment, usage.tell_sun),
+            DtmSource::LinearBound(usage) => (usage.anchor, CoAlignment::None, true),
             DtmSource::Folder(_) => (false, CoAlignment::None, false),
         };
         let Self { name, description, .. } = self;

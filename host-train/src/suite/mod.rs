@@ -1,8 +1,9 @@
 //! Test suites: models, other programs' DTMs, the pipeline without training and the coarse DTM on scenes with a truth, on the same pixels.
 //!
-//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs. [`compare`] compares them. [`summary`] and
-//! [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
+//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
+//! [`linear`] is the bound for linear ones. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
+pub mod linear;
 pub mod list;
 pub mod method;
 pub mod pictures;
@@ -33,13 +34,16 @@ pub const DTMS: &str = "dtm";
 pub struct Baselines {
     /// Usage of the pipeline without training ([`Method::untrained`]), which is always scored.
     pub usage: Usage,
+    /// Whether the bound for linear methods is scored ([`Method::linear_bound`]).
+    pub linear_bound: bool,
 }
 
 impl Baselines {
     /// Makes the methods.
     #[must_use]
     pub fn methods(self) -> Vec<Method> {
-        vec![Method::untrained(self.usage)]
+        let bound = self.linear_bound.then(|| Method::linear_bound(self.usage));
+        std::iter::once(Method::untrained(self.usage)).chain(bound).collect()
     }
 }
 
@@ -55,6 +59,10 @@ pub fn run(
     out: &Path,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Results> {
+    if let Some(scene) = linear::without_sun(&list.scene).filter(|_| baselines.linear_bound) {
+        let what = "expected the Sun's azimuth and elevation in every scene for the linear bound, found none in";
+        return Err(Error::usage(format!("{}: {what} {}", list.name, scene.name)));
+    }
     let own = baselines.methods();
     let methods: Vec<&Method> = own.iter().chain(methods).collect();
     for (k, method) in methods.iter().enumerate() {

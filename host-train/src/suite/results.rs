@@ -11,6 +11,8 @@ pub const RESULTS: &str = "results.json";
 pub const COARSE: &str = "coarse DTM";
 /// Name of the pipeline without training among the methods.
 pub const UNTRAINED: &str = "untrained";
+/// Name of the bound for linear methods among the methods.
+pub const LINEAR_BOUND: &str = "linear-bound";
 
 /// All results of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,0 +1,284 @@
+//! The best linear filter from an image's contrast and a coarse DTM to the truth, as scenes with a truth teach it.
+//!
+//! Every wave of the truth minus the coarse DTM is taken as a · (wave of the contrast) + b · (wave of the coarse DTM). The complex gains a and
+//! b are least squares over many scenes and over neighbouring waves. No filter that treats every place alike does better on the mean of such
+//! scenes.
+
+use super::cross_spectrum::{transform, window};
+use super::fill::fill;
+use elunar_raster::{Error, Result};
+use rayon::prelude::*;
+use rustfft::FftDirection;
+use rustfft::num_complex::Complex64;
+
+/// Sums are taken over this many waves to either side, down and across, because few scenes do not tell the gains of a single wave (our
+/// choice).
+const NEIGHBOURS: isize = 1;
+/// Contrast and coarse DTM whose waves agree this far (1 minus their squared coherence) are one: the coarse DTM is then left out.
+const INDEPENDENT: f64 = 1e-9;
+/// A map is mirrored at its edges over this many coarse pixels before it is filtered.
+const MARGIN_COARSE_PX: f32 = 2.0;
+
+/// Three maps of one ground, row-major, of one size.
+#[derive(Debug, Clone)]
+pub struct Lesson {
+    /// Brightness over its mean, minus 1 ([`contrast`]).
+    pub contrast: Vec<f64>,
+    /// Coarse DTM on the image's grid, pixels.
+    pub coarse: Vec<f64>,
+    /// True DTM, pixels.
+    pub truth: Vec<f64>,
+}
+
+/// Returns brightness over its mean, minus 1. Voids are filled smoothly.
+#[must_use]
+pub fn contrast(image: &[f32], (rows, cols): (usize, usize)) -> Vec<f64> {
+    let valid = || image.iter().filter(|v| v.is_finite()).map(|v| f64::from(*v));
+    let mean = valid().sum::<f64>() / valid().count().max(1) as f64;
+    let mut map: Vec<f64> = image.iter().map(|v| f64::from(*v) / mean - 1.0).collect();
+    fill(&mut map, rows, cols);
+    map
+}
+
+/// Returns heights in pixels of `pixel_m` metres. Voids are filled smoothly.
+#[must_use]
+pub fn in_pixels(heights_m: &[f32], pixel_m: f64, (rows, cols): (usize, usize)) -> Vec<f64> {
+    let mut map: Vec<f64> = heights_m.iter().map(|z| f64::from(*z) / pixel_m).collect();
+    fill(&mut map, rows, cols);
+    map
+}
+
+/// Powers and cross powers of contrast (k), coarse DTM (c) and truth minus coarse DTM (d) in one wave.
+#[derive(Debug, Clone, Copy, Default)]
+struct Powers {
+    kk: f64,
+    cc: f64,
+    kc: Complex64,
+    kd: Complex64,
+    cd: Complex64,
+}
+
+impl Powers {
+    fn add(&mut self, other: &Self) {
+        self.kk += other.kk;
+        self.cc += other.cc;
+        self.kc += other.kc;
+        self.kd += other.kd;
+        self.cd += other.cd;
+    }
+
+    /// Returns the gains of contrast and coarse DTM that estimate the rest with least error.
+    fn gains(&self, with_coarse: bool) -> [Complex64; 2] {
+        let determinant = self.kk * self.cc - self.kc.norm_sqr();
+        if with_coarse && determinant > INDEPENDENT * self.kk * self.cc {
+            let contrast = (self.kd * self.cc - self.kc * self.cd) / determinant;
+            let coarse = (self.cd * self.kk - self.kc.conj() * self.kd) / determinant;
+            return [contrast, coarse];
+        }
+        let contrast = if self.kk > 0.0 { self.kd / self.kk } else { Complex64::default() };
+        [contrast, Complex64::default()]
+    }
+}
+
+/// A pair of gains for every wave of a grid.
+#[derive(Debug, Clone)]
+pub struct LinearFilter {
+    rows: usize,
+    cols: usize,
+    coarse_px: f32,
+    gains: Vec<[Complex64; 2]>,
+}
+
+impl LinearFilter {
+    /// Finds the gains over `count` lessons of `rows` x `cols` pixels. `coarse_px` is the side of a coarse pixel, in pixels. The coarse DTM
+    /// counts in waves longer than that; interpolation alone made its shorter ones.
+    ///
+    /// # Errors
+    /// Errors of `lesson`, the first in order; [`Error::Usage`] if a map has another size.
+    pub fn fit(
+        (rows, cols): (usize, usize),
+        coarse_px: f32,
+        count: u64,
+        lesson: impl Fn(u64) -> Result<Lesson> + Sync,
+    ) -> Result<Self> {
+        let one = |index: u64| -> Result<Vec<Powers>> {
+            let Lesson { contrast, coarse, truth } = lesson(index)?;
+            let lengths = [contrast.len(), coarse.len(), truth.len()];
+            if lengths != [rows * cols; 3] {
+                let what = format!("expected maps of {rows} x {cols} pixels, found {lengths:?} pixels");
+                return Err(Error::usage(format!("linear filter: {what}")));
+            }
+            let rest = truth.iter().zip(&coarse).map(|(z, c)| z - c).collect();
+            let [k, c, d] = [contrast, coarse, rest].map(|map: Vec<f64>| spectrum(map, rows, cols));
+            let powers = |((k, c), d): ((&Complex64, &Complex64), &Complex64)| Powers {
+                kk: k.norm_sqr(),
+                cc: c.norm_sqr(),
+                kc: k.conj() * c,
+                kd: k.conj() * d,
+                cd: c.conj() * d,
+            };
+            Ok(k.iter().zip(&c).zip(&d).map(powers).collect())
+        };
+        let mut sums = vec![Powers::default(); rows * cols];
+        // Added in the order of the lessons, so that threads do not change the sums.
+        let together = rayon::current_num_threads() as u64;
+        for first in (0..count).step_by(together as usize) {
+            let made: Vec<_> = (first..count.min(first + together)).into_par_iter().map(one).collect();
+            for powers in made {
+                sums.iter_mut().zip(&powers?).for_each(|(sum, more)| sum.add(more));
+            }
+        }
+        let gains = (0..rows * cols).map(|i| gains_of(&sums, (rows, cols), i, coarse_px)).collect();
+        Ok(Self { rows, cols, coarse_px, gains })
+    }
+
+    /// Returns the heights, pixels, of a map of any size: its coarse DTM plus the filtered contrast and coarse DTM.
+    #[must_use]
+    pub fn apply(&self, contrast: &[f64], coarse: &[f64], (rows, cols): (usize, usize)) -> Vec<f64> {
+        let margin = (MARGIN_COARSE_PX * self.coarse_px).ceil() as usize;
+        let (high, wide) = (rows + 2 * margin, cols + 2 * margin);
+        // Mirrored at the edges: a filter of a map that ends would see a step there.
+        let source = |at: usize, n: usize| {
+            let folded = (at as isize - margin as isize).rem_euclid(2 * n as isize) as usize;
+            folded.min(2 * n - 1 - folded)
+        };
+        let mirrored = |map: &[f64]| -> Vec<Complex64> {
+            let mean = map.iter().sum::<f64>() / map.len().max(1) as f64;
+            let value = |i: usize| map[source(i / wide, rows) * cols + source(i % wide, cols)] - mean;
+            let mut map = (0..high * wide).map(|i| Complex64::new(value(i), 0.0)).collect();
+            transform(&mut map, high, wide, FftDirection::Forward);
+            map
+        };
+        let (k, mut c) = (mirrored(contrast), mirrored(coarse));
+        c.par_iter_mut().enumerate().for_each(|(i, c)| {
+            let frequency = [signed(i / wide, high), signed(i % wide, wide)];
+            let [of_contrast, of_coarse] = self.gains_at(frequency);
+            *c = of_contrast * k[i] + of_coarse * *c;
+        });
+        transform(&mut c, high, wide, FftDirection::Inverse);
+        let share = 1.0 / (high * wide) as f64;
+        let rest = |i: usize| c[(margin + i / cols) * wide + margin + i % cols].re * share;
+        coarse.iter().enumerate().map(|(i, z)| z + rest(i)).collect()
+    }
+
+    /// Returns the gains at a frequency in cycles per pixel down and across, interpolated between the waves of the lessons.
+    fn gains_at(&self, [down, across]: [f64; 2]) -> [Complex64; 2] {
+        let (row, col) = (down * self.rows as f64, across * self.cols as f64);
+        let (top, left) = (row.floor(), col.floor());
+        let (below, right) = (row - top, col - left);
+        let at = |row: f64, col: f64| {
+            let row = (row as isize).rem_euclid(self.rows as isize) as usize;
+            self.gains[row * self.cols + (col as isize).rem_euclid(self.cols as isize) as usize]
+        };
+        let corners = [
+            (at(top, left), (1.0 - below) * (1.0 - right)),
+            (at(top, left + 1.0), (1.0 - below) * right),
+            (at(top + 1.0, left), below * (1.0 - right)),
+            (at(top + 1.0, left + 1.0), below * right),
+        ];
+        std::array::from_fn(|which| corners.iter().map(|(gains, weight)| gains[which] * *weight).sum())
+    }
+}
+
+/// Returns the frequency of a coefficient of a transform over `n` pixels, cycles per pixel, [-1/2, 1/2].
+fn signed(at: usize, n: usize) -> f64 {
+    (if 2 * at > n { at as f64 - n as f64 } else { at as f64 }) / n as f64
+}
+
+/// Returns the Fourier coefficients of a map without its plane, lowered to 0 at the edges by a Hann window.
+fn spectrum(mut map: Vec<f64>, rows: usize, cols: usize) -> Vec<Complex64> {
+    window(&mut map, rows, cols);
+    let mut packed = map.into_iter().map(|re| Complex64 { re, im: 0.0 }).collect();
+    transform(&mut packed, rows, cols, FftDirection::Forward);
+    packed
+}
+
+/// Returns the gains of one wave, from the sums over it and its neighbours.
+fn gains_of(sums: &[Powers], (rows, cols): (usize, usize), i: usize, coarse_px: f32) -> [Complex64; 2] {
+    let (row, col) = (i / cols, i % cols);
+    let mut near = Powers::default();
+    for down in -NEIGHBOURS..=NEIGHBOURS {
+        for across in -NEIGHBOURS..=NEIGHBOURS {
+            let row = (row as isize + down).rem_euclid(rows as isize) as usize;
+            let col = (col as isize + across).rem_euclid(cols as isize) as usize;
+            near.add(&sums[row * cols + col]);
+        }
+    }
+    let resolved = signed(row, rows).hypot(signed(col, cols)) * f64::from(coarse_px) <= 1.0;
+    near.gains(resolved)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const SHAPE: (usize, usize) = (96, 120);
+    const COARSE_PX: usize = 12;
+
+    /// Returns a lesson whose contrast is `filter` of the truth, and whose coarse DTM is a mean of the truth.
+    fn lesson(seed: u64, filter: impl Fn(&dyn Fn(usize, usize) -> f64, usize, usize) -> f64) -> Lesson {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (rows, cols) = (SHAPE.0 + 40, SHAPE.1 + 40);
+        // White noise, smoothed twice: most of its power is in long waves, as on real ground.
+        let mut map: Vec<f64> = (0..rows * cols).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let mean = |map: &[f64], side: usize| -> Vec<f64> {
+            let at = |i: usize| {
+                let (row, col) = (i / cols, i % cols);
+                let (rows, cols_) = (row..(row + side).min(rows), col..(col + side).min(cols));
+                let count = (rows.len() * cols_.len()) as f64;
+                rows.flat_map(|r| cols_.clone().map(move |c| r * cols + c)).map(|i| map[i]).sum::<f64>() / count
+            };
+            (0..map.len()).map(at).collect()
+        };
+        let long = mean(&map, 9);
+        map.iter_mut().zip(&long).for_each(|(v, long)| *v = 0.1 * *v + long);
+        let coarse = mean(&map, COARSE_PX);
+        let crop = |f: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            (0..SHAPE.0 * SHAPE.1).map(|i| f(i / SHAPE.1 + 20, i % SHAPE.1 + 20)).collect()
+        };
+        let height = |r: usize, c: usize| map[r * cols + c];
+        Lesson {
+            contrast: crop(&|r, c| filter(&height, r, c)),
+            // Centred on the pixel, as a coarse DTM without misregistration.
+            coarse: crop(&|r, c| coarse[(r - COARSE_PX / 2) * cols + c - COARSE_PX / 2]),
+            truth: crop(&height),
+        }
+    }
+
+    /// Returns the rms of the heights' error over that of the coarse DTM, away from the edges, on a scene that was no lesson.
+    fn error_ratio(filter: impl Fn(&dyn Fn(usize, usize) -> f64, usize, usize) -> f64 + Sync + Copy) -> f64 {
+        let found = LinearFilter::fit(SHAPE, COARSE_PX as f32, 24, |seed| Ok(lesson(seed, filter))).unwrap();
+        let Lesson { contrast, coarse, truth } = lesson(1_000, filter);
+        let heights = found.apply(&contrast, &coarse, SHAPE);
+        let inside =
+            |i: &usize| (16..SHAPE.0 - 16).contains(&(i / SHAPE.1)) && (16..SHAPE.1 - 16).contains(&(i % SHAPE.1));
+        let rms = |map: &[f64]| {
+            let errors: Vec<f64> = (0..truth.len()).filter(inside).map(|i| map[i] - truth[i]).collect();
+            (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+        };
+        rms(&heights) / rms(&coarse)
+    }
+
+    #[test]
+    fn a_linear_image_is_inverted() {
+        // Its response is nowhere 0 (at least 0.3), so that the truth is a linear filter of the image.
+        let ratio = error_ratio(|z, r, c| z(r, c) - 0.5 * z(r, c - 1) - 0.2 * z(r - 1, c));
+        assert!(ratio < 0.03, "{ratio}");
+    }
+
+    #[test]
+    fn an_image_without_relief_leaves_the_coarse_dtm_nearly_alone() {
+        let noise = |z: &dyn Fn(usize, usize) -> f64, r: usize, c: usize| (1e4 * z(r, c)).sin();
+        let ratio = error_ratio(noise);
+        assert!((0.7..1.05).contains(&ratio), "{ratio}");
+    }
+
+    #[test]
+    fn maps_of_another_size_are_refused() {
+        let lesson = |_| Ok(Lesson { contrast: vec![0.0; 9], coarse: vec![0.0; 9], truth: vec![0.0; 8] });
+        let refused = LinearFilter::fit((3, 3), 2.0, 1, lesson).unwrap_err().to_string();
+        assert!(refused.contains("3 x 3") && refused.contains("[9, 9, 8]"), "{refused}");
+    }
+}
