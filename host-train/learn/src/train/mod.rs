@@ -8,6 +8,7 @@
 pub mod adversarial;
 pub mod checkpoint;
 pub mod curves;
+pub mod elevation_only;
 pub mod feed;
 pub mod journal;
 pub mod loss;

@@ -163,7 +163,8 @@ impl Run {
         let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
         let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
         let devices = self.record.backend.devices(recipe.devices)?;
-        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
+        let trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
+        let mut trainer = trainer.seeded(self.record.seed);
         if let Some(saved) = &saved {
             trainer.restore(saved)?;
         }

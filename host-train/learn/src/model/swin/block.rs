@@ -1,6 +1,7 @@
 //! One Swin block: windowed attention and a two-layer perceptron, each after a layer norm and with a residual connection.
 
 use super::attention::WindowAttention;
+use super::depth::{BlockFactors, scaled};
 use super::windows::{WindowPlan, merge, partition};
 use crate::model::ops::gelu;
 use crate::model::precision::in_f32;
@@ -45,11 +46,13 @@ impl Block {
         }
     }
 
-    /// Maps `[B, H, W, C]` to the same shape.
-    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
-        let x = x.clone().add(self.attend(in_f32(x, |x| self.norm1.forward(x))));
+    /// Maps `[B, H, W, C]` to the same shape. `factors` multiply the residual branches of every sample; `None` leaves them as they are.
+    pub fn forward(&self, x: Tensor<4>, factors: Option<&BlockFactors>) -> Tensor<4> {
+        let of = |branch: usize| factors.map(|both| &both[branch]);
+        let attended = self.attend(in_f32(x.clone(), |x| self.norm1.forward(x)));
+        let x = x.add(scaled(attended, of(0)));
         let y = self.mlp.fc1.forward(in_f32(x.clone(), |x| self.norm2.forward(x)));
-        x.add(self.mlp.fc2.forward(gelu(y)))
+        x.add(scaled(self.mlp.fc2.forward(gelu(y)), of(1)))
     }
 
     fn attend(&self, y: Tensor<4>) -> Tensor<4> {
