@@ -7,16 +7,20 @@
 use super::list::Entry;
 use super::scene::TestScene;
 use elunar_core::norm::Anchor;
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::linear::{Lesson, LinearFilter, contrast, in_pixels};
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions, TerrainKind};
+use rayon::prelude::*;
 
-/// Number of grounds that teach a scene's filter. Twice as many change no ratio of the built-in suite by more than 0.01 (our choice).
-const GROUNDS: u64 = 24;
+/// Number of grounds that teach a scene's filter (our choice).
+const GROUNDS: usize = 32;
+/// Number of grounds of which those are taken whose contrast is nearest to the scene's. Brightness is less linear the rougher the ground.
+const CANDIDATES: u64 = 96;
 /// Seed of these grounds' Moon, far from those of training, validation, tours and the built-in suite.
 const SEED: u64 = 700_000_000_000;
-/// Greatest rows and columns of a ground. The gains of larger scenes are interpolated.
-const LARGEST_PX: (usize, usize) = (512, 640);
+/// Rows and columns of a ground. The gains of scenes of another size are interpolated.
+const GROUND_PX: (usize, usize) = (TILE_ROWS, TILE_COLS);
 /// Pixels that the synthetic Moon can have, metres.
 const PIXEL_M: (f64, f64) = (1.0, 8.0);
 
@@ -44,8 +48,8 @@ fn options(scene: &TestScene) -> Result<SynthOptions> {
         ..SynthOptions::default()
     });
     Ok(SynthOptions {
-        rows: scene.input.rows.clamp(16, LARGEST_PX.0),
-        cols: scene.input.cols.clamp(16, LARGEST_PX.1),
+        rows: GROUND_PX.0,
+        cols: GROUND_PX.1,
         also_pixel_m: vec![],
         sun_azimuth_deg: (azimuth_deg.rem_euclid(360.0), azimuth_deg.rem_euclid(360.0)),
         sun_elevation_deg: (elevation_deg, elevation_deg),
@@ -62,19 +66,25 @@ pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
     let options = options(scene)?;
     let (shape, pixel_m) = ((options.rows, options.cols), options.pixel_m);
     let moon = Moon::new(SEED, options)?;
-    let lesson = |index: u64| {
-        let ground = moon.tile(index);
+    let image = contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols));
+    let rms = |map: &[f64]| (map.iter().map(|v| v * v).sum::<f64>() / map.len().max(1) as f64).sqrt();
+    let off = |index: u64| (rms(&contrast(&moon.tile(index).image, shape)) / rms(&image)).ln().abs();
+    let mut found: Vec<(f64, u64)> = (0..CANDIDATES).into_par_iter().map(|index| (off(index), index)).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(GROUNDS);
+    let lesson = |number: usize| {
+        let ground = moon.tile(found[number].1);
         Ok(Lesson {
             contrast: contrast(&ground.image, shape),
             coarse: in_pixels(&ground.coarse_m, pixel_m, shape),
             truth: in_pixels(&ground.truth_m, pixel_m, shape),
         })
     };
-    let filter = LinearFilter::fit(shape, (COARSE_PIXEL_M / pixel_m) as f32, GROUNDS, lesson)?;
+    let filter = LinearFilter::fit(shape, (COARSE_PIXEL_M / pixel_m) as f32, found.len(), lesson)?;
     let coarse = scene.input.coarse_raster()?;
     let (shape, pixel_m) = ((coarse.rows, coarse.cols), f64::from(scene.input.pixel_m));
     let filled = in_pixels(&coarse.samples, pixel_m, shape);
-    let heights = filter.apply(&contrast(&scene.raw_image.samples, shape), &filled, shape);
+    let heights = filter.apply(&image, &filled, shape);
     let [mut heights_m, coarse_m] =
         [heights, filled].map(|map| map.iter().map(|z| (z * pixel_m) as f32).collect::<Vec<f32>>());
     if anchored {

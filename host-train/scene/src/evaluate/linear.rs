@@ -1,8 +1,7 @@
 //! The best linear filter from an image's contrast and a coarse DTM to the truth, as scenes with a truth teach it.
 //!
 //! Every wave of the truth minus the coarse DTM is taken as a · (wave of the contrast) + b · (wave of the coarse DTM). The complex gains a and
-//! b are least squares over many scenes and over neighbouring waves. No filter that treats every place alike does better on the mean of such
-//! scenes.
+//! b are least squares over many scenes and over neighbouring waves.
 
 use super::cross_spectrum::{transform, window};
 use super::fill::fill;
@@ -11,9 +10,9 @@ use rayon::prelude::*;
 use rustfft::FftDirection;
 use rustfft::num_complex::Complex64;
 
-/// Sums are taken over this many waves to either side, down and across, because few scenes do not tell the gains of a single wave (our
-/// choice).
-const NEIGHBOURS: isize = 1;
+/// Sums are taken over waves whose frequencies down and across differ by no more than this share of the wave's frequency, and over the nearest
+/// waves at least: few scenes do not tell the gains of a single wave, and gains change slowly (our choice).
+const NEIGHBOURS: f64 = 0.2;
 /// Contrast and coarse DTM whose waves agree this far (1 minus their squared coherence) are one: the coarse DTM is then left out.
 const INDEPENDENT: f64 = 1e-9;
 /// A map is mirrored at its edges over this many coarse pixels before it is filtered.
@@ -59,12 +58,13 @@ struct Powers {
 }
 
 impl Powers {
-    fn add(&mut self, other: &Self) {
-        self.kk += other.kk;
-        self.cc += other.cc;
-        self.kc += other.kc;
-        self.kd += other.kd;
-        self.cd += other.cd;
+    /// Adds `weight` times other powers.
+    fn add(&mut self, other: &Self, weight: f64) {
+        self.kk += weight * other.kk;
+        self.cc += weight * other.cc;
+        self.kc += other.kc * weight;
+        self.kd += other.kd * weight;
+        self.cd += other.cd * weight;
     }
 
     /// Returns the gains of contrast and coarse DTM that estimate the rest with least error.
@@ -98,10 +98,10 @@ impl LinearFilter {
     pub fn fit(
         (rows, cols): (usize, usize),
         coarse_px: f32,
-        count: u64,
-        lesson: impl Fn(u64) -> Result<Lesson> + Sync,
+        count: usize,
+        lesson: impl Fn(usize) -> Result<Lesson> + Sync,
     ) -> Result<Self> {
-        let one = |index: u64| -> Result<Vec<Powers>> {
+        let one = |index: usize| -> Result<Vec<Powers>> {
             let Lesson { contrast, coarse, truth } = lesson(index)?;
             let lengths = [contrast.len(), coarse.len(), truth.len()];
             if lengths != [rows * cols; 3] {
@@ -117,18 +117,30 @@ impl LinearFilter {
                 kd: k.conj() * d,
                 cd: c.conj() * d,
             };
-            Ok(k.iter().zip(&c).zip(&d).map(powers).collect())
+            // Every lesson counts alike. Otherwise the roughest ground, where brightness is least linear, would decide.
+            let power: f64 = d.iter().map(|z| z.norm_sqr()).sum();
+            let weighed = |found: Powers| {
+                let mut powers = Powers::default();
+                powers.add(&found, if power > 0.0 { 1.0 / power } else { 0.0 });
+                powers
+            };
+            Ok(k.iter().zip(&c).zip(&d).map(powers).map(weighed).collect())
         };
         let mut sums = vec![Powers::default(); rows * cols];
         // Added in the order of the lessons, so that threads do not change the sums.
-        let together = rayon::current_num_threads() as u64;
-        for first in (0..count).step_by(together as usize) {
+        let together = rayon::current_num_threads();
+        for first in (0..count).step_by(together) {
             let made: Vec<_> = (first..count.min(first + together)).into_par_iter().map(one).collect();
             for powers in made {
-                sums.iter_mut().zip(&powers?).for_each(|(sum, more)| sum.add(more));
+                sums.iter_mut().zip(&powers?).for_each(|(sum, more)| sum.add(more, 1.0));
             }
         }
-        let gains = (0..rows * cols).map(|i| gains_of(&sums, (rows, cols), i, coarse_px)).collect();
+        let areas = Areas::of(&sums, (rows, cols));
+        let gains = (0..rows * cols).map(|i| {
+            let frequency = signed(i / cols, rows).hypot(signed(i % cols, cols));
+            areas.around(i).gains(frequency * f64::from(coarse_px) <= 1.0)
+        });
+        let gains = gains.collect();
         Ok(Self { rows, cols, coarse_px, gains })
     }
 
@@ -193,19 +205,51 @@ fn spectrum(mut map: Vec<f64>, rows: usize, cols: usize) -> Vec<Complex64> {
     packed
 }
 
-/// Returns the gains of one wave, from the sums over it and its neighbours.
-fn gains_of(sums: &[Powers], (rows, cols): (usize, usize), i: usize, coarse_px: f32) -> [Complex64; 2] {
-    let (row, col) = (i / cols, i % cols);
-    let mut near = Powers::default();
-    for down in -NEIGHBOURS..=NEIGHBOURS {
-        for across in -NEIGHBOURS..=NEIGHBOURS {
-            let row = (row as isize + down).rem_euclid(rows as isize) as usize;
-            let col = (col as isize + across).rem_euclid(cols as isize) as usize;
-            near.add(&sums[row * cols + col]);
+/// Sums over rectangles of waves.
+struct Areas {
+    rows: usize,
+    cols: usize,
+    /// Sums over all waves of lower frequency down and across, in order of frequency; one more row and column than waves.
+    sums: Vec<Powers>,
+}
+
+impl Areas {
+    /// Sums the powers of every wave, which are in the order of a transform.
+    fn of(powers: &[Powers], (rows, cols): (usize, usize)) -> Self {
+        let wide = cols + 1;
+        let mut sums = vec![Powers::default(); (rows + 1) * wide];
+        for row in 0..rows {
+            let mut along = Powers::default();
+            for col in 0..cols {
+                // In order of frequency, from the most negative one.
+                let wave = (row + rows / 2 + 1) % rows * cols + (col + cols / 2 + 1) % cols;
+                along.add(&powers[wave], 1.0);
+                let mut sum = sums[row * wide + col + 1];
+                sum.add(&along, 1.0);
+                sums[(row + 1) * wide + col + 1] = sum;
+            }
         }
+        Self { rows, cols, sums }
     }
-    let resolved = signed(row, rows).hypot(signed(col, cols)) * f64::from(coarse_px) <= 1.0;
-    near.gains(resolved)
+
+    /// Returns the sum over wave `i` and its neighbours.
+    fn around(&self, i: usize) -> Powers {
+        let frequency = [signed(i / self.cols, self.rows), signed(i % self.cols, self.cols)];
+        let reach = NEIGHBOURS * frequency[0].hypot(frequency[1]);
+        let range = |frequency: f64, n: usize| {
+            let (at, reach) =
+                ((frequency * n as f64).round() as isize + ((n - 1) / 2) as isize, (reach * n as f64).ceil() as isize);
+            let clamp = |at: isize| at.clamp(0, n as isize) as usize;
+            (clamp(at - reach.max(1)), clamp(at + reach.max(1) + 1))
+        };
+        let ((top, bottom), (left, right)) = (range(frequency[0], self.rows), range(frequency[1], self.cols));
+        let at = |row: usize, col: usize| &self.sums[row * (self.cols + 1) + col];
+        let mut sum = *at(bottom, right);
+        sum.add(at(top, right), -1.0);
+        sum.add(at(bottom, left), -1.0);
+        sum.add(at(top, left), 1.0);
+        sum
+    }
 }
 
 #[cfg(test)]
@@ -249,7 +293,7 @@ mod tests {
 
     /// Returns the rms of the heights' error over that of the coarse DTM, away from the edges, on a scene that was no lesson.
     fn error_ratio(filter: impl Fn(&dyn Fn(usize, usize) -> f64, usize, usize) -> f64 + Sync + Copy) -> f64 {
-        let found = LinearFilter::fit(SHAPE, COARSE_PX as f32, 24, |seed| Ok(lesson(seed, filter))).unwrap();
+        let found = LinearFilter::fit(SHAPE, COARSE_PX as f32, 24, |seed| Ok(lesson(seed as u64, filter))).unwrap();
         let Lesson { contrast, coarse, truth } = lesson(1_000, filter);
         let heights = found.apply(&contrast, &coarse, SHAPE);
         let inside =
