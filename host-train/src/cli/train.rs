@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The paper's network and recipe are those of the presets paper and small. The presets tiny and nano depart from it: head \
-residual, target range pixel, illumination given, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
+residual, target range pixel, illumination weighed, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
 stops; --resume goes on.
 
 Examples:

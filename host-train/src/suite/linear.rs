@@ -25,7 +25,7 @@ const GROUND_PX: (usize, usize) = (TILE_ROWS, TILE_COLS);
 const PIXEL_M: (f64, f64) = (1.0, 8.0);
 
 /// Returns the first scene whose Sun is not known. Its light cannot be given to other grounds.
-pub(super) fn without_sun<'a>(scenes: &'a [Entry]) -> Option<&'a Entry> {
+pub(super) fn without_sun(scenes: &[Entry]) -> Option<&Entry> {
     let known = |scene: &Entry| scene.sun_azimuth_deg.is_some() && scene.sun_elevation_deg.is_some();
     scenes.iter().find(|scene| scene.synth.is_none() && !known(scene))
 }
