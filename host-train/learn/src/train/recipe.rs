@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn the_papers_recipe_is_the_papers() {
         for recipe in [Preset::Paper, Preset::Small].map(Recipe::preset) {
-            // Sec. IV-B: batch 4, 60,000 iterations at 1e-4 on a cosine, validated every 5,000; whole tiles.
+            // The paper: batch 4, 60,000 iterations at 1e-4 on a cosine, validated every 5,000; whole tiles.
             assert_eq!((recipe.batch, recipe.steps, recipe.validate_every, recipe.warm_up), (4, 60_000, 5_000, 0));
             assert_eq!((recipe.crop, recipe.crops_per_tile, recipe.target), ([256, 320], 1, Target::Truth));
             assert_eq!([0, 30_000].map(|step| recipe.learning_rate_at(step)), [1e-4, 0.5e-4]);
