@@ -3,7 +3,7 @@
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::real::real;
-use crate::suite::{self, SCENES, tables};
+use crate::suite::{self, Baselines, SCENES, tables};
 use elunar_raster::{Error, Result};
 use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Without --suite the scenes are synthetic ones that no shipped model was trained on; without --model the shipped models are \
-scored. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
+scored. The coarse DTM and the pipeline without training (untrained: coarse DTM plus photoclinometry) are scored with them, so \
+that what learning adds is seen. All are compared on the same pixels. Writes results.json, tables.md, CSV files, pictures, and the scenes and DTMs as \
 GeoTIFFs; `report` makes a page of the folder. host-train/docs/experiments.md says how to write a list of scenes, and what the \
 figures mean.
 
@@ -23,6 +24,7 @@ Examples:
   host-train suite --out out/suite
   host-train suite --suite scenes.toml --model mine.safetensors --model mine.eld --out out/mine
   host-train suite --real DATA --out out/real
+  host-train suite --linear-bound --out out/bound
   host-train suite --out out/sfs --scenes-only
   host-train suite --out out/suite --against sfs=out/sfs/dtm")]
 pub struct Args {
@@ -41,6 +43,10 @@ pub struct Args {
     /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.
     #[arg(long, value_name = "NAME=DIR")]
     pub against: Vec<String>,
+    /// Also score the best linear filter of image and coarse DTM that other grounds under the scene's Sun teach: a bound for linear methods,
+    /// made with truths. The Sun must be known.
+    #[arg(long)]
+    pub linear_bound: bool,
     /// Do not pass the Sun's direction to the models, so that it is estimated.
     #[arg(long)]
     pub hide_sun: bool,
@@ -79,13 +85,18 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
+    let baselines = Baselines { usage, linear_bound: args.linear_bound };
     let methods = methods(&args, usage)?;
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
-    let results = suite::run(&list, &methods, &args.out, &mut |_| bar.inc(1))?;
+    let results = suite::run(&list, baselines, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
     // If all scenes have a weak truth, there are no summaries.
     let sums = tables::sums(&results);
     let shown = if sums.rows.is_empty() { tables::scenes(&results) } else { sums };
+    let learning = tables::learning(&results).markdown();
+    if !learning.is_empty() {
+        println!("What learning adds:\n\n{learning}");
+    }
     print!("{}", shown.markdown());
     println!(
         "\n{}: results.json, tables.md and pictures; a page of it: host-train report {0} -o report.html",

@@ -6,7 +6,7 @@ use elunar_learn::model::store;
 use elunar_learn::stopwatch;
 use elunar_learn::train::recipe::{Recipe, RecipeFlags};
 use elunar_learn::train::run::{BEST, LAST, Outcome, Record, Run};
-use elunar_net::config::{Preset, Switches, config_of, trained_network};
+use elunar_net::config::{NetConfig, Preset, Switches, TruthRange, config_of, trained_network};
 use elunar_net::published;
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result, atomic_write};
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The paper's network and recipe are those of the presets paper and small. The presets tiny and nano depart from it: head \
-residual, target range pixel, illumination given, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
+residual, target range pixel, illumination weighed, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
 stops; --resume goes on.
 
 Examples:
@@ -126,6 +126,9 @@ fn report(folder: &Path, outcome: &Outcome) {
     }
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
+        if let Some(untrained) = v.untrained {
+            println!("untrained:  RMSE {:.3} m, slope error {:.3}°", untrained.rmse_m, untrained.slope_mae_deg);
+        }
         println!("coarse DTM: RMSE {:.3} m, slope error {:.3}°", v.coarse.rmse_m, v.coarse.slope_mae_deg);
     }
     println!("weights: {at}/{BEST} (lowest validation RMSE), {at}/{LAST}");
@@ -140,6 +143,17 @@ fn resume(args: &Args) -> Result<Run> {
     Ok(Run { folder: args.out.clone(), record, initial: None, training, validation, stop_after: None })
 }
 
+/// Returns the network with the NR of a prepared set (Eq. 1), and says so. Other data, and networks whose heights have no range, change
+/// nothing.
+fn in_range_of(network: NetConfig, data: &DataSpec) -> Result<NetConfig> {
+    let nr = if network.target_range == TruthRange::Pixel { None } else { data.nr()? };
+    let Some(nr) = nr else { return Ok(network) };
+    let network = NetConfig { nr, ..network };
+    network.check().map_err(Error::usage)?;
+    eprintln!("NR {nr:.2}: that of the prepared tiles (Eq. 1); --nr takes another");
+    Ok(network)
+}
+
 /// Makes a new run from the options.
 ///
 /// # Errors
@@ -152,7 +166,11 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
         (Some(weights), Some(path)) => config_of(weights, path)?,
         _ => trained_network(preset),
     };
-    let network = start.switches.apply(network)?;
+    let data = DataSpec::parse(start.data, seed, Split::Train)?;
+    let mut network = start.switches.apply(network)?;
+    if loaded.is_none() && start.switches.nr.is_none() {
+        network = in_range_of(network, &data)?;
+    }
     let mut started_from = match &start.start_from {
         Some(path) => path.display().to_string(),
         None => format!("random weights, seed {seed}"),
@@ -162,7 +180,6 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
         published::load_swin(&mut initial, &Weights::read(path)?, path)?;
         started_from += &format!(", image encoder {}", path.display());
     }
-    let data = DataSpec::parse(start.data, seed, Split::Train)?;
     // The validation Moon and the training Moon share only their statistics.
     let validation_seed = seed.wrapping_add(VALIDATION_SEED);
     let validation_data = match start.validation {
@@ -180,4 +197,30 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
     };
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
     Ok(Run { folder: out.into(), record, initial: Some(initial), training, validation, stop_after: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_scene::prepare::Parameters;
+    use elunar_scene::prepare::manifest::{FORMAT, MANIFEST};
+    use serde_json::json;
+
+    #[test]
+    fn a_prepared_set_gives_its_nr() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = json!({
+            "format": FORMAT, "made_by": "test", "tile": [256, 320], "parameters": Parameters::default(), "nr": 37.5,
+            "three_sigma": { "mean_m": 1.0, "sigma_m": 2.0 }, "tiles": 2, "kept": 2, "dropped": {}, "divided_by": "site",
+            "splits": {}, "scenes": [],
+        });
+        std::fs::write(folder.path().join(MANIFEST), manifest.to_string()).unwrap();
+        let data = DataSpec::parse(Some(folder.path().into()), 0, Split::Train).unwrap();
+        let [paper, nano] = [Preset::Paper, Preset::Nano].map(trained_network);
+        assert_eq!(in_range_of(paper.clone(), &data).unwrap(), NetConfig { nr: 37.5, ..paper.clone() });
+        // Heights in pixels have no range.
+        assert_eq!(in_range_of(nano.clone(), &data).unwrap(), nano);
+        let moon = DataSpec::parse(None, 0, Split::Train).unwrap();
+        assert_eq!(in_range_of(paper.clone(), &moon).unwrap(), paper);
+    }
 }

@@ -1,4 +1,4 @@
-//! Step 5: compares the coarse DTM, float and int8 with the truth, on the same pixels.
+//! Step 5: compares the coarse DTM, the pipeline without training, float and int8 with the truth, on the same pixels.
 
 use super::console::say;
 use super::folder::Folder;
@@ -12,17 +12,17 @@ use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 /// Picture of heights along the middle row.
 pub(super) const PROFILE: &str = "profile.png";
 /// Names of the candidates, in the order of the table.
-pub(super) const NAMES: [&str; 3] = ["coarse DTM", "float", "int8"];
+pub(super) const NAMES: [&str; 4] = ["coarse DTM", "untrained", "float", "int8"];
 
 /// Result of the comparison.
 pub(super) struct Verdict {
-    /// Coarse DTM, float and int8 against the truth.
+    /// Coarse DTM, the pipeline without training, float and int8 against the truth.
     pub against_truth: Comparison,
     /// Int8 compared with float, on the whole scene.
     pub int8_against_float: Scores,
 }
 
-/// Returns the name of an error map: `coarse`, `float` or `int8`.
+/// Returns the name of an error map: `coarse`, `untrained`, `float` or `int8`.
 pub(super) fn error_file(name: &str) -> String {
     format!("error_{}.png", name.split(' ').next().unwrap_or(name))
 }
@@ -31,12 +31,13 @@ pub(super) fn error_file(name: &str) -> String {
 ///
 /// # Errors
 /// If comparing or writing fails.
-pub(super) fn run(folder: &Folder, scene: &DemoScene, [float, int8]: &[Predicted; 2]) -> Result<Verdict> {
+pub(super) fn run(folder: &Folder, scene: &DemoScene, [untrained, float, int8]: &[Predicted; 3]) -> Result<Verdict> {
     let truth_name = scene.file("truth");
     let candidates = [
         Candidate::coarse(NAMES[0], &scene.coarse),
-        Candidate::fine(NAMES[1], &float.made.dtm),
-        Candidate::fine(NAMES[2], &int8.made.dtm),
+        Candidate::fine(NAMES[1], &untrained.made.dtm),
+        Candidate::fine(NAMES[2], &float.made.dtm),
+        Candidate::fine(NAMES[3], &int8.made.dtm),
     ];
     let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates, None)?;
     let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)], None)?;

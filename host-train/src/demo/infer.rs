@@ -1,4 +1,4 @@
-//! Step 4: predicts the scene with both networks.
+//! Step 4: predicts the scene without training and with both networks.
 
 use super::Settings;
 use super::console::{minutes, say};
@@ -10,14 +10,16 @@ use elunar_net::illumination::KnownSun;
 use elunar_raster::Result;
 use elunar_scene::interrupt;
 use elunar_scene::predict::job::light_text;
+use elunar_scene::predict::network::Model;
+use elunar_scene::predict::untrained::Untrained;
 use elunar_scene::predict::{DtmWriter, Options, Prediction, Provenance, predict};
 use elunar_scene::progress::bar;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// One network's DTM of the scene.
+/// One DTM of the scene.
 pub(super) struct Predicted {
-    /// `float` or `int8`.
+    /// `untrained`, `float` or `int8`.
     pub name: &'static str,
     /// The DTM, and the number of its tiles by result.
     pub made: Prediction,
@@ -39,17 +41,24 @@ impl Predicted {
     }
 }
 
-/// Predicts with float and int8, and writes both DTMs with their hillshades.
+/// Predicts without training, with float and with int8, and writes the DTMs with their hillshades.
 ///
 /// # Errors
 /// If a model cannot be opened, or predicting or writing fails.
-pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 2]> {
-    let float = one(settings, folder, scene, "float", FLOAT_MODEL)?;
-    Ok([float, one(settings, folder, scene, "int8", INT8_MODEL)?])
+pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 3]> {
+    let open = |file: &str| open_any(&folder.file(file), Backend::Flex);
+    let untrained = one(settings, folder, scene, "untrained", &Untrained)?;
+    let float = one(settings, folder, scene, "float", open(FLOAT_MODEL)?.as_ref())?;
+    Ok([untrained, float, one(settings, folder, scene, "int8", open(INT8_MODEL)?.as_ref())?])
 }
 
-fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static str, file: &str) -> Result<Predicted> {
-    let model = open_any(&folder.file(file), Backend::Flex)?;
+fn one(
+    settings: &Settings,
+    folder: &Folder,
+    scene: &DemoScene,
+    name: &'static str,
+    model: &dyn Model,
+) -> Result<Predicted> {
     let overlap_px = Options::overlap_for(model.tile());
     // Archives state the Sun's direction for every image.
     let (azimuth_deg, elevation_deg) = (scene.about.sun_azimuth_deg, scene.about.sun_elevation_deg);
@@ -57,7 +66,7 @@ fn one(settings: &Settings, folder: &Folder, scene: &DemoScene, name: &'static s
     let options = Options { overlap_px, threads: settings.threads, sun, ..Options::default() };
     let bar = bar(name, 0, "tiles");
     let start = Instant::now();
-    let made = predict(&scene.input, model.as_ref(), &options, &mut |done, all| {
+    let made = predict(&scene.input, model, &options, &mut |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

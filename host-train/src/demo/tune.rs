@@ -8,7 +8,7 @@ use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::train::curves::{CURVES, History};
 use elunar_learn::train::run::{BEST, Record, Run};
-use elunar_learn::train::validate::{Validation, ValidationSet};
+use elunar_learn::train::validate::{Scores, Validation, ValidationSet};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result};
@@ -161,8 +161,16 @@ pub(super) fn curves(run: &Path) -> PathBuf {
 }
 
 fn figures(when: &str, found: &Validation) -> String {
+    let untrained = |figure: fn(&Scores) -> f64, unit: &str| {
+        found.untrained.map_or_else(String::new, |scores| format!("untrained {:.2}{unit}, ", figure(&scores)))
+    };
     format!(
-        "{when}: height RMSE {:.2} m (coarse DTM {:.2}), mean slope error {:.2}° (coarse DTM {:.2}°) on tiles held out",
-        found.network.rmse_m, found.coarse.rmse_m, found.network.slope_mae_deg, found.coarse.slope_mae_deg
+        "{when}: height RMSE {:.2} m ({}coarse DTM {:.2}), mean slope error {:.2}° ({}coarse DTM {:.2}°) on tiles held out",
+        found.network.rmse_m,
+        untrained(|scores| scores.rmse_m, ""),
+        found.coarse.rmse_m,
+        found.network.slope_mae_deg,
+        untrained(|scores| scores.slope_mae_deg, "°"),
+        found.coarse.slope_mae_deg
     )
 }

@@ -7,10 +7,10 @@ pub mod file;
 pub mod table;
 pub mod train;
 
-use crate::suite;
 use crate::suite::list::List;
-use crate::suite::method::Method;
+use crate::suite::method::{Method, Usage};
 use crate::suite::results::{RESULTS, Results};
+use crate::suite::{self, Baselines};
 use elunar_raster::{Error, Result, atomic_write};
 pub use file::Experiment;
 use serde::{Deserialize, Serialize};
@@ -79,12 +79,14 @@ pub fn run(
     });
     let methods: Vec<Method> = methods.collect::<Result<_>>()?;
     let folder = out.join(TEST);
-    let test = match known(&folder, list, &methods) {
+    // Every experiment uses its network in its own way. The pipeline without training is used as the shipped networks are.
+    let baselines = Baselines { usage: Usage { threads: manner.threads, ..Usage::default() }, linear_bound: false };
+    let test = match known(&folder, list, baselines, &methods) {
         Some(test) => {
             say("test scenes: scored before");
             test
         }
-        None => suite::run(list, &methods, &folder, &mut |scene| say(&format!("test scene {scene}")))?,
+        None => suite::run(list, baselines, &methods, &folder, &mut |scene| say(&format!("test scene {scene}")))?,
     };
     let comparison = Comparison { trained, test };
     table::curves(&comparison, out)?;
@@ -102,12 +104,13 @@ pub fn run(
 }
 
 /// Returns stored results of the same methods on the same scenes, if they exist. Models are compared by their hashes.
-fn known(folder: &Path, list: &List, methods: &[Method]) -> Option<Results> {
+fn known(folder: &Path, list: &List, baselines: Baselines, methods: &[Method]) -> Option<Results> {
     if !folder.join(RESULTS).exists() {
         return None;
     }
     let found = Results::read(folder).ok()?;
-    let same = found.methods.iter().skip(1).cloned().eq(methods.iter().map(Method::info));
+    let own = baselines.methods();
+    let same = found.methods.iter().skip(1).cloned().eq(own.iter().chain(methods).map(Method::info));
     (same && found.list_sha256 == list.sha256()).then_some(found)
 }
 

@@ -2,7 +2,7 @@
 
 use super::Comparison;
 use super::train::TRAINING;
-use crate::suite::tables::{Table, cross, scenes, sums};
+use crate::suite::tables::{Table, cross, learning, scenes, sums};
 use elunar_learn::train::curves::History;
 use elunar_raster::Result;
 use elunar_scene::picture::{Chart, Series, curves as draw};
@@ -14,7 +14,8 @@ pub const CURVES: &str = "curves.png";
 const RANGE: f64 = 50.0;
 
 /// Returns the paper's Table V: scores on the validation tiles in normalised units. As in the paper, every network is scored in the range
-/// it was trained in, scaled to [0, 50].
+/// it was trained in, scaled to [0, 50]. In metres and degrees, the coarse DTM and the pipeline without training are beside it: they have no
+/// row of their own, because experiments may differ in their validation tiles.
 #[must_use]
 pub fn validation(comparison: &Comparison) -> Table {
     let heading = [
@@ -29,8 +30,10 @@ pub fn validation(comparison: &Comparison) -> Table {
         "log10",
         "PSNR, dB",
         "RMSE, m",
+        "untrained, m",
         "coarse DTM, m",
         "slope MAE, °",
+        "untrained, °",
         "coarse DTM, °",
         "parameters",
         "steps",
@@ -40,10 +43,15 @@ pub fn validation(comparison: &Comparison) -> Table {
         let (v, experiment) = (&one.validation, &one.experiment);
         let rmse = v.rmse * RANGE / f64::from(experiment.network.nr);
         let ratios = [v.a1, v.a2, v.a3, v.rel, rmse, v.log10].map(|figure| format!("{figure:.3}"));
-        let ground = [v.psnr_db, v.network.rmse_m, v.coarse.rmse_m, v.network.slope_mae_deg, v.coarse.slope_mae_deg];
+        let metres =
+            [Some(v.network), v.untrained, Some(v.coarse)].map(|scores| scores.map(|s| (s.rmse_m, s.slope_mae_deg)));
+        let [rmse_m, slope_deg] = [metres.map(|m| m.map(|m| m.0)), metres.map(|m| m.map(|m| m.1))];
+        let ground = std::iter::once(Some(v.psnr_db)).chain(rmse_m).chain(slope_deg);
+        let ground: Vec<String> =
+            ground.map(|figure| figure.map_or_else(|| "–".into(), |figure| format!("{figure:.2}"))).collect();
         let words = [experiment.name.clone(), experiment.like.clone(), experiment.changes.join("; ")];
         let run = [one.parameters.to_string(), experiment.recipe.steps.to_string(), format!("{:.2}", one.steps_per_s)];
-        [words.to_vec(), ratios.to_vec(), ground.map(|figure| format!("{figure:.2}")).to_vec(), run.to_vec()].concat()
+        [words.to_vec(), ratios.to_vec(), ground, run.to_vec()].concat()
     });
     Table { heading: heading.map(String::from).to_vec(), rows: rows.collect() }
 }
@@ -62,10 +70,11 @@ pub fn markdown(comparison: &Comparison) -> String {
         if two_suns.is_empty() { two_suns } else { format!("\n## The same ground under two Suns\n\n{two_suns}") };
     format!(
         "# Experiments\n\n{answers}\n## Validation tiles\n\nIn the range each network was trained in, brought to [0, 50]; heights and \
-         slopes against the truth as it is.\n\n{}\n## Test scenes: {}\n\n{}\n\n{}\n{}{two_suns}",
+         slopes against the truth as it is. Untrained: coarse DTM plus photoclinometry.\n\n{}\n## Test scenes: {}\n\n{}\n\n{}\n{}\n{}{two_suns}",
         validation(comparison).markdown(),
         test.suite,
         test.about.trim(),
+        learning(test).markdown(),
         sums(test).markdown(),
         scenes(test).markdown()
     )

@@ -2,7 +2,7 @@
 
 use super::file::files;
 use super::*;
-use crate::suite::results::COARSE;
+use crate::suite::results::{COARSE, UNTRAINED};
 use elunar_learn::train::run::{Record, Run};
 use elunar_net::config::NetConfig;
 use elunar_scene::data::source::DataSpec;
@@ -122,8 +122,8 @@ fn experiments_end_in_one_table_and_one_page() {
     let found = run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap();
     assert_eq!(found.trained.len(), 2);
     let methods: Vec<&str> = found.test.scenes[0].scored.iter().map(|j| j.method.as_str()).collect();
-    assert_eq!(methods, [COARSE, "one", "two"]);
-    assert_eq!(found.test.cross.len(), 2);
+    assert_eq!(methods, [COARSE, UNTRAINED, "one", "two"]);
+    assert_eq!(found.test.cross.len(), 3);
     for file in ["comparison.md", "comparison.csv", "test.csv", "curves.png", "test/tables.md", "test/dtm/one/a.tif"] {
         assert!(out.join(file).exists(), "{file}");
     }
@@ -140,7 +140,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let mut other = list.clone();
     other.scene.truncate(1);
     let found = run(&experiments[..1], &other, &out, Manner::default(), &mut |_| {}).unwrap();
-    assert_eq!((found.test.scenes.len(), found.test.methods.len(), found.trained.len()), (1, 2, 1));
+    assert_eq!((found.test.scenes.len(), found.test.methods.len(), found.trained.len()), (1, 3, 1));
     assert_eq!(run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap().test.scenes.len(), 2);
 
     let page = folder.path().join("page.html");

@@ -37,9 +37,19 @@ pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
             html(&cross)
         )
     };
+    let learning = tables::learning(results);
+    let learning = if learning.rows.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "<h3>What learning adds</h3>\n<p class=\"faint\">Errors over those of the pipeline without training (untrained: coarse DTM plus \
+             photoclinometry), and over those of the coarse DTM.</p>\n{}",
+            html(&learning)
+        )
+    };
     let pictures: String = results.scenes.iter().map(|scene| pictures(folder, scene)).collect::<Result<_>>()?;
     Ok(format!(
-        "<h2>Test scenes: {}</h2>\n<p>{}</p>\n<ul>\n{methods}</ul>\n<h3>Sums</h3>\n{}<p class=\"faint\">Means over scenes; RMSE is \
+        "<h2>Test scenes: {}</h2>\n<p>{}</p>\n<ul>\n{methods}</ul>\n{learning}<h3>Sums</h3>\n{}<p class=\"faint\">Means over scenes; RMSE is \
          the root of the mean square. Slope vector error: mean length of the difference between predicted and true gradient. Short waves: \
          the heights minus their Gaussian low-pass that halves waves of 60 m (or of the coarse DTM's pixel, where that is wider). \
          Bright and shaded ground falls towards and away from the Sun by 3° or more.</p>\n<h3>Scenes</h3>\n{}{two_suns}{pictures}",

@@ -1,7 +1,8 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
+use super::linear;
 use super::list::is_plain;
-use super::results::MethodInfo;
+use super::results::{LINEAR_BOUND, MethodInfo, UNTRAINED};
 use super::scene::TestScene;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -11,6 +12,7 @@ use elunar_raster::{Error, Raster, Result, source};
 use elunar_scene::evaluate::CoAlignment;
 use elunar_scene::interrupt;
 use elunar_scene::predict::network::Model;
+use elunar_scene::predict::untrained::Untrained;
 use elunar_scene::predict::{Options, Prediction, predict};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -35,6 +37,8 @@ pub enum DtmSource {
         /// Usage of the network.
         usage: Usage,
     },
+    /// The best linear filter that other grounds under the scene's Sun teach ([`linear`]).
+    LinearBound(Usage),
     /// Files `SCENE.tif` or `SCENE_dtm.tif` of a folder.
     Folder(PathBuf),
 }
@@ -69,6 +73,20 @@ impl Method {
         Ok(Self { name: name.into(), description: model.description(), source: DtmSource::Network { model, usage } })
     }
 
+    /// Makes the baseline of all learning: the pipeline with a network that corrects nothing ([`Untrained`]).
+    #[must_use]
+    pub fn untrained(usage: Usage) -> Self {
+        let source = DtmSource::Network { model: Box::new(Untrained), usage };
+        Self { name: UNTRAINED.into(), description: Untrained::DESCRIPTION.into(), source }
+    }
+
+    /// Makes the bound for linear methods. Of the usage, only the anchor counts.
+    #[must_use]
+    pub fn linear_bound(usage: Usage) -> Self {
+        let description = "best linear filter of contrast and coarse DTM, from the truths of other grounds under the same Sun: a bound";
+        Self { name: LINEAR_BOUND.into(), description: description.into(), source: DtmSource::LinearBound(usage) }
+    }
+
     /// Makes a method from DTMs of another program, files `SCENE.tif` or `SCENE_dtm.tif`.
     ///
     /// # Errors
@@ -97,6 +115,10 @@ impl Method {
                 })?;
                 let dtm = source::read(path)?;
                 Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
+            }
+            DtmSource::LinearBound(usage) => {
+                let dtm = linear::dtm(scene, usage.anchor)?;
+                Ok((onto(Named::new(&self.name, &dtm), truth, Interpolation::Bilinear)?, None))
             }
             DtmSource::Network { model, usage } => {
                 let overlap_px = Options::overlap_for(model.tile());
@@ -130,6 +152,7 @@ impl Method {
     pub fn info(&self) -> MethodInfo {
         let (anchor, co_alignment, sun_told) = match &self.source {
             DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment, usage.tell_sun),
+            DtmSource::LinearBound(usage) => (usage.anchor, CoAlignment::None, true),
             DtmSource::Folder(_) => (false, CoAlignment::None, false),
         };
         let Self { name, description, .. } = self;
@@ -142,4 +165,31 @@ fn check(name: &str) -> Result<()> {
         return Ok(());
     }
     Err(Error::usage(format!("method {name:?}: expected a name of letters, digits, '-', '_' and '.'")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suite::list::{Entry, SynthEntry};
+    use elunar_learn::model::init::initial_weights;
+    use elunar_net::config::{Preset, trained_network};
+    use elunar_synth::SynthOptions;
+
+    /// The baseline is exactly what a network of the `nano` preset gives before its first step.
+    #[test]
+    fn the_untrained_row_is_an_untrained_network() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("w.safetensors");
+        initial_weights(&trained_network(Preset::Nano), 3).write(&path).unwrap();
+        let options = SynthOptions { rows: 256, cols: 330, ..SynthOptions::default() };
+        let synth = Some(SynthEntry { seed: 500_001, index: 0, options });
+        let scene = TestScene::make(&Entry { synth, ..Entry::named("a".into()) }).unwrap();
+        let coarse = scene.input.coarse_raster().unwrap();
+        for usage in [Usage::default(), Usage { tell_sun: false, anchor: false, ..Usage::default() }] {
+            let (expected, _) = Method::network("net", &path, usage).unwrap().dtm(&scene).unwrap();
+            let (found, seconds) = Method::untrained(usage).dtm(&scene).unwrap();
+            assert!(found.samples == expected.samples && seconds.is_some());
+            assert!(found.samples != coarse.samples, "photoclinometry adds nothing");
+        }
+    }
 }

@@ -1,8 +1,9 @@
-//! Test suites: models, other programs' DTMs and the coarse DTM on scenes with a truth, on the same pixels.
+//! Test suites: models, other programs' DTMs, the pipeline without training and the coarse DTM on scenes with a truth, on the same pixels.
 //!
-//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs. [`compare`] compares them. [`summary`] and
-//! [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
+//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
+//! [`linear`] is the bound for linear ones. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
+pub mod linear;
 pub mod list;
 pub mod method;
 pub mod pictures;
@@ -17,7 +18,7 @@ use elunar_raster::geotiff::{WriteOptions, write};
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::table::to_csv;
 use list::List;
-use method::Method;
+use method::{Method, Usage};
 use results::{COARSE, MethodInfo, Results};
 use scene::TestScene;
 use score::Seen;
@@ -28,12 +29,42 @@ pub const SCENES: &str = "scenes";
 /// Folder of the DTMs. It has one folder per method.
 pub const DTMS: &str = "dtm";
 
-/// Scores `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. Calls `progress` with the
-/// name of every scene before its work.
+/// Methods that a suite scores of itself, besides the coarse DTM.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Baselines {
+    /// Usage of the pipeline without training ([`Method::untrained`]), which is always scored.
+    pub usage: Usage,
+    /// Whether the bound for linear methods is scored ([`Method::linear_bound`]).
+    pub linear_bound: bool,
+}
+
+impl Baselines {
+    /// Makes the methods.
+    #[must_use]
+    pub fn methods(self) -> Vec<Method> {
+        let bound = self.linear_bound.then(|| Method::linear_bound(self.usage));
+        std::iter::once(Method::untrained(self.usage)).chain(bound).collect()
+    }
+}
+
+/// Scores the `baselines` and `methods` on the scenes of `list` and writes results, tables, pictures, scenes and DTMs into `out`. Calls
+/// `progress` with the name of every scene before its work.
 ///
 /// # Errors
 /// If two methods share a name, or making scenes, predicting or writing fails. Results are written last.
-pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut(&str)) -> Result<Results> {
+pub fn run(
+    list: &List,
+    baselines: Baselines,
+    methods: &[Method],
+    out: &Path,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Results> {
+    if let Some(scene) = linear::without_sun(&list.scene).filter(|_| baselines.linear_bound) {
+        let what = "expected the Sun's azimuth and elevation in every scene for the linear bound, found none in";
+        return Err(Error::usage(format!("{}: {what} {}", list.name, scene.name)));
+    }
+    let own = baselines.methods();
+    let methods: Vec<&Method> = own.iter().chain(methods).collect();
     for (k, method) in methods.iter().enumerate() {
         if methods[..k].iter().any(|other| other.name == method.name) {
             return Err(Error::usage(format!("{}: expected methods of different names, found it twice", method.name)));
@@ -44,13 +75,13 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
     for folder in [SCENES, pictures::PICTURES].map(|name| out.join(name)) {
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
     }
-    let mut results = empty(list, methods);
+    let mut results = empty(list, &methods);
     let mut grounds: Vec<(String, Vec<Seen>)> = vec![];
     for entry in &list.scene {
         progress(&entry.name);
         let scene = TestScene::make(entry)?;
         scene.write(&out.join(SCENES))?;
-        let scored = score::score(&scene, methods)?;
+        let scored = score::score(&scene, &methods)?;
         for (method, found) in methods.iter().zip(&scored.comparison.scored[1..]) {
             let path = out.join(DTMS).join(&method.name).join(format!("{}.tif", entry.name));
             write(
@@ -84,6 +115,7 @@ pub fn run(list: &List, methods: &[Method], out: &Path, progress: &mut dyn FnMut
         }
     }
     for (file, text) in [
+        ("learning.csv", tables::learning(&results).csv()?),
         ("tables.md", tables::markdown(&results).into_bytes()),
         ("scenes.csv", tables::scenes(&results).csv()?),
         ("sums.csv", tables::sums(&results).csv()?),
@@ -112,7 +144,7 @@ pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
     atomic_write(&folder.join("scenes.csv"), &to_csv(rows)?)
 }
 
-fn empty(list: &List, methods: &[Method]) -> Results {
+fn empty(list: &List, methods: &[&Method]) -> Results {
     let coarse = MethodInfo {
         name: COARSE.into(),
         description: "coarse DTM, interpolated bicubically".into(),
@@ -125,7 +157,7 @@ fn empty(list: &List, methods: &[Method]) -> Results {
         suite: list.name.clone(),
         about: list.about.clone(),
         list_sha256: list.sha256(),
-        methods: std::iter::once(coarse).chain(methods.iter().map(Method::info)).collect(),
+        methods: std::iter::once(coarse).chain(methods.iter().map(|method| method.info())).collect(),
         scenes: vec![],
         cross: vec![],
     }

@@ -9,6 +9,10 @@ use std::path::Path;
 pub const RESULTS: &str = "results.json";
 /// Name of the coarse DTM among the methods.
 pub const COARSE: &str = "coarse DTM";
+/// Name of the pipeline without training among the methods.
+pub const UNTRAINED: &str = "untrained";
+/// Name of the bound for linear methods among the methods.
+pub const LINEAR_BOUND: &str = "linear-bound";
 
 /// All results of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,7 +25,7 @@ pub struct Results {
     pub about: String,
     /// SHA-256 of the list's content. It identifies the list of the results.
     pub list_sha256: String,
-    /// The methods, the coarse DTM first.
+    /// The methods: the coarse DTM, the pipeline without training, then the others.
     pub methods: Vec<MethodInfo>,
     /// All scenes.
     pub scenes: Vec<SceneResult>,

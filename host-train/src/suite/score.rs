@@ -21,7 +21,7 @@ pub struct ScoredScene {
 ///
 /// # Errors
 /// If a method fails, or no pixel is common to all.
-pub fn score(scene: &TestScene, methods: &[Method]) -> Result<ScoredScene> {
+pub fn score(scene: &TestScene, methods: &[&Method]) -> Result<ScoredScene> {
     let mut made = Vec::with_capacity(methods.len());
     for method in methods {
         made.push(method.dtm(scene).map_err(|e| Error::usage(format!("scene {}: {e}", scene.entry.name)))?);

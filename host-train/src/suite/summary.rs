@@ -1,6 +1,6 @@
 //! Summaries over the scenes of a kind, and over all scenes.
 
-use super::results::{COARSE, MethodScores, Results};
+use super::results::{COARSE, MethodScores, Results, UNTRAINED};
 use serde::Serialize;
 
 /// Name of the summary over all scenes.
@@ -19,6 +19,8 @@ pub struct Summary {
     pub rmse_m: f64,
     /// Ratio of this RMSE to the coarse DTM's.
     pub rmse_ratio: f64,
+    /// Ratio of this RMSE to that of the pipeline without training; `None` in results without it.
+    pub rmse_over_untrained: Option<f64>,
     /// Mean of the scenes' MAE, metres.
     pub mae_m: f64,
     /// Means of the shares, in [0, 1], of |error| below 2, 4 and 10 m.
@@ -29,6 +31,8 @@ pub struct Summary {
     pub slope_vector_error: Option<f64>,
     /// Ratio of this error to the coarse DTM's.
     pub slope_vector_ratio: Option<f64>,
+    /// Ratio of this error to that of the pipeline without training.
+    pub slope_vector_over_untrained: Option<f64>,
     /// Mean correlation of short waves with the truth's short waves.
     pub high_pass_correlation: Option<f64>,
     /// Root of the mean square of the long waves' error, metres.
@@ -64,18 +68,23 @@ pub fn summaries(results: &Results) -> Vec<Summary> {
             let scenes = scenes.iter().filter(|scene| kind == ALL || scene.kind == kind);
             scenes.flat_map(|scene| scene.scored.iter().filter(|scored| scored.method == method)).cloned().collect()
         };
-        let coarse = of_kind(COARSE);
+        let (coarse, untrained) = (of_kind(COARSE), of_kind(UNTRAINED));
         for method in &results.methods {
             let scored = of_kind(&method.name);
             if !scored.is_empty() {
-                found.push(summary(kind, &method.name, &scored, &coarse));
+                found.push(summary((kind, &method.name), &scored, &coarse, &untrained));
             }
         }
     }
     found
 }
 
-fn summary(kind: &str, method: &str, scored: &[MethodScores], coarse: &[MethodScores]) -> Summary {
+fn summary(
+    (kind, method): (&str, &str),
+    scored: &[MethodScores],
+    coarse: &[MethodScores],
+    untrained: &[MethodScores],
+) -> Summary {
     let rms = |of: &[MethodScores]| mean(of, |j| j.heights.rmse_m.powi(2)).sqrt();
     let slope = |of: &[MethodScores]| known(of, |j| j.relief.slope_vector_error);
     let bright = known(scored, |j| j.relief.bright.map(|side| side.slope_vector_error));
@@ -87,11 +96,13 @@ fn summary(kind: &str, method: &str, scored: &[MethodScores], coarse: &[MethodSc
         scenes: scored.len(),
         rmse_m: rms(scored),
         rmse_ratio: rms(scored) / rms(coarse),
+        rmse_over_untrained: (!untrained.is_empty()).then(|| rms(scored) / rms(untrained)),
         mae_m: mean(scored, |j| j.heights.mae_m),
         share_within: std::array::from_fn(|k| mean(scored, |j| j.heights.share_within[k])),
         slope_mae_deg: mean(scored, |j| j.heights.slope_mae_deg),
         slope_vector_error: slope(scored),
         slope_vector_ratio: slope(scored).zip(slope(coarse)).map(|(own, coarse)| own / coarse),
+        slope_vector_over_untrained: slope(scored).zip(slope(untrained)).map(|(own, untrained)| own / untrained),
         high_pass_correlation: known(scored, |j| j.relief.high_pass_correlation),
         low_pass_rmse_m: known(scored, |j| j.relief.low_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
         high_pass_rmse_m: known(scored, |j| j.relief.high_pass_rmse_m.map(|m| m * m)).map(f64::sqrt),
@@ -206,6 +217,16 @@ pub(crate) mod tests {
         }
     }
 
+    /// Returns [`results`] with the pipeline without training among the methods.
+    pub(crate) fn with_untrained() -> Results {
+        let mut made = results();
+        made.methods.insert(1, MethodInfo { name: UNTRAINED.into(), ..made.methods[1].clone() });
+        for (scene, (rmse_m, slope)) in made.scenes.iter_mut().zip([(2.0, 0.08), (2.5, 0.20), (500.0, 9.0)]) {
+            scene.scored.insert(1, scores(UNTRAINED, rmse_m, slope));
+        }
+        made
+    }
+
     use crate::suite::results::CrossResult;
 
     #[test]
@@ -222,7 +243,20 @@ pub(crate) mod tests {
         );
         assert!((all.slope_vector_ratio.unwrap() - 0.16 / 0.4).abs() < 1e-12);
         assert_eq!((all.scenes, all.sides, all.high_pass_rmse_m), (2, None, Some(0.5)));
+        assert_eq!((all.rmse_over_untrained, all.slope_vector_over_untrained), (None, None));
         assert_eq!(found[0].rmse_ratio, 1.0);
         assert!((all.half_coherence_m.unwrap() - (60.0_f64 * 100.0).sqrt()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_learning_adds_is_a_ratio_to_the_untrained_pipeline() {
+        let found = summaries(&with_untrained());
+        let of =
+            |kind: &str, method: &str| found.iter().find(|s| (s.kind.as_str(), s.method.as_str()) == (kind, method));
+        let net = of("highland", "net").unwrap();
+        assert!((net.rmse_over_untrained.unwrap() - 2.0 / 2.5).abs() < 1e-12);
+        assert!((net.slope_vector_over_untrained.unwrap() - 0.10 / 0.20).abs() < 1e-12);
+        let untrained = of(ALL, UNTRAINED).unwrap();
+        assert_eq!((untrained.rmse_over_untrained, untrained.slope_vector_over_untrained), (Some(1.0), Some(1.0)));
     }
 }

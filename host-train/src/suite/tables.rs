@@ -1,6 +1,6 @@
 //! The scores as tables: Markdown for reading, CSV for computing. Both, and the report, use the same columns.
 
-use super::results::{MethodScores, Results};
+use super::results::{COARSE, MethodScores, Results};
 use super::summary::{Summary, summaries};
 use elunar_raster::Result;
 use elunar_scene::table::to_csv;
@@ -26,6 +26,28 @@ fn digits(value: Option<f64>, digits: usize) -> String {
 
 fn heading(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_string()).collect()
+}
+
+/// Returns what learning adds: the errors of every method over those of the pipeline without training. Empty for results without it.
+#[must_use]
+pub fn learning(results: &Results) -> Table {
+    let names = [
+        "scenes",
+        "method",
+        "RMSE / untrained",
+        "slope vector error / untrained",
+        "RMSE / coarse",
+        "slope vector error / coarse",
+    ];
+    let compared = |sum: &Summary| sum.method != COARSE && sum.rmse_over_untrained.is_some();
+    let row = |sum: &Summary| {
+        let words = vec![sum.kind.clone(), sum.method.clone()];
+        let ratios =
+            [sum.rmse_over_untrained, sum.slope_vector_over_untrained, Some(sum.rmse_ratio), sum.slope_vector_ratio];
+        [words, ratios.map(|ratio| digits(ratio, 3)).to_vec()].concat()
+    };
+    let rows = summaries(results).iter().filter(|sum| compared(sum)).map(row).collect();
+    Table { heading: heading(&names), rows }
 }
 
 /// Returns the table of every method on every scene: the paper's Table VI, and the relief.
@@ -226,8 +248,10 @@ pub fn markdown(results: &Results) -> String {
         .collect();
     let cross = cross(results).markdown();
     let cross = if cross.is_empty() { cross } else { format!("\n## The same ground under two Suns\n\n{cross}") };
+    let learning = learning(results).markdown();
+    let learning = if learning.is_empty() { learning } else { format!("\n## What learning adds\n\n{learning}") };
     format!(
-        "# Suite {}\n\n{}\n\n{methods}\n## Sums\n\n{}\n## Scenes\n\n{}{cross}\n{remarks}",
+        "# Suite {}\n\n{}\n\n{methods}{learning}\n## Sums\n\n{}\n## Scenes\n\n{}{cross}\n{remarks}",
         results.suite,
         results.about.trim(),
         sums(results).markdown(),
@@ -237,7 +261,7 @@ pub fn markdown(results: &Results) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::results;
+    use super::super::summary::tests::{results, with_untrained};
     use super::*;
 
     #[test]
@@ -252,6 +276,17 @@ mod tests {
         assert!(text.contains("| g | net | one, two | 1.000 | 2.000 | 0.500 | 0.200 | – |"), "{text}");
         assert!(text.contains("\\|e\\|<2 m"));
         assert!(text.contains("| – | 60.0 | 0.50 | -0.25 |"), "{text}");
+    }
+
+    #[test]
+    fn what_learning_adds_is_stated_first() {
+        let text = markdown(&with_untrained());
+        assert!(text.contains("| highland | net | 0.800 | 0.500 | 0.500 | 0.333 |"), "{text}");
+        assert!(text.contains("| highland | untrained | 1.000 | 1.000 |"), "{text}");
+        assert!(!text.contains("| highland | coarse DTM | 1.6"), "{text}");
+        assert!(text.find("## What learning adds").unwrap() < text.find("## Sums").unwrap());
+        // Results of an older program have no such row.
+        assert!(learning(&results()).rows.is_empty() && !markdown(&results()).contains("What learning adds"));
     }
 
     #[test]

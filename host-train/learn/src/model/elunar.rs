@@ -5,6 +5,7 @@ use super::decoder::{DecoderBlock, decoder};
 use super::detail::Detail;
 use super::encoder::{ImageEncoder, dtm_encoder};
 use super::precision::cast;
+use super::swin::depth::BlockFactors;
 use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
@@ -58,17 +59,34 @@ impl ELunarDtmNet {
     /// Maps `image` `[B, 1, H, W]` in [0, 1] and `coarse` `[B, 1, H, W]` in [0, NR] to normalised elevation `[B, 1, H, W]`. H and W are
     /// multiples of 32.
     pub fn forward(&self, image: Tensor<4>, coarse: Tensor<4>) -> Tensor<4> {
-        self.run(image, coarse, None)
+        self.run(image, coarse, None, None)
+    }
+
+    /// Runs the network as [`Self::forward`] in training, with the factors of stochastic depth ([`super::swin::depth::factors`]), if there are
+    /// any.
+    pub fn forward_in_training(
+        &self,
+        image: Tensor<4>,
+        coarse: Tensor<4>,
+        factors: Option<&[BlockFactors]>,
+    ) -> Tensor<4> {
+        self.run(image, coarse, factors, None)
     }
 
     /// Runs the network as [`Self::forward`], and also returns the feature maps.
     pub fn forward_traced(&self, image: Tensor<4>, coarse: Tensor<4>) -> (Tensor<4>, Trace) {
         let mut trace = Trace::new();
-        let output = self.run(image, coarse, Some(&mut trace));
+        let output = self.run(image, coarse, None, Some(&mut trace));
         (output, trace)
     }
 
-    fn run(&self, image: Tensor<4>, coarse: Tensor<4>, mut trace: Option<&mut Trace>) -> Tensor<4> {
+    fn run(
+        &self,
+        image: Tensor<4>,
+        coarse: Tensor<4>,
+        factors: Option<&[BlockFactors]>,
+        mut trace: Option<&mut Trace>,
+    ) -> Tensor<4> {
         let mut note = |name: String, map: &Tensor<4>| {
             if let Some(trace) = trace.as_mut() {
                 trace.push((name, map.clone()));
@@ -81,7 +99,7 @@ impl ELunarDtmNet {
         // Maps have the precision of the weights.
         let dtype = self.head.weight.val().dtype();
         let image = cast(image, dtype);
-        let e = self.image_encoder.forward(image.clone());
+        let e = self.image_encoder.forward(image.clone(), factors);
         e.iter().enumerate().for_each(|(i, map)| note(format!("e{}", i + 1), map));
         let mut deepest = vec![e[4].clone()];
         if !self.dtm_encoder.is_empty() {

@@ -3,6 +3,7 @@
 use super::conv::{ConvBn, ConvBnShape};
 use super::resnet::ResNet;
 use super::swin::Swin;
+use super::swin::depth::BlockFactors;
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use elunar_net::config::{DTM_KERNELS, ImageEncoderKind, NetConfig};
@@ -37,11 +38,11 @@ impl ImageEncoder {
         }
     }
 
-    /// Maps `[B, channels, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution.
-    pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 5] {
+    /// Maps `[B, channels, H, W]` in [0, 1] to E1..E5 at 1/2 to 1/32 resolution. `factors` are those of the Swin transformer's stochastic depth.
+    pub fn forward(&self, image: Tensor<4>, factors: Option<&[BlockFactors]>) -> [Tensor<4>; 5] {
         let e1 = self.stem.forward(image.clone());
         let [e2, e3, e4, e5] = match (&self.swin, &self.resnet) {
-            (Some(swin), _) => swin.forward(image),
+            (Some(swin), _) => swin.forward(image, factors),
             (None, Some(resnet)) => resnet.forward(e1.clone()),
             (None, None) => unreachable!("the constructor builds one of the two"),
         };

@@ -9,6 +9,7 @@ pub mod adversarial;
 pub mod average;
 pub mod checkpoint;
 pub mod curves;
+pub mod elevation_only;
 pub mod feed;
 pub mod journal;
 mod kept;

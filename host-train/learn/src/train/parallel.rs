@@ -8,7 +8,7 @@
 //! Gradients are added in the devices' order, so the same devices give the same weights. Batch normalisation uses one micro-batch at a
 //! time, as with `accumulate`. Its running statistics are the means of the copies' statistics.
 
-use super::step::{Found, Maps};
+use super::step::{Found, Placed};
 use crate::model::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
@@ -42,8 +42,8 @@ impl Crew {
     pub(super) fn work(
         &self,
         net: &mut ELunarDtmNet,
-        batches: Vec<Maps>,
-        work: impl Fn(&ELunarDtmNet, Vec<Maps>) -> Result<Found> + Sync,
+        batches: Vec<Placed>,
+        work: impl Fn(&ELunarDtmNet, Vec<Placed>) -> Result<Found> + Sync,
     ) -> Result<Vec<Found>> {
         let each = batches.len() / self.members.len();
         let mut batches = batches.into_iter();

@@ -1,6 +1,7 @@
 //! Hyper-parameters: the paper's for the presets of the paper, ours for the small ones.
 
 use super::adversarial::Adversarial;
+use super::elevation_only::ElevationOnly;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
 use crate::model::precision::Precision;
@@ -59,8 +60,8 @@ pub struct Recipe {
     pub weight_decay: f32,
     /// Greatest norm of the gradients, parameter by parameter. Larger ones are scaled down.
     pub clip_norm: f32,
-    /// Share of the steps trained on the elevation term alone (the paper: 5k of 15k).
-    pub elevation_only: f64,
+    /// First steps, which train the elevation term alone (the paper: 5,000).
+    pub elevation_only: ElevationOnly,
     /// Weights of the loss terms (Eq. 5).
     pub weights: LossWeights,
     /// Elevation term.
@@ -70,6 +71,10 @@ pub struct Recipe {
     /// Critic of adversarial training, used after the elevation-only steps; `None` without it.
     #[serde(default)]
     pub adversarial: Option<Adversarial>,
+    /// Stochastic depth: share of a residual branch's samples that the last Swin block leaves out; it grows linearly from 0 in the first block.
+    /// Swin's segmentation code has 0.2, the paper is silent. 0 leaves out nothing.
+    #[serde(default)]
+    pub drop_path: f64,
     /// Share of the tiles whose known Sun is given to the network. For the others, the light is fitted.
     pub known_sun: f64,
     /// Rows and columns of the random crop of each 256x320 tile after normalisation; multiples of 32.
@@ -118,11 +123,12 @@ impl Recipe {
             warm_up: 0,
             weight_decay: 1e-4,
             clip_norm: 1.0,
-            elevation_only: 1.0 / 3.0,
+            elevation_only: ElevationOnly::Steps(5_000),
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
             target: Target::Truth,
             adversarial: None,
+            drop_path: 0.2,
             known_sun: 0.5,
             crop: [256, 320],
             crops_per_tile: 1,
@@ -141,7 +147,9 @@ impl Recipe {
                 steps: 2_400,
                 learning_rate: 1e-3,
                 warm_up: 100,
-                elevation_only: 0.0,
+                elevation_only: ElevationOnly::Steps(0),
+                // Small networks, trained for few steps on tiles that never repeat, do not overfit (our choice).
+                drop_path: 0.0,
                 weights: LossWeights::PIXELS,
                 elevation: Elevation::L1,
                 target: Target::Anchored,
@@ -171,7 +179,7 @@ impl Recipe {
 
     /// Returns whether a step uses the elevation term alone.
     pub fn elevation_alone(&self, step: usize) -> bool {
-        (step as f64) < self.elevation_only * self.steps as f64
+        self.elevation_only.has(step, self.steps)
     }
 
     /// Returns the loss weights of a step.
@@ -219,6 +227,10 @@ impl Recipe {
                     return Err(format!("{name}: expected 1 with a critic, found {n}"));
                 }
             }
+        }
+        self.elevation_only.check()?;
+        if !(0.0..1.0).contains(&self.drop_path) {
+            return Err(format!("drop path: expected a share in 0..1, found {}", self.drop_path));
         }
         if !(0.0..=1.0).contains(&self.known_sun) {
             return Err(format!("known sun: expected a share in 0..=1, found {}", self.known_sun));
@@ -276,9 +288,13 @@ pub struct RecipeFlags {
     /// Validate and write the mean of the weights of so many steps; 0: the weights [default: the preset's].
     #[arg(long, value_name = "STEPS")]
     pub average_steps: Option<usize>,
-    /// Share of the steps that use the elevation term alone [default: the preset's].
-    #[arg(long)]
-    pub elevation_only: Option<f64>,
+    /// First steps, which use the elevation term alone: a whole number of steps, or a share of them with a decimal point (0.25) [default: the
+    /// preset's].
+    #[arg(long, value_name = "STEPS")]
+    pub elevation_only: Option<ElevationOnly>,
+    /// Stochastic depth: share of the samples for which the last Swin block's branches are left out [default: the preset's].
+    #[arg(long, value_name = "SHARE")]
+    pub drop_path: Option<f64>,
     /// Elevation term of the loss [default: mean-normalised].
     #[arg(long)]
     pub elevation: Option<Elevation>,
@@ -327,6 +343,7 @@ impl RecipeFlags {
         recipe.transpose |= self.transpose;
         recipe.average_steps = self.average_steps.unwrap_or(recipe.average_steps);
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
+        recipe.drop_path = self.drop_path.unwrap_or(recipe.drop_path);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
         recipe.target = self.target.unwrap_or(recipe.target);
         recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
@@ -355,9 +372,34 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_first_third_trains_elevation_alone() {
-        let recipe = Recipe { steps: 15_000, ..Recipe::preset(Preset::Paper) };
-        assert_eq!(recipe.weights_at(4_999).gradient, 0.0);
-        assert_eq!(recipe.weights_at(5_000), LossWeights::PAPER);
+    fn the_papers_recipe_is_the_papers() {
+        for recipe in [Preset::Paper, Preset::Small].map(Recipe::preset) {
+            // The paper: batch 4, 60,000 iterations at 1e-4 on a cosine, validated every 5,000; whole tiles.
+            assert_eq!((recipe.batch, recipe.steps, recipe.validate_every, recipe.warm_up), (4, 60_000, 5_000, 0));
+            assert_eq!((recipe.crop, recipe.crops_per_tile, recipe.target), ([256, 320], 1, Target::Truth));
+            assert_eq!([0, 30_000].map(|step| recipe.learning_rate_at(step)), [1e-4, 0.5e-4]);
+            // Eq. 5: 10 l_mn + l_grad + l_norm; the first 5,000 iterations l_mn alone.
+            let all = LossWeights { elevation: 10.0, gradient: 1.0, normal: 1.0 };
+            let alone = LossWeights { gradient: 0.0, normal: 0.0, ..all };
+            assert_eq!([0, 4_999, 5_000, 59_999].map(|step| recipe.weights_at(step)), [alone, alone, all, all]);
+            assert_eq!(
+                (recipe.elevation, recipe.adversarial, recipe.drop_path),
+                (Elevation::MeanNormalised, None, 0.2)
+            );
+        }
+        // The small ones do without.
+        for recipe in [Preset::Tiny, Preset::Nano].map(Recipe::preset) {
+            assert_eq!((recipe.weights_at(0), recipe.drop_path), (recipe.weights, 0.0));
+        }
+    }
+
+    #[test]
+    fn recipes_of_older_programs_are_read() {
+        let mut old = serde_json::to_value(Recipe::preset(Preset::Paper)).unwrap();
+        old["elevation_only"] = serde_json::json!(0.25);
+        old.as_object_mut().unwrap().remove("drop_path");
+        let recipe: Recipe = serde_json::from_value(old).unwrap();
+        assert!(recipe.elevation_alone(14_999) && !recipe.elevation_alone(15_000));
+        assert_eq!(recipe.drop_path, 0.0);
     }
 }

@@ -167,7 +167,8 @@ impl Run {
         let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
         let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
         let devices = self.record.backend.devices(recipe.devices)?;
-        let mut trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
+        let trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
+        let mut trainer = trainer.seeded(self.record.seed);
         if let Some(saved) = &saved {
             trainer.restore(saved)?;
         }
@@ -214,10 +215,12 @@ impl Run {
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {
             eprintln!(
-                "step {step:6}  validation: RMSE {:.2} m (coarse {:.2}), slope {:.2}° (coarse {:.2}°){}",
+                "step {step:6}  validation: RMSE {:.2} m (untrained {:.2}, coarse {:.2}), slope {:.2}° (untrained {:.2}°, coarse {:.2}°){}",
                 found.network.rmse_m,
+                found.untrained.map_or(f64::NAN, |scores| scores.rmse_m),
                 found.coarse.rmse_m,
                 found.network.slope_mae_deg,
+                found.untrained.map_or(f64::NAN, |scores| scores.slope_mae_deg),
                 found.coarse.slope_mae_deg,
                 if best { "  best" } else { "" }
             );

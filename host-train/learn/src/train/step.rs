@@ -9,17 +9,20 @@ use super::recipe::Recipe;
 use crate::model::backend::describe;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
+use crate::model::swin::depth::factors;
 use crate::stopwatch::{Part, time};
 use burn::grad_clipping::GradientClippingConfig;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
-use elunar_net::config::NetConfig;
+use elunar_net::config::{ImageEncoderKind, NetConfig};
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Image, coarse DTM and truth, each `[B, maps, H, W]`.
 pub type Maps = [Tensor<4>; 3];
+/// A micro-batch, with its number in the step.
+pub(super) type Placed = (usize, Maps);
 
 /// A network and its optimiser on devices with automatic differentiation.
 pub struct Trainer {
@@ -35,6 +38,10 @@ pub struct Trainer {
     devices: Vec<Device>,
     /// Crew of the devices, if there are several.
     crew: Option<Crew>,
+    /// Seed of stochastic depth.
+    seed: u64,
+    /// Number of Swin blocks.
+    blocks: usize,
 }
 
 /// Result of one device, or of all, for a step: gradients and figures, weighted by their share of the batch.
@@ -84,7 +91,15 @@ impl Trainer {
             .init();
         let net = store::load(config, weights, path, &device)?;
         let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
-        Ok(Self { device, net, optimiser, opponent, devices, crew })
+        let swin = config.image_encoder == ImageEncoderKind::Swin;
+        let blocks = if swin { config.depths.iter().sum() } else { 0 };
+        Ok(Self { device, net, optimiser, opponent, devices, crew, seed: 0, blocks })
+    }
+
+    /// Sets the seed of stochastic depth [default: 0].
+    #[must_use]
+    pub fn seeded(self, seed: u64) -> Self {
+        Self { seed, ..self }
     }
 
     /// Returns the device of micro-batch `index` of `count`.
@@ -127,7 +142,8 @@ impl Trainer {
     pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<Maps>) -> Result<StepRecord> {
         assert!(batches.len().is_multiple_of(self.devices.len()), "every device works on as many micro-batches");
         let share = 1.0 / batches.len() as f64;
-        let task = Task { recipe, step, share };
+        let task = Task { recipe, step, share, seed: self.seed, blocks: self.blocks };
+        let batches: Vec<Placed> = batches.into_iter().enumerate().collect();
         let found = match &self.crew {
             None => {
                 let Self { net, opponent, .. } = self;
@@ -168,17 +184,24 @@ struct Task<'a> {
     step: usize,
     /// Weight of one micro-batch.
     share: f64,
+    /// Seed of stochastic depth.
+    seed: u64,
+    /// Number of Swin blocks.
+    blocks: usize,
 }
 
 impl Task<'_> {
     /// Runs forward, loss and backward, one micro-batch after the other.
-    fn work(&self, net: &ELunarDtmNet, batches: Vec<Maps>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
-        let Self { recipe, step, share } = *self;
+    fn work(&self, net: &ELunarDtmNet, batches: Vec<Placed>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
+        let Self { recipe, step, share, seed, blocks } = *self;
         let mut gradients = GradientsAccumulator::new();
         let mut figures = Figures::default();
-        for [image, coarse, truth] in batches {
+        for (number, [image, coarse, truth]) in batches {
             let seen = recipe.precision.of(net);
-            let prediction = time(Part::Forward, || seen.forward(image.clone(), coarse.clone()));
+            let [size, ..] = image.dims();
+            let paths = factors(recipe.drop_path, blocks, seed, step, number * size..(number + 1) * size);
+            let prediction =
+                time(Part::Forward, || seen.forward_in_training(image.clone(), coarse.clone(), paths.as_deref()));
             let terms = time(Part::Loss, || terms(truth.clone(), prediction.clone(), recipe.elevation));
             let mut total = recipe.weights_at(step).total(&terms);
             if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {

@@ -1,6 +1,7 @@
 //! The training loop on a miniature network and synthetic tiles.
 
 use super::adversarial::Adversarial;
+use super::elevation_only::ElevationOnly;
 use super::feed::{Feed, tensors};
 use super::recipe::Recipe;
 use super::run::{BEST, LAST, Record, Run};
@@ -62,7 +63,7 @@ fn rival() -> (NetConfig, Recipe) {
     let (network, recipe) = miniature();
     let network = NetConfig { use_coarse: false, coarse_channel: true, ..network };
     let adversarial = Some(Adversarial { weight: 0.1, learning_rate: 2e-3, width: 4 });
-    (network, Recipe { adversarial, elevation_only: 0.25, ..recipe })
+    (network, Recipe { adversarial, elevation_only: ElevationOnly::Share(0.25), ..recipe })
 }
 
 fn run(folder: &Path, resume: bool, stop_after: Option<usize>) -> Run {
@@ -91,10 +92,11 @@ fn a_killed_run_resumes_bit_for_bit() {
     let (network, recipe) = miniature();
     let shared = (network.clone(), Recipe { devices: 2, precision: Precision::Bf16, ..recipe.clone() });
     // Tiles of several steps, turned crops, a detail stage.
-    let detailed = NetConfig { illumination: Illumination::Sloped, detail: 6, detail_inner: 3, ..network };
+    let detailed = NetConfig { illumination: Illumination::Sloped, detail: 6, detail_inner: 3, ..network.clone() };
     let pooled =
-        (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], average_steps: 64, steps: 40, ..recipe });
-    for kind in [miniature(), rival(), shared, pooled] {
+        (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], average_steps: 64, steps: 40, ..recipe.clone() });
+    let shallow = (network, Recipe { drop_path: 0.5, ..recipe });
+    for kind in [miniature(), rival(), shared, pooled, shallow] {
         resumes_bit_for_bit(&kind);
     }
 }
@@ -256,6 +258,11 @@ fn devices_learn_what_one_learns_from_their_micro_batches() {
     let two = Recipe { devices: 2, ..one.clone() };
     let [alone, together] = [&one, &two].map(|recipe| learnt_and_seen(recipe, &[0, 1], 3));
     assert!(alone[0] == together[0], "weights differ");
+    // They leave out the same branches of the same samples.
+    let shallow = |recipe: &Recipe| learnt_and_seen(&Recipe { drop_path: 0.5, ..recipe.clone() }, &[0, 1], 3);
+    let [alone_shallow, together_shallow] = [&one, &two].map(shallow);
+    assert!(alone_shallow[0] == together_shallow[0], "weights differ with stochastic depth");
+    assert!(alone_shallow[0] != alone[0], "stochastic depth changes nothing");
     // Each device processes two of four micro-batches, and the rounding order of sums differs.
     let [alone, together] = [&one, &two].map(|recipe| learnt(recipe, &[0, 1, 2, 3]));
     let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();

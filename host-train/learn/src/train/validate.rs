@@ -1,8 +1,9 @@
-//! Validation of the network on a fixed set of tiles that are not used for training. The interpolated coarse DTM is the baseline.
+//! Validation of the network on a fixed set of tiles that are not used for training. Baselines are the
+//! interpolated coarse DTM and the pipeline without training.
 
 use super::feed::tensors;
 use super::recipe::Target;
-use super::sample::Sample;
+use super::sample::{Sample, untrained_m};
 use super::source::TileSource;
 use crate::model::elunar::ELunarDtmNet;
 use burn::tensor::Device;
@@ -48,6 +49,9 @@ pub struct Validation {
     pub network: Scores,
     /// Scores of the interpolated coarse DTM, in metres and degrees.
     pub coarse: Scores,
+    /// Scores of the coarse DTM plus photoclinometry ([`untrained_m`]), the baseline of all learning; `None` in results of older programs.
+    #[serde(default)]
+    pub untrained: Option<Scores>,
 }
 
 /// One validation tile: the normalised maps, and the target of training in metres.
@@ -56,6 +60,7 @@ struct Case {
     /// Range for relative errors, if heights are not normalised to a range.
     range: Option<ElevationScale>,
     coarse_m: Vec<f32>,
+    untrained_m: Vec<f32>,
     truth_m: Vec<f32>,
     pixel_m: f32,
 }
@@ -83,6 +88,7 @@ impl ValidationSet {
                 Ok(sample.map(|sample| Case {
                     sample,
                     range,
+                    untrained_m: untrained_m(&tile),
                     coarse_m: tile.coarse_m,
                     truth_m: tile.truth_m,
                     pixel_m: tile.pixel_m,
@@ -102,7 +108,7 @@ impl ValidationSet {
     /// If the network's output has the wrong size, or no finite height.
     pub fn run(&self, net: &ELunarDtmNet, device: &Device) -> Result<Validation> {
         let mut relative = RelativeErrors::default();
-        let (mut network, mut coarse) = (Tally::default(), Tally::default());
+        let [mut network, mut coarse, mut untrained] = [(); 3].map(|()| Tally::default());
         for case in &self.cases {
             let sample = &case.sample;
             let [image, input, _] = tensors(std::slice::from_ref(sample), device);
@@ -122,6 +128,7 @@ impl ValidationSet {
             }
             network.add(case, &output_m)?;
             coarse.add(case, &case.coarse_m)?;
+            untrained.add(case, &case.untrained_m)?;
         }
         let none = || Error::usage("validation: the network's output has no finite height");
         let [a1, a2, a3] = relative.share_within_ratio().ok_or_else(none)?;
@@ -135,6 +142,7 @@ impl ValidationSet {
             psnr_db: relative.psnr_db().ok_or_else(none)?,
             network: network.scores().ok_or_else(none)?,
             coarse: coarse.scores().ok_or_else(none)?,
+            untrained: untrained.scores(),
         })
     }
 }

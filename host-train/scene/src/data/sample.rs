@@ -4,7 +4,7 @@ use crate::maps::Maps;
 use elunar_core::nn::{TileInput, TileLight, TileScale};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::Shape;
-use elunar_net::config::NetConfig;
+use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_net::illumination::{KnownSun, Mirror, mirrored};
 use elunar_raster::{Error, Result};
 
@@ -42,6 +42,21 @@ impl RawTile {
             .apply(&mut self.truth_m, &self.coarse_m, self.cols, &mut difference, &mut sums)
             .map_err(|e| Error::usage(format!("tile: {e}")))?;
         Ok(self)
+    }
+}
+
+/// Returns the heights of a tile without training, metres: its coarse DTM plus linear photoclinometry, as [`Untrained`] makes them. A tile
+/// that cannot be normalised keeps its coarse heights, as in a prediction.
+///
+/// [`Untrained`]: crate::predict::untrained::Untrained
+#[must_use]
+pub fn untrained_m(tile: &RawTile) -> Vec<f32> {
+    match Sample::new(&trained_network(Preset::Nano), tile) {
+        Ok(Sample { coarse: mut heights_m, scale, rows, cols, .. }) => {
+            scale.recover(Shape::new(rows, cols), &mut heights_m);
+            heights_m
+        }
+        Err(_) => tile.coarse_m.clone(),
     }
 }
 

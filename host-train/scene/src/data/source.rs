@@ -91,6 +91,17 @@ impl DataSpec {
         }
     }
 
+    /// Returns the NR of a prepared folder (Eq. 1: harmonic mean of its training tiles' relief, metres); `None` for other sources.
+    ///
+    /// # Errors
+    /// If the folder's manifest cannot be read.
+    pub fn nr(&self) -> Result<Option<f32>> {
+        match self {
+            Self::Prepared { path, .. } => Ok(Manifest::find(path)?.map(|manifest| manifest.nr)),
+            _ => Ok(None),
+        }
+    }
+
     /// Opens the source.
     ///
     /// # Errors

@@ -85,7 +85,7 @@ impl CrossSpectrum {
 }
 
 /// Subtracts the least-squares plane and applies the Hann window, after which the sum is 0.
-fn window(map: &mut [f64], rows: usize, cols: usize) {
+pub(super) fn window(map: &mut [f64], rows: usize, cols: usize) {
     let hann =
         |n: usize| -> Vec<f64> { (0..n).map(|k| 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / n as f64).cos()).collect() };
     let centred = |at: usize, n: usize| at as f64 - 0.5 * (n - 1) as f64;

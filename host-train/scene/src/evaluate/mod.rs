@@ -6,6 +6,7 @@ mod cross_spectrum;
 mod details;
 mod expected;
 mod fill;
+pub mod linear;
 pub mod lowpass;
 mod octaves;
 mod registration;

@@ -20,6 +20,7 @@ mod scene;
 pub mod sun;
 mod survey;
 mod tile;
+pub mod untrained;
 
 #[cfg(test)]
 mod half_tests;

@@ -31,8 +31,8 @@ pub(super) struct Story<'a> {
     pub tuned: Tuned,
     /// Result of step 3.
     pub shrunk: Shrunk,
-    /// Results of step 4: float and int8.
-    pub predicted: [Predicted; 2],
+    /// Results of step 4: without training, float and int8.
+    pub predicted: [Predicted; 3],
     /// Result of step 5.
     pub verdict: Verdict,
     /// Times of these steps.
@@ -51,7 +51,7 @@ impl Story<'_> {
     fn pictures(&self, folder: &Folder) -> Pictures {
         let picture = |name: &str, caption: String| Picture { file: folder.file(name), caption };
         let sun = &self.scene.about;
-        let [float, int8] = &self.predicted;
+        let [untrained, float, int8] = &self.predicted;
         let about_image =
             format!("Image, Sun {:.0}° high from azimuth {:.0}°", sun.sun_elevation_deg, sun.sun_azimuth_deg);
         let rmse = |k: usize| self.verdict.against_truth.scored.get(k).map_or(f64::NAN, |j| j.scores.rmse_m);
@@ -62,6 +62,7 @@ impl Story<'_> {
             scene: vec![
                 picture(IMAGE, about_image),
                 picture(COARSE_SHADE, "Coarse DTM (59 m), interpolated".into()),
+                picture(&untrained.shade(), "Without training: coarse DTM plus photoclinometry".into()),
                 picture(&float.shade(), "DTM of the float network".into()),
                 picture(&int8.shade(), "DTM of the int8 network".into()),
                 picture(TRUTH_SHADE, "Truth".into()),

@@ -6,6 +6,7 @@ use crate::demo::console::minutes;
 use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL};
 use crate::demo::{SHIPPED_MODEL, Start};
 use crate::report::html::{Cell, document, escaped, figure, table};
+use elunar_learn::train::validate::Scores as TileScores;
 use elunar_raster::Result;
 use elunar_scene::evaluate::Scores;
 
@@ -26,7 +27,7 @@ pub(super) fn page(story: &Story, pictures: &Pictures) -> Result<String> {
     Ok(document("ELunarDTM: a tour", &sections.concat()))
 }
 
-/// Returns the scores of coarse DTM, float and int8.
+/// Returns the scores of coarse DTM, the pipeline without training, float and int8.
 fn scores(story: &Story) -> Vec<Scores> {
     story.verdict.against_truth.scored.iter().map(|scored| scored.scores).collect()
 }
@@ -40,12 +41,14 @@ fn change(from: f64, to: f64, unit: &str) -> String {
 fn opening(story: &Story) -> String {
     let all = scores(story);
     let found = match all.as_slice() {
-        [coarse, float, int8, ..] => format!(
-            "On this scene the mean slope error goes {} with the float network and to {:.2}° with the int8 one; the height RMSE goes \
-             {} and to {:.2} m.",
-            change(coarse.slope_mae_deg, float.slope_mae_deg, "°"),
+        [coarse, untrained, float, int8, ..] => format!(
+            "On this scene the mean slope error goes {} without any training (photoclinometry), to {:.2}° with the float network and to \
+             {:.2}° with the int8 one; the height RMSE goes {}, to {:.2} m and to {:.2} m.",
+            change(coarse.slope_mae_deg, untrained.slope_mae_deg, "°"),
+            float.slope_mae_deg,
             int8.slope_mae_deg,
-            change(coarse.rmse_m, float.rmse_m, " m"),
+            change(coarse.rmse_m, untrained.rmse_m, " m"),
+            float.rmse_m,
             int8.rmse_m
         ),
         _ => String::new(),
@@ -110,7 +113,8 @@ fn accuracy(story: &Story, pictures: &Pictures) -> Result<String> {
     let errors: String = pictures.errors.iter().map(figure).collect::<Result<_>>()?;
     let comparison = &story.verdict.against_truth;
     Ok(format!(
-        "<h2>Against the truth</h2>\n{}<p class=\"faint\">{} of {} pixels, the ones all three DTMs have. Slopes are Horn's over \
+        "<h2>Against the truth</h2>\n{}<p class=\"faint\">{} of {} pixels, the ones all four DTMs have. Untrained: coarse DTM plus photoclinometry, the \
+         pipeline with a network that corrects nothing. Slopes are Horn's over \
          3 × 3 pixels of {} m. Errors are DTM minus truth. The coarse DTM carries an error that changes slowly over hundreds of \
          metres, as global DTMs do; an image does not tell it, so that heights gain less than slopes. \
          Maps: white within 2 m, then classes up to 4 m, up to 10 m and beyond; reds are too high, blues too low.</p>\n\
@@ -130,15 +134,18 @@ fn training(story: &Story, pictures: &Pictures) -> Result<String> {
     } else {
         "Training found nothing better than what it started from, so the tour went on with that."
     };
-    let row = |name: &str, before: f64, after: f64, coarse: f64| {
-        let cell = |v: f64| Cell::plain(format!("{v:.2}"));
-        vec![Cell::plain(name), cell(coarse), cell(before), cell(after)]
+    let (before, after) = (&tuned.before, &tuned.after);
+    let row = |name: &str, figure: fn(&TileScores) -> f64| {
+        let all = [Some(&before.coarse), before.untrained.as_ref(), Some(&before.network), Some(&after.network)];
+        let cell = |scores: Option<&TileScores>| {
+            Cell::plain(scores.map_or_else(|| "–".into(), |scores| format!("{:.2}", figure(scores))))
+        };
+        std::iter::once(Cell::plain(name)).chain(all.map(cell)).collect::<Vec<_>>()
     };
-    let (b, a, c) = (&tuned.before.network, &tuned.after.network, &tuned.before.coarse);
     let rows = [
-        row("Height RMSE, m", b.rmse_m, a.rmse_m, c.rmse_m),
-        row("Height MAE, m", b.mae_m, a.mae_m, c.mae_m),
-        row("Slope MAE, °", b.slope_mae_deg, a.slope_mae_deg, c.slope_mae_deg),
+        row("Height RMSE, m", |s| s.rmse_m),
+        row("Height MAE, m", |s| s.mae_m),
+        row("Slope MAE, °", |s| s.slope_mae_deg),
     ];
     Ok(format!(
         "<h2>Training</h2>\n<p>{} parameters, from {}, {} steps of {} crops of {} × {} pixels at a learning rate of {:.0e} falling to \
@@ -157,7 +164,7 @@ fn training(story: &Story, pictures: &Pictures) -> Result<String> {
         tuned.sun_deg.0,
         tuned.sun_deg.1,
         recipe.validation_tiles,
-        table(&["", NAMES[0], "before", "best of the run"], &rows),
+        table(&["", NAMES[0], NAMES[1], "before", "best of the run"], &rows),
         figure(&pictures.curves)?
     ))
 }

@@ -1,6 +1,7 @@
 //! One Swin block: windowed attention and a two-layer perceptron, each after a layer norm and with a residual connection.
 
 use super::attention::WindowAttention;
+use super::depth::{BlockFactors, scaled};
 use super::windows::{WindowPlan, merge, partition};
 use crate::model::ops::{layer_norm, perceptron};
 use burn::module::Module;
@@ -44,15 +45,21 @@ impl Block {
         }
     }
 
-    /// Maps `[B, H, W, C]` to the same shape.
-    pub fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+    /// Maps `[B, H, W, C]` to the same shape. `factors` multiply the residual branches of every sample; `None` leaves them as they are.
+    pub fn forward(&self, x: Tensor<4>, factors: Option<&BlockFactors>) -> Tensor<4> {
         let [_, h, w, _] = x.dims();
         let plan = WindowPlan::new(h, w, self.window, self.shift);
-        let x = match self.attn.in_one(&self.norm1, plan, &x) {
-            Some(x) => x,
-            None => x.clone().add(self.attend(layer_norm(&self.norm1, x), plan)),
+        let weigh = |branch: usize, x: Tensor<4>, sum: Tensor<4>| match factors {
+            Some(both) => x.clone().add(scaled(sum.sub(x), &both[branch])),
+            None => sum,
         };
-        perceptron(&self.norm2, [&self.mlp.fc1, &self.mlp.fc2], x)
+        let sum = match self.attn.in_one(&self.norm1, plan, &x) {
+            Some(sum) => sum,
+            None => x.clone().add(self.attend(layer_norm(&self.norm1, x.clone()), plan)),
+        };
+        let x = weigh(0, x, sum);
+        let sum = perceptron(&self.norm2, [&self.mlp.fc1, &self.mlp.fc2], x.clone());
+        weigh(1, x, sum)
     }
 
     fn attend(&self, y: Tensor<4>, plan: WindowPlan) -> Tensor<4> {

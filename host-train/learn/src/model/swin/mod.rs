@@ -2,9 +2,11 @@
 
 pub mod attention;
 pub mod block;
+pub mod depth;
 pub mod windows;
 
 use self::block::Block;
+use self::depth::BlockFactors;
 use super::ops::layer_norm;
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
@@ -66,13 +68,18 @@ impl Swin {
         Self { patch_embed, layers, norm0: norm(0), norm1: norm(1), norm2: norm(2), norm3: norm(3) }
     }
 
-    /// Maps `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`.
-    pub fn forward(&self, image: Tensor<4>) -> [Tensor<4>; 4] {
+    /// Maps `[B, maps, H, W]` ([`NetConfig::image_maps`]) to E2..E5: `[B, C << i, H / (4 << i), W / (4 << i)]`. `factors` of every block are
+    /// those of stochastic depth ([`depth::factors`]).
+    pub fn forward(&self, image: Tensor<4>, factors: Option<&[BlockFactors]>) -> [Tensor<4>; 4] {
         let tokens = self.patch_embed.proj.forward(image).permute([0, 2, 3, 1]);
         let mut x = layer_norm(&self.patch_embed.norm, tokens);
         let norms = [&self.norm0, &self.norm1, &self.norm2, &self.norm3];
+        let mut first = 0;
         std::array::from_fn(|i| {
-            x = self.layers[i].forward(x.clone());
+            let stage = &self.layers[i];
+            let own = first..first + stage.blocks.len();
+            first = own.end;
+            x = stage.forward(x.clone(), factors.map(|all| &all[own]));
             layer_norm(norms[i], x.clone()).permute([0, 3, 1, 2])
         })
     }
@@ -91,11 +98,11 @@ impl Stage {
         Self { downsample, blocks }
     }
 
-    fn forward(&self, x: Tensor<4>) -> Tensor<4> {
+    fn forward(&self, x: Tensor<4>, factors: Option<&[BlockFactors]>) -> Tensor<4> {
         let x = match &self.downsample {
             Some(merging) => merging.forward(x),
             None => x,
         };
-        self.blocks.iter().fold(x, |x, block| block.forward(x))
+        self.blocks.iter().enumerate().fold(x, |x, (i, block)| block.forward(x, factors.map(|all| &all[i])))
     }
 }

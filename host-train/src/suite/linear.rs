@@ -1,0 +1,134 @@
+//! The bound for linear methods: the best linear filter that other grounds under the scene's light allow.
+//!
+//! For every scene, grounds of the synthetic Moon are rendered under its Sun, with its coarse DTM's resolution. [`LinearFilter`] learns from
+//! their truths, is applied to the scene, and the result is anchored as a network's is. Photoclinometry and shape from shading with one fixed
+//! filter cannot do better on such grounds. The filter knows truths of the same generator, so it is a bound and no competitor.
+
+use super::list::Entry;
+use super::scene::TestScene;
+use elunar_core::norm::Anchor;
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_raster::{Error, Raster, Result};
+use elunar_scene::evaluate::linear::{Lesson, LinearFilter, contrast, in_pixels};
+use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions, TerrainKind};
+use rayon::prelude::*;
+
+/// Number of grounds that teach a scene's filter (our choice).
+const GROUNDS: usize = 32;
+/// Number of grounds of which those are taken whose contrast is nearest to the scene's. Brightness is less linear the rougher the ground.
+const CANDIDATES: u64 = 96;
+/// Seed of these grounds' Moon, far from those of training, validation, tours and the built-in suite.
+const SEED: u64 = 700_000_000_000;
+/// Rows and columns of a ground. The gains of scenes of another size are interpolated.
+const GROUND_PX: (usize, usize) = (TILE_ROWS, TILE_COLS);
+/// Pixels that the synthetic Moon can have, metres.
+const PIXEL_M: (f64, f64) = (1.0, 8.0);
+
+/// Returns the first scene whose Sun is not known. Its light cannot be given to other grounds.
+pub(super) fn without_sun(scenes: &[Entry]) -> Option<&Entry> {
+    let known = |scene: &Entry| scene.sun_azimuth_deg.is_some() && scene.sun_elevation_deg.is_some();
+    scenes.iter().find(|scene| scene.synth.is_none() && !known(scene))
+}
+
+/// Returns the options of the grounds that teach the filter of `scene`: those of its list, else the defaults with the scene's kind and as many
+/// pixels per coarse pixel; under the scene's Sun.
+fn options(scene: &TestScene) -> Result<SynthOptions> {
+    let (Some(azimuth_deg), Some(elevation_deg)) = scene.sun_deg else {
+        let what = "linear bound: expected the Sun's azimuth and elevation, found none";
+        return Err(Error::usage(format!("scene {}: {what}", scene.entry.name)));
+    };
+    let of_list = scene.entry.synth.as_ref().map(|synth| synth.options.clone());
+    let base = of_list.unwrap_or_else(|| SynthOptions {
+        pixel_m: (COARSE_PIXEL_M / f64::from(scene.input.coarse_px)).clamp(PIXEL_M.0, PIXEL_M.1),
+        kind: match scene.entry.kind.as_str() {
+            "mare" => Some(TerrainKind::Mare),
+            "highland" => Some(TerrainKind::Highland),
+            _ => None,
+        },
+        ..SynthOptions::default()
+    });
+    Ok(SynthOptions {
+        rows: GROUND_PX.0,
+        cols: GROUND_PX.1,
+        also_pixel_m: vec![],
+        sun_azimuth_deg: (azimuth_deg.rem_euclid(360.0), azimuth_deg.rem_euclid(360.0)),
+        sun_elevation_deg: (elevation_deg, elevation_deg),
+        ..base
+    })
+}
+
+/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, it keeps the coarse
+/// DTM's long waves.
+///
+/// # Errors
+/// [`Error::Usage`] if the Sun is not known, or stands where the synthetic Moon has none.
+pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
+    let options = options(scene)?;
+    let (shape, pixel_m) = ((options.rows, options.cols), options.pixel_m);
+    let moon = Moon::new(SEED, options)?;
+    let image = contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols));
+    let rms = |map: &[f64]| (map.iter().map(|v| v * v).sum::<f64>() / map.len().max(1) as f64).sqrt();
+    let off = |index: u64| (rms(&contrast(&moon.tile(index).image, shape)) / rms(&image)).ln().abs();
+    let mut found: Vec<(f64, u64)> = (0..CANDIDATES).into_par_iter().map(|index| (off(index), index)).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(GROUNDS);
+    let lesson = |number: usize| {
+        let ground = moon.tile(found[number].1);
+        Ok(Lesson {
+            contrast: contrast(&ground.image, shape),
+            coarse: in_pixels(&ground.coarse_m, pixel_m, shape),
+            truth: in_pixels(&ground.truth_m, pixel_m, shape),
+        })
+    };
+    let filter = LinearFilter::fit(shape, (COARSE_PIXEL_M / pixel_m) as f32, found.len(), lesson)?;
+    let coarse = scene.input.coarse_raster()?;
+    let (shape, pixel_m) = ((coarse.rows, coarse.cols), f64::from(scene.input.pixel_m));
+    let filled = in_pixels(&coarse.samples, pixel_m, shape);
+    let heights = filter.apply(&image, &filled, shape);
+    let [mut heights_m, coarse_m] =
+        [heights, filled].map(|map| map.iter().map(|z| (z * pixel_m) as f32).collect::<Vec<f32>>());
+    if anchored {
+        let (mut difference, mut sums) = (vec![0.0; coarse_m.len()], vec![0.0; Anchor::sums_len(shape.0, shape.1)]);
+        Anchor::new(scene.input.coarse_px)
+            .apply(&mut heights_m, &coarse_m, shape.1, &mut difference, &mut sums)
+            .map_err(|e| Error::usage(format!("linear bound: {e}")))?;
+    }
+    let valid = |(height, coarse): (f32, &f32)| if coarse.is_finite() { height } else { f32::NAN };
+    let samples = heights_m.into_iter().zip(&coarse.samples).map(valid).collect();
+    Ok(Raster { samples, ..coarse })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suite::list::List;
+    use crate::suite::method::{Method, Usage};
+    use crate::suite::score::score;
+
+    #[test]
+    fn the_bound_is_no_worse_than_the_untrained_pipeline() {
+        let list = List::built_in().unwrap();
+        for name in ["mare-a-sun1", "highland-b-sun2"] {
+            let mut entry = list.scene.iter().find(|scene| scene.name == name).unwrap().clone();
+            let options = &mut entry.synth.as_mut().unwrap().options;
+            (options.rows, options.cols) = (256, 320);
+            let scene = TestScene::make(&entry).unwrap();
+            let methods = [Method::untrained(Usage::default()), Method::linear_bound(Usage::default())];
+            let found = score(&scene, &methods.iter().collect::<Vec<_>>()).unwrap().result.scored;
+            let figures = |k: usize| (found[k].heights.rmse_m, found[k].relief.slope_vector_error.unwrap());
+            let ([coarse, untrained, bound], name) = ([0, 1, 2].map(figures), name);
+            println!("{name}: coarse {coarse:.4?}, untrained {untrained:.4?}, linear bound {bound:.4?}");
+            assert!(bound.0 <= 1.02 * untrained.0 && bound.1 <= 1.02 * untrained.1, "{name}: {bound:?} {untrained:?}");
+            assert!(bound.1 < 0.8 * coarse.1, "{name}: {bound:?} {coarse:?}");
+        }
+    }
+
+    #[test]
+    fn a_scene_without_a_sun_is_found() {
+        let list = List::built_in().unwrap();
+        assert!(without_sun(&list.scene).is_none());
+        let file = Entry { truth: Some("t.tif".into()), sun_azimuth_deg: Some(90.0), ..Entry::named("f".into()) };
+        assert_eq!(without_sun(std::slice::from_ref(&file)).map(|scene| scene.name.as_str()), Some("f"));
+        assert!(without_sun(&[Entry { sun_elevation_deg: Some(20.0), ..file }]).is_none());
+    }
+}
