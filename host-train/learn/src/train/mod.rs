@@ -5,6 +5,7 @@
 //! several devices. [`checkpoint`] allows a killed run to continue. [`validate`], [`journal`] and [`curves`] record the progress.
 //! [`speed`] measures steps and feed.
 
+mod adamw;
 pub mod adversarial;
 pub mod average;
 pub mod checkpoint;

@@ -1,5 +1,6 @@
 //! One optimiser step: forward, loss, backward, AdamW.
 
+use super::adamw::ClippedAdamW;
 use super::adversarial::{Opponent, Scene};
 use super::checkpoint::Checkpoint;
 use super::journal::StepRecord;
@@ -11,8 +12,7 @@ use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::swin::depth::factors;
 use crate::stopwatch::{Part, time};
-use burn::grad_clipping::GradientClippingConfig;
-use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_net::config::{ImageEncoderKind, NetConfig};
 use elunar_net::weights::Weights;
@@ -84,11 +84,7 @@ impl Trainer {
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::usage("devices: expected at least one, found none"))?.clone();
         let crew = if devices.len() > 1 { Some(Crew::new(&devices)?) } else { None };
-        let optimiser = AdamWConfig::new()
-            .with_weight_decay(recipe.weight_decay)
-            .with_epsilon(1e-8)
-            .with_grad_clipping(Some(GradientClippingConfig::Norm(recipe.clip_norm)))
-            .init();
+        let optimiser = ClippedAdamW::new(recipe.weight_decay, recipe.clip_norm).into();
         let net = store::load(config, weights, path, &device)?;
         let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
         let swin = config.image_encoder == ImageEncoderKind::Swin;
