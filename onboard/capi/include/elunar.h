@@ -120,6 +120,11 @@
 #define ELD_LIGHT_WEIGHED 3
 
 /**
+ * Light: as `ELD_LIGHT_WEIGHED`, with more maps: the slopes of the first estimate, and the direction of the light.
+ */
+#define ELD_LIGHT_SLOPED 4
+
+/**
  * Heights: scaled by the relief of the tile's own truth, which the relief of the coarse DTM replaces.
  */
 #define ELD_HEIGHTS_OWN_RELIEF 0
