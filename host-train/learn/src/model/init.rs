@@ -58,7 +58,7 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
 /// [`Error::Broken`] if they do not fit the configuration.
 pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &Path) -> Result<Weights> {
     config.check().map_err(|what| Error::broken(path, what))?;
-    if config.detail >= config.decoder[4] && !weights.tensors.contains_key("detail.join.weight") {
+    if config.detail >= config.decoder[4] {
         add_detail(&mut weights, config, seed);
     }
     if !config.coarse_channel {
@@ -72,11 +72,16 @@ pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &P
     Ok(weights)
 }
 
-/// Adds a detail stage that passes the decoder's last map on, which has no negative values.
+/// Adds what is missing of the detail stage. New blocks pass their input on, and a new stage the decoder's last map, which has no negative
+/// values.
 fn add_detail(weights: &mut Weights, config: &NetConfig, seed: u64) {
-    let fresh = initial_weights(config, seed).tensors;
-    weights.tensors.extend(fresh.into_iter().filter(|(name, _)| name.starts_with("detail.")));
-    if let Some(join) = weights.tensors.get_mut("detail.join.weight") {
+    let whole = weights.tensors.contains_key("detail.join.weight");
+    for (name, array) in initial_weights(config, seed).tensors {
+        if name.starts_with("detail.") {
+            weights.tensors.entry(name).or_insert(array);
+        }
+    }
+    if let Some(join) = weights.tensors.get_mut("detail.join.weight").filter(|_| !whole) {
         let filter = join.data.len() / config.detail;
         for (channel, filter) in join.data.chunks_exact_mut(filter).enumerate().take(config.decoder[4]) {
             filter.fill(0.0);
