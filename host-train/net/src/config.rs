@@ -191,6 +191,9 @@ pub struct NetConfig {
     /// a single branch do so. Not exported.
     #[serde(default)]
     pub coarse_channel: bool,
+    /// Channels of the levels of a plain U-Net, which takes the place of the paper's network; empty: none. Not exported.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unet: Vec<usize>,
     /// Channels of the detail stage; 0: none, as in the paper. The stage works at full resolution, on the image's maps and on the decoder's
     /// last map (our choice: patches of 4 x 4 pixels and a stem of stride 2 lose what the finest waves show).
     #[serde(default)]
@@ -257,6 +260,7 @@ impl NetConfig {
             bn_momentum: 0.1,
             use_coarse: true,
             coarse_channel: false,
+            unet: Vec::new(),
             detail: 0,
             detail_inner: 0,
             detail_blocks: 1,
@@ -265,7 +269,11 @@ impl NetConfig {
 
     /// Returns the number of channels that the head reads.
     pub fn head_channels(&self) -> usize {
-        if self.detail > 0 { self.detail } else { self.decoder[4] }
+        match self.unet.first() {
+            Some(&width) => width,
+            None if self.detail > 0 => self.detail,
+            None => self.decoder[4],
+        }
     }
 
     /// Returns the number of the image's maps: 1 for brightness, 4 for a guide.
@@ -311,6 +319,16 @@ impl NetConfig {
                     "configuration: stage {i}: expected heads to divide {dim} channels, found {heads}"
                 ));
             }
+        }
+        if self.unet.len() > 6 || self.unet.iter().any(|n| !(1..=1 << 10).contains(n)) {
+            return Err(format!(
+                "configuration: expected unet with at most 6 widths in 1..=1024, found {:?}",
+                self.unet
+            ));
+        }
+        let whole = self.use_coarse && self.detail == 0 && !self.coarse_channel;
+        if !self.unet.is_empty() && !whole {
+            return Err("configuration: a U-Net replaces all branches: expected neither detail nor coarse_channel nor use_coarse = false".into());
         }
         let Self { detail, detail_inner, detail_blocks, .. } = *self;
         if detail > 1 << 10 || detail_inner > 1 << 10 || detail_blocks > 64 {

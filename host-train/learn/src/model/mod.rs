@@ -14,3 +14,4 @@ pub mod precision;
 pub mod resnet;
 pub mod store;
 pub mod swin;
+pub mod unet;

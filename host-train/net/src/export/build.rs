@@ -14,7 +14,7 @@ pub const NORM_EPSILON: f64 = 1e-5;
 /// Builds the graph for tiles of `rows` by `cols`. Messages call the weights `path`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network, [`Error::Broken`] if weights
+/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network or a U-Net, [`Error::Broken`] if weights
 /// do not fit the configuration: all misfits in one line, each with expected and found shape.
 pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
     config.check().map_err(|what| Error::broken(path, what))?;
@@ -25,6 +25,12 @@ pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (
         return Err(Error::unsupported(
             path,
             "expected a network with a branch for the coarse DTM; it is a channel of the image here",
+        ));
+    }
+    if !config.unet.is_empty() {
+        return Err(Error::unsupported(
+            path,
+            "expected the paper's network; a plain U-Net is for comparisons on the ground",
         ));
     }
     let mut builder = Builder::new(config, weights);

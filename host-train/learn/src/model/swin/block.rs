@@ -143,7 +143,7 @@ mod tests {
                 let hidden = gelu(block.mlp.fc1.forward(block.norm2.forward(x.clone())));
                 x.add(block.mlp.fc2.forward(hidden))
             };
-            let [found, expected] = [block.forward(x.clone()), composed].map(|y| {
+            let [found, expected] = [block.forward(x.clone(), None), composed].map(|y| {
                 let gradients = y.clone().mul(other.clone()).sum().backward();
                 let of_x = numbers(x.grad(&gradients).expect("a gradient"));
                 let mut list = Listed(GradientsParams::from_grads(gradients, &block), Vec::new());
