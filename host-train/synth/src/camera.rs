@@ -12,7 +12,7 @@ const FULL_WELL_E: f32 = 255_000.0;
 const DN_MAX: f32 = 4095.0;
 /// Standard deviation of the blur, pixels. A modulation transfer of 28 % at the Nyquist frequency is a Gaussian of 0.51 px. The upper end
 /// includes our allowance for the resampling of an orthoimage.
-const BLUR_PX: std::ops::Range<f32> = 0.5..0.7;
+pub(super) const BLUR_PX: (f64, f64) = (0.5, 0.7);
 /// Mean signal, electrons, drawn log-uniformly: from a signal-to-noise ratio of about 49 (near the terminator) to 250.
 const MEAN_SIGNAL_E: std::ops::Range<f32> = 5_000.0..80_000.0;
 
@@ -23,10 +23,11 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// Draws blur and exposure.
-    pub(super) fn draw(rng: &mut ChaCha8Rng) -> Self {
+    /// Draws blur, in pixels between these ends, and exposure.
+    pub(super) fn draw(rng: &mut ChaCha8Rng, (low, high): (f64, f64)) -> Self {
+        let (low, high) = (low as f32, high as f32);
         Self {
-            blur_px: rng.random_range(BLUR_PX),
+            blur_px: if low < high { rng.random_range(low..high) } else { low },
             mean_signal_e: rng.random_range(MEAN_SIGNAL_E.start.ln()..MEAN_SIGNAL_E.end.ln()).exp(),
         }
     }

@@ -19,6 +19,8 @@ pub(super) struct Factors {
     pub lunar_weight_shift: f32,
     /// Relation of DN to radiance.
     pub response: Response,
+    /// Standard deviation of the Gaussian that smooths the ground, pixels.
+    pub smooth_px: f32,
     /// RMS of the coarse DTM's stripes, metres.
     pub stripes_m: f64,
     /// Random stream of the stripes.
@@ -36,8 +38,9 @@ impl Factors {
         let exponent = within(&mut rng, options.response_exponent) as f32;
         let pedestal = within(&mut rng, options.pedestal) as f32;
         let stripes_m = within(&mut rng, options.coarse_stripes_m);
+        let smooth_px = (options.smooth_ground_px * rng.random::<f64>().powi(2)) as f32;
         let response = Response { exponent, pedestal };
-        Self { relief, albedo_contrast, lunar_weight_shift, response, stripes_m, stripes: rng }
+        Self { relief, albedo_contrast, lunar_weight_shift, response, smooth_px, stripes_m, stripes: rng }
     }
 }
 

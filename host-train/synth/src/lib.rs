@@ -19,6 +19,7 @@ mod light;
 mod moon;
 mod options;
 mod photograph;
+mod smooth;
 pub mod structure;
 
 pub use coarse::{COARSE_PIXEL_M, CoarseGrid};

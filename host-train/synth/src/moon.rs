@@ -6,6 +6,7 @@ use super::crater::{self, Profiles};
 use super::factors::{Factors, within};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
+use super::smooth::smooth;
 use super::{SynthOptions, TerrainKind, boulder};
 use elunar_raster::Result;
 use elunar_raster::resample::{PixelMap, resample_bicubic};
@@ -192,7 +193,8 @@ impl Moon {
         let mut factors = Factors::draw(self.seed, index, options);
         let (heights_m, mut log_albedo) = self.terrain(rng, kind, factors.relief, shop);
         log_albedo.iter_mut().for_each(|log| *log *= factors.albedo_contrast);
-        let (_, cols) = shop.plan.shape();
+        let (rows, cols) = shop.plan.shape();
+        let heights_m = smooth(heights_m, [rows, cols], factors.smooth_px);
         let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
         let mut coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);
         coarse::add_stripes(&mut factors.stripes, &mut coarse.heights_m, coarse.cols, factors.stripes_m);
@@ -254,7 +256,7 @@ impl Moon {
         for (value, log_albedo) in radiance.iter_mut().zip(crop(log_albedo, cols, shop)) {
             *value *= log_albedo.exp();
         }
-        Exposure::draw(rng).take(rng, &radiance, shop.rows, shop.cols)
+        Exposure::draw(rng, self.options.blur_px).take(rng, &radiance, shop.rows, shop.cols)
     }
 }
 

@@ -44,6 +44,11 @@ pub struct SynthOptions {
     pub response_exponent: (f64, f64),
     /// DN without light, as a share of the mean DN: stray light, or the stretch of a picture for viewing; drawn uniformly. Default 0.
     pub pedestal: (f64, f64),
+    /// Standard deviation of the camera's blur, pixels, 0–1.5; drawn uniformly. Default 0.5–0.7 (LROC NAC).
+    pub blur_px: (f64, f64),
+    /// Greatest standard deviation of a Gaussian that smooths the ground before it is photographed, pixels: DTMs of other origin have less
+    /// detail than their images could show. Drawn as this times the square of a uniform number. Default 0.
+    pub smooth_ground_px: f64,
     /// RMS of the coarse DTM's stripes along laser tracks and steps at seams, metres; drawn uniformly. Default 0.
     pub coarse_stripes_m: (f64, f64),
     /// Whether fresh craters have boulders. Default true.
@@ -67,6 +72,8 @@ impl Default for SynthOptions {
             lunar_weight_shift: (0.0, 0.0),
             response_exponent: (1.0, 1.0),
             pedestal: (0.0, 0.0),
+            blur_px: crate::camera::BLUR_PX,
+            smooth_ground_px: 0.0,
             coarse_stripes_m: (0.0, 0.0),
             boulders: true,
         }
@@ -102,6 +109,8 @@ impl SynthOptions {
         range("lunar_weight_shift", self.lunar_weight_shift, -1.0, 1.0)?;
         range("response_exponent", self.response_exponent, 0.2, 5.0)?;
         range("pedestal", self.pedestal, -0.5, 2.0)?;
+        range("blur_px", self.blur_px, 0.0, 1.5)?;
+        range("smooth_ground_px", (self.smooth_ground_px, self.smooth_ground_px), 0.0, 10.0)?;
         range("coarse_stripes_m", self.coarse_stripes_m, 0.0, 100.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
     }

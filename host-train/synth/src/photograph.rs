@@ -1,6 +1,6 @@
 //! An image of given ground, with the generator's light and camera.
 
-use super::camera::Exposure;
+use super::camera::{BLUR_PX, Exposure};
 use super::light::{Sun, reflectance};
 use elunar_raster::{Error, Raster, Result};
 use rand::SeedableRng;
@@ -28,7 +28,7 @@ pub fn photograph(dtm: &Raster, (azimuth_deg, elevation_deg): (f64, f64), seed: 
     let sun = Sun { azimuth_deg, elevation_deg };
     let radiance = reflectance(&dtm.samples, [dtm.rows, dtm.cols], (row_m * col_m).sqrt(), &sun, 0.0);
     let rng = &mut ChaCha8Rng::seed_from_u64(seed);
-    let samples = Exposure::draw(rng).take(rng, &radiance, dtm.rows, dtm.cols);
+    let samples = Exposure::draw(rng, BLUR_PX).take(rng, &radiance, dtm.rows, dtm.cols);
     Ok(Raster { samples, ..dtm.clone() })
 }
 

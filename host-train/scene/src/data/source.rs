@@ -45,7 +45,8 @@ pub enum DataSpec {
 
 /// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
 /// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
-/// times as rough as usual, and patches have none to three times the usual contrast. Coarse DTMs have none to 4 m of long-wave error. Photometry and tones differ from the average ground and
+/// times as rough as usual, and patches have none to three times the usual contrast. Coarse DTMs have none to 4 m of long-wave error. Ground is often smoother than an image could show, and the blur differs.
+/// Photometry and tones differ from the average ground and
 /// a calibrated camera. Coarse DTMs have stripes and steps.
 fn training_moon() -> SynthOptions {
     SynthOptions {
@@ -57,6 +58,8 @@ fn training_moon() -> SynthOptions {
         lunar_weight_shift: (-0.3, 0.3),
         response_exponent: (0.7, 1.3),
         pedestal: (0.0, 0.2),
+        blur_px: (0.2, 1.0),
+        smooth_ground_px: 2.5,
         coarse_stripes_m: (0.0, 1.5),
         ..SynthOptions::default()
     }
