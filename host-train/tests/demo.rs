@@ -67,10 +67,12 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     let expected = [
         "image.png",
         "coarse_hillshade.png",
+        "dtm_untrained_hillshade.png",
         "dtm_float_hillshade.png",
         "dtm_int8_hillshade.png",
         "truth_hillshade.png",
         "error_coarse.png",
+        "error_untrained.png",
         "error_float.png",
         "error_int8.png",
         "profile.png",
@@ -88,7 +90,7 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     let (truth, int8) =
         (read(out.path().join("scene_0000_truth.tif")).unwrap(), read(out.path().join("dtm_int8.tif")).unwrap());
     let found = compare(Named::new("t", &truth), &[Candidate::fine("i", &int8)], None).unwrap().scored[0].scores;
-    let stated = figures["against_truth"]["candidates"][2]["rmse_m"].as_f64().unwrap();
+    let stated = figures["against_truth"]["candidates"][3]["rmse_m"].as_f64().unwrap();
     assert!((stated - found.rmse_m).abs() < 1e-9, "{stated} {}", found.rmse_m);
     assert!(page.contains(&format!(">{:.2}</td>", found.slope_mae_deg)), "the table holds the slope error");
     assert!(

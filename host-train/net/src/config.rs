@@ -132,7 +132,8 @@ impl Switches {
         config.illumination = self.illumination.unwrap_or(config.illumination);
         config.bn_momentum = self.bn_momentum.unwrap_or(config.bn_momentum);
         if let Some(detail) = self.detail {
-            (config.detail, config.detail_inner) = (detail, detail / 2);
+            let stage = detail > 0;
+            (config.detail, config.detail_inner, config.detail_blocks) = (detail, detail / 2, usize::from(stage));
         }
         config.detail_inner = self.detail_inner.unwrap_or(config.detail_inner);
         config.detail_blocks = self.detail_blocks.unwrap_or(config.detail_blocks);
@@ -192,7 +193,7 @@ pub struct NetConfig {
     #[serde(default)]
     pub coarse_channel: bool,
     /// Channels of the levels of a plain U-Net, which takes the place of the paper's network; empty: none. Not exported.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default)]
     pub unet: Vec<usize>,
     /// Channels of the detail stage; 0: none, as in the paper. The stage works at full resolution, on the image's maps and on the decoder's
     /// last map (our choice: patches of 4 x 4 pixels and a stem of stride 2 lose what the finest waves show).
@@ -263,7 +264,7 @@ impl NetConfig {
             unet: Vec::new(),
             detail: 0,
             detail_inner: 0,
-            detail_blocks: 1,
+            detail_blocks: 0,
         }
     }
 
@@ -408,5 +409,32 @@ pub fn miniature_network() -> NetConfig {
         dtm: [4, 4, 4, 4, 8],
         decoder: [8, 8, 8, 4, 4],
         ..trained_network(Preset::Nano)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_detail_stage_has_a_block_of_half_its_channels_unless_stated() {
+        let of = |switches: Switches| switches.apply(trained_network(Preset::Nano)).map_err(|e| e.to_string());
+        let shape = |c: NetConfig| [c.detail, c.detail_inner, c.detail_blocks, c.head_channels()];
+        let detail = |detail| Switches { detail: Some(detail), ..Switches::default() };
+        assert_eq!(of(Switches::default()).map(shape), Ok([0, 0, 0, 8]));
+        assert_eq!(of(detail(16)).map(shape), Ok([16, 8, 1, 16]));
+        let stated = Switches { detail_inner: Some(5), detail_blocks: Some(3), ..detail(12) };
+        assert_eq!(of(stated).map(shape), Ok([12, 5, 3, 12]));
+        assert!(of(Switches { detail_inner: Some(0), ..detail(4) }).unwrap_err().contains("detail_inner > 0"));
+        assert!(of(detail(5000)).unwrap_err().contains("0..=1024"));
+    }
+
+    #[test]
+    fn a_u_net_stands_alone() {
+        let with = |unet: &[usize]| NetConfig { unet: unet.to_vec(), ..trained_network(Preset::Nano) };
+        assert_eq!((with(&[16, 32]).check(), with(&[16, 32]).head_channels()), (Ok(()), 16));
+        assert!(with(&[0]).check().unwrap_err().contains("widths"));
+        let both = NetConfig { detail: 8, detail_inner: 4, ..with(&[16]) };
+        assert!(both.check().unwrap_err().contains("U-Net"));
     }
 }

@@ -26,6 +26,7 @@ pub const SHIPPED_MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nan
 
 /// Initial weights of the training.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "a tour has one of them")]
 pub enum Start {
     /// Float weights with their configuration.
     Weights(PathBuf),

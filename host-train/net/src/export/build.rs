@@ -129,20 +129,33 @@ impl<'a> Builder<'a> {
     fn detail(&mut self, image: NodeId, d: NodeId) -> NodeId {
         let (channels, inner) = (self.config.detail, self.config.detail_inner);
         // As in the decoder: the steps of an 8-bit map before the head would be terraces.
-        let mut x = self.biased("detail.join", &[d, image], channels, None, true);
+        let mut x = self.join(image, d);
         for block in 0..self.config.detail_blocks {
-            let within = self.biased(&format!("detail.blocks.{block}.0"), &[x], inner, None, false);
-            x = self.biased(&format!("detail.blocks.{block}.1"), &[within], channels, Some(x), true);
+            let within = self.biased(&format!("detail.blocks.{block}.0"), x, inner, None, false);
+            x = self.biased(&format!("detail.blocks.{block}.1"), within, channels, Some(x), true);
         }
         x
     }
 
+    /// Adds the convolution of the decoder's last map and the image's maps, as the sum of two: a weight has eight bits relative to the largest
+    /// product of weight and step, and the image's steps are a hundred times those of the decoder's map.
+    fn join(&mut self, image: NodeId, d: NodeId) -> NodeId {
+        let (name, output) = ("detail.join", self.config.detail);
+        let [first, second] = [d, image].map(|node| self.graph.nodes[node].channels);
+        let whole = self.kernel(name, first + second, output, 3, true);
+        let part = |from: usize, input: usize, bias: Vec<f32>| {
+            let pixels = whole.weights.chunks_exact(first + second);
+            Kernel { input, bias, weights: pixels.flat_map(|w| &w[from..from + input]).copied().collect(), ..whole }
+        };
+        let [of_d, of_image] = [part(0, first, whole.bias.clone()), part(first, second, vec![0.0; output])];
+        let fine = self.conv("detail.image", &[plain(image)], of_image, (1, 1), Activation::None, None, true);
+        self.conv(name, &[plain(d)], of_d, (1, 1), Activation::Relu, Some(fine), true)
+    }
+
     /// Adds a 3x3 convolution with bias and ReLU.
-    fn biased(&mut self, name: &str, inputs: &[NodeId], output: usize, add: Option<NodeId>, precise: bool) -> NodeId {
-        let sources: Vec<Source> = inputs.iter().copied().map(plain).collect();
-        let input = inputs.iter().map(|&node| self.graph.nodes[node].channels).sum();
-        let kernel = self.kernel(name, input, output, 3, true);
-        self.conv(name, &sources, kernel, (1, 1), Activation::Relu, add, precise)
+    fn biased(&mut self, name: &str, input: NodeId, output: usize, add: Option<NodeId>, precise: bool) -> NodeId {
+        let kernel = self.kernel(name, self.graph.nodes[input].channels, output, 3, true);
+        self.conv(name, &[plain(input)], kernel, (1, 1), Activation::Relu, add, precise)
     }
 
     fn image_encoder(&mut self, image: NodeId) -> [NodeId; 5] {

@@ -21,6 +21,7 @@ pub trait TileSource: Send + Sync {
 /// Description of a source of tiles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[expect(clippy::large_enum_variant, reason = "a run has two of them")]
 pub enum DataSpec {
     /// The synthetic Moon of a seed.
     Synth {
@@ -45,9 +46,9 @@ pub enum DataSpec {
 
 /// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
 /// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
-/// times as rough as usual, and patches have none to three times the usual contrast. Coarse DTMs have none to 4 m of long-wave error. Ground is often smoother than an image could show, and the blur differs.
-/// Photometry and tones differ from the average ground and
-/// a calibrated camera. Coarse DTMs have stripes and steps.
+/// times as rough as usual, and often smoother than an image could show; patches have none to three times the usual contrast. Blur, photometry
+/// and tones differ from a NAC's, the average ground's and a calibrated camera's. Coarse DTMs have none to 4 m of long-wave error, stripes and
+/// steps.
 fn training_moon() -> SynthOptions {
     SynthOptions {
         also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],

@@ -86,6 +86,9 @@ fn weights_that_do_not_fit_are_all_named() {
     let expected = ["w.safetensors", "3 misfits", "head.bias: expected [1], found none"];
     let more = ["fusion.bn.weight: expected [32], found [3]", "stray: expected none, found [1]"];
     assert!(expected.iter().chain(&more).all(|part| error.contains(part)), "{error}");
+    let config = NetConfig { unet: vec![4, 8], ..small_config() };
+    let error = super::build::build(&config, &weights, Path::new("w.safetensors"), (32, 32)).unwrap_err().to_string();
+    assert!(error.contains("U-Net"), "{error}");
 }
 
 #[test]
