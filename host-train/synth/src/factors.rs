@@ -38,7 +38,7 @@ impl Factors {
         let exponent = within(&mut rng, options.response_exponent) as f32;
         let pedestal = within(&mut rng, options.pedestal) as f32;
         let stripes_m = within(&mut rng, options.coarse_stripes_m);
-        let smooth_px = (options.smooth_ground_px * rng.random::<f64>().powi(2)) as f32;
+        let smooth_px = (options.smooth_ground_px * rng.random::<f64>().powi(4)) as f32;
         let response = Response { exponent, pedestal };
         Self { relief, albedo_contrast, lunar_weight_shift, response, smooth_px, stripes_m, stripes: rng }
     }

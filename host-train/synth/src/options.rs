@@ -47,7 +47,7 @@ pub struct SynthOptions {
     /// Standard deviation of the camera's blur, pixels, 0–1.5; drawn uniformly. Default 0.5–0.7 (LROC NAC).
     pub blur_px: (f64, f64),
     /// Greatest standard deviation of a Gaussian that smooths the ground before it is photographed, pixels: DTMs of other origin have less
-    /// detail than their images could show. Drawn as this times the square of a uniform number. Default 0.
+    /// detail than their images could show. Drawn as this times the fourth power of a uniform number: most ground keeps its detail. Default 0.
     pub smooth_ground_px: f64,
     /// RMS of the coarse DTM's stripes along laser tracks and steps at seams, metres; drawn uniformly. Default 0.
     pub coarse_stripes_m: (f64, f64),

@@ -59,7 +59,7 @@ fn training_moon() -> SynthOptions {
         lunar_weight_shift: (-0.3, 0.3),
         response_exponent: (0.7, 1.3),
         pedestal: (0.0, 0.2),
-        blur_px: (0.2, 1.0),
+        blur_px: (0.2, 0.9),
         smooth_ground_px: 2.5,
         coarse_stripes_m: (0.0, 1.5),
         ..SynthOptions::default()
