@@ -98,7 +98,7 @@ pub(crate) fn codes_of(graph: &Graph, id: NodeId, range: &Range, coarse_limit: f
             return Codes { dtype: Dtype::I16, zero: 0, lo: 0, hi: full, scales: vec![1.0 / full as f64] };
         }
         Operation::Image => {
-            // Four maps of a tile are most of the arena, so they have 8 bits, with steps of 0.45 degrees of slope. Finer slopes come from
+            // The maps of a tile are most of the arena, so they have 8 bits, with steps of 0.45 degrees of slope. Finer slopes come from
             // the coarse DTM.
             let scale = (LIMIT as f64 / 127.0) as f32 as f64;
             return Codes { dtype: Dtype::U8, zero: 128, lo: 1, hi: 255, scales: vec![scale; node.channels] };
