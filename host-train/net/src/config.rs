@@ -88,7 +88,7 @@ pub struct Switches {
     /// Leave out the coarse-DTM branch (the paper's ablation).
     #[cfg_attr(feature = "clap", arg(long))]
     pub no_coarse: bool,
-    /// Channels of the detail stage, at full resolution behind the decoder; 0: none [default: 0].
+    /// Channels of the detail stage, at full resolution behind the decoder; 0: none [default: the preset's].
     #[cfg_attr(feature = "clap", arg(long))]
     pub detail: Option<usize>,
     /// Channels inside the residual blocks of the detail stage [default: half of its channels].
@@ -381,8 +381,8 @@ pub fn config_of(weights: &Weights, path: &Path) -> Result<NetConfig> {
     Ok(config)
 }
 
-/// Returns the network that a preset trains by default: the paper's for `paper` and `small`. For `tiny` and `nano`, slopes are inputs and
-/// corrections of the coarse DTM are the output, which converges in minutes (our choice).
+/// Returns the network that a preset trains by default: the paper's for `paper` and `small`. For `tiny` and `nano`, slopes are inputs,
+/// corrections of the coarse DTM are the output, and a stage at full resolution follows the decoder (our choices).
 pub fn trained_network(preset: Preset) -> NetConfig {
     let config = NetConfig::preset(preset);
     match preset {
@@ -390,7 +390,10 @@ pub fn trained_network(preset: Preset) -> NetConfig {
         Preset::Tiny | Preset::Nano => NetConfig {
             head: Head::Residual,
             target_range: TruthRange::Pixel,
-            illumination: Illumination::Weighed,
+            illumination: Illumination::Sloped,
+            detail: 16,
+            detail_inner: 8,
+            detail_blocks: 1,
             // Batches are small and their tiles differ much. At 0.1, running statistics and validation results vary strongly.
             bn_momentum: 0.02,
             ..config
@@ -408,6 +411,8 @@ pub fn miniature_network() -> NetConfig {
         stem: 4,
         dtm: [4, 4, 4, 4, 8],
         decoder: [8, 8, 8, 4, 4],
+        detail: 6,
+        detail_inner: 3,
         ..trained_network(Preset::Nano)
     }
 }
@@ -421,7 +426,8 @@ mod tests {
         let of = |switches: Switches| switches.apply(trained_network(Preset::Nano)).map_err(|e| e.to_string());
         let shape = |c: NetConfig| [c.detail, c.detail_inner, c.detail_blocks, c.head_channels()];
         let detail = |detail| Switches { detail: Some(detail), ..Switches::default() };
-        assert_eq!(of(Switches::default()).map(shape), Ok([0, 0, 0, 8]));
+        assert_eq!(of(Switches::default()).map(shape), Ok([16, 8, 1, 16]));
+        assert_eq!(of(detail(0)).map(shape), Ok([0, 0, 0, 8]));
         assert_eq!(of(detail(16)).map(shape), Ok([16, 8, 1, 16]));
         let stated = Switches { detail_inner: Some(5), detail_blocks: Some(3), ..detail(12) };
         assert_eq!(of(stated).map(shape), Ok([12, 5, 3, 12]));
@@ -431,7 +437,7 @@ mod tests {
 
     #[test]
     fn a_u_net_stands_alone() {
-        let with = |unet: &[usize]| NetConfig { unet: unet.to_vec(), ..trained_network(Preset::Nano) };
+        let with = |unet: &[usize]| NetConfig { unet: unet.to_vec(), detail: 0, ..trained_network(Preset::Nano) };
         assert_eq!((with(&[16, 32]).check(), with(&[16, 32]).head_channels()), (Ok(()), 16));
         assert!(with(&[0]).check().unwrap_err().contains("widths"));
         let both = NetConfig { detail: 8, detail_inner: 4, ..with(&[16]) };

@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn weights_serve_another_light_but_no_other_shape() {
         let path = Path::new("w.safetensors");
-        let config = NetConfig { illumination: Illumination::Given, ..miniature_network() };
+        let config = NetConfig { illumination: Illumination::Given, detail: 0, ..miniature_network() };
         let mut weights = initial_weights(&config, 3);
         weights.metadata.insert("origin".into(), "kept".into());
         let weighed = NetConfig { illumination: Illumination::Weighed, ..config.clone() };

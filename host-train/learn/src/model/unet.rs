@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn the_network_begins_as_the_guide_and_sees_far() {
         let device = Device::flex();
-        let config = NetConfig { unet: vec![4, 6, 8], ..miniature_network() };
+        let config = NetConfig { unet: vec![4, 6, 8], detail: 0, ..miniature_network() };
         let maps = config.image_maps();
         let image = Tensor::<4>::random([1, maps, 64, 96], Distribution::Normal(0.0, 1.0), &device);
         let coarse = Tensor::<4>::random([1, 1, 64, 96], Distribution::Normal(0.0, 1.0), &device);

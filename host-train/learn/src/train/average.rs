@@ -19,9 +19,11 @@ pub struct Average {
 }
 
 impl Average {
-    /// Begins with these weights.
-    pub fn new(weights: Weights, span: usize) -> Self {
-        Self { weights, span }
+    /// Begins with these weights. A mean over too great a part of a short run would lag behind what it learns, so the span is at most a
+    /// quarter of the run; `None` if fewer than two weights are left to average (our choice).
+    pub fn new(weights: Weights, span: usize, steps: usize) -> Option<Self> {
+        let span = span.min(steps / 4);
+        (span >= 2 * EVERY).then_some(Self { weights, span })
     }
 
     /// Adds the weights after step `done` (from 1), if it is one that counts. Until the span is filled, all weights count alike.
@@ -29,7 +31,7 @@ impl Average {
         if !done.is_multiple_of(EVERY) {
             return;
         }
-        let share = (1.0 / (done / EVERY + 1) as f64).max(EVERY as f64 / self.span.max(EVERY) as f64);
+        let share = (1.0 / (done / EVERY + 1) as f64).max(EVERY as f64 / self.span as f64);
         let new = store::save(config, net);
         for (name, array) in &mut self.weights.tensors {
             // Both are weights of the same network.
@@ -51,13 +53,21 @@ mod tests {
     use std::path::Path;
 
     #[test]
+    fn a_short_run_has_a_short_mean_or_none() {
+        let span = |span, steps| Average::new(initial_weights(&miniature_network(), 0), span, steps).map(|a| a.span);
+        let expected = [Some(1_000), Some(300), Some(2 * EVERY), None, None, None];
+        let of = [(1_000, 12_000), (1_000, 1_200), (1_000, 128), (1_000, 127), (31, 12_000), (0, 12_000)];
+        assert_eq!(of.map(|(average, steps)| span(average, steps)), expected);
+    }
+
+    #[test]
     fn all_weights_count_alike_until_older_ones_fade() {
         let config = miniature_network();
         let of = |seed: u64| initial_weights(&config, seed);
         let net = |seed: u64| store::load(&config, &of(seed), Path::new("w"), &Device::flex()).unwrap();
         let name = "fusion.conv.weight";
         let value = |weights: &Weights| f64::from(weights.tensors[name].data[5]);
-        let mut average = Average::new(of(0), 3 * EVERY);
+        let mut average = Average::new(of(0), 3 * EVERY, 1_000).unwrap();
         average.add(EVERY - 1, &config, &net(9));
         assert_eq!(average.weights.tensors, of(0).tensors);
         let mut expected = value(&of(0));

@@ -5,6 +5,7 @@ use super::elevation_only::ElevationOnly;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
 use crate::model::precision::Precision;
+use elunar_core::tile::TILE;
 use elunar_net::config::Preset;
 use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -87,7 +88,8 @@ pub struct Recipe {
     /// Whether half of the crops have rows and columns exchanged.
     #[serde(default)]
     pub transpose: bool,
-    /// Number of steps over which the weights are averaged ([`super::average::Average`]). The mean is validated and written. 0: no mean.
+    /// Number of steps over which the weights are averaged ([`super::average::Average`]), at most a quarter of the run's steps. The mean is
+    /// validated and written. 0: no mean.
     #[serde(default)]
     pub average_steps: usize,
     /// Number of steps between validations.
@@ -143,7 +145,7 @@ impl Recipe {
         match preset {
             Preset::Paper | Preset::Small => paper,
             Preset::Tiny | Preset::Nano => Self {
-                batch: 8,
+                batch: 2,
                 steps: 2_400,
                 learning_rate: 1e-3,
                 warm_up: 100,
@@ -153,8 +155,12 @@ impl Recipe {
                 weights: LossWeights::PIXELS,
                 elevation: Elevation::L1,
                 target: Target::Anchored,
-                crop: [128, 160],
-                crops_per_tile: 1,
+                // The whole height of a tile, twice: the transformer sees relief as wide as in a prediction (our choice).
+                crop: [256, 256],
+                crops_per_tile: 2,
+                pool: 32,
+                transpose: true,
+                average_steps: 1_000,
                 validate_every: 200,
                 validation_tiles: 32,
                 checkpoint_every: 100,
@@ -282,9 +288,9 @@ pub struct RecipeFlags {
     /// Number of the latest tiles from which every crop's tile is drawn; 0: each step's own tiles [default: the preset's].
     #[arg(long, value_name = "TILES")]
     pub pool: Option<usize>,
-    /// Exchange rows and columns of half of the crops.
-    #[arg(long)]
-    pub transpose: bool,
+    /// Exchange rows and columns of half of the crops [default: the preset's; no, if a turned crop is higher than a tile].
+    #[arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")]
+    pub transpose: Option<bool>,
     /// Validate and write the mean of the weights of so many steps; 0: the weights [default: the preset's].
     #[arg(long, value_name = "STEPS")]
     pub average_steps: Option<usize>,
@@ -340,7 +346,8 @@ impl RecipeFlags {
         }
         recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
         recipe.pool = self.pool.unwrap_or(recipe.pool);
-        recipe.transpose |= self.transpose;
+        // Turned, the crop must still fit a tile.
+        recipe.transpose = self.transpose.unwrap_or(recipe.transpose && recipe.crop[1] <= TILE.rows);
         recipe.average_steps = self.average_steps.unwrap_or(recipe.average_steps);
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.drop_path = self.drop_path.unwrap_or(recipe.drop_path);
@@ -369,6 +376,16 @@ mod tests {
         let rates: Vec<f64> = (recipe.warm_up..=recipe.steps).map(|s| recipe.learning_rate_at(s)).collect();
         assert!(rates.windows(2).all(|w| w[1] <= w[0]), "must fall monotonically");
         assert!(rates[rates.len() - 1].abs() < 1e-12);
+    }
+
+    #[test]
+    fn crops_are_turned_where_they_fit_unless_stated() {
+        let of = |crop: Option<[usize; 2]>, transpose| {
+            let options = RecipeFlags { crop: crop.map(Vec::from), transpose, ..RecipeFlags::default() };
+            options.apply(Recipe::preset(Preset::Nano)).unwrap().transpose
+        };
+        assert_eq!([of(None, None), of(Some([128, 160]), None), of(Some([256, 320]), None)], [true, true, false]);
+        assert_eq!([of(None, Some(false)), of(Some([256, 320]), Some(true))], [false, true]);
     }
 
     #[test]

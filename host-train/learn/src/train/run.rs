@@ -173,7 +173,7 @@ impl Run {
             trainer.restore(saved)?;
         }
         let begun = saved.as_ref().and_then(|c| c.average.as_ref()).unwrap_or(weights);
-        let average = (recipe.average_steps > 0).then(|| Average::new(begun.clone(), recipe.average_steps));
+        let average = Average::new(begun.clone(), recipe.average_steps, recipe.steps);
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
         let state = Loop { trainer, average, journal, set, best_rmse, best: None, last: None };

@@ -50,6 +50,8 @@ fn miniature() -> (NetConfig, Recipe) {
         steps: 8,
         warm_up: 2,
         crop: [64, 64],
+        crops_per_tile: 1,
+        pool: 0,
         validate_every: 3,
         validation_tiles: 2,
         checkpoint_every: 2,
@@ -91,12 +93,13 @@ fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, s
 fn a_killed_run_resumes_bit_for_bit() {
     let (network, recipe) = miniature();
     let shared = (network.clone(), Recipe { devices: 2, precision: Precision::Bf16, ..recipe.clone() });
-    // Tiles of several steps, turned crops, a detail stage.
-    let detailed = NetConfig { illumination: Illumination::Sloped, detail: 6, detail_inner: 3, ..network.clone() };
-    let pooled =
-        (detailed, Recipe { pool: 5, transpose: true, crop: [64, 96], average_steps: 64, steps: 40, ..recipe.clone() });
+    // Tiles of several steps, crops that are not square, a mean of weights. It begins at 32 steps.
+    let pooled = (network.clone(), Recipe { pool: 5, crop: [64, 96], average_steps: 64, steps: 144, ..recipe.clone() });
+    // A network given no slopes, without a detail stage.
+    let plain = NetConfig { illumination: Illumination::Weighed, detail: 0, ..network.clone() };
+    let plain = (plain, Recipe { transpose: false, ..recipe.clone() });
     let shallow = (network, Recipe { drop_path: 0.5, ..recipe });
-    for kind in [miniature(), rival(), shared, pooled, shallow] {
+    for kind in [miniature(), rival(), shared, pooled, plain, shallow] {
         resumes_bit_for_bit(&kind);
     }
 }
