@@ -2,8 +2,13 @@
 
 use clap::Parser;
 use elunar::cli::{Cli, run};
+use elunar::memory::Memory;
 use elunar::program::finish;
 use std::process::ExitCode;
+
+/// Refused memory is one error line.
+#[global_allocator]
+static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
     finish(|| run(Cli::parse().command))

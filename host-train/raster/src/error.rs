@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Short form of a result with [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error, of one of four kinds.
+/// An error, of one of five kinds.
 #[derive(Debug)]
 pub enum Error {
     /// The content of the file is not valid in its format (truncated, bit-flipped, contradictory).
@@ -31,6 +31,13 @@ pub enum Error {
         /// The system's error.
         source: std::io::Error,
     },
+    /// Another process writes the output. The request may be met later.
+    Busy {
+        /// The output.
+        path: PathBuf,
+        /// Who writes it, and what to do.
+        what: String,
+    },
 }
 
 impl Error {
@@ -49,6 +56,11 @@ impl Error {
         Self::Usage(what.into())
     }
 
+    /// Makes an [`Error::Busy`] about `path`.
+    pub fn busy(path: impl AsRef<Path>, what: impl Into<String>) -> Self {
+        Self::Busy { path: path.as_ref().into(), what: what.into() }
+    }
+
     /// Makes an [`Error::Io`] about `path`, for `map_err`.
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_path_buf();
@@ -61,6 +73,7 @@ impl std::fmt::Display for Error {
         match self {
             Self::Broken { path, what } => write!(f, "{}: broken file: {what}", path.display()),
             Self::Unsupported { path, what } => write!(f, "{}: not supported: {what}", path.display()),
+            Self::Busy { path, what } => write!(f, "{}: another run writes it: {what}", path.display()),
             Self::Usage(what) => f.write_str(what),
             Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
         }

@@ -7,7 +7,9 @@ mod error;
 pub mod format;
 mod georef;
 pub mod geotiff;
+pub mod memory;
 pub mod npy;
+pub mod output;
 pub mod pds3;
 mod projection;
 pub mod quantile;
@@ -19,9 +21,9 @@ pub mod sun;
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use error::{Error, Result};
 pub use georef::{GeoRef, GeoTransform};
+pub use output::atomic_write;
 pub use projection::Projection;
 
-use std::io::Write;
 use std::path::Path;
 
 /// One band of samples with its georeference. Invalid samples are NaN.
@@ -65,23 +67,6 @@ impl Raster {
 #[must_use]
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// Writes `bytes` to `path` whole or not at all. A temporary file beside it is written, synced and renamed.
-///
-/// # Errors
-/// [`Error::Io`] if the folder or file cannot be written.
-pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = folder_of(path);
-    let mut builder = tempfile::Builder::new();
-    // Permissions follow the user's umask. A temporary file is private by default.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(Error::io(path))?;
-    file.write_all(bytes).map_err(Error::io(path))?;
-    file.as_file().sync_all().map_err(Error::io(path))?;
-    file.persist(path).map_err(|e| Error::Io { path: path.into(), source: e.error })?;
-    Ok(())
 }
 
 #[cfg(test)]

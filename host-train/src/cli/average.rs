@@ -1,5 +1,6 @@
 //! `host-train average`: takes the mean of several weight files.
 
+use elunar::cli::output;
 use elunar_net::config::config_of;
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result};
@@ -27,6 +28,7 @@ pub struct Args {
 /// # Errors
 /// If a file cannot be read, belongs to another network than the first, or the mean cannot be written.
 pub fn run(args: Args) -> Result<()> {
+    let _owner = output::take(&args.output, &args.weights.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let read = |path: &PathBuf| {
         let weights = Weights::read(path)?;
         Ok((config_of(&weights, path)?, weights))

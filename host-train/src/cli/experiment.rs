@@ -2,7 +2,8 @@
 
 use crate::experiment::{self, Experiment, Manner, table};
 use crate::suite::list::List;
-use elunar_raster::{Error, Result};
+use elunar_raster::Result;
+use elunar_raster::output::Owner;
 use elunar_scene::interrupt;
 use std::path::PathBuf;
 
@@ -49,7 +50,7 @@ pub fn run(args: Args) -> Result<()> {
         args.steps.map_or(Ok(experiment.clone()), |steps| experiment.with_steps(steps))
     };
     let experiments: Vec<Experiment> = args.files.iter().map(read).collect::<Result<_>>()?;
-    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    let _owner = Owner::of_folder(&args.out)?;
     interrupt::listen();
     let manner = Manner { resume: args.resume, threads: args.threads };
     let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| eprintln!("{line}"))?;

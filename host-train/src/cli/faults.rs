@@ -1,7 +1,8 @@
 //! `host-train faults`: measures the effect of bit flips on a tile.
 
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
-use elunar_raster::{Error, Result};
+use elunar_raster::output::Owner;
+use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::picture::write_png;
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::Model as _;
@@ -54,8 +55,8 @@ pub fn run_command(args: &Args) -> Result<()> {
     let campaign = Campaign { injections: args.injections, seed: args.seed, threads };
     let protection = if args.unprotected { "without protection" } else { "with protection" };
     let what = format!("seed {}, {} moments, {protection}", args.seed, moments.moments.len());
+    let _owner = args.out.as_deref().map(Owner::of_folder).transpose()?;
     let journal = args.out.as_deref().map(|out| {
-        std::fs::create_dir_all(out).map_err(Error::io(out))?;
         let heights = moments.digest();
         Journal::open(&out.join("injections.csv"), &format!("{what}; {}, heights {heights}", model.description()))
     });
@@ -79,7 +80,7 @@ pub fn run_command(args: &Args) -> Result<()> {
     println!("{text}");
     if let Some(out) = &args.out {
         let path = out.join("faults.md");
-        std::fs::write(&path, &text).map_err(Error::io(&path))?;
+        atomic_write(&path, text.as_bytes())?;
         write_png(&out.join("faults.png"), picture(&results)?)?;
         println!("{}: faults.md, faults.png, injections.csv", out.display());
     }

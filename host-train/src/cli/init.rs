@@ -42,9 +42,9 @@ pub struct Args {
 /// # Errors
 /// If the switches contradict each other, the weights of `--from` do not fit them, or a file cannot be read or written.
 pub fn run(args: Args) -> Result<()> {
+    let _owner = output::take(&args.output, &args.from.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let (weights, what) = match &args.from {
         Some(path) => {
-            output::check(&args.output, &[path])?;
             let weights = Weights::read(path)?;
             let config = args.switches.apply(config_of(&weights, path)?)?;
             (weights_for(weights, &config, args.seed, path)?, format!("the weights of {}", path.display()))

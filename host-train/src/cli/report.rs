@@ -27,7 +27,7 @@ pub struct Args {
 /// # Errors
 /// If a folder holds no results, or the page cannot be written.
 pub fn run(args: Args) -> Result<()> {
-    output::check(&args.output, &[])?;
+    let _owner = output::take(&args.output, &[])?;
     report::write(&args.folders, &args.output)?;
     println!("{}", args.output.display());
     Ok(())

@@ -4,6 +4,7 @@ use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::real::real;
 use crate::suite::{self, Baselines, SCENES, tables};
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
@@ -69,8 +70,10 @@ const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
 /// # Errors
 /// If a list, a model or a scene cannot be read, or predicting or writing fails.
 pub fn run(args: Args) -> Result<()> {
+    let take = || Owner::of_folder(&args.out);
     let list = match (&args.real, &args.suite) {
         (Some(data), _) => {
+            let _owner = take()?;
             let (list, absent) = real(data, &args.out.join(SCENES))?;
             absent.iter().for_each(|folder| eprintln!("SKIPPED: {folder}: not there"));
             list
@@ -78,6 +81,7 @@ pub fn run(args: Args) -> Result<()> {
         (None, Some(path)) => List::read(path)?,
         (None, None) => List::built_in()?,
     };
+    let _owner = take()?;
     interrupt::listen();
     if args.scenes_only {
         suite::write_scenes(&list, &args.out)?;

@@ -5,7 +5,7 @@ use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::stopwatch;
 use elunar_learn::train::recipe::{Recipe, RecipeFlags};
-use elunar_learn::train::run::{BEST, LAST, Outcome, Record, Run};
+use elunar_learn::train::run::{BEST, LAST, Outcome, RECORD, Record, Run, begun};
 use elunar_net::config::{NetConfig, Preset, Switches, TruthRange, config_of, trained_network};
 use elunar_net::published;
 use elunar_net::weights::Weights;
@@ -138,9 +138,29 @@ fn resume(args: &Args) -> Result<Run> {
     if args.start != Start::default() {
         return Err(Error::usage("--resume takes everything from the run's record: leave out all options but --out"));
     }
+    if !args.out.join(RECORD).exists() {
+        let what = "expected a run to resume, found none; a run that was stopped before its first checkpoint begins anew without --resume";
+        return Err(Error::usage(format!("{}: {what}", args.out.display())));
+    }
     let record = Record::read(&args.out)?;
+    let initial = if begun(&args.out) { None } else { Some(again(&record, &args.out)?) };
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
-    Ok(Run { folder: args.out.clone(), record, initial: None, training, validation, stop_after: None })
+    Ok(Run { folder: args.out.clone(), record, initial, training, validation, stop_after: None })
+}
+
+/// Returns the initial weights of a run that has a record alone, as older programs left them: made again if they were random.
+fn again(record: &Record, out: &Path) -> Result<Weights> {
+    if record.started_from == random(record.seed) {
+        eprintln!("{}: no checkpoint yet, beginning anew", out.display());
+        return Ok(initial_weights(&record.network, record.seed));
+    }
+    let what = format!("expected a checkpoint, found none, and the run started from {}", record.started_from);
+    Err(Error::usage(format!("{}: {what}; give its options again without --resume to begin anew", out.display())))
+}
+
+/// Returns what a record says of random weights.
+fn random(seed: u64) -> String {
+    format!("random weights, seed {seed}")
 }
 
 /// Returns the network with the NR of a prepared set (Eq. 1), and says so. Other data, and networks whose heights have no range, change
@@ -173,7 +193,7 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
     }
     let mut started_from = match &start.start_from {
         Some(path) => path.display().to_string(),
-        None => format!("random weights, seed {seed}"),
+        None => random(seed),
     };
     let mut initial = loaded.unwrap_or_else(|| initial_weights(&network, seed));
     if let Some(path) = &start.swin {
@@ -222,5 +242,26 @@ mod tests {
         assert_eq!(in_range_of(nano.clone(), &data).unwrap(), nano);
         let moon = DataSpec::parse(None, 0, Split::Train).unwrap();
         assert_eq!(in_range_of(paper.clone(), &moon).unwrap(), paper);
+    }
+
+    #[test]
+    fn a_run_that_was_killed_before_its_first_checkpoint_is_no_dead_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let args = Args { out: folder.path().into(), resume: true, profile: false, start: Start::default() };
+        let refused = || resume(&args).err().expect("an error").to_string();
+        assert!(refused().contains("begins anew without --resume"), "{}", refused());
+        let run = start(Start { seed: Some(3), ..Start::default() }, folder.path()).unwrap();
+        let write =
+            |record: &Record| std::fs::write(folder.path().join(RECORD), serde_json::to_vec(record).unwrap()).unwrap();
+        write(&run.record);
+        let again = resume(&args).unwrap();
+        assert!(again.record == run.record && again.initial.unwrap().to_bytes() == run.initial.unwrap().to_bytes());
+        // Weights from a file are not made again.
+        write(&Record { started_from: "w.safetensors".into(), ..run.record });
+        assert!(
+            refused().contains("the run started from w.safetensors; give its options again without --resume"),
+            "{}",
+            refused()
+        );
     }
 }

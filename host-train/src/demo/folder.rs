@@ -3,6 +3,7 @@
 use elunar_learn::train::curves::CURVES;
 use elunar_learn::train::journal::{STEPS, VALIDATIONS};
 use elunar_learn::train::run::{BEST, LAST, RECORD, Record};
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -19,9 +20,10 @@ pub(super) const RUN: &str = "training";
 /// Beginning of the entry in the training record that marks a tour's run.
 pub(super) const STARTED_BY: &str = "tour, from ";
 
-/// A folder for the files of a tour.
+/// A folder for the files of a tour, ours until it is dropped.
 pub(super) struct Folder {
     path: PathBuf,
+    _owner: Owner,
 }
 
 impl Folder {
@@ -29,11 +31,9 @@ impl Folder {
     /// its training run. Its other files are overwritten later. Foreign files are never changed.
     ///
     /// # Errors
-    /// [`Error::Io`] if the folder cannot be written; [`Error::Usage`] if its `training` is not a tour's run.
+    /// [`Error::Io`] if the folder cannot be written; [`Error::Busy`] if another run writes it; [`Error::Usage`] if its `training` is not a tour's run.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        std::fs::create_dir_all(path).map_err(Error::io(path))?;
-        tempfile::NamedTempFile::new_in(path).map_err(Error::io(path))?;
-        let folder = Self { path: path.into() };
+        let folder = Self { path: path.into(), _owner: Owner::of_folder(path)? };
         folder.clear_run()?;
         for name in [REPORT, FIGURES] {
             remove(&folder.file(name), false)?;

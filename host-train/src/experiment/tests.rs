@@ -96,6 +96,16 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
     let [a, b] = [&whole, &parts].map(|at| std::fs::read(train::model(at)).unwrap());
     assert!(a == b, "weights differ");
 
+    // One that was killed before its first checkpoint begins anew, with and without --resume.
+    for resume in [false, true] {
+        let early = folder.path().join(format!("early-{resume}"));
+        let run = early.join(train::TRAINING);
+        std::fs::create_dir_all(&run).unwrap();
+        std::fs::copy(whole.join(train::TRAINING).join("run.json"), run.join("run.json")).unwrap();
+        train::train(&experiment, &early, resume, &mut |_| {}).unwrap();
+        assert!(std::fs::read(train::model(&early)).unwrap() == std::fs::read(train::model(&whole)).unwrap());
+    }
+
     // A finished experiment is not trained again, even if its run is removed, and is not confused with another.
     std::fs::remove_dir_all(parts.join(train::TRAINING)).unwrap();
     let mut said = vec![];

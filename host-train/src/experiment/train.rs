@@ -5,7 +5,7 @@ use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::train::recipe::Target;
-use elunar_learn::train::run::{BEST, RECORD, Record, Run};
+use elunar_learn::train::run::{BEST, Record, Run, begun};
 use elunar_learn::train::validate::{Validation, ValidationSet};
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result, atomic_write};
@@ -54,7 +54,8 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
         return Ok(found);
     }
     let run_folder = folder.join(TRAINING);
-    let begun = run_folder.join(RECORD).exists();
+    // A run that was killed before its first checkpoint begins anew.
+    let begun = begun(&run_folder);
     let record = record(experiment);
     if begun && Record::read(&run_folder)? != record {
         return Err(another(folder));

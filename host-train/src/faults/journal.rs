@@ -4,10 +4,11 @@ use super::injection::Target;
 use super::outcome::Outcome;
 use super::table::Results;
 use csv::StringRecord;
+use elunar_raster::output::open_growing;
 use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -45,7 +46,7 @@ impl Journal {
     /// # Errors
     /// If the file belongs to another campaign, is not a journal, or cannot be read or written.
     pub fn open(path: &Path, identity: &str) -> Result<Self> {
-        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
+        let mut file = open_growing(path)?;
         let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         file.set_len(whole as u64).map_err(Error::io(path))?;

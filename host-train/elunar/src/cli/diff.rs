@@ -45,9 +45,7 @@ pub struct Args {
 /// # Errors
 /// If a DTM cannot be read, the DTMs do not fit each other, or a file cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
-    for path in args.output.iter().chain(&args.picture) {
-        output::check(path, &[&args.first, &args.second])?;
-    }
+    let _owners = output::take_all(args.output.iter().chain(&args.picture), &[&args.first, &args.second])?;
     let (first, second) = (source::read(&args.first)?, source::read(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
     let options = Options { reverse: args.reverse, absolute: args.absolute };

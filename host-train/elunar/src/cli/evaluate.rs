@@ -1,12 +1,13 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
+use super::output;
 use elunar_raster::align::Named;
 use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{
     Candidate, Details, Expected, calibration, compare, json, octaves_picture, short_names, table,
 };
 use elunar_scene::picture;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `evaluate`.
 #[derive(Debug, clap::Args)]
@@ -52,6 +53,10 @@ pub struct Args {
 /// # Errors
 /// If a raster cannot be read, the rasters do not fit each other, or the map cannot be written.
 pub fn run(args: Args) -> Result<()> {
+    let mut inputs: Vec<&Path> = vec![&args.dtm, &args.truth];
+    inputs.extend([&args.coarse, &args.uncertainty].into_iter().flatten().map(PathBuf::as_path));
+    let pictures = [&args.error_map, &args.reliability, &args.spectra];
+    let _owners = output::take_all(pictures.into_iter().flatten(), &inputs)?;
     let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
     let coarse = args.coarse.as_deref().map(source::read).transpose()?;
     let name = |path: &PathBuf| path.display().to_string();

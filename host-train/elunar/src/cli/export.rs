@@ -75,8 +75,8 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     for report in &args.report {
         output::extension(report, &["json", "png"])?;
-        output::check(report, &[&args.weights])?;
     }
+    let _owners = output::take_all(std::iter::once(&args.output).chain(&args.report), &[&args.weights])?;
     let weights = Weights::read(&args.weights)?;
     let config = config_of(&weights, &args.weights)?;
     let source = DataSpec::parse(Some(args.calibrate.clone()), SYNTH_SEED, Split::Train)?.open()?;

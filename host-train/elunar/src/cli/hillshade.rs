@@ -59,7 +59,7 @@ const BAND_ROWS: usize = 512;
 /// If an option is out of range, the DTM cannot be read, or the result cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
-    output::check(&args.output, &[&args.input])?;
+    let _owner = output::take(&args.output, &[&args.input])?;
     let shading = args.shading()?;
     let source = source::open(&args.input)?;
     let (rows, cols) = (source.info().rows, source.info().cols);

@@ -53,8 +53,8 @@ pub fn run(args: Args) -> Result<()> {
     }
     if let Some(picture) = &args.plan {
         super::output::extension(picture, &["png"])?;
-        super::output::check(picture, &[&args.file])?;
     }
+    let _owner = super::output::take_all(&args.plan, &[&args.file])?;
     let kernel = super::latency::kernel(args.kernel.as_deref())?;
     let plan = inspect::plan(&args.file, args.time.then_some((kernel, args.tiles as usize)))?;
     if let Some(path) = &args.plan {

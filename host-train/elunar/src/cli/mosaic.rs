@@ -68,7 +68,7 @@ pub fn run(args: Args) -> Result<()> {
         None => args.dems.clone(),
     };
     output::extension(&args.output, &["tif", "tiff"])?;
-    output::check(&args.output, &paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let _owner = output::take(&args.output, &paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     if !(0.0..=100.0).contains(&args.weights_blur_sigma) {
         let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
         return Err(Error::usage(what));

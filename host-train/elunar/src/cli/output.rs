@@ -1,13 +1,16 @@
-//! Checks of output paths before the work starts.
+//! Output paths: checked and taken before the work starts.
 
-use elunar_raster::{Error, Result, folder_of};
-use std::path::Path;
+use elunar_raster::output::{Owner, check_target};
+use elunar_raster::{Error, Result};
+use elunar_scene::predict::hillshade_path;
+use std::path::{Path, PathBuf};
 
-/// Checks that `output` is none of `inputs` and that its folder can be written, before the work starts.
+/// Takes `output`, a file to write, before the work starts: it is none of `inputs`, its folder can be written, nothing but a regular file is
+/// replaced, and no other run writes it. It is ours until the result is dropped.
 ///
 /// # Errors
-/// [`Error::Usage`] or [`Error::Io`] with the reason.
-pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
+/// [`Error::Usage`], [`Error::Busy`] or [`Error::Io`] with the reason.
+pub fn take(output: &Path, inputs: &[&Path]) -> Result<Owner> {
     let same = |input: &Path| {
         input == output
             || input.canonicalize().is_ok_and(|input| output.canonicalize().is_ok_and(|output| input == output))
@@ -18,11 +21,30 @@ pub fn check(output: &Path, inputs: &[&Path]) -> Result<()> {
             input.display()
         )));
     }
-    if output.is_dir() {
-        return Err(Error::usage(format!("{}: a file to write expected, a folder found", output.display())));
-    }
-    let folder = folder_of(output);
-    tempfile::NamedTempFile::new_in(folder).map_err(Error::io(output)).map(drop)
+    Owner::of_file(output)
+}
+
+/// Takes several outputs, as [`take`] does. None may be another.
+///
+/// # Errors
+/// As [`take`].
+pub fn take_all<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>, inputs: &[&'a Path]) -> Result<Vec<Owner>> {
+    let mut others = inputs.to_vec();
+    let one = |output: &'a PathBuf| {
+        let owner = take(output, &others)?;
+        others.push(output);
+        Ok(owner)
+    };
+    outputs.into_iter().map(one).collect()
+}
+
+/// Takes a DTM to write, as [`take`] does, with the hillshade beside it.
+///
+/// # Errors
+/// As [`take`].
+pub fn take_dtm(output: &Path, inputs: &[&Path]) -> Result<Owner> {
+    check_target(&hillshade_path(output))?;
+    take(output, inputs)
 }
 
 /// Returns which of the extensions (lower case) the output's name has.

@@ -122,10 +122,9 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
     let start = Instant::now();
     let sun = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
     check_sun(sun)?;
-    output::check(&args.output, &[&args.image, &args.coarse, &args.model])?;
-    if let Some(errors) = &args.uncertainty {
-        output::check(errors, &[&args.image, &args.coarse, &args.model, &args.output])?;
-    }
+    let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
+    let _owner = output::take_dtm(&args.output, &inputs)?;
+    let _owners = output::take_all(&args.uncertainty, &[&inputs[..], &[&args.output]].concat())?;
     let model = open(&args.model)?;
     if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
         return Err(Error::unsupported(

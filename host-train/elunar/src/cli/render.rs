@@ -43,7 +43,7 @@ pub struct Args {
 /// exists.
 pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
-    output::check(&args.output, &[&args.input])?;
+    let _owner = output::take(&args.output, &[&args.input])?;
     check_azimuth("--sun-azimuth", args.sun_azimuth)?;
     if !(2.0..=90.0).contains(&args.sun_elevation) {
         let found = args.sun_elevation;

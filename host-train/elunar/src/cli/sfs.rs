@@ -95,11 +95,11 @@ pub fn run(args: Args) -> Result<()> {
     check_sun(user)?;
     let mut inputs = vec![args.image.as_path(), &args.coarse];
     inputs.extend(args.truth.as_deref());
-    output::check(&args.output, &inputs)?;
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
-        output::check(path, &inputs)?;
     }
+    let _owner = output::take_dtm(&args.output, &inputs)?;
+    let _owners = output::take_all(&args.curve, &[&inputs[..], &[&args.output]].concat())?;
     let image = Statements { srs: args.image_srs.clone(), unit: None };
     let image = Input::stated(&args.image, image, args.image_nodata)?;
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };

@@ -1,6 +1,7 @@
 //! `elunar synth`: writes synthetic scenes as GeoTIFFs.
 
 use elunar_core::terrain::PixelSize;
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::picture::{Panel, hillshade, sheet, stretch, write_png};
 use elunar_scene::{interrupt, progress};
@@ -89,7 +90,7 @@ pub fn run(args: Args) -> Result<()> {
         ..SynthOptions::default()
     };
     let moon = Moon::new(args.seed, options.clone())?;
-    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out))?;
+    let _owner = Owner::of_folder(&args.out)?;
     interrupt::listen();
     let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {

@@ -89,12 +89,23 @@ pub fn save(
     }
     atomic_write(&fresh.join(STATE), &serde_json::to_vec_pretty(&state).expect("plain struct"))?;
     let (folder, spare) = (run.join(FOLDER), run.join(SPARE));
-    remove(&spare)?;
+    // After a kill between the renames the spare one is the only one, and stays until the fresh one is in place.
     if folder.exists() {
+        remove(&spare)?;
         std::fs::rename(&folder, &spare).map_err(Error::io(&folder))?;
     }
     std::fs::rename(&fresh, &folder).map_err(Error::io(&folder))?;
     remove(&spare)
+}
+
+/// Returns whether a run has a checkpoint.
+#[must_use]
+pub fn exists(run: &Path) -> bool {
+    latest(run).is_some()
+}
+
+fn latest(run: &Path) -> Option<PathBuf> {
+    [FOLDER, SPARE].map(|name| run.join(name)).into_iter().find(|path| path.exists())
 }
 
 /// Reads the latest complete checkpoint of a run; `None` if it has none.
@@ -102,9 +113,7 @@ pub fn save(
 /// # Errors
 /// If one exists but is broken.
 pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
-    let Some(folder) = [FOLDER, SPARE].map(|name| run.join(name)).into_iter().find(|p| p.exists()) else {
-        return Ok(None);
-    };
+    let Some(folder) = latest(run) else { return Ok(None) };
     let read = |name: &str| -> Result<(PathBuf, Vec<u8>)> {
         let path = folder.join(name);
         let bytes = std::fs::read(&path).map_err(Error::io(&path))?;

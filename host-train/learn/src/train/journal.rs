@@ -1,8 +1,9 @@
 //! The run's two CSV files, with one line per step and one per validation. On resume they are cut to the checkpoint's step.
 
 use super::validate::Validation;
+use elunar_raster::output::open_growing;
 use elunar_raster::{Error, Result};
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +47,7 @@ impl Csv {
             }
         }
         elunar_raster::atomic_write(&path, text.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(Error::io(&path))?;
+        let file = open_growing(&path)?;
         Ok(Self { path, file })
     }
 

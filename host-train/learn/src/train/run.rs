@@ -16,6 +16,7 @@ use crate::stopwatch::{Part, pause, time};
 use burn::module::Module;
 use elunar_net::config::NetConfig;
 use elunar_net::weights::Weights;
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
 use indicatif::ProgressBar;
@@ -31,7 +32,7 @@ pub const LAST: &str = "last.safetensors";
 /// File name of the run's record: network, recipe, data, seed, backend.
 pub const RECORD: &str = "run.json";
 
-/// Everything that determines a run. It is written to the run's folder before the first step.
+/// Everything that determines a run. It is written to the run's folder before the first step, once there is a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The network.
@@ -105,14 +106,21 @@ struct Loop {
     last: Option<Validation>,
 }
 
+impl Loop {
+    fn checkpoint(&self, run: &Run, step: usize) -> Result<()> {
+        run.checkpoint((step, self.best_rmse), self.average.as_ref(), &self.trainer)
+    }
+}
+
 impl Run {
     /// Trains until the recipe is finished, the user interrupts, or `stop_after`.
     ///
     /// # Errors
-    /// If the folder holds another run, tiles cannot be made, the loss is not finite, or files cannot be written.
+    /// If the folder holds another run or another process writes it, tiles cannot be made, the loss is not finite, or files cannot be written.
     pub fn train(self) -> Result<Outcome> {
         self.record.recipe.check().map_err(Error::usage)?;
         interrupt::listen();
+        let _owner = Owner::of_folder(&self.folder)?;
         let (mut state, first) = self.open()?;
         let recipe = &self.record.recipe;
         let feed = Feed::new(self.training.clone(), self.record.network.clone(), recipe.clone(), self.record.seed);
@@ -141,13 +149,13 @@ impl Run {
             }
             let due = saved.elapsed().as_secs_f64() >= 60.0 * recipe.checkpoint_minutes;
             if due || done.is_multiple_of(recipe.checkpoint_every) || done == recipe.steps {
-                self.checkpoint(&state, done)?;
+                state.checkpoint(&self, done)?;
                 saved = Instant::now();
             }
         }
         let finished = done == recipe.steps;
         if !finished {
-            self.checkpoint(&state, done)?;
+            state.checkpoint(&self, done)?;
             curves::draw(&self.folder)?;
         }
         bar.abandon();
@@ -156,10 +164,11 @@ impl Run {
         Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
     }
 
-    /// Prepares the loop at step 0 or at the checkpoint.
+    /// Prepares the loop at step 0 or at the checkpoint. A new run's first checkpoint is written before anything slow, and its record after
+    /// that: who finds a record finds a checkpoint.
     fn open(&self) -> Result<(Loop, usize)> {
         let saved = match &self.initial {
-            Some(_) => self.claim().map(|()| None)?,
+            Some(_) => self.clear().map(|()| None)?,
             None => Some(self.checkpointed()?),
         };
         let recipe = &self.record.recipe;
@@ -169,29 +178,32 @@ impl Run {
         let devices = self.record.backend.devices(recipe.devices)?;
         let trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
         let mut trainer = trainer.seeded(self.record.seed);
-        if let Some(saved) = &saved {
-            trainer.restore(saved)?;
-        }
         let begun = saved.as_ref().and_then(|c| c.average.as_ref()).unwrap_or(weights);
         let average = Average::new(begun.clone(), recipe.average_steps, recipe.steps);
+        match &saved {
+            Some(saved) => trainer.restore(saved)?,
+            None => {
+                self.checkpoint((0, None), average.as_ref(), &trainer)?;
+                let record = serde_json::to_vec_pretty(&self.record).expect("plain struct");
+                elunar_raster::atomic_write(&self.folder.join(RECORD), &record)?;
+            }
+        }
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
         let journal = Journal::open(&self.folder, first)?;
-        let state = Loop { trainer, average, journal, set, best_rmse, best: None, last: None };
-        if first == 0 {
-            self.checkpoint(&state, 0)?;
-        }
-        Ok((state, first))
+        Ok((Loop { trainer, average, journal, set, best_rmse, best: None, last: None }, first))
     }
 
-    /// Writes the record into the folder. Refuses a folder that already has one.
-    fn claim(&self) -> Result<()> {
-        std::fs::create_dir_all(&self.folder).map_err(Error::io(&self.folder))?;
-        let path = self.folder.join(RECORD);
-        if path.exists() {
+    /// Refuses a folder with a run. What a run left that was killed before its first checkpoint is removed.
+    fn clear(&self) -> Result<()> {
+        if begun(&self.folder) {
             let what = "expected a new folder, found a run in it; choose another --out or add --resume";
             return Err(Error::usage(format!("{}: {what}", self.folder.display())));
         }
-        elunar_raster::atomic_write(&path, &serde_json::to_vec_pretty(&self.record).expect("plain struct"))
+        let record = self.folder.join(RECORD);
+        match std::fs::remove_file(&record) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&record)(error)),
+            _ => Ok(()),
+        }
     }
 
     /// Returns the folder's checkpoint, if the folder belongs to this run.
@@ -242,10 +254,17 @@ impl Run {
         }
     }
 
-    fn checkpoint(&self, state: &Loop, step: usize) -> Result<()> {
-        let weights = store::save(&self.record.network, &state.trainer.net);
-        checkpoint::save(&self.folder, (step, state.best_rmse), &weights, state.average.as_ref(), &state.trainer)
+    fn checkpoint(&self, state: (usize, Option<f64>), average: Option<&Average>, trainer: &Trainer) -> Result<()> {
+        let weights = store::save(&self.record.network, &trainer.net);
+        checkpoint::save(&self.folder, state, &weights, average, trainer)
     }
+}
+
+/// Returns whether a folder holds a run that can go on, or whose weights must not be overwritten.
+#[must_use]
+pub fn begun(folder: &Path) -> bool {
+    let weights = || [BEST, LAST].iter().any(|name| folder.join(name).exists());
+    folder.join(RECORD).exists() && (checkpoint::exists(folder) || weights())
 }
 
 fn progress(first: usize, steps: usize) -> ProgressBar {

@@ -169,6 +169,57 @@ fn checkpoints_are_written_by_time_too() {
     assert_eq!([kept(0.0), kept(60.0)], [4, 0]);
 }
 
+/// Fails before the first step, as if the run were killed there.
+struct Absent;
+
+impl TileSource for Absent {
+    fn tile(&self, _: u64) -> Result<RawTile> {
+        Err(elunar_raster::Error::usage("killed"))
+    }
+}
+
+#[test]
+fn a_run_killed_before_its_first_step_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let whole = run(&at("whole"), false, None).train().unwrap();
+    let same = |name: &str| {
+        let [a, b] = ["whole", name].map(|name| std::fs::read(at(name).join(LAST)).unwrap());
+        assert!(whole.finished && a == b, "{name}: weights differ");
+    };
+    // Killed while the validation tiles were made: there is a checkpoint of step 0 already.
+    let mut killed = run(&at("early"), false, None);
+    killed.validation = Arc::new(Absent);
+    assert!(killed.train().unwrap_err().to_string().contains("killed"));
+    assert!(run(&at("early"), true, None).train().unwrap().finished);
+    same("early");
+    // Killed before: a record alone (older programs), a part of a checkpoint, or a checkpoint without a record. All begin anew.
+    let record = std::fs::read(at("whole").join("run.json")).unwrap();
+    for (name, left) in
+        [("record", "run.json"), ("part", "checkpoint.new/state.json"), ("nameless", "checkpoint/state.json")]
+    {
+        let left = at(name).join(left);
+        std::fs::create_dir_all(left.parent().unwrap()).unwrap();
+        std::fs::write(&left, &record).unwrap();
+        assert!(run(&at(name), false, None).train().unwrap().finished);
+        same(name);
+    }
+    // Weights without a checkpoint are somebody's work.
+    std::fs::remove_dir_all(at("record/checkpoint")).unwrap();
+    let refused = run(&at("record"), false, None).train().unwrap_err().to_string();
+    assert!(refused.contains("found a run in it"), "{refused}");
+}
+
+#[test]
+fn a_run_has_one_trainer_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let owner = elunar_raster::output::Owner::of_folder(folder.path()).unwrap();
+    let refused = run(folder.path(), false, Some(1)).train().unwrap_err();
+    assert!(matches!(refused, elunar_raster::Error::Busy { .. }), "{refused}");
+    drop(owner);
+    run(folder.path(), false, Some(1)).train().unwrap();
+}
+
 #[test]
 fn a_run_is_never_overwritten_or_mixed_with_another() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// Decoded chunks by number. The oldest is dropped first, because scenes are read from top to bottom.
 pub(super) struct Cache {
-    chunks: HashMap<usize, Arc<[f32]>>,
+    chunks: HashMap<usize, Arc<Vec<f32>>>,
     by_age: VecDeque<usize>,
     bytes: usize,
     most_bytes: usize,
@@ -16,22 +16,28 @@ impl Cache {
         Self { chunks: HashMap::new(), by_age: VecDeque::new(), bytes: 0, most_bytes }
     }
 
-    pub(super) fn get(&self, chunk: usize) -> Option<Arc<[f32]>> {
+    pub(super) fn get(&self, chunk: usize) -> Option<Arc<Vec<f32>>> {
         self.chunks.get(&chunk).cloned()
+    }
+
+    /// Drops the oldest chunks until one more of so many samples has room. Called before it is decoded, so that both never take memory at
+    /// once.
+    pub(super) fn make_room(&mut self, samples: usize) {
+        let bytes = samples * size_of::<f32>();
+        while self.bytes + bytes > self.most_bytes {
+            let Some(oldest) = self.by_age.pop_front() else { break };
+            self.bytes -= self.chunks.remove(&oldest).map_or(0, |gone| size_of_val(&gone[..]));
+        }
     }
 
     /// Stores a chunk that is not in the cache. The latest chunk is stored even if it is larger than the cache, so that a file of one huge
     /// chunk is not decoded for every window. A cache of size 0 stores nothing.
-    pub(super) fn insert(&mut self, chunk: usize, samples: &Arc<[f32]>) {
-        let bytes = size_of_val(&**samples);
+    pub(super) fn insert(&mut self, chunk: usize, samples: &Arc<Vec<f32>>) {
         if self.most_bytes == 0 {
             return;
         }
-        while self.bytes + bytes > self.most_bytes {
-            let Some(oldest) = self.by_age.pop_front() else { break };
-            self.bytes -= self.chunks.remove(&oldest).map_or(0, |gone| size_of_val(&*gone));
-        }
-        self.bytes += bytes;
+        self.make_room(samples.len());
+        self.bytes += size_of_val(&samples[..]);
         self.by_age.push_back(chunk);
         self.chunks.insert(chunk, Arc::clone(samples));
     }
@@ -44,7 +50,7 @@ mod tests {
     #[test]
     fn the_oldest_goes_first_and_the_bytes_are_bounded() {
         let mut cache = Cache::new(100);
-        let chunk: Arc<[f32]> = vec![0.0; 10].into();
+        let chunk: Arc<Vec<f32>> = vec![0.0; 10].into();
         for number in 0..5 {
             cache.insert(number, &chunk);
             assert!(cache.bytes <= 100 && cache.chunks.len() == cache.by_age.len());
@@ -55,6 +61,8 @@ mod tests {
         assert!(cache.get(9).is_some() && cache.get(4).is_none(), "the last one stays");
         cache.insert(1, &chunk);
         assert!(cache.get(9).is_none() && cache.get(1).is_some() && cache.bytes == 40);
+        cache.make_room(16);
+        assert!(cache.get(1).is_none() && cache.bytes == 0, "room for 64 bytes beside 40");
         let mut nothing = Cache::new(0);
         nothing.insert(1, &chunk);
         assert!(nothing.get(1).is_none());

@@ -16,6 +16,10 @@ const MOST_COMPRESSION_ZSTD: u64 = 1 << 15;
 /// Memory that the decoder may always use, bytes. Tags need some, too.
 const SMALL_BYTES: usize = 1 << 22;
 
+/// Greatest number of pixels of a strip or tile that must be decoded whole: 64 MiB of samples (our choice), 4096 x 4096. A single
+/// strip of Deflate or ZSTD could otherwise take a thousand times the file's size, and more.
+pub(super) const MOST_CHUNK_PX: usize = 1 << 24;
+
 /// Rows of plain files are read together up to this many bytes.
 const PLAIN_BYTES: usize = 1 << 20;
 
@@ -117,6 +121,7 @@ impl Layout {
             layout.chunk_rows = (PLAIN_BYTES / (cols * layout.sample_bytes)).clamp(1, rows);
             layout.chunks = rows.div_ceil(layout.chunk_rows);
         }
+        layout.check_chunk(&file, tiled)?;
         Ok((layout, file))
     }
 
@@ -133,6 +138,18 @@ impl Layout {
 
     fn chunk_bytes(&self) -> usize {
         self.chunk_rows.saturating_mul(self.chunk_cols).saturating_mul(self.sample_bytes)
+    }
+
+    /// Refuses chunks that would take too much memory. Rows of plain files are read one by one, whatever their strips.
+    fn check_chunk(&self, file: &Handle, tiled: bool) -> Result<()> {
+        let found = self.chunk_rows.saturating_mul(self.chunk_cols);
+        if self.plain.is_some() || found <= MOST_CHUNK_PX {
+            return Ok(());
+        }
+        let (kind, rows, cols) = (if tiled { "tiles" } else { "strips" }, self.chunk_rows, self.chunk_cols);
+        Err(file.unsupported(format!(
+            "{kind} of {rows} x {cols} pixels; at most {MOST_CHUNK_PX} pixels in one expected (gdal_translate -co TILED=YES -co COMPRESS=DEFLATE IN OUT)"
+        )))
     }
 
     /// Refuses sizes that the file cannot hold.

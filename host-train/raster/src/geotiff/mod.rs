@@ -21,6 +21,8 @@ mod writer;
 #[cfg(test)]
 mod band_tests;
 #[cfg(test)]
+mod chunk_tests;
+#[cfg(test)]
 mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;

@@ -8,6 +8,7 @@ use super::layout::Layout;
 use super::place::georef;
 use super::plain;
 use super::rule::Rule;
+use crate::memory::may_fail;
 use crate::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::{Path, PathBuf};
@@ -26,11 +27,12 @@ const CACHE_BYTES: usize = 64 << 20;
 /// half a pixel, so that it always refers to pixel corners.
 ///
 /// At most 64 MiB of decoded samples are cached in addition to the result. Within that size, windows that share strips or tiles are fast in
-/// any order. The file stays open.
+/// any order. A strip or tile of a file that is not plain has at most 2^24 pixels, so that decoding one takes at most 192 MiB more. The file
+/// stays open.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be opened, [`Error::Broken`] if it is truncated or contradicts itself,
-/// [`Error::Unsupported`] for several bands, palettes, inverted grey, internal masks, ground control points and codecs unknown here.
+/// [`Error::Unsupported`] for larger strips and tiles, several bands, palettes, inverted grey, internal masks, ground control points and codecs unknown here.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     open_with(path, None)
 }
@@ -93,13 +95,14 @@ impl GeoTiff {
     }
 
     /// Returns the samples of one chunk, rows of [`Layout::chunk_cols`], from the cache or the file.
-    fn chunk(&self, chunk: usize) -> Result<Arc<[f32]>> {
+    fn chunk(&self, chunk: usize) -> Result<Arc<Vec<f32>>> {
         // A reader that panicked leaves the decoder between two chunks at worst. Each chunk starts anew.
         let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(samples) = state.cache.get(chunk) {
             return Ok(samples);
         }
-        let samples: Arc<[f32]> = self.decode(&mut state.file, chunk)?.into();
+        state.cache.make_room(self.layout.chunk_rows * self.layout.chunk_cols);
+        let samples = Arc::new(self.decode(&mut state.file, chunk)?);
         state.cache.insert(chunk, &samples);
         Ok(samples)
     }
@@ -141,7 +144,7 @@ impl Source for GeoTiff {
         let layout = &self.layout;
         check_window(window, layout.rows, layout.cols)?;
         let mut samples = Vec::new();
-        samples.try_reserve_exact(window.rows * window.cols).map_err(|_| {
+        may_fail(|| samples.try_reserve_exact(window.rows * window.cols)).map_err(|_| {
             let (rows, cols) = (window.rows, window.cols);
             Error::usage(format!("{}: not enough memory for {rows} x {cols} pixels", self.path.display()))
         })?;

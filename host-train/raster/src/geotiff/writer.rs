@@ -7,6 +7,7 @@ use super::metadata::{self, Item};
 use super::pyramid::{BLOCK_PX, Level, halve, levels};
 use super::write::{SampleType, WriteOptions};
 use super::{NODATA_TEXT, tag};
+use crate::output::{Staged, check_target};
 use crate::{Error, Result, folder_of};
 use rayon::prelude::*;
 use std::fs::File;
@@ -41,7 +42,7 @@ impl Writer {
     /// Starts a file of `rows` x `cols` pixels. The reference system's keys are written as they are.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a side is 0 or beyond 2^31 - 1, or `path` is a folder; [`Error::Io`] if its folder cannot be written.
+    /// [`Error::Usage`] if a side is 0 or beyond 2^31 - 1, or `path` is no regular file; [`Error::Io`] if its folder cannot be written.
     pub fn create(
         path: &Path,
         rows: usize,
@@ -54,9 +55,7 @@ impl Writer {
             let what = format!("{}: sides of 1 to {most} pixels expected, {rows} x {cols} found", path.display());
             return Err(Error::usage(what));
         }
-        if path.is_dir() {
-            return Err(Error::usage(format!("{}: a file name expected, a folder found", path.display())));
-        }
+        check_target(path)?;
         let spill = BufWriter::new(tempfile::tempfile_in(folder_of(path)).map_err(Error::io(path))?);
         let coding = Coding {
             sample: options.sample,
@@ -122,18 +121,14 @@ impl Writer {
             return Err(Error::usage(format!("{path}: {rows} rows expected, {given} given")));
         }
         let path = self.path.clone();
-        self.assemble().map_err(Error::io(&path))
+        let mut staged = Staged::create(&path)?;
+        self.assemble(staged.file()).map_err(Error::io(&path))?;
+        staged.publish()
     }
 
-    fn assemble(&mut self) -> std::io::Result<()> {
+    fn assemble(&mut self, file: &File) -> std::io::Result<()> {
         self.spill.flush()?;
-        let mut builder = tempfile::Builder::new();
-        builder.suffix(".part");
-        // Permissions follow the user's umask. A temporary file is private by default.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder_of(&self.path))?;
-        let mut out = BufWriter::with_capacity(1 << 20, file.as_file());
+        let mut out = BufWriter::with_capacity(1 << 20, file);
         out.write_all(&self.head())?;
         let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
         // The smallest overview comes first, so that a preview of the file reads little.
@@ -146,10 +141,7 @@ impl Writer {
                 }
             }
         }
-        out.flush()?;
-        drop(out);
-        file.as_file().sync_all()?;
-        file.persist(&self.path).map(drop).map_err(|e| e.error)
+        out.flush()
     }
 
     /// Adds rows to a level, writes its full bands, and passes their halves to the next level.

@@ -1,8 +1,9 @@
 //! Finished rows of an unfinished prediction, on disk. The next run continues an interrupted run with them.
 
+use elunar_raster::output::open_growing;
 use elunar_raster::{Error, Result};
 use sha2::{Digest, Sha256};
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -21,28 +22,26 @@ impl Part {
     /// Opens the rows of the same job, or starts a new file. `job` is a text that differs between jobs: inputs, model, options.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be created or read.
+    /// [`Error::Usage`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
     pub fn open(output: &Path, job: &str, cols: usize) -> Result<Self> {
         let mut name = output.file_name().unwrap_or_default().to_os_string();
         name.push(".part");
         let path = output.with_file_name(name);
         let id = Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize();
-        let open = || -> std::io::Result<(File, usize)> {
-            let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path)?;
+        let mut file = open_growing(&path)?;
+        let mut start = || -> std::io::Result<usize> {
             let (mut found, row_bytes) = ([0; HEADER_BYTES as usize], 4 * cols as u64);
             let same = file.read_exact(&mut found).is_ok() && found[..] == id[..];
             if !same {
                 file.set_len(0)?;
-                file.rewind()?;
                 file.write_all(&id)?;
             }
             // A run that was killed during a write leaves an incomplete row.
             let rows = (file.metadata()?.len() - HEADER_BYTES) / row_bytes.max(1);
             file.set_len(HEADER_BYTES + rows * row_bytes)?;
-            file.seek(SeekFrom::End(0))?;
-            Ok((file, rows as usize))
+            Ok(rows as usize)
         };
-        let (file, rows) = open().map_err(Error::io(&path))?;
+        let rows = start().map_err(Error::io(&path))?;
         Ok(Self { path, file, cols, rows })
     }
 
@@ -128,7 +127,7 @@ mod tests {
         // The run was killed in the middle of a row.
         drop(part);
         let path = folder.path().join("dtm.tif.part");
-        OpenOptions::new().append(true).open(&path).unwrap().write_all(&[7; 9]).unwrap();
+        std::fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(&[7; 9]).unwrap();
         let mut part = Part::open(&output, "a", 3).unwrap();
         assert_eq!(part.rows(), 2);
         part.append(&[7.0, 8.0, 9.0]).unwrap();

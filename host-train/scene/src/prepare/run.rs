@@ -11,6 +11,7 @@ use crate::interrupt;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_net::digest::{hex, sha256_hex};
 use elunar_raster::align::Interpolation;
+use elunar_raster::output::Owner;
 use elunar_raster::stated::HeightUnit;
 use elunar_raster::{Error, Result, atomic_write};
 use indicatif::ProgressBar;
@@ -49,7 +50,7 @@ struct Inspected {
 /// with a manifest is complete.
 ///
 /// # Errors
-/// [`Error::Usage`] if the folder is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
+/// [`Error::Busy`] if another run writes the folder; [`Error::Usage`] if it is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
 /// are passed on.
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
@@ -57,6 +58,7 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
         let what = format!("{}: a new or unfinished folder expected, one with a manifest found", out.display());
         return Err(Error::usage(what));
     }
+    let _owner = Owner::of_folder(out)?;
     let unfinished = out.join(UNFINISHED);
     std::fs::create_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
     let mut inspected = vec![];

@@ -1,0 +1,65 @@
+//! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
+
+use crate::program::{NO_MEMORY, fail_once};
+use elunar_raster::memory::is_fallible;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::time::Duration;
+
+/// The allocator of both programs.
+#[derive(Debug)]
+pub struct Memory;
+
+/// Ends the program if memory was refused to code that cannot handle that.
+#[inline]
+fn granted(at: *mut u8, bytes: usize) -> *mut u8 {
+    if at.is_null() && !is_fallible() {
+        end(bytes);
+    }
+    at
+}
+
+/// Ends the program at once. Nothing runs that could allocate again: no unwinding, no handlers of the end.
+#[cold]
+fn end(bytes: usize) -> ! {
+    if !fail_once(NO_MEMORY, format_args!("not enough memory: the system refused {bytes} bytes")) {
+        // Another thread has begun to say why the program ends.
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    #[cfg(unix)]
+    #[allow(unsafe_code)]
+    // SAFETY: `_exit` takes any number and does not return.
+    unsafe {
+        libc::_exit(NO_MEMORY.into())
+    }
+    #[cfg(not(unix))]
+    std::process::exit(NO_MEMORY.into())
+}
+
+// SAFETY: every call is passed to the system's allocator as it is, and its answer is returned unless the program ends. Ending allocates
+// nothing.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Memory {
+    #[inline]
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller's promises are those of the system's allocator.
+        granted(unsafe { System.alloc(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as above.
+        granted(unsafe { System.alloc_zeroed(layout) }, layout.size())
+    }
+
+    #[inline]
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
+        // SAFETY: as above.
+        granted(unsafe { System.realloc(at, layout, bytes) }, bytes)
+    }
+
+    #[inline]
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(at, layout) }
+    }
+}

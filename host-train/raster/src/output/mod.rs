@@ -1,0 +1,14 @@
+//! Outputs: what may be replaced, files that appear whole, files that grow, and the one owner of an output.
+//!
+//! Every command writes through this module. No link is followed, and nothing but a regular file is ever replaced.
+
+mod growing;
+mod owner;
+mod record;
+mod target;
+mod whole;
+
+pub use growing::open_growing;
+pub use owner::Owner;
+pub use target::check_target;
+pub use whole::{Staged, atomic_write};

@@ -1,0 +1,222 @@
+//! One owner per output. A lock beside the output, a file that is created exclusively, names the process that writes it.
+//!
+//! The file is the claim; the kernel's lock on it says whether a claim that is found can be judged. Of a claim from another machine nothing
+//! is known, so it always counts.
+
+use super::growing::without_following;
+use super::record::{Record, start_of};
+use super::target::check_target;
+use crate::{Error, Result, folder_of};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Suffix of the lock beside an output.
+const SUFFIX: &str = ".lock";
+/// The lock in an output folder.
+const IN_FOLDER: &str = "owner.lock";
+/// Number of times that a lock may vanish or change under our eyes.
+const TRIES: usize = 100;
+
+/// The right to write an output, until it is dropped.
+#[derive(Debug)]
+#[must_use = "the output is owned until this is dropped"]
+pub struct Owner {
+    lock: PathBuf,
+    file: File,
+}
+
+impl Owner {
+    /// Takes a file that will be written: `dtm.tif.lock` is the lock of `dtm.tif`. Whether the file may be replaced is checked, too.
+    ///
+    /// # Errors
+    /// [`Error::Busy`] if another process owns it; as [`check_target`]; [`Error::Io`] if the folder cannot be written.
+    pub fn of_file(output: &Path) -> Result<Self> {
+        check_target(output)?;
+        let mut name = output.file_name().unwrap_or_default().to_os_string();
+        name.push(SUFFIX);
+        Self::take(output, output.with_file_name(name))
+    }
+
+    /// Creates a folder if it is absent, and takes it.
+    ///
+    /// # Errors
+    /// As [`Self::of_file`].
+    pub fn of_folder(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+        Self::take(folder, folder.join(IN_FOLDER))
+    }
+
+    fn take(output: &Path, lock: PathBuf) -> Result<Self> {
+        let here = Record::here();
+        for _ in 0..TRIES {
+            let claim = claim(&lock, &here).map_err(Error::io(output))?;
+            match claim.persist_noclobber(&lock) {
+                Ok(file) => return Ok(Self { lock, file }),
+                Err(found) if found.error.kind() == ErrorKind::AlreadyExists => {
+                    if let Some(file) = succeed(output, &lock, &here, found.file)? {
+                        return Ok(Self { lock, file });
+                    }
+                }
+                Err(failed) => return Err(Error::io(output)(failed.error)),
+            }
+        }
+        Err(Error::busy(output, "its owners change too fast; try again"))
+    }
+}
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        // What lies there now may be another's only if somebody removed ours by hand.
+        if is_at(&self.file, &self.lock) {
+            // An error leaves a lock that the next run recognises as left behind.
+            let _ = std::fs::remove_file(&self.lock);
+        }
+    }
+}
+
+/// Writes the record into a nameless claim, under the kernel's lock. Only whole records get the lock's name.
+fn claim(lock: &Path, here: &Record) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    // Others must be able to read who it is.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut claim = builder.suffix(SUFFIX).tempfile_in(folder_of(lock))?;
+    claim.write_all(here.text().as_bytes())?;
+    claim.as_file().sync_all()?;
+    // Where there are no locks, the file alone is the claim.
+    let _ = claim.as_file().try_lock();
+    Ok(claim)
+}
+
+/// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
+fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> Result<Option<File>> {
+    check_target(lock)?;
+    let mut options = OpenOptions::new();
+    let mut file = match without_following(options.read(true)).open(lock) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        opened => opened.map_err(Error::io(lock))?,
+    };
+    let held = match file.try_lock() {
+        Ok(()) => false,
+        Err(TryLockError::WouldBlock) => true,
+        Err(TryLockError::Error(_)) => return Err(busy(output, lock, &text(&mut file, lock)?, true)),
+    };
+    let text = text(&mut file, lock)?;
+    if held {
+        return Err(busy(output, lock, &text, false));
+    }
+    // A lock that we hold cannot be succeeded by others, if it still is the one at its place.
+    if !is_at(&file, lock) {
+        return Ok(None);
+    }
+    // A power cut may leave an empty file.
+    if !text.is_empty() {
+        let Some(found) = Record::parse(&text) else {
+            let what = "the record of an owner expected, other text found; remove the file if nothing uses it";
+            return Err(Error::usage(format!("{}: {what}", lock.display())));
+        };
+        if !found.has_ended(here, start_of) {
+            return Err(busy(output, lock, &text, true));
+        }
+    }
+    claim.persist(lock).map(Some).map_err(|e| Error::io(output)(e.error))
+}
+
+fn text(file: &mut File, lock: &Path) -> Result<String> {
+    const MOST_BYTES: u64 = 4096;
+    let mut bytes = Vec::new();
+    file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(Error::io(lock))?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Returns the error of an output that another owns. If that cannot be judged from here, it says what the user may do.
+fn busy(output: &Path, lock: &Path, text: &str, unsure: bool) -> Error {
+    let who = Record::parse(text).map_or_else(|| "another process".into(), |record| record.who());
+    let hint = if unsure { format!("; if that run is gone, remove {}", lock.display()) } else { String::new() };
+    Error::busy(output, format!("{who}; try again when it has ended{hint}"))
+}
+
+/// Returns whether `path` names this file.
+fn is_at(file: &File, path: &Path) -> bool {
+    let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::symlink_metadata(path)) else { return false };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        (ours.dev(), ours.ino()) == (there.dev(), there.ino())
+    }
+    #[cfg(not(unix))]
+    {
+        ours.created().ok() == there.created().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_output_has_one_owner_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("dtm.tif");
+        let first = Owner::of_file(&output).unwrap();
+        let lock = std::fs::read_to_string(folder.path().join("dtm.tif.lock")).unwrap();
+        assert!(lock.contains(&format!("\npid {}\n", std::process::id())), "{lock}");
+        let error = Owner::of_file(&output).unwrap_err();
+        assert!(matches!(error, Error::Busy { .. }), "{error}");
+        let _other = Owner::of_file(&folder.path().join("other.tif")).unwrap();
+        drop(first);
+        let _second = Owner::of_file(&output).unwrap();
+        let runs = folder.path().join("runs");
+        let _run = Owner::of_folder(&runs).unwrap();
+        assert!(Owner::of_folder(&runs).unwrap_err().to_string().contains("try again"));
+    }
+
+    #[test]
+    fn a_lock_left_behind_is_taken_over_and_a_foreign_one_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
+        for left in [killed.text(), String::new()] {
+            std::fs::write(&lock, left).unwrap();
+            drop(Owner::of_file(&output).unwrap());
+            assert!(!lock.exists());
+        }
+        let elsewhere = Record { host: "elsewhere".into(), boot: "another".into(), ..here };
+        std::fs::write(&lock, elsewhere.text()).unwrap();
+        let error = Owner::of_file(&output).unwrap_err().to_string();
+        assert!(
+            error.contains("on elsewhere") && error.contains("remove") && error.contains("dtm.tif.lock"),
+            "{error}"
+        );
+        assert_eq!(std::fs::read_to_string(&lock).unwrap(), elsewhere.text());
+        std::fs::write(&lock, "[[package]]\n").unwrap();
+        let error = Owner::of_file(&output).unwrap_err();
+        assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("other text found"), "{error}");
+        assert_eq!(std::fs::read(&lock).unwrap(), b"[[package]]\n");
+    }
+
+    #[test]
+    fn of_many_that_find_a_dead_owner_one_succeeds() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
+        for _ in 0..50 {
+            std::fs::write(&lock, killed.text()).unwrap();
+            let start = std::sync::Barrier::new(8);
+            let take = || {
+                start.wait();
+                Owner::of_file(&output)
+            };
+            let taken: Vec<_> = std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
+                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+            });
+            // A thread that looks while another reads the old lock may be refused, but never are there two.
+            assert_eq!(taken.iter().filter(|owner| owner.is_ok()).count(), 1);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The record of an owner: which process on which machine, since when.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// First line of a record.
+const HEAD: &str = "elunar owner 1";
+
+/// A process that owns an output. Fields that this system does not tell are empty.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Record {
+    /// Name of the machine.
+    pub(super) host: String,
+    /// Number that the running kernel took when it started.
+    pub(super) boot: String,
+    /// The name space of process numbers: containers have their own.
+    pub(super) namespace: String,
+    pub(super) pid: u32,
+    /// Start of the process, in the kernel's count. A later process of the same number has another.
+    pub(super) process_start: Option<u64>,
+    /// Seconds of the Unix epoch when the output was taken.
+    pub(super) since_s: u64,
+}
+
+impl Record {
+    /// Returns the record of this process.
+    pub(super) fn here() -> Self {
+        let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
+        let named = |name: &str| std::env::var(name).ok();
+        let host = read("/proc/sys/kernel/hostname").or_else(|| read("/etc/hostname"));
+        let host = host.or_else(|| named("HOSTNAME")).or_else(|| named("COMPUTERNAME"));
+        let namespace = std::fs::read_link("/proc/self/ns/pid");
+        let pid = std::process::id();
+        Self {
+            host: host.unwrap_or_default(),
+            boot: read("/proc/sys/kernel/random/boot_id").unwrap_or_default(),
+            namespace: namespace.map_or_else(|_| String::new(), |name| name.to_string_lossy().into_owned()),
+            pid,
+            process_start: start_of(pid),
+            since_s: now_s(),
+        }
+    }
+
+    /// Returns the record as lines of a name and a value.
+    pub(super) fn text(&self) -> String {
+        let Self { host, boot, namespace, pid, process_start, since_s } = self;
+        let start = process_start.map_or_else(String::new, |start| start.to_string());
+        format!(
+            "{HEAD}\nhost {host}\nboot {boot}\nnamespace {namespace}\npid {pid}\nprocess-start {start}\nsince {since_s}\n"
+        )
+    }
+
+    /// Reads a record; `None` if the text is none.
+    pub(super) fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.strip_prefix(HEAD)?.strip_prefix('\n')?.lines();
+        let mut value = |name: &str| lines.next()?.strip_prefix(name)?.strip_prefix(' ').map(str::to_string);
+        Some(Self {
+            host: value("host")?,
+            boot: value("boot")?,
+            namespace: value("namespace")?,
+            pid: value("pid")?.parse().ok()?,
+            process_start: Some(value("process-start")?)
+                .filter(|start| !start.is_empty())
+                .map(|s| s.parse())
+                .transpose()
+                .ok()?,
+            since_s: value("since")?.parse().ok()?,
+        })
+    }
+
+    /// Returns whether the process has surely ended, as seen by `here`, which already holds the kernel's lock on the record's file.
+    /// `start_of` returns the start of a running process.
+    pub(super) fn has_ended(&self, here: &Self, start_of: impl Fn(u32) -> Option<u64>) -> bool {
+        if self.boot.is_empty() || self.boot != here.boot {
+            // The same machine has started anew, or tells no boots apart. Of another machine nothing is known.
+            return self.host == here.host;
+        }
+        // Under one kernel its lock is enough. Where file systems only pretend to lock, the process numbers still tell.
+        self.namespace != here.namespace || self.process_start.is_none() || start_of(self.pid) != self.process_start
+    }
+
+    /// Returns the process for messages.
+    pub(super) fn who(&self) -> String {
+        let (host, age_s) = (&self.host, now_s().saturating_sub(self.since_s));
+        let at = if host.is_empty() { String::new() } else { format!(" on {host}") };
+        format!("process {}{at}, for {age_s} s", self.pid)
+    }
+}
+
+/// Returns the start of a running process, in ticks since the kernel's start; `None` if it does not run, or this system does not tell.
+pub(super) fn start_of(pid: u32) -> Option<u64> {
+    const ENDED: [&str; 2] = ["Z", "X"];
+    let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // The name of the program, in brackets, may hold spaces and brackets.
+    let mut fields = text.rsplit_once(") ")?.1.split(' ');
+    let state = fields.next()?;
+    fields.nth(18).filter(|_| !ENDED.contains(&state))?.parse().ok()
+}
+
+fn now_s() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record() -> Record {
+        let [host, boot, namespace] = ["moon", "b-1", "pid:[4]"].map(String::from);
+        Record { host, boot, namespace, pid: 7, process_start: Some(99), since_s: 5 }
+    }
+
+    #[test]
+    fn a_record_reads_back() {
+        for known in [record(), Record { process_start: None, boot: String::new(), ..record() }, Record::here()] {
+            assert_eq!(Record::parse(&known.text()), Some(known));
+        }
+        let text = record().text();
+        for other in
+            ["", "elunar owner 2\n", &text[..text.len() - 3], &text.replace("pid", "PID"), &text.replace('7', "x")]
+        {
+            assert_eq!(Record::parse(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn an_owner_has_ended_only_if_that_is_sure() {
+        let here = record();
+        let ended = |record: Record, start| record.has_ended(&here, |pid| if pid == 7 { start } else { None });
+        assert!(!ended(record(), Some(99)), "it runs");
+        assert!(ended(record(), None) && ended(record(), Some(100)), "it runs no longer, or its number is another's");
+        let contained = Record { namespace: "pid:[5]".into(), ..record() };
+        assert!(ended(contained, Some(99)), "numbers of another name space say nothing, the kernel's lock does");
+        let rebooted = Record { boot: "b-2".into(), ..record() };
+        assert!(ended(rebooted.clone(), Some(99)));
+        assert!(!ended(Record { host: "mars".into(), ..rebooted }, None), "another machine");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn this_process_runs_and_a_reaped_one_does_not() {
+        assert!(start_of(std::process::id()).is_some_and(|start| start > 0));
+        let mut child = std::process::Command::new("true").spawn().unwrap();
+        child.wait().unwrap();
+        assert_eq!(start_of(child.id()), None);
+    }
+}
