@@ -10,25 +10,28 @@ use small::PX;
 use std::mem::{align_of, size_of};
 use std::ptr::{null, null_mut};
 
-const FILL: u64 = 0x5555_5555_5555_5555;
+/// As aligned as the library may ask; an array of `u64` is not on every machine of 32 bits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
+struct Line([u8; 64]);
 
 /// Bytes that a C program may have anywhere.
 struct Block {
-    words: Vec<u64>,
+    lines: Vec<Line>,
     bytes: usize,
 }
 
 impl Block {
     fn of(bytes: &[u8]) -> Self {
-        let mut words = vec![FILL; bytes.len().div_ceil(8) + 2];
-        // SAFETY: the words are longer.
-        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), words.as_mut_ptr().cast(), bytes.len()) };
-        Self { words, bytes: bytes.len() }
+        let mut lines = vec![Line([0x55; 64]); bytes.len() / 64 + 1];
+        // SAFETY: the lines are longer.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), lines.as_mut_ptr().cast(), bytes.len()) };
+        Self { lines, bytes: bytes.len() }
     }
 
     fn at<T>(&mut self, byte: usize) -> *mut T {
         assert!(byte <= self.bytes);
-        self.words.as_mut_ptr().wrapping_byte_add(byte).cast()
+        self.lines.as_mut_ptr().wrapping_byte_add(byte).cast()
     }
 }
 
@@ -109,7 +112,7 @@ fn init_writes_no_context_into_the_memory_or_the_model() {
     let file = small::model();
     let needed = needs(&file).memory_bytes as usize;
     let (mut memory, mut model) = (Block::of(&vec![0x55; needed]), Block::of(&file));
-    let (memory_before, model_before) = (memory.words.clone(), model.words.clone());
+    let (memory_before, model_before) = (memory.lines.clone(), model.lines.clone());
     let stride = if cfg!(miri) { 512 } else { 8 };
     for inside_model in [false, true] {
         let last = if inside_model { file.len() } else { needed } - 1;
@@ -134,14 +137,14 @@ fn init_writes_no_context_into_the_memory_or_the_model() {
             }
         }
     }
-    assert!(memory.words == memory_before && model.words == model_before);
+    assert!(memory.lines == memory_before && model.lines == model_before);
 }
 
 #[test]
 fn a_refused_init_writes_null_and_nothing_else() {
     let file = small::model();
     let mut memory = Block::of(&vec![0x55; needs(&file).memory_bytes as usize]);
-    let before = memory.words.clone();
+    let before = memory.lines.clone();
     for (short, model_bytes) in [(1, file.len()), (0, file.len() - 1)] {
         let mut context: *mut eld_context_t = memory.at(8);
         let bytes = memory.bytes - short;
@@ -149,19 +152,19 @@ fn a_refused_init_writes_null_and_nothing_else() {
         let status = unsafe { eld_init(memory.at(0), bytes, file.as_ptr().cast(), model_bytes, &raw mut context) };
         assert!(!worked(status) && context.is_null());
     }
-    assert_eq!(memory.words, before);
+    assert_eq!(memory.lines, before);
 }
 
 #[test]
 fn a_model_is_not_checked_into_itself() {
     let mut model = Block::of(&small::model());
-    let (before, bytes) = (model.words.clone(), model.bytes);
+    let (before, bytes) = (model.lines.clone(), model.bytes);
     for at in [0, 128, bytes / 8 * 8 - size_of::<eld_model_info_t>(), (bytes - 1) / 8 * 8] {
         // SAFETY: buffers of the test.
         let status = unsafe { eld_model_check(model.at::<u8>(0).cast(), bytes, model.at(at)) };
         assert_eq!(status, ELD_REFUSED_OVERLAP, "byte {at}");
     }
-    assert_eq!(model.words, before);
+    assert_eq!(model.lines, before);
 }
 
 #[test]
