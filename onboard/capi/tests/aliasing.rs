@@ -244,7 +244,7 @@ fn every_function_in_the_life_of_a_context() {
 fn heights_are_finite_whatever_the_coarse_heights() {
     let mut rig = Rig::new();
     let mut accepted = 0;
-    for exponent in -8..39 {
+    for exponent in if cfg!(miri) { 0 } else { -8 }..39 {
         for (low, high) in [(0.0, 1.0), (-1.0, 1.0), (0.999, 1.0), (-1.0, -0.999)] {
             let size = 10f64.powi(exponent);
             let mut maps = maps();

@@ -9,10 +9,12 @@ pub use file::Program;
 
 use crate::Random;
 use elunar_core::nn::file::{Dtype, NONE};
-use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
+use elunar_core::nn::{Kernel, Model, ModelError, Progress, Runner, required};
 
 /// Largest arena and largest constants of a program, bytes.
 const LARGEST: usize = 1 << 21;
+/// Most places that are tried for the tensors of one program.
+const TRIES: usize = 60;
 
 /// Random choices.
 pub(crate) struct Dice<'r>(pub(crate) &'r mut Random);
@@ -62,16 +64,28 @@ pub fn pair(random: &mut Random) -> Option<Pair> {
     operators::output(d, &mut program)?;
     steps::order(d, &mut program)?;
     let tame = places::apart(&program);
-    places::share(d, &mut program);
-    let small = [&program, &tame].iter().all(|p| p.end() < LARGEST && p.constants.len() < LARGEST);
-    small.then_some(Pair { wild: program, tame })
+    let small = |p: &Program| p.end() < LARGEST && p.constants.len() < LARGEST;
+    if !small(&tame) {
+        return None;
+    }
+    // Most places are illegal, and many of the others are apart.
+    for attempt in 0..TRIES {
+        places::share(d, &mut program);
+        let legal = small(&program) && Model::new(&program.file()).is_ok();
+        if legal && (attempt > TRIES / 2 || program.shares_bytes()) {
+            break;
+        }
+    }
+    small(&program).then_some(Pair { wild: program, tame })
 }
 
 /// How a pair was judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Judged {
-    /// One of the two files is refused.
-    Refused,
+    /// The program is refused even if it is laid out apart.
+    Illegal(ModelError),
+    /// Only the wild file is refused.
+    Refused(ModelError),
     /// Both ran, and tensors of the wild one share bytes or do not.
     Ran {
         /// Whether tensors share bytes.
@@ -87,7 +101,14 @@ pub enum Judged {
 /// If an accepted program ends with an error, or outputs or counters differ.
 pub fn judge(pair: &Pair, random: &mut Random, lend: &mut impl FnMut(usize, u8) -> &'static mut [u8]) -> Judged {
     let (wild, tame) = (pair.wild.file(), pair.tame.file());
-    let (Ok(wild), Ok(tame)) = (Model::new(&wild), Model::new(&tame)) else { return Judged::Refused };
+    let tame = match Model::new(&tame) {
+        Ok(tame) => tame,
+        Err(error) => return Judged::Illegal(error),
+    };
+    let wild = match Model::new(&wild) {
+        Ok(wild) => wild,
+        Err(error) => return Judged::Refused(error),
+    };
     let mut run = |kernel: Kernel, model: Model<'_>| {
         let dice = &mut Dice(random);
         let (rubbish, budget) = (dice.size(0, 255) as u8, dice.pick(&[1, 100, 5000, u64::MAX]));
