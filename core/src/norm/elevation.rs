@@ -195,6 +195,24 @@ mod tests {
     }
 
     #[test]
+    fn reliefs_beyond_the_limit_are_refused() {
+        let of = |relief_m: f32| ElevationScale::from_heights(&[-relief_m, -relief_m / 2.0, 0.0], None, NR);
+        let refused =
+            |relief_m: f32| matches!(of(relief_m), Err(NormError::Relief { relief_m: found }) if found == relief_m);
+        assert!(of(RELIEF_MAX_M).is_ok() && refused(1.1 * RELIEF_MAX_M) && refused(1e38));
+        assert!(of(RELIEF_MAX_M).unwrap().with_margin(0.1).is_err());
+        assert!(ElevationScale::from_pixel(&[0.0, 1.0, 2.0], None, 1e8, NR).is_err());
+        assert!(ElevationScale::from_parts(0.0, 1.1 * RELIEF_MAX_M, NR).is_err());
+        // The largest outputs of a model are heights.
+        for nr in [1e-30, 1.0, NR, 1e25] {
+            let scale = ElevationScale::from_parts(-1e38, RELIEF_MAX_M, nr).unwrap();
+            for sign in [-1.0, 1.0] {
+                assert!(scale.recovered_m(sign * nr * crate::nn::file::MAX_OUTPUT as f32).is_finite());
+            }
+        }
+    }
+
+    #[test]
     fn lowest_is_zero_and_highest_is_nr() {
         let heights = [-2000.0, -1975.0, -1900.0];
         let mut out = [9.0; 3];

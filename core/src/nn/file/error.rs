@@ -83,7 +83,7 @@ impl fmt::Display for OperatorFault {
             Self::Constants => "constants out of bounds or illegal",
             Self::Overflow => "accumulator could overflow",
             Self::Seal => "seal broken",
-            Self::Work => "validation would read more than 64 bytes per byte of the file",
+            Self::Work => "validation would take more than 64 units of work per byte of the file",
         })
     }
 }
@@ -104,7 +104,11 @@ impl fmt::Display for ModelError {
                 write!(f, "schedule entry {entry}: rows that do not exist at that point, or work left undone")
             }
             Self::Work => {
-                write!(f, "validation would read more than {} bytes per byte of the file", super::limits::MAX_WORK)
+                write!(
+                    f,
+                    "validation would take more than {} units of work per byte of the file",
+                    super::limits::MAX_WORK
+                )
             }
         }
     }

@@ -20,7 +20,7 @@ pub const MAX_WINDOW: usize = 8;
 pub const MAX_ADD_SHIFT: u32 = 15;
 /// Largest result of an f32 output, in units of NR: with [`crate::norm::RELIEF_MAX_M`], all heights are finite.
 pub const MAX_OUTPUT: f64 = (1u64 << 32) as f64;
-/// Most work of a validation per byte of the file: bytes that are read, counted each time, and what [`super::super::Model::new`] adds.
+/// Most work of a validation per byte of the file: see [`super::super::Model::new_counted`].
 pub const MAX_WORK: u64 = 64;
 
 /// Fraction bits of a normalised value before a layer norm's gain.

@@ -42,9 +42,9 @@ impl<'a> Model<'a> {
         Self::new_counted(bytes, &mut 0)
     }
 
-    /// As [`Self::new`]; writes the work of the validation to `work`. It is the number of bytes of the file that were read, counted each
-    /// time, plus 8 for each look at a pair of tensors or at a link of a line of tensors that overwrite each other; at most
-    /// [`MAX_WORK`](super::file::MAX_WORK) for each byte of the file.
+    /// As [`Self::new`]; writes the work of the validation to `work`: at most [`MAX_WORK`](super::file::MAX_WORK) for each byte of the file.
+    /// It is what was read of the file, counted each time: bytes for checksums and of constants, words of records. Each look at a pair of
+    /// tensors, or at a link of a line of tensors that overwrite each other, adds 2.
     ///
     /// # Errors
     /// As [`Self::new`].

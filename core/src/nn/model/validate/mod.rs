@@ -9,9 +9,7 @@ mod upsample;
 mod work;
 
 use super::Model;
-use crate::nn::file::{
-    MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, OPERATOR_BYTES, Operator, OperatorFault, TENSOR_BYTES, word,
-};
+use crate::nn::file::{MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, Operator, OperatorFault, word};
 use crate::nn::input::{Illumination, TruthRange};
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::part;
@@ -37,7 +35,7 @@ fn check(model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
     model.check_tensors(work)?;
     model.check_inputs()?;
     for index in 0..model.operators.len() {
-        work.spend(OPERATOR_BYTES + TENSOR_READS * TENSOR_BYTES)?;
+        work.spend(work::OPERATOR + TENSOR_READS * work::TENSOR)?;
         let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
         let operator = Operator::decode(&model.operators[index]).map_err(refuse)?;
         model.check_operator(work, &operator).map_err(refuse)?;
@@ -51,7 +49,7 @@ fn check(model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
 
 impl<'a> Model<'a> {
     fn check_tensors(&mut self, work: &Work) -> Result<(), ModelError> {
-        work.spend(self.tensors.len() * TENSOR_BYTES)?;
+        work.spend(self.tensors.len() * work::TENSOR)?;
         for (index, record) in self.tensors.iter().enumerate() {
             let refuse = ModelError::Tensor { tensor: index as u32 };
             let t = Tensor::decode(record).ok_or(refuse)?;

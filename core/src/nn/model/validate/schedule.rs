@@ -4,8 +4,8 @@
 //! written never decrease from step to step. So the first and the last step of an entry decide, except where the rows being written are
 //! compared with those being read: see [`Operator::deciding_steps`].
 
-use super::work::{LINK, Work};
-use crate::nn::file::{ENTRY_BYTES, MAX_RECORDS, ModelError, NONE, OPERATOR_BYTES, Operator, TENSOR_BYTES};
+use super::work::{ENTRY, LINK, OPERATOR, TENSOR, Work};
+use crate::nn::file::{MAX_RECORDS, ModelError, NONE, Operator};
 use crate::nn::model::Model;
 use crate::nn::tensor::Tensor;
 use crate::part::{item, put};
@@ -58,12 +58,12 @@ pub(super) fn check(model: &Model<'_>, work: &Work) -> Result<(), ModelError> {
 
 impl Play<'_, '_> {
     fn operator(&self, index: usize) -> Result<Operator, ModelError> {
-        self.work.spend(OPERATOR_BYTES)?;
+        self.work.spend(OPERATOR)?;
         self.model.operator(index).ok_or(ModelError::Header)
     }
 
     fn tensor(&self, index: usize) -> Result<Tensor, ModelError> {
-        self.work.spend(TENSOR_BYTES)?;
+        self.work.spend(TENSOR)?;
         Ok(self.model.tensor(index as u32))
     }
 
@@ -78,7 +78,7 @@ impl Play<'_, '_> {
             }
         }
         // Entries count from 1, because inputs exist at 0.
-        self.work.spend(self.model.entry_count() * ENTRY_BYTES)?;
+        self.work.spend(self.model.entry_count() * ENTRY)?;
         for number in 0..last {
             let refuse = ModelError::Schedule { entry: number as u32 };
             let entry = self.model.entry(number as usize).ok_or(refuse)?;
@@ -181,7 +181,7 @@ impl Play<'_, '_> {
         }
         for number in 0..self.model.entry_count() {
             let refuse = ModelError::Schedule { entry: number as u32 };
-            self.work.spend(ENTRY_BYTES)?;
+            self.work.spend(ENTRY)?;
             let entry = self.model.entry(number).ok_or(refuse)?;
             let operator = self.operator(entry.operator)?;
             let out = self.tensor(operator.output() as usize)?;
