@@ -13,8 +13,8 @@ fn validate(name: &str, draft: &Draft) -> Result<(), Error> {
     let (time, ratio) = (begin.elapsed(), work as f64 / file.len() as f64);
     println!("{name}: {} bytes, {ratio:.1} of {MAX_WORK} for each, {time:?}, {found:?}", file.len());
     assert!(work <= MAX_WORK * file.len() as u64, "{name}");
-    // What was measured is a hundredth of this or less.
-    assert!(time < Duration::from_secs(1), "{name}: {time:?}");
+    // Milliseconds to a tenth of a second on an idle machine; what is played step by step, or window by window, takes minutes.
+    assert!(time < Duration::from_secs(20), "{name}: {time:?}");
     found
 }
 
