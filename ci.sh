@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test checked asan backends vulkan no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint test checked asan miri backends vulkan no_std boards architecture fuzz
 #   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
@@ -76,6 +76,19 @@ asan() {
         cargo test --locked --package elunar-provoke --target "$host" --target-dir "$target/asan"
 }
 
+# The C interface under Miri, which finds what the language forbids and no machine shows, by both rules for borrows and on 32 bits.
+miri() {
+    if ! cargo +nightly miri --version >/dev/null 2>&1; then
+        echo "SKIPPED: Miri: no nightly compiler with it (rustup component add --toolchain nightly miri rust-src)"
+        return
+    fi
+    local rule
+    for rule in "" -Zmiri-tree-borrows; do
+        MIRIFLAGS="-Zmiri-permissive-provenance $rule" cargo +nightly miri test --locked --package elunar-capi \
+            --target i686-unknown-linux-gnu --target-dir "$target/miri" --test aliasing
+    done
+}
+
 # Symbols that give away an allocator or the standard library, in either of Rust's mangling schemes.
 forbidden='__rust_alloc|__rust_realloc|__rust_dealloc|__rdl_|__rg_|__rust_no_alloc_shim|3std|5alloc[0-9]'
 
@@ -143,16 +156,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test checked asan backends vulkan no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint test checked asan miri backends vulkan no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | checked | asan | backends | vulkan | no_std | boards | no_panic | architecture | fuzz)
+    format | lint | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test checked asan backends vulkan no_std boards no_panic architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint test checked asan miri backends vulkan no_std boards no_panic architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

@@ -235,8 +235,9 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, so it exceeds the
-    /// budget by less than one unit ([`Model::unit_macs`]). The work does not depend on the data. A byte of the model that is compared
-    /// after the last operator counts as a multiply-accumulate.
+    /// budget by less than one unit ([`Model::largest_unit`]). The work does not depend on the data. A byte that is compared or summed
+    /// counts as a multiply-accumulate: the rows that a step reads belong to its first unit, the rows that it writes to its last, and the
+    /// model is compared after the last operator.
     ///
     /// # Errors
     /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if
@@ -264,8 +265,11 @@ impl<'a, 'm> Runner<'a, 'm> {
                 break;
             }
             let raw = self.model.raw();
-            if chunk == 0 && !raw.head_holds() {
-                return Err(RunError::ModelChanged { chunk: u32::MAX });
+            if chunk == 0 {
+                if !raw.head_holds() {
+                    return Err(RunError::ModelChanged { chunk: u32::MAX });
+                }
+                spent += raw.body_offset() as u64;
             }
             if !raw.chunk_holds(chunk, self.kernel.sum) {
                 return Err(RunError::ModelChanged { chunk });
@@ -284,7 +288,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry.tiles += 1;
     }
 
-    /// Continues the schedule; returns the multiply-accumulates spent.
+    /// Continues the schedule; returns the multiply-accumulates and bytes spent.
     fn compute(
         &mut self,
         budget: u64,
@@ -297,13 +301,13 @@ impl<'a, 'm> Runner<'a, 'm> {
             let prepared = self.model.ready(now.operator).ok_or(changed)?;
             let units = prepared.units();
             while step < now.count {
-                if unit == 0 {
-                    self.validate_reads(&prepared, now.first + step)?;
-                }
                 while unit < units {
                     if spent >= budget {
                         self.state = State::At { entry, step, unit };
                         return Ok(spent);
+                    }
+                    if unit == 0 {
+                        spent += self.validate_reads(&prepared, now.first + step)?;
                     }
                     let cost = prepared.unit_macs(now.first + step, unit);
                     let cut =
@@ -315,6 +319,7 @@ impl<'a, 'm> Runner<'a, 'm> {
                 let (operator, out) = (&prepared.operator, &prepared.out);
                 for row in operator.rows_after(out, now.first + step)..operator.rows_after(out, now.first + step + 1) {
                     self.note(out, row);
+                    spent += if self.protected { out.row_bytes() as u64 } else { 0 };
                 }
                 (step, unit) = (step + 1, 0);
             }
@@ -328,10 +333,11 @@ impl<'a, 'm> Runner<'a, 'm> {
         Ok(spent)
     }
 
-    /// Compares every row that a step reads with its checksum.
-    fn validate_reads(&self, prepared: &Prepared, step: usize) -> Result<(), RunError> {
+    /// Compares every row that a step reads with its checksum; returns the number of bytes.
+    fn validate_reads(&self, prepared: &Prepared, step: usize) -> Result<u64, RunError> {
+        let mut bytes = 0;
         if !self.protected {
-            return Ok(());
+            return Ok(bytes);
         }
         for (slot, (t, number)) in prepared.inputs.iter().zip(prepared.operator.inputs()).enumerate() {
             let (Some(t), Some(number)) = (t, number) else { continue };
@@ -339,9 +345,10 @@ impl<'a, 'm> Runner<'a, 'm> {
                 if !self.holds(t, row) {
                     return Err(RunError::DataChanged { tensor: number, row: row as u32 });
                 }
+                bytes += t.row_bytes() as u64;
             }
         }
-        Ok(())
+        Ok(bytes)
     }
 
     /// Copies the finished tile: normalised elevation, row-major, in the units of `coarse`.

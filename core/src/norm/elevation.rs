@@ -11,6 +11,9 @@ pub const NR: f32 = 50.0;
 /// the paper does not mention flat tiles).
 pub const RELIEF_EPS_M: f32 = 0.01;
 
+/// Largest relief, in metres (our choice: hundreds of times the Moon's diameter). With more, heights of a network could be infinite.
+pub const RELIEF_MAX_M: f32 = 1e9;
+
 /// Returns NR from the reliefs ΔZ of a set of tiles, in metres: their harmonic mean (Eq. 1), NR = N / Σ 1/ΔZ.
 ///
 /// The harmonic mean is dominated by the flat tiles, so that they do not fill only a small part of the range.
@@ -22,7 +25,7 @@ pub const RELIEF_EPS_M: f32 = 0.01;
 /// ```
 ///
 /// # Errors
-/// [`NormError::Relief`] at the first relief that is not finite and above [`RELIEF_EPS_M`]; [`NormError::TooFewValid`] if there is no
+/// [`NormError::Relief`] at the first relief that is not above [`RELIEF_EPS_M`] and at most [`RELIEF_MAX_M`]; [`NormError::TooFewValid`] if there is no
 /// relief.
 pub fn nr_from_reliefs(reliefs_m: impl IntoIterator<Item = f32>) -> Result<f32, NormError> {
     let (mut count, mut inverse_sum) = (0usize, 0.0f64);
@@ -35,7 +38,7 @@ pub fn nr_from_reliefs(reliefs_m: impl IntoIterator<Item = f32>) -> Result<f32, 
 
 /// The relation between a tile's normalised elevations and metres: lowest height, relief, and NR.
 ///
-/// The relief of an `ElevationScale` is always finite and above [`RELIEF_EPS_M`]. Recovery (Eq. 8) needs exactly the values that normalised
+/// The relief of an `ElevationScale` is always above [`RELIEF_EPS_M`] and at most [`RELIEF_MAX_M`]. Recovery (Eq. 8) needs exactly the values that normalised
 /// the tile, so there is no free function that takes a minimum and a maximum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElevationScale {
@@ -68,7 +71,7 @@ impl ElevationScale {
     /// still fits into [0, NR] (our choice; 0 is the paper's Eq. 2).
     ///
     /// # Errors
-    /// [`NormError::Margin`] if `share` is negative or not finite, [`NormError::Relief`] if the relief overflows.
+    /// [`NormError::Margin`] if `share` is negative or not finite, [`NormError::Relief`] if the relief becomes larger than [`RELIEF_MAX_M`].
     pub fn with_margin(self, share: f32) -> Result<Self, NormError> {
         if !(share.is_finite() && share >= 0.0) {
             return Err(NormError::Margin { share });
@@ -82,7 +85,7 @@ impl ElevationScale {
     /// heights equal slopes of the ground for every relief. The relief that normalises to `nr` is `nr` pixels.
     ///
     /// # Errors
-    /// As [`Self::from_heights`], with [`NormError::Relief`] if `nr` pixels are not a finite relief above [`RELIEF_EPS_M`]; level ground is
+    /// As [`Self::from_heights`], with [`NormError::Relief`] if `nr` pixels are not a relief within these limits; level ground is
     /// not an error.
     pub fn from_pixel(heights_m: &[f32], valid: Option<&[bool]>, pixel_m: f32, nr: f32) -> Result<Self, NormError> {
         if let Some(mask) = valid {
@@ -179,7 +182,7 @@ impl ElevationScale {
 }
 
 fn check_relief(relief_m: f32) -> Result<f32, NormError> {
-    if relief_m.is_finite() && relief_m > RELIEF_EPS_M { Ok(relief_m) } else { Err(NormError::Relief { relief_m }) }
+    if relief_m > RELIEF_EPS_M && relief_m <= RELIEF_MAX_M { Ok(relief_m) } else { Err(NormError::Relief { relief_m }) }
 }
 
 #[cfg(test)]
@@ -189,6 +192,24 @@ mod tests {
 
     fn scale(heights: &[f32]) -> ElevationScale {
         ElevationScale::from_heights(heights, None, NR).unwrap()
+    }
+
+    #[test]
+    fn reliefs_beyond_the_limit_are_refused() {
+        let of = |relief_m: f32| ElevationScale::from_heights(&[-relief_m, -relief_m / 2.0, 0.0], None, NR);
+        let refused =
+            |relief_m: f32| matches!(of(relief_m), Err(NormError::Relief { relief_m: found }) if found == relief_m);
+        assert!(of(RELIEF_MAX_M).is_ok() && refused(1.1 * RELIEF_MAX_M) && refused(1e38));
+        assert!(of(RELIEF_MAX_M).unwrap().with_margin(0.1).is_err());
+        assert!(ElevationScale::from_pixel(&[0.0, 1.0, 2.0], None, 1e8, NR).is_err());
+        assert!(ElevationScale::from_parts(0.0, 1.1 * RELIEF_MAX_M, NR).is_err());
+        // The largest outputs of a model are heights.
+        for nr in [1e-30, 1.0, NR, 1e25] {
+            let scale = ElevationScale::from_parts(-1e38, RELIEF_MAX_M, nr).unwrap();
+            for sign in [-1.0, 1.0] {
+                assert!(scale.recovered_m(sign * nr * crate::nn::file::MAX_OUTPUT as f32).is_finite());
+            }
+        }
     }
 
     #[test]

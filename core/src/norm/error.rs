@@ -13,7 +13,7 @@ pub enum NormError {
         /// Valid pixels found.
         found: usize,
     },
-    /// Maximum minus minimum that is not above [`crate::norm::RELIEF_EPS_M`], or not finite.
+    /// Maximum minus minimum that is not above [`crate::norm::RELIEF_EPS_M`], or larger than [`crate::norm::RELIEF_MAX_M`].
     Relief {
         /// The relief found, metres.
         relief_m: f32,
@@ -46,7 +46,8 @@ impl fmt::Display for NormError {
                 write!(f, "expected at least {} valid pixels, found {found}", crate::mask::MIN_VALID_PX)
             }
             Self::Relief { relief_m } => {
-                write!(f, "expected a finite relief above {} m, found {relief_m} m", crate::norm::RELIEF_EPS_M)
+                let (above, most) = (crate::norm::RELIEF_EPS_M, crate::norm::RELIEF_MAX_M);
+                write!(f, "expected a relief above {above} m and at most {most} m, found {relief_m} m")
             }
             Self::ConstantImage => f.write_str("expected an image with contrast, found one constant value"),
             Self::Range { nr } => write!(f, "expected a normalised range NR that is finite and above 0, found {nr}"),

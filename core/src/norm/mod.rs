@@ -9,7 +9,7 @@ pub mod light_fit;
 pub mod shading;
 
 pub use anchor::Anchor;
-pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, nr_from_reliefs};
+pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, RELIEF_MAX_M, nr_from_reliefs};
 pub use error::NormError;
 pub use light::{Light, Mirror};
 pub use light_fit::{Axis, LightEstimate, LightFit};

@@ -44,6 +44,7 @@
 #define ELD_NOTICE_DROPPED                UINT32_C(0x40050002) /**< begun; the tile before was dropped unfinished */
 
 #define ELD_NOTICE_LIGHT_ASSUMED          UINT32_C(0x40040001) /**< begun; the tile does not show its light, so the light is assumed */
+#define ELD_NOTICE_DROPPED_LIGHT_ASSUMED  UINT32_C(0x40040002) /**< begun; the tile before was dropped unfinished, and the light is assumed */
 
 #define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
 
@@ -72,6 +73,7 @@
 #define ELD_REFUSED_MODEL_OPERATOR        UINT32_C(0x80030009) /**< an operator of the model is not legal */
 #define ELD_REFUSED_MODEL_SCHEDULE        UINT32_C(0x8003000a) /**< the model's schedule is not legal */
 #define ELD_REFUSED_MODEL_SIZE            UINT32_C(0x8003000b) /**< the model needs more memory than this machine can address */
+#define ELD_REFUSED_MODEL_WORK            UINT32_C(0x8003000c) /**< validating the model takes more work than a file of its length may take */
 
 #define ELD_REFUSED_TILE_SIZE             UINT32_C(0x80040001) /**< a map of the tile does not have rows * cols samples */
 #define ELD_REFUSED_TILE_MASK             UINT32_C(0x80040002) /**< a byte of the mask is neither 0 nor 1 */
@@ -79,7 +81,7 @@
 #define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< too few pixels of the tile count */
 #define ELD_REFUSED_TILE_CONSTANT_IMAGE   UINT32_C(0x80040006) /**< the image has no contrast, or no light */
-#define ELD_REFUSED_TILE_NO_RELIEF        UINT32_C(0x80040007) /**< the coarse DTM has no relief to scale the heights by */
+#define ELD_REFUSED_TILE_NO_RELIEF        UINT32_C(0x80040007) /**< the coarse DTM has no relief to scale the heights by, or more than 10^9 m */
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
 
@@ -228,7 +230,7 @@ typedef struct {
      */
     uint64_t tile_macs;
     /**
-     * Largest unit of work, multiply-accumulates: a step exceeds its budget by less than this.
+     * Bound of a unit of work, multiply-accumulates and bytes that are compared: a step exceeds its budget by less than this.
      */
     uint64_t largest_unit_macs;
     /**
@@ -460,7 +462,8 @@ eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_in
 
 /**
  * Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
- * the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL, and `memory` is unchanged.
+ * the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL (nothing if `context` itself
+ * lies in the memory or the model), and `memory` is unchanged.
  */
 eld_status_t eld_init(void *memory,
                       size_t memory_bytes,
@@ -477,7 +480,7 @@ eld_status_t eld_begin(eld_context_t *context,
 
 /**
  * Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
- * by less than one unit (`largest_unit_macs`). The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
+ * by less than one unit (`largest_unit_macs`). Bytes that are compared count as well. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
  * done.
  */
 eld_status_t eld_step(eld_context_t *context,

@@ -49,7 +49,8 @@ pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
     record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
     record.lights_assumed = record.lights_assumed.wrapping_add(u64::from(assumed));
     Ok(match (assumed, dropped) {
-        (true, _) => ELD_NOTICE_LIGHT_ASSUMED,
+        (true, true) => ELD_NOTICE_DROPPED_LIGHT_ASSUMED,
+        (true, false) => ELD_NOTICE_LIGHT_ASSUMED,
         (false, true) => ELD_NOTICE_DROPPED,
         (false, false) => ELD_OK,
     })

@@ -1,8 +1,8 @@
 //! The functions for C, and the only `unsafe`: pointers and lengths are validated and become slices here; the other modules do the work.
 //!
 //! # What every caller promises
-//! Every property that the library can check has a status: NULL, alignment, lengths that wrap, overlaps and the order of calls. The
-//! remaining conditions are the caller's. The `SAFETY` comments below call them "the caller's promise":
+//! Every property that the library can check has a status: NULL, alignment, lengths that wrap, overlaps and the order of calls. Spans are
+//! compared before anything that they contain is read or written. The remaining conditions are the caller's. The `SAFETY` comments below call them "the caller's promise":
 //!
 //! - a pointer with its length refers to existing memory, which nobody else writes during the call (nor reads, if the library writes it);
 //! - the memory lent to `eld_init` and the model stay at their addresses as long as the context is used;
@@ -42,6 +42,12 @@ fn span<T>(pointer: *const T, len: usize) -> Result<Range<usize>, eld_status_t> 
 
 fn bytes_of(pointer: *const c_void, len: usize) -> Result<Range<usize>, eld_status_t> {
     span(pointer.cast::<u8>(), len)
+}
+
+/// Returns the addresses of `len` bytes for a comparison only: none for NULL, up to the last address if the length wraps.
+fn reach(pointer: *const c_void, len: usize) -> Range<usize> {
+    let start = pointer.addr();
+    if pointer.is_null() { 0..0 } else { start..start.saturating_add(len) }
 }
 
 /// Returns an error if two spans share a byte.
@@ -205,9 +211,9 @@ pub unsafe extern "C" fn eld_model_check(
     info: *mut eld_model_info_t,
 ) -> eld_status_t {
     let check = || {
+        apart(&bytes_of(model, model_bytes)?, &span(info, 1)?)?;
         // SAFETY: the caller's promise.
         let asked = unsafe { structure(info) }?;
-        apart(&bytes_of(model, model_bytes)?, &span(info, 1)?)?;
         // SAFETY: the caller's promise.
         let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
         let (model, layout) = info::open(bytes)?;
@@ -219,7 +225,8 @@ pub unsafe extern "C" fn eld_model_check(
 }
 
 /// Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
-/// the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL, and `memory` is unchanged.
+/// the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL (nothing if `context` itself
+/// lies in the memory or the model), and `memory` is unchanged.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_init(
     memory: *mut c_void,
@@ -229,12 +236,16 @@ pub unsafe extern "C" fn eld_init(
     context: *mut *mut eld_context_t,
 ) -> eld_status_t {
     let init = || {
+        // Not even NULL is written into the memory or the model, whether or not these are refused.
         let result = span(context, 1)?;
+        for (pointer, len) in [(memory.cast_const(), memory_bytes), (model, model_bytes)] {
+            let wraps = |overlap| bytes_of(pointer, len).err().unwrap_or(overlap);
+            apart(&reach(pointer, len), &result).map_err(wraps)?;
+        }
         // SAFETY: not NULL and aligned; the caller promises that it is writable.
         unsafe { context.write(core::ptr::null_mut()) };
         let (home, source) = (bytes_of(memory, memory_bytes)?, bytes_of(model, model_bytes)?);
         apart(&home, &source)?;
-        apart(&home, &result)?;
         if !home.start.is_multiple_of(ALIGN_BYTES) {
             return Err(ELD_REFUSED_MEMORY_ALIGNMENT);
         }
@@ -268,7 +279,8 @@ pub unsafe extern "C" fn eld_init(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld_tile_t) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
-        // SAFETY: the caller's promise.
+        apart_from_ours(&context.record, &span(tile, 1)?)?;
+        // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
         let tile = unsafe { structure(tile) }?;
         let Shape { rows, cols } = model.tile();
         let masked = !tile.valid.is_null() || tile.valid_len != 0;
@@ -313,7 +325,7 @@ unsafe fn mask<'a>(pointer: *const u8, len: usize) -> Result<&'a [bool], eld_sta
 }
 
 /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
-/// by less than one unit (`largest_unit_macs`). The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
+/// by less than one unit (`largest_unit_macs`). Bytes that are compared count as well. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
 /// done.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_step(context: *mut eld_context_t, budget_macs: u64) -> eld_status_t {
@@ -362,9 +374,9 @@ pub unsafe extern "C" fn eld_output(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_errors(context: *mut eld_context_t, out: *mut eld_errors_t) -> eld_status_t {
     let errors = |context: &mut Context<'_>| {
-        // SAFETY: the caller's promise.
-        let asked = unsafe { structure(out) }?;
         apart_from_ours(&context.record, &span(out, 1)?)?;
+        // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
+        let asked = unsafe { structure(out) }?;
         let found = run::errors(context, asked.struct_bytes)?;
         // SAFETY: validated by `structure`.
         unsafe { out.write(found) };
@@ -401,9 +413,9 @@ pub unsafe extern "C" fn eld_self_test_check(context: *mut eld_context_t) -> eld
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_telemetry(context: *mut eld_context_t, out: *mut eld_telemetry_t) -> eld_status_t {
     let telemetry = |context: &mut Context<'_>| {
-        // SAFETY: the caller's promise.
-        let asked = unsafe { structure(out) }?;
         apart_from_ours(&context.record, &span(out, 1)?)?;
+        // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
+        let asked = unsafe { structure(out) }?;
         // SAFETY: validated by `structure`.
         unsafe { out.write(run::telemetry(&context.record, asked.struct_bytes)) };
         Ok(ELD_OK)

@@ -6,7 +6,7 @@ use crate::types::{
     ELD_HEIGHTS_COARSE_RELIEF, ELD_HEIGHTS_OWN_RELIEF, ELD_HEIGHTS_PIXELS, ELD_LIGHT_ANY, ELD_LIGHT_GIVEN,
     ELD_LIGHT_NORTHWEST, ELD_LIGHT_SLOPED, ELD_LIGHT_WEIGHED, eld_model_info_t, eld_status_t,
 };
-use elunar_core::nn::file::{Operator, VERSION, u32_at, word};
+use elunar_core::nn::file::{OperatorFault, VERSION, u32_at, word};
 use elunar_core::nn::{Illumination, Model, ModelError, TruthRange};
 use elunar_core::tile::Shape;
 
@@ -46,24 +46,12 @@ pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld
         arena_bytes: layout.arena.len() as u64,
         file_bytes: model.raw().bytes().len() as u64,
         tile_macs: model.macs(),
-        largest_unit_macs: largest_unit_macs(model),
+        largest_unit_macs: model.largest_unit(),
         header_crc: model.verdict().header_crc,
         self_test_crc,
         nr: model.nr(),
         range_margin: model.range_margin(),
     }
-}
-
-/// Returns the multiply-accumulates of a model's largest unit of work.
-fn largest_unit_macs(model: &Model<'_>) -> u64 {
-    let largest = |operator: Operator| {
-        let steps = operator.steps(&model.tensor(operator.output()));
-        let units = model.units(&operator);
-        // A unit's cost is the product of a factor of its step and a factor of its number, so the largest factors give the largest unit.
-        let step = (0..steps).max_by_key(|&step| model.unit_macs(&operator, step, 0)).unwrap_or(0);
-        (0..units).map(|unit| model.unit_macs(&operator, step, unit)).max().unwrap_or(0)
-    };
-    (0..model.operator_count()).filter_map(|index| model.operator(index)).map(largest).max().unwrap_or(0)
 }
 
 fn model_status(error: ModelError, bytes: &[u8]) -> eld_status_t {
@@ -78,6 +66,7 @@ fn model_status(error: ModelError, bytes: &[u8]) -> eld_status_t {
         ModelError::ChunkChecksum { .. } => ELD_REFUSED_MODEL_CHECKSUM,
         ModelError::Header => ELD_REFUSED_MODEL_HEADER,
         ModelError::Tensor { .. } => ELD_REFUSED_MODEL_TENSOR,
+        ModelError::Operator { reason: OperatorFault::Work, .. } | ModelError::Work => ELD_REFUSED_MODEL_WORK,
         ModelError::Operator { .. } => ELD_REFUSED_MODEL_OPERATOR,
         ModelError::Schedule { .. } => ELD_REFUSED_MODEL_SCHEDULE,
     }

@@ -83,6 +83,7 @@ statuses! {
     ELD_RUNNING = NOTICE, RUN, 1, "the tile needs more steps";
     ELD_NOTICE_DROPPED = NOTICE, RUN, 2, "begun; the tile before was dropped unfinished";
     ELD_NOTICE_LIGHT_ASSUMED = NOTICE, TILE, 1, "begun; the tile does not show its light, so the light is assumed";
+    ELD_NOTICE_DROPPED_LIGHT_ASSUMED = NOTICE, TILE, 2, "begun; the tile before was dropped unfinished, and the light is assumed";
     ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
 
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
@@ -110,6 +111,7 @@ statuses! {
     ELD_REFUSED_MODEL_OPERATOR = REFUSED, MODEL, 9, "an operator of the model is not legal";
     ELD_REFUSED_MODEL_SCHEDULE = REFUSED, MODEL, 10, "the model's schedule is not legal";
     ELD_REFUSED_MODEL_SIZE = REFUSED, MODEL, 11, "the model needs more memory than this machine can address";
+    ELD_REFUSED_MODEL_WORK = REFUSED, MODEL, 12, "validating the model takes more work than a file of its length may take";
 
     ELD_REFUSED_TILE_SIZE = REFUSED, TILE, 1, "a map of the tile does not have rows * cols samples";
     ELD_REFUSED_TILE_MASK = REFUSED, TILE, 2, "a byte of the mask is neither 0 nor 1";
@@ -117,7 +119,7 @@ statuses! {
     ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "too few pixels of the tile count";
     ELD_REFUSED_TILE_CONSTANT_IMAGE = REFUSED, TILE, 6, "the image has no contrast, or no light";
-    ELD_REFUSED_TILE_NO_RELIEF = REFUSED, TILE, 7, "the coarse DTM has no relief to scale the heights by";
+    ELD_REFUSED_TILE_NO_RELIEF = REFUSED, TILE, 7, "the coarse DTM has no relief to scale the heights by, or more than 10^9 m";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";

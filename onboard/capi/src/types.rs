@@ -70,7 +70,7 @@ pub struct eld_model_info_t {
     pub file_bytes: u64,
     /// Multiply-accumulates of a tile.
     pub tile_macs: u64,
-    /// Largest unit of work, multiply-accumulates: a step exceeds its budget by less than this.
+    /// Bound of a unit of work, multiply-accumulates and bytes that are compared: a step exceeds its budget by less than this.
     pub largest_unit_macs: u64,
     /// CRC32C of the header, which depends on all other bytes: the model's identity.
     pub header_crc: u32,

@@ -2,11 +2,12 @@
 #![allow(unsafe_code)] // C functions
 
 mod common;
+mod small;
 use common::*;
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::file::{ENTRY_BYTES, TENSOR_BYTES, crc32c, word};
+use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, crc32c, word};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -118,6 +119,15 @@ const CASES: &[Case] = &[
     }),
     (ELD_NOTICE_LIGHT_ASSUMED, "level ground, Sun unknown", || {
         begin_tile(|tile| (tile.coarse_m, tile.sun) = (vec![-1900.0; PX], [f32::NAN; 2]))
+    }),
+    (ELD_NOTICE_DROPPED_LIGHT_ASSUMED, "level ground, Sun unknown, begun over a tile at work", || {
+        let (mut context, mut tile) = (begun(), Tile::golden());
+        context.step(1);
+        (tile.coarse_m, tile.sun) = (vec![-1900.0; PX], [f32::NAN; 2]);
+        let status = context.begin(&tile);
+        let counted = context.telemetry();
+        assert_eq!((counted.tiles_dropped, counted.lights_assumed), (1, 1));
+        status
     }),
     (ELD_NOTICE_REPAIRED, "a bit of the context flips", || {
         let mut context = finished();
@@ -305,6 +315,16 @@ const CASES: &[Case] = &[
             let at = header(m, word::SCHEDULE);
             let bytes = ENTRY_BYTES * header(m, word::SCHEDULE + 1);
             m[at..at + bytes].fill(0);
+        }))
+    }),
+    (ELD_REFUSED_MODEL_WORK, "hundreds of maps in one place", || validated(&small::slow_model())),
+    (ELD_REFUSED_MODEL_OPERATOR, "an output scale that makes heights infinite", || {
+        validated(&changed(|m| {
+            // The multipliers of the last operator, a convolution with an f32 output.
+            let at = header(m, word::OPERATORS) + OPERATOR_BYTES * (header(m, word::OPERATORS + 1) - 1);
+            let place = u32::from_le_bytes(m[at + 44..at + 48].try_into().unwrap()) as usize;
+            let constants = header(m, word::CONSTANTS);
+            m[constants + place..constants + place + 4].copy_from_slice(&1e35f32.to_le_bytes());
         }))
     }),
     (ELD_REFUSED_TILE_SIZE, "an image too short", || begin_with(|tile| tile.image_len -= 1)),

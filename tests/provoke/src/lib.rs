@@ -2,6 +2,7 @@
 
 pub mod c_abi;
 pub mod model;
+pub mod programs;
 mod random;
 
 pub use random::Random;

@@ -91,7 +91,7 @@ pub fn mutated_model(patches: &[u8]) -> bool {
 }
 
 /// Returns the model that [`mutated_model`] validates.
-pub(crate) fn mutated(patches: &[u8]) -> Vec<u8> {
+pub fn mutated(patches: &[u8]) -> Vec<u8> {
     let mut reader = Reader(patches);
     let models = sound_models();
     let sound = models[reader.byte() as usize % models.len()];
@@ -168,7 +168,7 @@ fn run(bytes: &[u8]) -> bool {
 }
 
 /// Returns models of the smallest networks with every operator, as `host-train` exports them: ../../golden/provoked.
-pub(crate) fn sound_models() -> [&'static [u8]; 4] {
+pub fn sound_models() -> [&'static [u8]; 4] {
     [
         include_bytes!("../../golden/provoked/mixed.eld"),
         include_bytes!("../../golden/provoked/int8.eld"),

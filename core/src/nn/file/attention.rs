@@ -53,4 +53,18 @@ impl Attention {
         let window = at_least_one(self.window);
         if shift == 0 { len.div_ceil(window) } else { 1 + (len - min(shift, len)).div_ceil(window) }
     }
+
+    /// Returns the sum of the squares of the lengths of all pieces of an axis. All pieces but the first and the last are whole windows.
+    pub(crate) fn squares(&self, len: usize, shift: usize) -> u64 {
+        let count = self.pieces(len, shift);
+        let square = |index: usize| {
+            let (start, end) = self.piece(len, shift, index);
+            ((end - start) as u64).pow(2)
+        };
+        match count {
+            0 => 0,
+            1 => square(0),
+            _ => square(0) + (count as u64 - 2) * (self.window as u64).pow(2) + square(count - 1),
+        }
+    }
 }

@@ -131,4 +131,10 @@ impl Phase {
         };
         Self { filter, first: (index / 2 + filter) as isize - 2, correction }
     }
+
+    /// Number of outputs among `range` that have a correction, on a small map of `len` samples.
+    pub(crate) fn corrected(range: &core::ops::Range<usize>, len: usize) -> usize {
+        let within = |from: usize, to: usize| range.end.min(to).saturating_sub(range.start.max(from));
+        within(0, 2) + within((2 * len).saturating_sub(2).max(2), 2 * len)
+    }
 }

@@ -45,6 +45,8 @@ pub enum ModelError {
         /// Number of the entry.
         entry: u32,
     },
+    /// The records or the schedule need more work than [`super::MAX_WORK`] allows for a file of this length.
+    Work,
 }
 
 /// The reason why an operator is not legal.
@@ -66,6 +68,8 @@ pub enum OperatorFault {
     Overflow,
     /// A seal that does not match the words of its record.
     Seal,
+    /// Constants that are read again and again: more work than [`super::MAX_WORK`] allows for a file of this length.
+    Work,
 }
 
 impl fmt::Display for OperatorFault {
@@ -79,6 +83,7 @@ impl fmt::Display for OperatorFault {
             Self::Constants => "constants out of bounds or illegal",
             Self::Overflow => "accumulator could overflow",
             Self::Seal => "seal broken",
+            Self::Work => "validation would take more than 64 units of work per byte of the file",
         })
     }
 }
@@ -97,6 +102,13 @@ impl fmt::Display for ModelError {
             Self::Operator { operator, reason } => write!(f, "operator {operator}: {reason}"),
             Self::Schedule { entry } => {
                 write!(f, "schedule entry {entry}: rows that do not exist at that point, or work left undone")
+            }
+            Self::Work => {
+                write!(
+                    f,
+                    "validation would take more than {} units of work per byte of the file",
+                    super::limits::MAX_WORK
+                )
             }
         }
     }

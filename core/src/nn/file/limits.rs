@@ -18,6 +18,10 @@ pub const MAX_BLOCK: usize = 16;
 pub const MAX_WINDOW: usize = 8;
 /// Largest left shift of an added tensor: i16 times `2^30` times `2^15` stays below `2^60`.
 pub const MAX_ADD_SHIFT: u32 = 15;
+/// Largest result of an f32 output, in units of NR: with [`crate::norm::RELIEF_MAX_M`], all heights are finite.
+pub const MAX_OUTPUT: f64 = (1u64 << 32) as f64;
+/// Most work of a validation per byte of the file: see [`super::super::Model::new_counted`].
+pub const MAX_WORK: u64 = 64;
 
 /// Fraction bits of a normalised value before a layer norm's gain.
 pub const NORM_FRACTION_BITS: u32 = crate::quant::rsqrt::FRACTION_BITS;

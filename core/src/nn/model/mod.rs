@@ -5,9 +5,11 @@ mod verdict;
 
 pub use verdict::Verdict;
 
+#[cfg(doc)]
+use super::file::OperatorFault;
 use super::file::{
-    Conv, ENTRY_BYTES, Entry, MAX_RECORDS, ModelError, OPERATOR_BYTES, Operator, RawModel, TENSOR_BYTES, groups,
-    panelled, sealed, word,
+    CHUNK_BYTES, Conv, ENTRY_BYTES, Entry, MAX_RECORDS, ModelError, OPERATOR_BYTES, Operator, RawModel, TENSOR_BYTES,
+    groups, panelled, sealed, word,
 };
 use super::input::{Illumination, TruthRange};
 use super::maps::InputRules;
@@ -35,12 +37,23 @@ impl<'a> Model<'a> {
     /// Validates a file: integrity first, then every record. The time is proportional to the file's length; no memory is needed.
     ///
     /// # Errors
-    /// The first violation found.
+    /// The first violation found; [`ModelError::Work`] or [`OperatorFault::Work`] for a file that would take longer.
     pub fn new(bytes: &'a [u8]) -> Result<Self, ModelError> {
+        Self::new_counted(bytes, &mut 0)
+    }
+
+    /// As [`Self::new`]; writes the work of the validation to `work`: at most [`MAX_WORK`](super::file::MAX_WORK) for each byte of the file.
+    /// It is what was read of the file, counted each time: bytes for checksums and of constants, words of records. Each look at a pair of
+    /// tensors, or at a link of a line of tensors that overwrite each other, adds 2.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn new_counted(bytes: &'a [u8], work: &mut u64) -> Result<Self, ModelError> {
+        *work = 0;
         let raw = RawModel::new(bytes)?;
         raw.verify()?;
         let mut model = Self::open(raw)?;
-        validate::validate(&mut model)?;
+        validate::validate(&mut model, work)?;
         Ok(model)
     }
 
@@ -232,6 +245,15 @@ impl<'a> Model<'a> {
     /// Number of multiply-accumulates of one unit of one step (a layer norm counts four per sample, an upsampling eight).
     pub fn unit_macs(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
         self.prepared(operator).unit_macs(step, unit)
+    }
+
+    /// Returns a bound of the work of a unit, in multiply-accumulates and bytes that are compared or summed: a call of
+    /// [`Runner::step`](super::Runner::step) exceeds its budget by less than this.
+    pub fn largest_unit(&self) -> u64 {
+        let operators = (0..self.operator_count()).filter_map(|index| self.operator(index));
+        let largest = operators.map(|operator| self.prepared(&operator).largest_unit()).max().unwrap_or(0);
+        // The first chunk of the model is compared together with the bytes before it.
+        largest.max((self.raw.body_offset() + CHUNK_BYTES) as u64)
     }
 
     /// Number of multiply-accumulates of a whole operator.

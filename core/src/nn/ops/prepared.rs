@@ -54,11 +54,27 @@ impl Prepared {
                 let all = Conv { block: self.out.rows, ..*conv };
                 self.taps(&all, 0).saturating_mul(self.out.channels as u64)
             }
-            Operator::Attention(_) => (0..self.steps())
-                .map(|step| (0..self.units()).map(|unit| self.unit_macs(step, unit)).sum::<u64>())
-                .sum(),
+            Operator::Attention(a) => {
+                let out = &self.out;
+                let squares = a.squares(out.rows, a.shift_rows) * a.squares(out.cols, a.shift_cols);
+                squares.saturating_mul(2 * out.channels as u64)
+            }
             _ => self.unit_macs(0, 0).saturating_mul(self.steps() as u64),
         }
+    }
+
+    /// Returns a bound of the work of a unit: the multiply-accumulates of the largest one, with all bytes that a step compares and sums.
+    pub(crate) fn largest_unit(&self) -> u64 {
+        // A unit's cost is the product of a factor of its step and a factor of its number. Only steps and units at the two ends differ
+        // from the others.
+        let ends = |count: usize| (0..count.min(3)).chain(count.saturating_sub(2)..count);
+        let units = |step: usize| ends(self.units()).map(move |unit| self.unit_macs(step, unit));
+        let macs = ends(self.steps()).flat_map(units).max().unwrap_or(0);
+        let read = |(slot, t): (usize, &Option<Tensor>)| {
+            t.map_or(0, |t| (self.operator.most_rows_read(slot, t.rows) * t.row_bytes()) as u64)
+        };
+        let read: u64 = self.inputs.iter().enumerate().map(read).sum();
+        macs + read + (self.operator.most_rows_written(&self.out) * self.out.row_bytes()) as u64
     }
 
     /// Number of bytes of scratch memory that the operator needs.
@@ -82,7 +98,7 @@ impl Prepared {
         let rows = first..(first + conv.step_rows()).min(out.rows);
         let taps = if conv.fold {
             // Four samples along each axis, and one more for the two outermost outputs on each side.
-            let corrected = rows.clone().filter(|row| Phase::of(*row, out.rows / 2).correction.is_some()).count();
+            let corrected = Phase::corrected(&rows, out.rows / 2);
             (4 * rows.len() + corrected) as u64 * (4 * out.cols + 4) as u64
         } else {
             (conv.kernel_rows * conv.kernel_cols) as u64 * (out.cols * rows.len()) as u64

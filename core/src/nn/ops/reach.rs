@@ -1,7 +1,7 @@
 //! The rows that the steps of an operator read and write.
 
-use crate::nn::file::Operator;
 use crate::nn::file::count::{at_least_one, min};
+use crate::nn::file::{MAX_KERNEL, Operator};
 use crate::nn::tensor::Tensor;
 use core::ops::Range;
 
@@ -49,5 +49,37 @@ impl Operator {
             Self::Attention(_) => self.rows_after(out, step)..self.rows_after(out, step + 1),
             Self::Upsample2(_) => step.saturating_sub(1)..min(step + 2, rows),
         }
+    }
+
+    /// Returns steps among `steps` of which one has the largest difference between the rows written (before or after it) and the first row
+    /// it reads. That difference grows while the kernel reaches above the map, which ends within the first `MAX_KERNEL` steps; then it
+    /// changes in one direction only, until the last step, which may write fewer rows.
+    pub(crate) fn deciding_steps(&self, steps: &Range<usize>) -> impl Iterator<Item = usize> {
+        let head = steps.end.min(steps.start.saturating_add(MAX_KERNEL + 1));
+        (steps.start..head).chain(steps.end.saturating_sub(2).max(head)..steps.end)
+    }
+
+    /// Returns a number of rows of input `slot` (of `rows` rows) that no step exceeds in what it reads.
+    pub(crate) fn most_rows_read(&self, slot: usize, rows: usize) -> usize {
+        let most = match self {
+            Self::Conv(c) if slot == 2 => c.step_rows(),
+            Self::Conv(c) if c.fold => c.step_rows() / 2 + 4,
+            Self::Conv(c) => (c.step_rows().saturating_sub(1)) * c.stride + c.kernel_rows,
+            Self::LayerNorm(n) => n.merge,
+            Self::Attention(a) => a.window,
+            Self::Upsample2(_) => 3,
+        };
+        min(most, rows)
+    }
+
+    /// Returns a number of rows that no step exceeds in what it writes.
+    pub(crate) fn most_rows_written(&self, out: &Tensor) -> usize {
+        let most = match self {
+            Self::Conv(c) => c.step_rows(),
+            Self::LayerNorm(_) => 1,
+            Self::Attention(a) => a.window,
+            Self::Upsample2(_) => 2,
+        };
+        min(most, out.rows)
     }
 }

@@ -15,5 +15,6 @@ mod suspend;
 mod unit;
 mod upsample;
 mod whole;
+mod work;
 
 pub(crate) use random::Random;

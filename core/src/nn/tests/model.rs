@@ -133,3 +133,38 @@ fn an_output_may_hold_columns_as_channels() {
         assert_eq!(Model::new(&draft.file()).is_ok(), legal, "{cols} columns of {channels}");
     }
 }
+
+/// Returns the fault of an output whose largest sum is 127 * 255 with this scale; its NR is 50.
+fn output_scale(scale: f32, added: f32) -> Result<(), ModelError> {
+    let mut draft = Draft::new((4, 4));
+    draft.finish();
+    let Operator::Conv(mut out) = draft.operators[0] else { unreachable!() };
+    draft.constants[out.weights] = 127;
+    out.multipliers = draft.words([scale.to_bits() as i32]);
+    out.add = Some(0);
+    draft.tensors[0].scale = added;
+    draft.operators[0] = Operator::Conv(out);
+    draft.in_order();
+    Model::new(&draft.file()).map(|_| ())
+}
+
+#[test]
+fn scales_that_make_heights_infinite_are_refused() {
+    let refused = Err(ModelError::Operator { operator: 0, reason: OperatorFault::Overflow });
+    // The largest legal output is 2^32 * 50.
+    let most = (4_294_967_296.0 * 50.0) / (127.0 * 255.0);
+    for (scale, added, expected) in [
+        (0.0, 1.0, Ok(())),
+        (1e-6, 1e-3, Ok(())),
+        (most * 0.999, 1e-3, Ok(())),
+        (-most * 0.999, 1e-3, Ok(())),
+        (most * 1.001, 1e-3, refused),
+        (-most * 1.001, 1e-3, refused),
+        (most * 0.999, 1e7, refused),
+        (1e30, 1.0, refused),
+        (f32::MAX, 1.0, refused),
+        (0.0, f32::MAX, refused),
+    ] {
+        assert_eq!(output_scale(scale, added), expected, "{scale:e}, {added:e}");
+    }
+}

@@ -1,8 +1,10 @@
 //! Compares the rows that operators write and read with the definitions.
 
+use super::Random;
 use super::conv::phases;
 use super::draft::{EMPTY, map};
-use crate::nn::file::{Attention, Conv, Dtype, LayerNorm, Operator, PHASE_TAPS, Phase, Upsample2};
+use crate::nn::file::{Attention, Conv, Dtype, LayerNorm, Operator, PHASE_TAPS, Phase, Tensor, Upsample2};
+use crate::nn::ops::Prepared;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -139,5 +141,76 @@ proptest! {
         let (op, out) = (Operator::LayerNorm(norm), map(Dtype::U8, (50, 1), 1));
         prop_assert_eq!(op.rows_read(&out, 0, 50 * merge, step), merge * step..merge * (step + 1));
         prop_assert_eq!((op.steps(&out), op.rows_after(&out, step)), (50, step));
+    }
+
+    #[test]
+    fn a_few_steps_decide_for_all(seed in any::<u64>()) {
+        let (op, out, rows) = any_reach(&mut Random::new(seed));
+        let steps = op.steps(&out);
+        for slot in [0, 2] {
+            let rows = if slot == 2 { out.rows } else { rows };
+            let reads = |step: usize| op.rows_read(&out, slot, rows, step);
+            for (first, end) in [(0, steps), (steps / 3, steps), (0, steps.div_ceil(2)), (steps / 4, 3 * steps / 4)] {
+                for after in [0, 1] {
+                    let lead = |step: usize| op.rows_after(&out, step + after) as isize - reads(step).start as isize;
+                    let all = (first..end).map(lead).max();
+                    prop_assert_eq!(op.deciding_steps(&(first..end)).map(lead).max(), all, "{:?}, {:?}", op, first..end);
+                }
+            }
+            for step in 0..steps {
+                prop_assert!(!reads(step).is_empty() && reads(step).len() <= op.most_rows_read(slot, rows));
+                let written = op.rows_after(&out, step + 1) - op.rows_after(&out, step);
+                prop_assert!(step == 0 || reads(step).start >= reads(step - 1).start);
+                prop_assert!(step == 0 || reads(step).end >= reads(step - 1).end);
+                prop_assert!(written <= op.most_rows_written(&out));
+            }
+        }
+    }
+
+    #[test]
+    fn the_cost_of_an_operator_is_that_of_its_units(seed in any::<u64>()) {
+        let mut r = Random::new(seed);
+        let (operator, out, rows) = any_reach(&mut r);
+        let channels = r.size(1, 70);
+        let cols = if matches!(operator, Operator::Conv(_) | Operator::Attention(_)) { 2 * r.size(8, 30) } else { out.cols };
+        let out = Tensor { cols, channels, ..out };
+        let input = Tensor { rows, cols, channels, ..out };
+        let prepared = Prepared { operator, out, inputs: [Some(input), None, None] };
+        let units = (0..prepared.steps()).flat_map(|step| (0..prepared.units()).map(move |unit| (step, unit)));
+        let macs = units.map(|(step, unit)| prepared.unit_macs(step, unit));
+        prop_assert_eq!(prepared.macs(), macs.clone().sum::<u64>(), "{:?}", operator);
+        let bytes = operator.most_rows_read(0, rows) * input.row_bytes() + operator.most_rows_written(&out) * out.row_bytes();
+        prop_assert_eq!(prepared.largest_unit(), macs.max().unwrap() + bytes as u64, "{:?}", operator);
+    }
+}
+
+/// Returns an operator, its output and the rows of its input.
+fn any_reach(r: &mut Random) -> (Operator, Tensor, usize) {
+    let rows = r.size(16, 60);
+    let out = |rows: usize| map(Dtype::U8, (rows, 20), 1);
+    match r.size(0, 5) {
+        0 => (Operator::Upsample2(Upsample2 { out: 0, input: 0 }), out(2 * rows), rows),
+        1 => {
+            let merge = r.size(1, 2);
+            let norm = LayerNorm { out: 0, input: 0, merge, gains: 0, biases: 0, shift: 1, epsilon: 1 };
+            (Operator::LayerNorm(norm), out(rows), merge * rows)
+        }
+        2 => {
+            let window = r.size(1, 8);
+            let (shift_rows, shift_cols) = (r.size(0, window - 1), r.size(0, window - 1));
+            (Operator::Attention(Attention { shift_cols, ..attention(window, shift_rows) }), out(rows), rows)
+        }
+        3 => {
+            let block = r.size(1, 16);
+            let fold = Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, block, ..EMPTY };
+            (Operator::Conv(fold), out(2 * rows), rows)
+        }
+        _ => {
+            let kernel_rows = r.size(1, 15);
+            let pad = r.size(0, kernel_rows - 1);
+            let (stride, block) = (r.size(1, 15), r.size(1, 16));
+            let conv = Conv { kernel_rows, kernel_cols: kernel_rows, pad, stride, block, ..EMPTY };
+            (Operator::Conv(conv), out((rows + 2 * pad - kernel_rows) / stride + 1), rows)
+        }
     }
 }

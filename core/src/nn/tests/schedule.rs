@@ -220,6 +220,23 @@ fn the_output_may_take_the_place_of_the_image_row_by_row() {
 }
 
 #[test]
+fn the_two_inputs_may_not_share_bytes() {
+    let mut chain = chain();
+    // Rows of the coarse DTM may lie between those of the image, where its rows are far enough apart.
+    for (offset, pitch, legal) in [(0, 8, false), (8, 8, false), (7, 8, false), (8, 16, true), (11, 16, false)] {
+        chain.draft.tensors[0].pitch = pitch;
+        chain.draft.tensors[0].offset = 100_000;
+        let coarse = Tensor { hi: 255, offset: 100_000 + offset, pitch, ..map(Dtype::U8, (ROWS, 6), 1) };
+        let number = chain.draft.tensors.len() as u32;
+        chain.draft.tensors.push(coarse);
+        chain.draft.coarse = number;
+        let refused = Err(ModelError::Tensor { tensor: number });
+        assert_eq!(validate(&chain.draft), if legal { Ok(()) } else { refused }, "{offset} bytes on, pitch {pitch}");
+        chain.draft.tensors.pop();
+    }
+}
+
+#[test]
 fn tensors_have_one_writer_and_inputs_none() {
     for out in [0, 1] {
         let mut chain = chain();

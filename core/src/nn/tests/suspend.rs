@@ -57,6 +57,43 @@ fn a_run_resumed_after_every_unit_is_the_same_run() {
 }
 
 #[test]
+fn bytes_that_are_compared_and_summed_count_as_work() {
+    let tile = (12, 10);
+    let mut draft = Draft::new(tile);
+    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, tile, 70) });
+    draft.finish();
+    draft.in_order();
+    let file = draft.file();
+    let model = Model::new(&file).unwrap();
+    let mut arena = vec![0; required(&model)];
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    // Panels of 32, 32 and 8 channels from one of the image. The first unit compares a row of 10 bytes; the last sums one of 700.
+    let units = [10 + 10 * 32, 10 * 32, 10 * 6 + 700];
+    let macs = [320, 320, 60];
+    for (budget, done) in [(1, 1), (units[0], 1), (units[0] + 1, 2), (units[0] + units[1], 2)] {
+        runner.begin(&[0.5; 120], &[0.0; 120]).unwrap();
+        let before = runner.telemetry().macs;
+        runner.step(budget).unwrap();
+        assert_eq!(runner.telemetry().macs - before, macs[..done].iter().sum::<u64>(), "budget {budget}");
+    }
+    // Three units are a step; the fourth begins the next one.
+    let step: u64 = units.iter().sum();
+    for (budget, expected) in [(step, 700), (step + 1, 1020), (step + units[0] + 1, 1340)] {
+        runner.begin(&[0.5; 120], &[0.0; 120]).unwrap();
+        let before = runner.telemetry().macs;
+        runner.step(budget).unwrap();
+        assert_eq!(runner.telemetry().macs - before, expected, "budget {budget}");
+    }
+    // Without protection nothing is compared.
+    runner.protect(false);
+    runner.begin(&[0.5; 120], &[0.0; 120]).unwrap();
+    let before = runner.telemetry().macs;
+    runner.step(701).unwrap();
+    assert_eq!(runner.telemetry().macs - before, 1020);
+    assert!(model.largest_unit() >= *units.iter().max().unwrap());
+}
+
+#[test]
 fn places_that_no_run_has_are_refused() {
     let file = file();
     let model = Model::new(&file).unwrap();

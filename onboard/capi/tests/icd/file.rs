@@ -29,6 +29,8 @@ fn constants_are_the_codes() {
         ("MAX_WINDOW", MAX_WINDOW as u64),
         ("MAX_NORM_CHANNELS", MAX_NORM_CHANNELS as u64),
         ("MAX_ADD_SHIFT", MAX_ADD_SHIFT as u64),
+        ("MAX_OUTPUT", MAX_OUTPUT as u64),
+        ("MAX_WORK", MAX_WORK),
         ("MULTIPLIER_LIMIT", MULTIPLIER_LIMIT as u64),
         ("SHIFT_LIMIT", SHIFT_LIMIT as u64),
         ("PANEL", PANEL as u64),

@@ -1,12 +1,13 @@
 //! Validation of convolutions: parameters, shapes, requantisation.
 
+use super::work::Work;
 use crate::nn::file::{Conv, MAX_ADD_SHIFT, MAX_BLOCK, MAX_EXTENT, MAX_KERNEL, OperatorFault};
 use crate::nn::model::Model;
 use crate::nn::tensor::{Dtype, Edge, Tensor};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 impl Model<'_> {
-    pub(super) fn check_conv(&self, conv: &Conv) -> Result<(), OperatorFault> {
+    pub(super) fn check_conv(&self, work: &Work, conv: &Conv) -> Result<(), OperatorFault> {
         let out = self.tensor(conv.out);
         let sides = [conv.kernel_rows, conv.kernel_cols];
         let legal = sides.iter().all(|k| (1..=MAX_KERNEL).contains(k) && conv.pad < *k)
@@ -37,12 +38,12 @@ impl Model<'_> {
         if !fits {
             return Err(OperatorFault::Shape);
         }
-        self.check_conv_finish(conv, &out)?;
-        self.check_conv_weights(conv, &out)
+        self.check_conv_finish(work, conv, &out)?;
+        self.check_conv_weights(work, conv, &out)
     }
 
     /// Validates requantisation, addition and table of a convolution.
-    fn check_conv_finish(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
+    fn check_conv_finish(&self, work: &Work, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
         let float = out.dtype == Dtype::F32;
         if let Some(add) = conv.add {
             let add = self.tensor(add);
@@ -57,7 +58,7 @@ impl Model<'_> {
             }
         }
         if float {
-            let scales = self.constant_slice(conv.multipliers, out.channels, 4)?.as_chunks::<4>().0;
+            let scales = self.constant_slice(work, conv.multipliers, out.channels, 4)?.as_chunks::<4>().0;
             let legal = scales.iter().all(|&b| f32::from_le_bytes(b).is_finite());
             let plain = conv.table.is_none() && conv.shift == 0;
             return if legal && plain { Ok(()) } else { Err(OperatorFault::Constants) };
@@ -65,12 +66,12 @@ impl Model<'_> {
         if conv.relu {
             return Err(OperatorFault::Parameter);
         }
-        self.check_multipliers(conv.multipliers, out.channels, conv.shift)?;
+        self.check_multipliers(work, conv.multipliers, out.channels, conv.shift)?;
         if conv.add.is_some() {
-            self.check_multipliers(conv.add_multipliers, out.channels, conv.shift)?;
+            self.check_multipliers(work, conv.add_multipliers, out.channels, conv.shift)?;
         }
         if let Some(table) = conv.table {
-            let codes = self.constant_slice(table, CODE_TABLE_LEN, 1)?;
+            let codes = self.constant_slice(work, table, CODE_TABLE_LEN, 1)?;
             if out.dtype != Dtype::U8 || !(0..=255).contains(&conv.table_zero) {
                 return Err(OperatorFault::Type);
             }

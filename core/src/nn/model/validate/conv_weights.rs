@@ -1,6 +1,7 @@
 //! Validation of convolutions: with the stored weights, no finished sum can overflow i32.
 
-use crate::nn::file::{Conv, OperatorFault, VARIANT_KINDS};
+use super::work::Work;
+use crate::nn::file::{Conv, MAX_OUTPUT, OperatorFault, VARIANT_KINDS};
 use crate::nn::model::Model;
 use crate::nn::panels::{PANEL, groups, panels};
 use crate::nn::tensor::{Dtype, Tensor};
@@ -8,8 +9,9 @@ use crate::part::item;
 
 impl Model<'_> {
     /// Validates that no finished sum can overflow i32 with the stored weights (the K limit), and that filling is 0.
-    pub(super) fn check_conv_weights(&self, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
-        let bias = self.constant_slice(conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+    pub(super) fn check_conv_weights(&self, work: &Work, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
+        let bias = self.constant_slice(work, conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+        let (first_source, second_source) = (self.tensor(conv.first), conv.second.map(|second| self.tensor(second)));
         let mut at = conv.weights;
         for (first, width) in panels(out.channels) {
             // Largest sum of each kind; a pixel at a corner adds one variant of every kind.
@@ -17,11 +19,11 @@ impl Model<'_> {
             for variant in 0..conv.variants() {
                 // Largest sum of products, and the contribution of zero codes.
                 let (mut sums, mut zeros) = ([0u64; PANEL], [0i64; PANEL]);
-                for source in conv.sources() {
-                    let t = self.tensor(source);
+                for t in [Some(&first_source), second_source.as_ref()].into_iter().flatten() {
                     at += self.add_weights(
+                        work,
                         conv.extent(variant),
-                        &t,
+                        t,
                         (at, first, width, out.channels),
                         (&mut sums, &mut zeros),
                     )?;
@@ -36,7 +38,8 @@ impl Model<'_> {
                 }
             }
             for channel in 0..PANEL {
-                if largest.iter().map(|kind| item(kind, channel)).sum::<u64>() > i32::MAX as u64 {
+                let sum = largest.iter().map(|kind| item(kind, channel)).sum::<u64>();
+                if sum > i32::MAX as u64 || !self.heights_are_finite(conv, out, first + channel, sum) {
                     return Err(OperatorFault::Overflow);
                 }
             }
@@ -44,9 +47,24 @@ impl Model<'_> {
         Ok(())
     }
 
+    /// Returns whether an f32 output stays within [`MAX_OUTPUT`] for sums up to `sum`. Its scales were read before.
+    fn heights_are_finite(&self, conv: &Conv, out: &Tensor, channel: usize, sum: u64) -> bool {
+        if out.dtype != Dtype::F32 || channel >= out.channels {
+            return true;
+        }
+        let scale = f32::from_bits(self.constants.i32_at(conv.multipliers, channel) as u32);
+        let added = conv.add.map_or(0.0, |add| {
+            let add = self.tensor(add);
+            f64::from(add.magnitude()) * f64::from(add.scale)
+        });
+        let largest = sum as f64 * f64::from(scale.abs()) + added;
+        largest <= MAX_OUTPUT * f64::from(self.nr()) && largest <= f64::from(f32::MAX / 2.0)
+    }
+
     /// Adds the largest sums of a set of filters of one source and one panel; returns its bytes.
     fn add_weights(
         &self,
+        work: &Work,
         (rows, cols): (usize, usize),
         t: &Tensor,
         (at, first, width, channels): (usize, usize, usize, usize),
@@ -54,7 +72,7 @@ impl Model<'_> {
     ) -> Result<usize, OperatorFault> {
         let used = cols * t.channels;
         let (magnitude, zero) = (t.magnitude() as u64, if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 });
-        let weights = self.constant_slice(at, rows, 4 * width * groups(used))?;
+        let weights = self.constant_slice(work, at, rows, 4 * width * groups(used))?;
         for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
             let (channel, group) = (i % width.max(1), i / width.max(1) % groups(used).max(1));
             let (Some(sum), Some(total)) = (sums.get_mut(channel), zeros.get_mut(channel)) else { continue };

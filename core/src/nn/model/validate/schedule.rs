@@ -1,5 +1,10 @@
 //! Validates the schedule by simulating it: every row is written before it is read, and read before it is overwritten.
+//!
+//! The simulation advances by whole entries, not by steps, because an entry of 8 bytes may have thousands of steps. Rows read and rows
+//! written never decrease from step to step. So the first and the last step of an entry decide, except where the rows being written are
+//! compared with those being read: see [`Operator::deciding_steps`].
 
+use super::work::{ENTRY, LINK, OPERATOR, TENSOR, Work};
 use crate::nn::file::{MAX_RECORDS, ModelError, NONE, Operator};
 use crate::nn::model::Model;
 use crate::nn::tensor::Tensor;
@@ -23,26 +28,28 @@ impl List {
     }
 }
 
-/// The state of every tensor and operator during the simulation.
+/// The state of every tensor and operator during the simulation. Some lists serve twice, because the stack is short in flight.
 struct Play<'a, 'm> {
     model: &'a Model<'m>,
-    /// The operator that writes a tensor.
+    work: &'a Work,
+    /// The operator that writes a tensor. In `run`: number of rows of a tensor that have been written.
     writer: List,
     /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that reads or writes it.
     born: List,
     dies: List,
-    /// The tensor that overwrites this one row by row. A row's bytes belong to this tensor until the heir's row is written.
+    /// The tensor that overwrites this one row by row. A row's bytes belong to this tensor until the heir's row is written. In
+    /// `find_lives`: first entry of each operator.
     heir: List,
     /// The tensor that this one overwrites.
     elder: List,
-    /// Number of finished steps of each operator.
+    /// Number of finished steps of each operator. In `find_lives`: its last entry.
     done: List,
 }
 
 /// Simulates the schedule of a model whose operators are legal alone.
-pub(super) fn check(model: &Model<'_>) -> Result<(), ModelError> {
+pub(super) fn check(model: &Model<'_>, work: &Work) -> Result<(), ModelError> {
     let (all, none) = (List([NOBODY; MAX_RECORDS]), List([0; MAX_RECORDS]));
-    let mut play = Play { model, writer: all, born: all, dies: none, heir: all, elder: all, done: none };
+    let mut play = Play { model, work, writer: all, born: all, dies: none, heir: all, elder: all, done: none };
     play.find_lives()?;
     play.find_heirs()?;
     play.find_lines()?;
@@ -51,7 +58,13 @@ pub(super) fn check(model: &Model<'_>) -> Result<(), ModelError> {
 
 impl Play<'_, '_> {
     fn operator(&self, index: usize) -> Result<Operator, ModelError> {
+        self.work.spend(OPERATOR)?;
         self.model.operator(index).ok_or(ModelError::Header)
+    }
+
+    fn tensor(&self, index: usize) -> Result<Tensor, ModelError> {
+        self.work.spend(TENSOR)?;
+        Ok(self.model.tensor(index as u32))
     }
 
     fn find_lives(&mut self) -> Result<(), ModelError> {
@@ -64,187 +77,238 @@ impl Play<'_, '_> {
                 self.born.set(input as usize, 0);
             }
         }
+        // Entries count from 1, because inputs exist at 0.
+        self.work.spend(self.model.entry_count() * ENTRY)?;
+        for number in 0..last {
+            let refuse = ModelError::Schedule { entry: number as u32 };
+            let entry = self.model.entry(number as usize).ok_or(refuse)?;
+            if entry.operator >= self.model.operator_count() {
+                return Err(refuse);
+            }
+            self.heir.set(entry.operator, self.heir.at(entry.operator).min(number + 1));
+            self.done.set(entry.operator, number + 1);
+        }
         for index in 0..self.model.operator_count() {
-            let out = self.operator(index)?.output() as usize;
+            let operator = self.operator(index)?;
+            let out = operator.output() as usize;
             if self.writer.at(out) != NOBODY || self.born.at(out) == 0 {
                 return Err(ModelError::Schedule { entry: 0 });
             }
             self.writer.set(out, index as u16);
-        }
-        for number in 0..last {
-            let refuse = ModelError::Schedule { entry: number as u32 };
-            let entry = self.model.entry(number as usize).ok_or(refuse)?;
-            let operator = self.model.operator(entry.operator).ok_or(refuse)?;
-            let out = operator.output() as usize;
-            // Entries count from 1, because inputs exist at 0.
-            self.born.set(out, self.born.at(out).min(number + 1));
+            self.born.set(out, self.heir.at(index));
             for tensor in operator.inputs().into_iter().flatten().chain([operator.output()]) {
-                self.dies.set(tensor as usize, number + 1);
+                self.dies.set(tensor as usize, self.dies.at(tensor as usize).max(self.done.at(index)));
             }
         }
+        self.heir.0.fill(NOBODY);
+        self.done.0.fill(0);
         self.dies.set(self.model.output_tensor() as usize, NOBODY);
         Ok(())
     }
 
+    /// Returns two tensors if they are in use at the same time.
+    fn together(&self, a: usize, b: usize) -> Result<Option<(Tensor, Tensor)>, ModelError> {
+        self.work.spend(LINK)?;
+        let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
+        if !used || self.dies.at(a) < self.born.at(b) || self.dies.at(b) < self.born.at(a) {
+            return Ok(None);
+        }
+        Ok(Some((self.tensor(a)?, self.tensor(b)?)))
+    }
+
     /// Finds the heir of every tensor. Tensors that share bytes must follow each other, either as a whole or row by row.
     fn find_heirs(&mut self) -> Result<(), ModelError> {
-        for a in 0..self.model.tensor_count() {
-            for b in 0..a {
-                let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
-                let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
-                if !used
-                    || !first.overlaps(&second)
-                    || self.dies.at(a) < self.born.at(b)
-                    || self.dies.at(b) < self.born.at(a)
-                {
-                    continue;
-                }
-                let (old, new) = if self.born.at(a) <= self.born.at(b) { (a, b) } else { (b, a) };
-                let adds = |index: u16| {
-                    matches!(self.model.operator(index as usize), Some(Operator::Conv(c)) if c.add == Some(old as u32)
-                        && c.first != old as u32 && c.second != Some(old as u32))
-                };
-                // A sum overwrites the added tensor sample by sample. A map that is kept whole may be overwritten row by row by any other
-                // map; the output may not be overwritten. All tensors that share bytes must be linked in this way, directly or through
-                // others: see `find_lines`.
-                let sum = first.coincides(&second) && adds(self.writer.at(new)) && self.elder.at(new) == NOBODY;
-                let (before, after) = if old == a { (first, second) } else { (second, first) };
-                let kept = old == self.model.output_tensor() as usize;
-                if !kept && self.heir.at(old) == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
-                    self.heir.set(old, new as u16);
-                    if sum {
-                        self.elder.set(new, old as u16);
-                    }
+        for (a, b) in pairs(self.model.tensor_count()) {
+            let Some((first, second)) = self.together(a, b)? else { continue };
+            if !first.overlaps(&second) {
+                continue;
+            }
+            let (old, new) = if self.born.at(a) <= self.born.at(b) { (a, b) } else { (b, a) };
+            // A sum overwrites the added tensor sample by sample. A map that is kept whole may be overwritten row by row by any other
+            // map; the output may not be overwritten. All tensors that share bytes must be linked in this way, directly or through
+            // others: see `find_lines`.
+            let sum = first.coincides(&second) && self.adds(new, old)? && self.elder.at(new) == NOBODY;
+            let (before, after) = if old == a { (first, second) } else { (second, first) };
+            let kept = old == self.model.output_tensor() as usize;
+            if !kept && self.heir.at(old) == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
+                self.heir.set(old, new as u16);
+                if sum {
+                    self.elder.set(new, old as u16);
                 }
             }
         }
         Ok(())
+    }
+
+    /// Returns whether the writer of `new` adds `old` and does not read it otherwise.
+    fn adds(&self, new: usize, old: usize) -> Result<bool, ModelError> {
+        let (writer, old) = (self.writer.at(new), old as u32);
+        if writer == NOBODY {
+            return Ok(false);
+        }
+        let Operator::Conv(c) = self.operator(writer as usize)? else { return Ok(false) };
+        Ok(c.add == Some(old) && c.first != old && c.second != Some(old))
     }
 
     /// Validates that tensors that exist at the same time in the same place are one line of heirs.
     fn find_lines(&self) -> Result<(), ModelError> {
-        for a in 0..self.model.tensor_count() {
-            for b in 0..a {
-                let (first, second) = (self.model.tensor(a as u32), self.model.tensor(b as u32));
-                let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
-                if !used
-                    || !first.overlaps(&second)
-                    || self.dies.at(a) < self.born.at(b)
-                    || self.dies.at(b) < self.born.at(a)
-                {
-                    continue;
-                }
-                if !self.descends(a, b) && !self.descends(b, a) {
-                    return Err(ModelError::Tensor { tensor: a as u32 });
-                }
+        for (a, b) in pairs(self.model.tensor_count()) {
+            let Some((first, second)) = self.together(a, b)? else { continue };
+            if first.overlaps(&second) && !self.descends(a, b)? && !self.descends(b, a)? {
+                return Err(ModelError::Tensor { tensor: a as u32 });
             }
         }
         Ok(())
     }
 
-    fn descends(&self, from: usize, to: usize) -> bool {
+    fn descends(&self, from: usize, to: usize) -> Result<bool, ModelError> {
         let mut at = from;
         for _ in 0..self.model.tensor_count() {
+            self.work.spend(LINK)?;
             match self.heir.at(at) {
-                NOBODY => return false,
-                heir if heir as usize == to => return true,
+                NOBODY => return Ok(false),
+                heir if heir as usize == to => return Ok(true),
                 heir => at = heir as usize,
             }
         }
-        false
-    }
-
-    /// Number of rows of a tensor that have been written.
-    fn made(&self, tensor: usize, t: &Tensor) -> usize {
-        match self.writer.at(tensor) {
-            NOBODY => t.rows * (self.born.at(tensor) == 0) as usize,
-            writer => self
-                .model
-                .operator(writer as usize)
-                .map_or(0, |op| op.rows_after(t, self.done.at(writer as usize) as usize).min(t.rows)),
-        }
+        Ok(false)
     }
 
     fn run(&mut self) -> Result<(), ModelError> {
+        for index in 0..self.model.tensor_count() {
+            let exists = self.writer.at(index) == NOBODY && self.born.at(index) == 0;
+            self.writer.set(index, if exists { self.tensor(index)?.rows as u16 } else { 0 });
+        }
         for number in 0..self.model.entry_count() {
             let refuse = ModelError::Schedule { entry: number as u32 };
+            self.work.spend(ENTRY)?;
             let entry = self.model.entry(number).ok_or(refuse)?;
-            let operator = self.model.operator(entry.operator).ok_or(refuse)?;
-            let out = self.model.tensor(operator.output());
-            let steps = operator.steps(&out);
+            let operator = self.operator(entry.operator)?;
+            let out = self.tensor(operator.output() as usize)?;
             if entry.count == 0
                 || entry.first != self.done.at(entry.operator) as usize
-                || entry.first + entry.count > steps
+                || entry.first + entry.count > operator.steps(&out)
             {
                 return Err(refuse);
             }
-            for step in entry.first..entry.first + entry.count {
-                for (slot, tensor) in operator.inputs().into_iter().enumerate() {
-                    let Some(tensor) = tensor else { continue };
-                    let t = self.model.tensor(tensor);
-                    let rows = operator.rows_read(&out, slot, t.rows, step);
-                    // A step must not write bytes that it reads, except for sums, which are computed sample by sample.
-                    let sum = slot == 2 && t.coincides(&out);
-                    let making =
-                        if sum { None } else { Some((operator.output(), operator.rows_after(&out, step + 1))) };
-                    if !self.readable(tensor as usize, &t, rows, making) {
-                        return Err(refuse);
-                    }
-                }
-                // Nor may it write to rows that have overwritten the tensor it writes.
-                let written = operator.rows_after(&out, step);
-                if !self.untouched(operator.output() as usize, &out, written, None) {
+            let deed = Deed { operator, out, steps: entry.first..entry.first + entry.count };
+            for (slot, tensor) in operator.inputs().into_iter().enumerate() {
+                let Some(tensor) = tensor else { continue };
+                if !self.readable(&deed, slot, tensor as usize)? {
                     return Err(refuse);
                 }
-                self.done.set(entry.operator, self.done.at(entry.operator).saturating_add(1));
+            }
+            // Nor may it write to rows that have overwritten the tensor it writes.
+            let written = operator.rows_after(&out, entry.first);
+            if !self.untouched(operator.output() as usize, &out, written, None)? {
+                return Err(refuse);
+            }
+            self.done.set(entry.operator, deed.steps.end as u16);
+            self.writer.set(operator.output() as usize, operator.rows_after(&out, deed.steps.end).min(out.rows) as u16);
+        }
+        for index in 0..self.model.operator_count() {
+            let operator = self.operator(index)?;
+            let out = self.tensor(operator.output() as usize)?;
+            if self.done.at(index) as usize != operator.steps(&out) {
+                return Err(ModelError::Schedule { entry: self.model.entry_count() as u32 });
             }
         }
-        let finished = (0..self.model.operator_count()).all(|index| {
-            self.model
-                .operator(index)
-                .is_some_and(|op| self.done.at(index) as usize == op.steps(&self.model.tensor(op.output())))
-        });
-        if finished { Ok(()) } else { Err(ModelError::Schedule { entry: self.model.entry_count() as u32 }) }
+        Ok(())
     }
 
-    /// Returns whether rows are written, and overwritten neither by later rows of the ring nor by the heir. `making` is a tensor that is
-    /// about to have this number of rows.
-    fn readable(&self, tensor: usize, t: &Tensor, rows: Range<usize>, making: Option<(u32, usize)>) -> bool {
-        if rows.is_empty() {
-            return true;
+    /// Number of rows of a tensor that have been written.
+    fn made(&self, tensor: usize) -> usize {
+        self.writer.at(tensor) as usize
+    }
+
+    /// Returns whether the rows that a deed reads are written, and overwritten neither by later rows of the ring nor by the heir.
+    fn readable(&self, deed: &Deed, slot: usize, tensor: usize) -> Result<bool, ModelError> {
+        let writes = deed.operator.output() as usize;
+        let t = self.tensor(tensor)?;
+        let Range { start: first, end: last } = deed.steps;
+        let rows = |step: usize| deed.operator.rows_read(&deed.out, slot, t.rows, step);
+        // What a step reads of its own output is not written yet.
+        if tensor == writes || rows(last.saturating_sub(1)).end > self.made(tensor) {
+            return Ok(false);
         }
         // The first tensor of a line of sums is the furthest ahead in the ring.
-        let made = self.made(tensor, t);
-        let (mut ahead, mut at) = (made, tensor);
+        let (start, mut at) = (rows(first).start, tensor);
+        let mut ahead = self.made(tensor);
         for _ in 0..self.model.tensor_count() {
+            self.work.spend(LINK)?;
             match self.elder.at(at) {
                 NOBODY => break,
                 elder => at = elder as usize,
             }
-            ahead = ahead.max(self.made(at, t));
+            if at == writes {
+                if deed.lead(slot, &t, 0) > t.ring as isize {
+                    return Ok(false);
+                }
+            } else {
+                ahead = ahead.max(self.made(at));
+            }
         }
-        self.untouched(tensor, t, rows.start, making) && rows.end <= made && ahead <= rows.start + t.ring
+        // A step must not write bytes that it reads, except for sums, which are computed sample by sample.
+        let sum = slot == 2 && t.coincides(&deed.out);
+        let making = if sum { None } else { Some((deed, slot)) };
+        Ok(ahead <= start + t.ring && self.untouched(tensor, &t, start, making)?)
     }
 
-    /// Returns whether no row from `first` on has been overwritten by the heir, its heir, and so on.
-    fn untouched(&self, tensor: usize, t: &Tensor, first: usize, making: Option<(u32, usize)>) -> bool {
+    /// Returns whether no row from `first` on has been overwritten by the heir, its heir, and so on. `making` is a deed that is about to
+    /// write rows, and the slot in which it reads this tensor.
+    fn untouched(
+        &self,
+        tensor: usize,
+        t: &Tensor,
+        first: usize,
+        making: Option<(&Deed, usize)>,
+    ) -> Result<bool, ModelError> {
         let mut at = tensor;
         for _ in 0..self.model.tensor_count() {
+            self.work.spend(LINK)?;
             if self.heir.at(at) == NOBODY {
                 break;
             }
             at = self.heir.at(at) as usize;
-            let heir = self.model.tensor(at as u32);
-            let made = match making {
-                Some((number, made)) if number as usize == at => made,
-                _ => self.made(at, &heir),
+            let heir = self.tensor(at)?;
+            // Rows of the heir beyond the first row that is read.
+            let lead = match making {
+                Some((deed, slot)) if deed.operator.output() as usize == at => Some(deed.lead(slot, t, 1)),
+                _ => match self.made(at) {
+                    0 => None,
+                    made => Some(made as isize - first as isize),
+                },
             };
             let taken = if t.coincides(&heir) { Some(0) } else { t.overwritten_by(&heir) };
-            let safe = made == 0 || taken.is_some_and(|more| made as isize + more <= first as isize);
+            let safe = lead.is_none_or(|lead| taken.is_some_and(|more| lead + more <= 0));
             if !safe && t.overlaps(&heir) {
-                return false;
+                return Ok(false);
             }
         }
-        true
+        Ok(true)
     }
+}
+
+/// The steps of an entry of the schedule.
+struct Deed {
+    operator: Operator,
+    out: Tensor,
+    steps: Range<usize>,
+}
+
+impl Deed {
+    /// Returns by how much the rows written after a step (`after` 1) or before it (0) exceed the first row that it reads of `t`: the
+    /// largest difference of all steps.
+    fn lead(&self, slot: usize, t: &Tensor, after: usize) -> isize {
+        let lead = |step: usize| {
+            let written = self.operator.rows_after(&self.out, step + after) as isize;
+            written - self.operator.rows_read(&self.out, slot, t.rows, step).start as isize
+        };
+        self.operator.deciding_steps(&self.steps).map(lead).max().unwrap_or(isize::MIN)
+    }
+}
+
+/// Returns all pairs of numbers below `count`, the larger one first.
+fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).flat_map(|a| (0..a).map(move |b| (a, b)))
 }
