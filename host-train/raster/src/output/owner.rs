@@ -25,6 +25,8 @@ const TRIES: usize = 100;
 pub struct Owner {
     lock: PathBuf,
     file: File,
+    /// A folder that this made, removed again if nothing came into it.
+    made: Option<PathBuf>,
 }
 
 impl Owner {
@@ -44,8 +46,11 @@ impl Owner {
     /// # Errors
     /// As [`Self::of_file`].
     pub fn of_folder(folder: &Path) -> Result<Self> {
+        let made = (!folder.exists()).then(|| folder.to_path_buf());
         std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-        Self::take(folder, folder.join(IN_FOLDER))
+        let mut owner = Self::take(folder, folder.join(IN_FOLDER))?;
+        owner.made = made;
+        Ok(owner)
     }
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
@@ -53,10 +58,10 @@ impl Owner {
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
             match claim.persist_noclobber(&lock) {
-                Ok(file) => return Ok(Self { lock, file }),
+                Ok(file) => return Ok(Self { lock, file, made: None }),
                 Err(found) if found.error.kind() == ErrorKind::AlreadyExists => {
                     if let Some(file) = succeed(output, &lock, &here, found.file)? {
-                        return Ok(Self { lock, file });
+                        return Ok(Self { lock, file, made: None });
                     }
                 }
                 Err(failed) => return Err(Error::io(output)(failed.error)),
@@ -72,6 +77,10 @@ impl Drop for Owner {
         if is_at(&self.file, &self.lock) {
             // An error leaves a lock that the next run recognises as left behind.
             let _ = std::fs::remove_file(&self.lock);
+        }
+        if let Some(folder) = &self.made {
+            // Fails if something is in it, as it should.
+            let _ = std::fs::remove_dir(folder);
         }
     }
 }

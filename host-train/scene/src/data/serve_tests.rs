@@ -171,7 +171,7 @@ fn training_tiles_are_served_tiles() {
 #[test]
 fn the_flight_runner_sees_training_tiles() {
     let nano = int8::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap();
-    let config = config(Illumination::Weighed, TruthRange::Pixel);
+    let config = config(Illumination::Sloped, TruthRange::Pixel);
     assert_eq!(config.input_rules(), nano.input_rules());
     let folder = tempfile::tempdir().unwrap();
     for (_, tile, source) in scenes(folder.path()) {

@@ -17,7 +17,7 @@
 #define ELUNAR_APP_MODEL_BYTES (6u << 20)
 #endif
 #ifndef ELUNAR_APP_MEMORY_BYTES
-#define ELUNAR_APP_MEMORY_BYTES (3u << 19)
+#define ELUNAR_APP_MEMORY_BYTES (1u << 21)
 #endif
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)
