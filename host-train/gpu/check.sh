@@ -40,7 +40,7 @@ if [ "$backend" = vulkan ]; then
     say "without a driver: $(cat "$work/none")"
 fi
 
-# The smallest run of the shipped network's kind with all parts of a run. $1: folder, $2: backend, $3: steps.
+# The smallest run with all parts of a run. $1: folder, $2: backend, $3: steps.
 train() {
     "$program" train --preset nano $network --seed "$seed" --batch 2 --crop 64 64 --validation-tiles 1 --validate-every "$3" --checkpoint-every 1 \
         --backend "$2" --steps "$3" --out "$1" >/dev/null 2>"$1.log" || { tail -3 "$1.log" >&2; fail "training: expected $3 steps"; }
