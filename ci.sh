@@ -2,7 +2,8 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint test checked asan miri backends vulkan no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint supply test checked asan miri backends vulkan no_std boards architecture fuzz
+#   ./ci.sh order         not among "everything": all tests in random order, one at a time and eight at once
 #   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh).
@@ -25,6 +26,28 @@ format() {
 lint() {
     cargo clippy --locked --workspace --all-targets -- -D warnings
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
+}
+
+# What is built in: licences, sources, duplicates, and known faults where the database can be had.
+supply() {
+    if ! cargo deny --version >/dev/null 2>&1; then
+        echo "SKIPPED: supply: cargo-deny is not here (cargo install cargo-deny --locked)"
+        return
+    fi
+    local how=(--config deny.toml --locked) checks=(licenses bans sources)
+    if cargo deny "${how[@]}" fetch db >/dev/null 2>&1; then
+        checks+=(advisories)
+    elif cargo deny "${how[@]}" --offline check advisories >/dev/null 2>&1; then
+        echo "supply: the database of advisories could not be fetched; the last copy is used"
+        how+=(--offline)
+        checks+=(advisories)
+    else
+        echo "SKIPPED: supply: advisories: https://github.com/RustSec/advisory-db cannot be had"
+    fi
+    cargo deny "${how[@]}" check --hide-inclusion-graph --allow no-license-field "${checks[@]}"
+    # Five packages fly; most of the list does not meet them.
+    cargo deny "${how[@]}" --manifest-path "$flight" check --hide-inclusion-graph --allow license-not-encountered \
+        --allow license-exception-not-encountered --allow advisory-not-detected --allow unmatched-skip-root "${checks[@]}"
 }
 
 # The network once more on the reference backend, which shares no kernel with the default one; unoptimised, because a small network is
@@ -54,6 +77,17 @@ vulkan() {
 
 test() {
     cargo test --locked --workspace
+}
+
+# The whole suite twice, in random order: one test at a time, then eight at once. Shuffling is an unstable option of the test runner, which
+# RUSTC_BOOTSTRAP allows; it is set for the test programs alone. ORDER_SEED=N repeats an order. Without doctests.
+order() {
+    local threads seed="${ORDER_SEED:-$RANDOM}"
+    for threads in 1 8; do
+        echo "order: $threads at once, seed $seed (ORDER_SEED=$seed ./ci.sh order)"
+        cargo test --locked --workspace --lib --bins --tests --config 'target."cfg(all())".runner=["env", "RUSTC_BOOTSTRAP=1"]' \
+            -- -Z unstable-options --shuffle-seed "$seed" --test-threads "$threads"
+    done
 }
 
 # The runner's own tests once more with overflow checks, which its development profile leaves out for speed: its integers must not
@@ -156,16 +190,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint test checked asan miri backends vulkan no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint supply test checked asan miri backends vulkan no_std boards architecture fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | architecture | fuzz)
+    format | lint | supply | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | order | architecture | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint test checked asan miri backends vulkan no_std boards no_panic architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint supply test checked asan miri backends vulkan no_std boards no_panic order architecture fuzz), found '$step'" ;;
     esac
 done
 say "all good"

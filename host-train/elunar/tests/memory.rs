@@ -107,7 +107,7 @@ fn predict_keeps_its_memory_whatever_the_files_claim() {
     let at = |name: &str| -> PathBuf { folder.path().join(name) };
     let made = elunar(folder.path(), &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
     if made.status.code() == Some(99) {
-        eprintln!("SKIPPED: predict_keeps_its_memory_whatever_the_files_claim: no ulimit -v here");
+        elunar_testing::skipped("predict_keeps_its_memory_whatever_the_files_claim", "no ulimit -v here");
         return;
     }
     let text = |out: &Output| String::from_utf8_lossy(&out.stderr).into_owned();

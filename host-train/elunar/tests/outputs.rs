@@ -188,7 +188,7 @@ fn a_link_planted_at_the_part_file_is_not_followed() {
 #[test]
 fn a_full_standard_output_is_one_error_line() {
     if !Path::new("/dev/full").exists() {
-        eprintln!("SKIPPED: a_full_standard_output_is_one_error_line: no /dev/full here");
+        elunar_testing::skipped("a_full_standard_output_is_one_error_line", "no /dev/full here");
         return;
     }
     let bench = Bench::new(256);
@@ -220,7 +220,7 @@ fn refused_memory_is_one_error_line() {
         let text = String::from_utf8_lossy(&out.stderr).into_owned();
         match out.status.code() {
             Some(99) => {
-                eprintln!("SKIPPED: refused_memory_is_one_error_line: no ulimit -v here ({text})");
+                elunar_testing::skipped("refused_memory_is_one_error_line", &format!("no ulimit -v here ({text})"));
                 return;
             }
             Some(0) => successes += 1,
