@@ -56,7 +56,7 @@ impl Evaluation {
     #[must_use]
     pub fn usage(self, threads: usize) -> Usage {
         let Self { anchor, co_alignment, tell_sun } = self;
-        Usage { anchor, co_alignment, tell_sun, threads }
+        Usage { anchor, co_alignment, tell_sun, threads, ..Usage::default() }
     }
 }
 

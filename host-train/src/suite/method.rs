@@ -1,5 +1,6 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
+use super::coarse_to_fine::Pair;
 use super::linear;
 use super::list::is_plain;
 use super::results::{LINEAR_BOUND, MethodInfo, UNTRAINED};
@@ -13,7 +14,7 @@ use elunar_scene::evaluate::CoAlignment;
 use elunar_scene::interrupt;
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::untrained::Untrained;
-use elunar_scene::predict::{Options, Prediction, predict};
+use elunar_scene::predict::{Options, Prediction, Scene, predict};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -54,11 +55,13 @@ pub struct Usage {
     pub tell_sun: bool,
     /// Number of threads; 0 takes as many as the machine offers.
     pub threads: usize,
+    /// Number of coarser scales that are predicted first, each with pixels twice as wide as the next ([`Pair::refined`]); 0 for none.
+    pub coarser_scales: u32,
 }
 
 impl Default for Usage {
     fn default() -> Self {
-        Self { anchor: true, co_alignment: CoAlignment::None, tell_sun: true, threads: 0 }
+        Self { anchor: true, co_alignment: CoAlignment::None, tell_sun: true, threads: 0, coarser_scales: 0 }
     }
 }
 
@@ -124,12 +127,19 @@ impl Method {
                 let overlap_px = Options::overlap_for(model.tile());
                 let (azimuth_deg, elevation_deg) = if usage.tell_sun { scene.sun_deg } else { (None, None) };
                 let sun = KnownSun { azimuth_deg, elevation_deg };
-                let Usage { anchor, threads, .. } = *usage;
+                let Usage { anchor, threads, coarser_scales, .. } = *usage;
                 let options = Options { overlap_px, anchor, threads, sun, ..Options::default() };
                 let start = Instant::now();
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-                let Prediction { dtm, tally } = predict(&scene.input, model.as_ref(), &options, &mut { progress })?;
+                let at = |scene: &Scene| predict(scene, model.as_ref(), &options, &mut { progress });
+                let Prediction { dtm, tally } = if coarser_scales == 0 {
+                    at(&scene.input)?
+                } else {
+                    let pair = Pair { name: &scene.entry.name, image: &scene.raw_image, coarse: &scene.coarse };
+                    let refined = pair.refined(coarser_scales, &mut |scene| Ok(at(scene)?.dtm))?;
+                    at(&refined)?
+                };
                 if tally.light.source == LightSource::Assumed {
                     let (method, name) = (&self.name, &scene.entry.name);
                     eprintln!(
@@ -155,8 +165,15 @@ impl Method {
             DtmSource::LinearBound(usage) => (usage.anchor, CoAlignment::None, true),
             DtmSource::Folder(_) => (false, CoAlignment::None, false),
         };
-        let Self { name, description, .. } = self;
-        MethodInfo { name: name.clone(), description: description.clone(), anchor, co_alignment, sun_told }
+        let scales = match &self.source {
+            DtmSource::Network { usage, .. } => usage.coarser_scales,
+            _ => 0,
+        };
+        let description = match scales {
+            0 => self.description.clone(),
+            _ => format!("{}, from pixels {} times as wide to fine", self.description, 1u32 << scales),
+        };
+        MethodInfo { name: self.name.clone(), description, anchor, co_alignment, sun_told }
     }
 }
 

@@ -1,8 +1,9 @@
 //! Test suites: models, other programs' DTMs, the pipeline without training and the coarse DTM on scenes with a truth, on the same pixels.
 //!
 //! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
-//! [`linear`] is the bound for linear ones. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
+//! [`linear`] is the bound for linear ones, [`coarse_to_fine`] the use of a network at several scales. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
+pub mod coarse_to_fine;
 pub mod linear;
 pub mod list;
 pub mod method;

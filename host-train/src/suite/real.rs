@@ -86,7 +86,7 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
     truth.georef = Some(GeoRef { crs: of_image.crs.clone(), ..of_truth });
     image.georef = Some(of_image);
     if set.shrink > 1 {
-        image = means(&image, set.shrink, LEAST_VALID[1])?;
+        image = means(&image, set.folder, set.shrink, LEAST_VALID[1])?;
     }
     let Some((prefix, windows)) = set.windows else {
         return Ok(vec![scene(set, set.folder.into(), [image, truth], out)?]);
@@ -117,7 +117,7 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
 fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Result<Entry> {
     let column = |map: &Raster| map.georef.as_ref().map_or(1.0, |georef| georef.transform[1].abs());
     let side = ((set.coarse_px as f64 * column(&image) / column(&truth)).round_ties_even() as usize).max(1);
-    let coarse = means(&truth, side, LEAST_VALID[0])?;
+    let coarse = means(&truth, &name, side, LEAST_VALID[0])?;
     let coarse = Raster { samples: filled(&coarse), ..coarse };
     let path = |what: &str| out.join(format!("{name}_{what}.tif"));
     write(&path("image"), &image, &WriteOptions::image(SampleType::F32, "image of a real scene"))?;
@@ -134,11 +134,11 @@ fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Re
 }
 
 /// Returns means over whole squares of `side` pixels; NaN where less than a share `least` of a square is valid.
-fn means(map: &Raster, side: usize, least: f64) -> Result<Raster> {
+pub(super) fn means(map: &Raster, name: &str, side: usize, least: f64) -> Result<Raster> {
     let (rows, cols) = (map.rows / side, map.cols / side);
     if rows == 0 || cols == 0 {
-        let what = format!("expected at least {side} x {side} pixels, found {} x {}", map.rows, map.cols);
-        return Err(Error::usage(format!("real scene: {what}")));
+        let what = format!("{name}: expected at least {side} x {side} pixels, found {} x {}", map.rows, map.cols);
+        return Err(Error::usage(what));
     }
     let mean = |i: usize| {
         let (top, left) = (i / cols * side, i % cols * side);
