@@ -134,7 +134,12 @@ class Ground:
     def listen(self, seconds, until=lambda: False):
         """Takes packets; returns whether the condition came true in time."""
         end = time.time() + seconds
+        asked = 0 if not self.hk else math.inf
         while not until() and time.time() < end:
+            # TO_LAB may have started after this program.
+            if not self.hk and time.time() > asked + 2:
+                self.enable()
+                asked = time.time()
             try:
                 self.take(self.inn.recv(65536))
             except socket.timeout:
@@ -215,6 +220,13 @@ def arguments():
     counts = {"scrub": (1,), "tile": (3, 5), "trial": (3,), "decode": (1,)}.get(options.command, (0,))
     if len(options.rest) not in counts:
         parser.error(f"{options.command}: expected {' or '.join(map(str, counts))} arguments, found {len(options.rest)}")
+    numbers = {"scrub": options.rest, "tile": options.rest[3:]}.get(options.command, [])
+    try:
+        options.numbers = [int(text) if options.command == "scrub" else float(text) for text in numbers]
+    except ValueError as error:
+        parser.error(f"{options.command}: {error}")
+    if options.command == "scrub" and not 0 <= options.numbers[0] < 2**32:
+        parser.error(f"scrub: expected 0 to {2**32 - 1} bytes, found {options.numbers[0]}")
     return options
 
 
@@ -229,20 +241,19 @@ def main():
             print(name, value if isinstance(value, int) else value.hex())
         return
     ground = Ground(options)
-    ground.enable()
     if options.command == "trial":
         failures = trial(ground, *options.rest)
         sys.exit(f"ERROR: {len(failures)} checks failed" if failures else 0)
     try:
+        if options.command != "watch":
+            ground.listen(10, lambda: bool(ground.hk))
         if options.command == "scrub":
-            ground.command("scrub", struct.pack(ground.order + "I", int(options.rest[0])))
+            ground.command("scrub", struct.pack(ground.order + "I", *options.numbers))
         elif options.command == "tile":
-            ground.tile(*options.rest[:3], *map(float, options.rest[3:]))
+            ground.tile(*options.rest[:3], *options.numbers)
         elif options.command != "watch":
             ground.command(options.command)
         ground.listen(math.inf if options.command == "watch" else 5)
-    except ValueError as error:
-        fail(f"{options.command}: {error}")
     except KeyboardInterrupt:
         pass
     if ground.hk:
@@ -251,4 +262,5 @@ def main():
         fail(f"no housekeeping on port {options.telemetry_port}: is cFS running, and does TO_LAB send {ground.ids['HK_TLM']:#06x}?")
 
 
-main()
+if __name__ == "__main__":
+    main()
