@@ -1,6 +1,9 @@
-/* A software bus for tests with the functions that the application uses: bus IMAGE COARSE OUT
+/* A software bus for tests with the functions that the application uses:
  *
- * Sends the application a script of messages, prints its events, one per line, and its housekeeping. It is not cFE:
+ *     bus IMAGE COARSE OUT      commands, a tile, a damaged model
+ *     bus                       no model in either slot; then one in the second
+ *
+ * Sends the application a script of messages, prints its events that pass its filters, one per line, and its housekeeping. It is not cFE:
  * one task, no queue, no time. Files are those of the host. */
 #include "elunar_app.h"
 
@@ -29,6 +32,7 @@ static ELUNAR_APP_Table_t     Table;
 static CFE_TBL_CallbackFuncPtr_t Validate;
 static ELUNAR_APP_HkTlm_t     Packet;
 static FILE                  *Files[8];
+static unsigned               Opened[2]; /* the model's files */
 
 static void Fail(const char *What) {
     fprintf(stderr, "ERROR: %s\n", What);
@@ -60,12 +64,32 @@ CFE_Status_t CFE_ES_WriteToSysLog(const char *SpecStringPtr, ...) {
     return CFE_SUCCESS;
 }
 
+/* Binary filters, as cFE counts them: an event passes while the bits of its count that the mask has are 0. */
+static CFE_EVS_BinFilter_t EventFilters[2];
+static uint16              EventCounts[2];
+
 CFE_Status_t CFE_EVS_Register(const void *Filters, uint16 NumEventFilters, uint16 FilterScheme) {
-    return Filters != NULL && NumEventFilters == 2 && FilterScheme == CFE_EVS_EventFilter_BINARY ? CFE_SUCCESS : -1;
+    if (Filters == NULL || NumEventFilters != 2 || FilterScheme != CFE_EVS_EventFilter_BINARY) return -1;
+    memcpy(EventFilters, Filters, sizeof EventFilters);
+    return CFE_SUCCESS;
+}
+
+CFE_Status_t CFE_EVS_ResetAllFilters(void) {
+    memset(EventCounts, 0, sizeof EventCounts);
+    return CFE_SUCCESS;
+}
+
+static bool Filtered(uint16 EventID) {
+    int i;
+    for (i = 0; i < 2; i++) {
+        if (EventFilters[i].EventID == EventID) return (EventCounts[i]++ & EventFilters[i].Mask) != 0;
+    }
+    return false;
 }
 
 CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, uint16 EventType, const char *Spec, ...) {
     va_list List;
+    if (Filtered(EventID)) return CFE_SUCCESS;
     printf("event %u type %u: ", EventID, EventType);
     va_start(List, Spec);
     vprintf(Spec, List);
@@ -113,6 +137,7 @@ CFE_Status_t CFE_SB_Subscribe(CFE_SB_MsgId_t MsgId, CFE_SB_PipeId_t PipeId) {
 void CFE_SB_TimeStampMsg(CFE_MSG_Message_t *MsgPtr) { (void)MsgPtr; }
 
 CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOrigination) {
+    size_t i;
     if (!IsOrigination) Fail("housekeeping originates here");
     memcpy(&Packet, (const void *)MsgPtr, sizeof Packet);
     Packets++;
@@ -121,6 +146,9 @@ CFE_Status_t CFE_SB_TransmitMsg(const CFE_MSG_Message_t *MsgPtr, bool IsOriginat
            (unsigned)Packet.Payload.TilesWritten, (unsigned)Packet.Payload.TilesDropped, (unsigned)Packet.Payload.ClassifiedPx,
            (unsigned)Packet.Payload.HazardPx, (unsigned long)Packet.Payload.ScrubPasses, (unsigned long)Packet.Payload.Faults,
            (unsigned long)Packet.Payload.LastStatus);
+    fputs("packet ", stdout);
+    for (i = 0; i < sizeof Packet; i++) printf("%02x", ((const uint8 *)&Packet)[i]);
+    putchar('\n');
     return CFE_SUCCESS;
 }
 
@@ -144,6 +172,24 @@ static bool Tile(const char *Image, float SunElevationDeg) {
     Payload->SunElevationDeg = SunElevationDeg;
     Command(ELUNAR_APP_PROCESS_TILE_CC, sizeof Message.Tile);
     return true;
+}
+
+/* Prepares one of so many wakeups. */
+static bool WakeTimes(unsigned Times) {
+    if (++Wakeups > Times) {
+        Wakeups = 0;
+        return false;
+    }
+    Send(ELUNAR_APP_WAKEUP_MID, 0, sizeof Message.Plain);
+    Step--;
+    return true;
+}
+
+/* Prints how often the model's files were opened since the last call. */
+static bool TellOpened(const char *When) {
+    printf("opened %u and %u times %s\n", Opened[0], Opened[1], When);
+    memset(Opened, 0, sizeof Opened);
+    return false;
 }
 
 /* Prepares a wakeup and stays at this step of the script as long as the service is in a state. */
@@ -184,6 +230,30 @@ static bool Plain(CFE_MSG_FcnCode_t Code) {
     return true;
 }
 
+/* The script without a model. */
+static bool PlayWithout(unsigned At) {
+    switch (At) {
+        case 0: return TellOpened("at the start");
+        case 1: return WakeTimes(4000);
+        case 2: return TellOpened("in 4000 wakeups");
+        case 3: return Ask(ELUNAR_APP_SEND_HK_MID);
+        case 4: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
+        case 5: return WakeTimes(1);
+        case 6: return TellOpened("after a reset");
+        case 7: if (rename("spare.eld", ELUNAR_APP_MODEL_FILE_2) != 0) Fail("no spare.eld"); return false;
+        case 8: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
+        case 9: return WakeTimes(1);
+        case 10: return Wake(SERVICE_SELF_TEST);
+        case 11: Wakeups = 0; return Ask(ELUNAR_APP_SEND_HK_MID);
+        case 12: return HarmModel();
+        case 13: return Wake(SERVICE_IDLE); /* found by scrubbing, */
+        case 14: return Wake(SERVICE_WANTS_MODEL); /* loaded again from the second slot, */
+        case 15: return Wake(SERVICE_SELF_TEST); /* tested again */
+        case 16: return TellOpened("after damage");
+        default: Ended = true; return Ask(ELUNAR_APP_SEND_HK_MID);
+    }
+}
+
 /* The script: prepares the message of a step; returns false if that step ends without a message. */
 static bool Play(unsigned At) {
     switch (At) {
@@ -217,7 +287,7 @@ static bool Play(unsigned At) {
 
 CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t PipeId, int32 TimeOut) {
     if (PipeId.Value != 7 || TimeOut != CFE_SB_PEND_FOREVER) return CFE_SB_PIPE_RD_ERR;
-    while (!Play(Step++)) {
+    while (!(Arguments == NULL ? PlayWithout(Step++) : Play(Step++))) {
     }
     *BufPtr = &Message.Buffer;
     return CFE_SUCCESS;
@@ -267,6 +337,8 @@ int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 acc
     uint32 i = 0;
     while (i < 8 && Files[i] != NULL) i++;
     if (i == 8) Fail("too many open files");
+    if (strcmp(path, ELUNAR_APP_MODEL_FILE) == 0) Opened[0]++;
+    if (strcmp(path, ELUNAR_APP_MODEL_FILE_2) == 0) Opened[1]++;
     if ((access_mode == OS_WRITE_ONLY) != (flags == (OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE))) return OS_ERROR;
     Files[i]       = fopen(path, access_mode == OS_WRITE_ONLY ? "wb" : "rb");
     filedes->Value = i;
@@ -291,8 +363,11 @@ int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes) {
 int32 OS_remove(const char *path) { return remove(path) == 0 ? OS_SUCCESS : OS_ERROR; }
 
 int main(int argc, char **argv) {
-    if (argc != 4) Fail("usage: bus IMAGE COARSE OUT");
-    Arguments = argv;
+    char Kernel[64];
+    if (argc != 4 && argc != 1) Fail("usage: bus [IMAGE COARSE OUT]");
+    if (argc == 4) Arguments = argv;
+    if (eld_kernel_name(Kernel, sizeof Kernel) != ELD_OK) Fail("no name of the kernel");
+    printf("kernel %s\n", Kernel);
     ELUNAR_APP_Main();
     if (Subscribed != 3) Fail("expected three subscriptions");
     printf("%u events, %u packets, %s\n", Events, Packets, Held ? "table held" : "table released");

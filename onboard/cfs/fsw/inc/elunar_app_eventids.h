@@ -2,7 +2,7 @@
 #ifndef ELUNAR_APP_EVENTIDS_H
 #define ELUNAR_APP_EVENTIDS_H
 
-#define ELUNAR_APP_STARTUP_INF_EID 1   /* initialised: library, model, memory */
+#define ELUNAR_APP_STARTUP_INF_EID 1   /* started: library, kernel, model and slot; an error without a model, with the reason */
 #define ELUNAR_APP_NOOP_INF_EID 2      /* NOOP */
 #define ELUNAR_APP_RESET_INF_EID 3     /* RESET_COUNTERS */
 #define ELUNAR_APP_MID_ERR_EID 4       /* message with an unknown id */
@@ -20,7 +20,7 @@
 #define ELUNAR_APP_SUN_ERR_EID 16      /* the Sun is outside the table's limits */
 #define ELUNAR_APP_SELF_TEST_INF_EID 17 /* the self test has begun */
 #define ELUNAR_APP_IDLE_INF_EID 18     /* ready: the self test has passed */
-#define ELUNAR_APP_MODEL_INF_EID 19    /* the model was loaded again */
+#define ELUNAR_APP_MODEL_INF_EID 19    /* the model was loaded, from which slot */
 #define ELUNAR_APP_FAILED_ERR_EID 20   /* the self test fails with the model loaded again: do not use the heights */
 
 #endif

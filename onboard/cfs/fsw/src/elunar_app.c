@@ -59,6 +59,26 @@ static CFE_Status_t InitBus(void) {
     return Status;
 }
 
+/* Says what the application started with. WhyNot: NULL, or why there is no model. */
+static void TellStartup(const char *WhyNot) {
+    const service_t   *Service = &ELUNAR_APP_Data.Service;
+    const uint32       Version = eld_version();
+    const unsigned int Major = Version >> 16, Minor = (Version >> 8) & 255u, Patch = Version & 255u;
+    char               Kernel[64];
+    if (!ELD_WORKED(eld_kernel_name(Kernel, sizeof Kernel))) {
+        Kernel[0] = 0;
+    }
+    if (WhyNot != NULL) {
+        CFE_EVS_SendEvent(ELUNAR_APP_STARTUP_INF_EID, CFE_EVS_EventType_ERROR, "ELUNAR: no model: slot 1: %s; library %u.%u.%u, kernel %s", WhyNot,
+                          Major, Minor, Patch, Kernel);
+        return;
+    }
+    CFE_EVS_SendEvent(ELUNAR_APP_STARTUP_INF_EID, CFE_EVS_EventType_INFORMATION,
+                      "ELUNAR: model 0x%08lX from slot %u, %lu of %lu bytes; library %u.%u.%u, kernel %s", (unsigned long)Service->info.header_crc,
+                      (unsigned int)ELUNAR_APP_Data.ModelSlot, (unsigned long)Service->info.memory_bytes,
+                      (unsigned long)ELUNAR_APP_MEMORY_BYTES, Major, Minor, Patch, Kernel);
+}
+
 static CFE_Status_t Init(void) {
     /* Events that a damaged model could repeat at every wakeup are sent 16 times, and counted in housekeeping. */
     static const CFE_EVS_BinFilter_t Filters[] = {
@@ -86,11 +106,8 @@ static CFE_Status_t Init(void) {
         CFE_ES_WriteToSysLog("ELUNAR_APP: library version 0x%06lX, header 0x%06lX\n", (unsigned long)eld_version(), (unsigned long)ELD_VERSION);
         return -1;
     }
-    /* A missing or damaged model does not end the application: housekeeping reports it, and every wakeup tries again. */
-    ELUNAR_APP_StartService();
-    CFE_EVS_SendEvent(ELUNAR_APP_STARTUP_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: initialised, library 0x%06lX, model 0x%08lX, %lu bytes",
-                      (unsigned long)eld_version(), (unsigned long)ELUNAR_APP_Data.Service.info.header_crc,
-                      (unsigned long)ELUNAR_APP_Data.Service.info.memory_bytes);
+    /* A missing or damaged model does not end the application: it is tried again at wakeups, and housekeeping says when. */
+    TellStartup(ELUNAR_APP_StartService());
     return CFE_SUCCESS;
 }
 

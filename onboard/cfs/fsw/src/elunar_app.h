@@ -12,6 +12,11 @@
 #include "elunar_app_tbl.h"
 #include "service.h"
 
+/* cFE before Draco has no CFE_MSG_PTR; there, too, a header begins with the message. */
+#ifndef CFE_MSG_PTR
+#define CFE_MSG_PTR(header) (&(header).Msg)
+#endif
+
 typedef struct {
     uint32           RunStatus;
     CFE_SB_PipeId_t  Pipe;
@@ -24,7 +29,9 @@ typedef struct {
     service_t          Service;
     service_state_t    StateTold;
     uint32             DropsTold;
-    size_t             ModelBytes;
+    uint8              ModelSlot; /* where the model came from; 0: no model yet */
+    uint32             RetryWait; /* wakeups until a model is tried again */
+    uint32             RetryNext; /* how many they were when it was tried last; 0: it was not */
     char               OutputFile[ELUNAR_APP_PATH_LEN];
 } ELUNAR_APP_Data_t;
 
@@ -38,16 +45,22 @@ bool ELUNAR_APP_RefreshLimits(void);
 /* elunar_app_dispatch.c */
 void ELUNAR_APP_Dispatch(const CFE_SB_Buffer_t *Buffer);
 
-/* elunar_app_work.c: the model, tiles, and the work of a wakeup. */
-bool ELUNAR_APP_LoadModel(void);
-void ELUNAR_APP_StartService(void);
+/* elunar_app_model.c: starts the service with the model of the first slot that has one; returns NULL, or why the first slot has none. */
+const char *ELUNAR_APP_StartService(void);
+/* A wakeup in SERVICE_DOWN or SERVICE_WANTS_MODEL. */
+void ELUNAR_APP_WorkWithoutModel(void);
+/* A model that cannot be had is tried at the next wakeup, and then seldom. */
+void ELUNAR_APP_TryModelSoon(void);
+
+/* elunar_app_work.c: tiles, and the work of a wakeup. */
 void ELUNAR_APP_Wakeup(void);
 bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile);
 /* Reports a status other than "continue"; returns false for a refusal or a fault. */
 bool ELUNAR_APP_Tell(eld_status_t Status);
 
-/* elunar_app_files.c: return false, with an event, if a file has a wrong length; a file that cannot be written completely is removed. */
-bool ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *Bytes);
+/* elunar_app_files.c: reads a whole file; returns NULL, or why not, with an event. */
+const char *ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *Bytes);
+/* Returns false, with an event, if a file cannot be written completely; then it is removed. */
 bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes, const void *Second, size_t SecondBytes);
 
 /* elunar_app_hazard.c: counts the pixels whose height and four neighbours are valid, and those of them that are too steep or too rough. */

@@ -59,7 +59,10 @@ static bool Scrub(const ELUNAR_APP_Scrub_Payload_t *Payload) {
 static void ResetCounters(void) {
     ELUNAR_APP_Data.CommandCounter      = 0;
     ELUNAR_APP_Data.CommandErrorCounter = 0;
-    CFE_EVS_SendEvent(ELUNAR_APP_RESET_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: counters reset");
+    /* Events that were sent sixteen times are sent again, and a model that cannot be had is tried at the next wakeup. */
+    CFE_EVS_ResetAllFilters();
+    ELUNAR_APP_TryModelSoon();
+    CFE_EVS_SendEvent(ELUNAR_APP_RESET_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: counters and event filters reset");
 }
 
 static void Command(const CFE_SB_Buffer_t *Buffer) {
@@ -97,11 +100,14 @@ static void Command(const CFE_SB_Buffer_t *Buffer) {
 static void SendHousekeeping(void) {
     ELUNAR_APP_HkTlm_Payload_t *Hk      = &ELUNAR_APP_Data.Hk.Payload;
     const service_t            *Service = &ELUNAR_APP_Data.Service;
+    const bool                  Waits   = Service->state == SERVICE_DOWN || Service->state == SERVICE_WANTS_MODEL;
     eld_telemetry_t             Counters;
     Counters.struct_bytes = sizeof Counters;
     Hk->CommandCounter      = ELUNAR_APP_Data.CommandCounter;
     Hk->CommandErrorCounter = ELUNAR_APP_Data.CommandErrorCounter;
     Hk->State               = (uint8)Service->state;
+    Hk->ModelSlot           = ELUNAR_APP_Data.ModelSlot;
+    Hk->RetryWakeups        = Waits ? ELUNAR_APP_Data.RetryWait : 0;
     Hk->LastStatus          = Service->status;
     Hk->TilesDropped        = Service->drops;
     /* Works with a damaged model. Without a context, the last known counters are sent. */
@@ -115,6 +121,7 @@ static void SendHousekeeping(void) {
         Hk->Faults         = Counters.faults;
         Hk->ContextRepairs = Counters.context_repairs;
         Hk->LightsAssumed  = Counters.lights_assumed;
+        Hk->TilesLost      = Counters.tiles_dropped;
         Hk->Tiles          = Counters.tiles;
         Hk->Steps          = Counters.steps;
         Hk->Macs           = Counters.macs;

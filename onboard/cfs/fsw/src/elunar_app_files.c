@@ -1,12 +1,12 @@
 /* ELUNAR_APP: files, through the OS abstraction layer. */
 #include "elunar_app.h"
 
-static bool Complain(const char *Path, const char *What) {
+static const char *Complain(const char *Path, const char *What) {
     CFE_EVS_SendEvent(ELUNAR_APP_FILE_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: %s: %s", Path, What);
-    return false;
+    return What;
 }
 
-bool ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *Bytes) {
+const char *ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *Bytes) {
     osal_id_t File;
     uint8     More;
     int32     Got = 0;
@@ -26,7 +26,7 @@ bool ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, size_t *By
     if (Got < 0) {
         return Complain(Path, "cannot be read");
     }
-    return Got == 0 ? true : Complain(Path, "is too long");
+    return Got == 0 ? NULL : Complain(Path, "is too long");
 }
 
 static bool WriteAll(osal_id_t File, const void *From, size_t Bytes) {
@@ -45,13 +45,14 @@ bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes
     osal_id_t File;
     bool      Written;
     if (OS_OpenCreate(&File, Path, OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_WRITE_ONLY) != OS_SUCCESS) {
-        return Complain(Path, "cannot be made");
+        Complain(Path, "cannot be made");
+        return false;
     }
     Written = WriteAll(File, First, FirstBytes) && WriteAll(File, Second, SecondBytes);
     OS_close(File);
     if (!Written) {
         OS_remove(Path);
-        return Complain(Path, "cannot be written");
+        Complain(Path, "cannot be written");
     }
-    return true;
+    return Written;
 }

@@ -1,11 +1,9 @@
-/* ELUNAR_APP: the model, tiles, and the work of a wakeup. */
+/* ELUNAR_APP: tiles, and the work of a wakeup. */
 #include "elunar_app.h"
 
 #include <string.h>
 
 /* Static memory: addresses and sizes are fixed when the application is loaded. */
-static uint64_t Memory[(ELUNAR_APP_MEMORY_BYTES + 7u) / 8u];
-static uint8    Model[ELUNAR_APP_MODEL_BYTES];
 static float    Image[ELUNAR_APP_TILE_PX];
 static float    CoarseM[ELUNAR_APP_TILE_PX];
 static float    HeightsM[ELUNAR_APP_TILE_PX];
@@ -40,23 +38,6 @@ static void TellState(void) {
     ELUNAR_APP_Data.StateTold = Service->state;
 }
 
-bool ELUNAR_APP_LoadModel(void) { return ELUNAR_APP_ReadFile(ELUNAR_APP_MODEL_FILE, Model, sizeof Model, &ELUNAR_APP_Data.ModelBytes); }
-
-void ELUNAR_APP_StartService(void) {
-    service_t *Service = &ELUNAR_APP_Data.Service;
-    if (!ELUNAR_APP_LoadModel()) {
-        return;
-    }
-    ELUNAR_APP_Tell(service_start(Service, Memory, sizeof Memory, Model, ELUNAR_APP_Data.ModelBytes));
-    if (Service->state != SERVICE_DOWN && (size_t)Service->info.tile_rows * Service->info.tile_cols > ELUNAR_APP_TILE_PX) {
-        CFE_EVS_SendEvent(ELUNAR_APP_FILE_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: %s: expected tiles of at most %lu pixels, found %lu x %lu",
-                          ELUNAR_APP_MODEL_FILE, (unsigned long)ELUNAR_APP_TILE_PX, (unsigned long)Service->info.tile_rows,
-                          (unsigned long)Service->info.tile_cols);
-        memset(Service, 0, sizeof *Service);
-    }
-    ELUNAR_APP_Data.StateTold = Service->state;
-}
-
 bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
     service_t   *Service = &ELUNAR_APP_Data.Service;
     const size_t Px      = (size_t)Service->info.tile_rows * Service->info.tile_cols;
@@ -78,7 +59,8 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
                           (double)ELUNAR_APP_Data.Limits.MaxSunElevationDeg);
         return false;
     }
-    if (!ELUNAR_APP_ReadFile(Tile->ImageFile, Image, sizeof Image, &Found[0]) || !ELUNAR_APP_ReadFile(Tile->CoarseFile, CoarseM, sizeof CoarseM, &Found[1])) {
+    if (ELUNAR_APP_ReadFile(Tile->ImageFile, Image, sizeof Image, &Found[0]) != NULL ||
+        ELUNAR_APP_ReadFile(Tile->CoarseFile, CoarseM, sizeof CoarseM, &Found[1]) != NULL) {
         return false;
     }
     memset(&Given, 0, sizeof Given);
@@ -124,21 +106,23 @@ void ELUNAR_APP_Wakeup(void) {
     CFE_ES_PerfLogEntry(ELUNAR_APP_WORK_PERF_ID);
     switch (Service->state) {
         case SERVICE_DOWN:
-            ELUNAR_APP_StartService();
-            break;
         case SERVICE_WANTS_MODEL:
-            /* At the same address. */
-            if (ELUNAR_APP_LoadModel() && ELUNAR_APP_Tell(service_model_reloaded(Service))) {
-                CFE_EVS_SendEvent(ELUNAR_APP_MODEL_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: %s loaded again", ELUNAR_APP_MODEL_FILE);
-            }
+            ELUNAR_APP_WorkWithoutModel();
             break;
         case SERVICE_READY:
             Take();
+            break;
+        case SERVICE_FAILED:
+            /* Told once, by TellState. */
             break;
         default:
             /* One step, or one portion of scrubbing. */
             ELUNAR_APP_Tell(service_cycle(Service, ELUNAR_APP_Data.Limits.StepBudgetMacs, ELUNAR_APP_Data.Limits.ScrubBytes));
             break;
+    }
+    /* Only a model that passed its self test ends the waiting: one that fails it again and again is loaded ever more seldom, too. */
+    if (Service->state == SERVICE_IDLE || Service->state == SERVICE_TILE || Service->state == SERVICE_READY) {
+        ELUNAR_APP_TryModelSoon();
     }
     TellState();
     CFE_ES_PerfLogExit(ELUNAR_APP_WORK_PERF_ID);

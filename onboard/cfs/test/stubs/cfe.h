@@ -30,25 +30,11 @@ enum { CFE_EVS_EventType_DEBUG = 1, CFE_EVS_EventType_INFORMATION = 2, CFE_EVS_E
 enum { CFE_EVS_EventFilter_BINARY = 0 };
 #define CFE_EVS_FIRST_16_STOP 0xFFF0
 CFE_Status_t CFE_EVS_Register(const void *Filters, uint16 NumEventFilters, uint16 FilterScheme);
+CFE_Status_t CFE_EVS_ResetAllFilters(void);
 CFE_Status_t CFE_EVS_SendEvent(uint16 EventID, uint16 EventType, const char *Spec, ...) OS_PRINTF(3, 4);
 
 /* Messages. */
-typedef size_t CFE_MSG_Size_t;
-typedef uint16 CFE_MSG_FcnCode_t;
-typedef union {
-    uint8  Bytes[6];
-    uint16 Align;
-} CFE_MSG_Message_t;
-typedef struct {
-    CFE_MSG_Message_t Msg;
-    uint8             Secondary[2];
-} CFE_MSG_CommandHeader_t;
-typedef struct {
-    CFE_MSG_Message_t Msg;
-    uint8             Secondary[6];
-    uint8             Spare[4];
-} CFE_MSG_TelemetryHeader_t;
-#define CFE_MSG_PTR(header) (&((header).Msg))
+#include "cfe_msg_hdr.h"
 
 /* Software bus. */
 typedef uint32 CFE_SB_MsgId_Atom_t;

@@ -1,4 +1,4 @@
-/* Sizes and paths of ELUNAR_APP; other values may be defined on the command line. */
+/* Sizes and paths of ELUNAR_APP aboard. */
 #ifndef ELUNAR_APP_PLATFORM_CFG_H
 #define ELUNAR_APP_PLATFORM_CFG_H
 
@@ -9,8 +9,16 @@
 #ifndef ELUNAR_APP_TABLE_FILE
 #define ELUNAR_APP_TABLE_FILE "/cf/elunar_app_tbl.tbl"
 #endif
+/* Slots of the model: two copies of one file. The second is read if the first is missing or damaged. */
 #ifndef ELUNAR_APP_MODEL_FILE
 #define ELUNAR_APP_MODEL_FILE "/cf/nano.eld"
+#endif
+#ifndef ELUNAR_APP_MODEL_FILE_2
+#define ELUNAR_APP_MODEL_FILE_2 "/cf/nano2.eld"
+#endif
+/* Largest number of wakeups between two tries of a model that cannot be had: it is tried at the next wakeup, then after 2, 4, 8 ... */
+#ifndef ELUNAR_APP_RETRY_WAKEUPS
+#define ELUNAR_APP_RETRY_WAKEUPS 1000u
 #endif
 /* Bytes of the largest model and of the largest context, and pixels of the largest tile: onboard/docs/budgets.md has those of nano. */
 #ifndef ELUNAR_APP_MODEL_BYTES
@@ -22,9 +30,5 @@
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)
 #endif
-/* Largest number of bytes of one SCRUB command. */
-#define ELUNAR_APP_SCRUB_BYTES 65536u
-/* Characters of a path in a command, with the terminating NUL. */
-#define ELUNAR_APP_PATH_LEN 64
 
 #endif

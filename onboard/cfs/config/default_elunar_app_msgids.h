@@ -1,4 +1,4 @@
-/* Message ids of ELUNAR_APP. The mission assigns the values: these are free in the sample mission; define others on the command line. */
+/* Message ids of ELUNAR_APP. The mission assigns the values: these are free in the sample mission. */
 #ifndef ELUNAR_APP_MSGIDS_H
 #define ELUNAR_APP_MSGIDS_H
 
