@@ -14,6 +14,8 @@ seconds="${FUZZ_SECONDS:-3600}"
 slice="${FUZZ_SLICE_SECONDS:-600}"
 mkdir -p "${FUZZ_FOLDER:-campaign}"
 folder="$(cd "${FUZZ_FOLDER:-campaign}" && pwd)"
+mkdir -p "$folder/findings" "$folder/output"
+touch "$folder/log.txt"
 build="${CARGO_TARGET_DIR:-$PWD/target}"
 host="$(rustc -vV | sed -n 's/^host: //p')"
 [ $# -gt 0 ] || set -- $(cargo +nightly fuzz list --fuzz-dir .)
@@ -26,7 +28,7 @@ CARGO_TARGET_DIR="$build/seeds" cargo +nightly run --quiet --manifest-path Cargo
 
 # $1: target. Prints the seconds that it has run so far.
 spent() {
-    awk -v target="$1" '$2 == target { sum += $3 } END { print sum + 0 }' "$folder/log.txt" 2>/dev/null || echo 0
+    awk -v target="$1" '$2 == target { sum += $3 } END { print sum + 0 }' "$folder/log.txt"
 }
 
 # $1: file of libFuzzer's output, $2: name of a figure. Prints its last value.
@@ -35,7 +37,7 @@ figure() { sed -n "s/.*$2: *\([0-9]*\).*/\1/p" "$1" | tail -1; }
 # $1: target. Runs one slice and writes its line.
 run_slice() {
     local target="$1" out="$folder/output/$1.txt" options=() begin=$SECONDS ended=0
-    mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/seeds/$target" "$folder/output"
+    mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/seeds/$target"
     [ ! -f "dictionaries/$target.dict" ] || options+=("-dict=dictionaries/$target.dict")
     [ "$target" != model ] || options+=(-max_len=81920)
     "$build/$host/release/$target" -max_total_time="$slice" -timeout=60 -rss_limit_mb=3072 -print_final_stats=1 \
@@ -49,7 +51,7 @@ run_slice() {
 for target in "$@"; do
     failed=0
     while [ "$(spent "$target")" -lt "$seconds" ] && [ "$failed" -lt 5 ]; do
-        before="$(find "$folder/findings" -type f 2>/dev/null | wc -l)"
+        before="$(find "$folder/findings" -type f | wc -l)"
         run_slice "$target"
         [ "$(find "$folder/findings" -type f | wc -l)" = "$before" ] || failed=$((failed + 1))
     done
