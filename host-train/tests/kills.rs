@@ -54,10 +54,10 @@ fn jobs() -> Vec<Job> {
     let mut train = job("train", &format!("{small} {often}"), "--seed 9");
     train.resume = Some(("run.json", vec!["train", "--out", "out", "--resume"]));
     vec![
-        job("mosaic", "s/scene_0000_truth.tif s/scene_0000_coarse.tif -o out", "--tr 3"),
-        job("predict", &format!("{scene} --model nano.eld --threads 1 -o out"), "--no-anchor"),
+        job("mosaic", "s/scene_0000_truth.tif s/scene_0000_coarse.tif -o out.tif", "--tr 3"),
+        job("predict", &format!("{scene} --model nano.eld --threads 1 -o out.tif"), "--no-anchor"),
         job("prepare", &format!("{scene} --dtm s/scene_0000_truth.tif --shard-tiles 1 --out out"), "--seed 9"),
-        job("export", "--weights small.safetensors --tiles 1 --compare 0 -o out", "--precision int8"),
+        job("export", "--weights small.safetensors --tiles 1 --compare 0 -o out.eld", "--precision int8"),
         train,
     ]
 }
@@ -229,7 +229,7 @@ fn asked(job: &Job) -> bool {
 fn a_few_kills_and_races() {
     let (shell, mut state) = (bench(), 7);
     for job in jobs().iter().filter(|job| ["mosaic", "prepare"].contains(&job.name)) {
-        kill(&shell, job, 2, &mut state);
+        kill(&shell, job, 4, &mut state);
         race(&shell, job, 2, &mut state);
     }
 }
