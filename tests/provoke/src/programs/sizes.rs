@@ -39,6 +39,6 @@ impl Sizes {
         head_channels: &[1, 2, 3, 5],
         window: 3,
         arena_bytes: 1 << 14,
-        constant_bytes: 1 << 13,
+        constant_bytes: 5 << 9,
     };
 }
