@@ -6,6 +6,7 @@
 use super::growing::without_following;
 use super::record::{Record, start_of};
 use super::target::check_target;
+use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
@@ -41,15 +42,20 @@ impl Owner {
         Self::take(output, output.with_file_name(name))
     }
 
-    /// Creates a folder if it is absent, and takes it.
+    /// Creates a folder if it is absent, and takes it. If its owner was killed, removes the files that it was writing under names of their own.
     ///
     /// # Errors
     /// As [`Self::of_file`].
     pub fn of_folder(folder: &Path) -> Result<Self> {
         let made = (!folder.exists()).then(|| folder.to_path_buf());
         std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-        let mut owner = Self::take(folder, folder.join(IN_FOLDER))?;
+        let lock = folder.join(IN_FOLDER);
+        let succeeds = lock.exists();
+        let mut owner = Self::take(folder, lock)?;
         owner.made = made;
+        if succeeds {
+            remove_unfinished(folder);
+        }
         Ok(owner)
     }
 
@@ -81,6 +87,18 @@ impl Drop for Owner {
         if let Some(folder) = &self.made {
             // Fails if something is in it, as it should.
             let _ = std::fs::remove_dir(folder);
+        }
+    }
+}
+
+/// Removes the files of a folder that [`super::Staged`] makes and a killed owner leaves.
+fn remove_unfinished(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let staged = name.to_str().is_some_and(|name| name.starts_with(".tmp") && name.ends_with(UNFINISHED));
+        if staged && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            // What cannot be removed does no harm.
+            let _ = std::fs::remove_file(entry.path());
         }
     }
 }
@@ -205,6 +223,21 @@ mod tests {
         let error = Owner::of_file(&output).unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("other text found"), "{error}");
         assert_eq!(std::fs::read(&lock).unwrap(), b"[[package]]\n");
+    }
+
+    #[test]
+    fn what_a_killed_owner_of_a_folder_was_writing_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
+        let [part, kept, named] = [".tmpA1b2C3.part", "dtm.tif.part", ".tmpA1b2C3.tif"].map(|n| folder.path().join(n));
+        [&part, &kept, &named].iter().for_each(|path| std::fs::write(path, "x").unwrap());
+        // Without a lock there was no owner that was killed.
+        drop(Owner::of_folder(folder.path()).unwrap());
+        assert!(part.exists());
+        std::fs::write(folder.path().join(IN_FOLDER), killed.text()).unwrap();
+        drop(Owner::of_folder(folder.path()).unwrap());
+        assert!(!part.exists() && kept.exists() && named.exists());
     }
 
     #[test]
