@@ -89,13 +89,8 @@ fn number(state: &mut u64, most: u64) -> u64 {
     (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) % (most + 1)
 }
 
-/// Files that differ between two runs or may stay, and why: a kill may leave a temporary file (docs/outputs.md), and the optimiser's file lists
-/// its numbers in any order, so that its checksum differs, too.
-fn is_exempt(name: &str) -> bool {
-    let file = name.rsplit('/').next().unwrap_or(name);
-    let temporary = file.starts_with(".tmp") && [".part", ".lock"].iter().any(|end| file.ends_with(end));
-    temporary || ["out/checkpoint/optimiser.bpk", "out/checkpoint/state.json"].contains(&name)
-}
+/// Files that may differ: the optimiser's lists its numbers in any order, so that its checksum differs, too.
+const EXEMPT: [&str; 2] = ["out/checkpoint/optimiser.bpk", "out/checkpoint/state.json"];
 
 /// Returns the files of the output, with their names.
 fn result(shell: &Shell) -> BTreeMap<String, Vec<u8>> {
@@ -105,7 +100,7 @@ fn result(shell: &Shell) -> BTreeMap<String, Vec<u8>> {
                 let inner = format!("{name}/{}", entry.file_name().to_str().unwrap());
                 add(&entry.path(), &inner, to);
             }
-        } else if !is_exempt(name) {
+        } else if !EXEMPT.contains(&name) {
             to.insert(name.into(), std::fs::read(path).unwrap());
         }
     }
