@@ -61,6 +61,7 @@ impl Owner {
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
         let here = Record::here();
+        remove_dead_claims(folder_of(&lock), &here);
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
             match claim.persist_noclobber(&lock) {
@@ -93,14 +94,31 @@ impl Drop for Owner {
 
 /// Removes the files of a folder that [`super::Staged`] makes and a killed owner leaves.
 fn remove_unfinished(folder: &Path) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let staged = name.to_str().is_some_and(|name| name.starts_with(".tmp") && name.ends_with(UNFINISHED));
-        if staged && entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            // What cannot be removed does no harm.
-            let _ = std::fs::remove_file(entry.path());
+    for path in nameless(folder, UNFINISHED) {
+        // What cannot be removed does no harm.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// Removes claims whose processes were killed before they could make them locks.
+fn remove_dead_claims(folder: &Path, here: &Record) {
+    for path in nameless(folder, SUFFIX) {
+        let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
+        let record = read(&path).and_then(|text| Record::parse(&text));
+        if record.is_some_and(|record| record.has_ended(here, start_of)) {
+            let _ = std::fs::remove_file(path);
         }
     }
+}
+
+/// Returns the regular files of a folder that have a name for the time being, with this end.
+fn nameless(folder: &Path, end: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = |name: &str| name.starts_with(".tmp") && name.ends_with(end);
+    let found = entries.filter(|entry| {
+        entry.file_name().to_str().is_some_and(ours) && entry.file_type().is_ok_and(|kind| kind.is_file())
+    });
+    found.map(|entry| entry.path()).collect()
 }
 
 /// Writes the record into a nameless claim, under the kernel's lock. Only whole records get the lock's name.
@@ -238,6 +256,20 @@ mod tests {
         std::fs::write(folder.path().join(IN_FOLDER), killed.text()).unwrap();
         drop(Owner::of_folder(folder.path()).unwrap());
         assert!(!part.exists() && kept.exists() && named.exists());
+    }
+
+    #[test]
+    fn claims_of_killed_processes_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
+        let [dead, alive, other] =
+            [".tmpA1b2C3.lock", ".tmpA1b2C4.lock", ".tmpA1b2C5.lock"].map(|n| folder.path().join(n));
+        for (path, text) in [(&dead, killed.text()), (&alive, here.text()), (&other, "x".into())] {
+            std::fs::write(path, text).unwrap();
+        }
+        drop(Owner::of_file(&folder.path().join("dtm.tif")).unwrap());
+        assert!(!dead.exists() && alive.exists() && other.exists());
     }
 
     #[test]
