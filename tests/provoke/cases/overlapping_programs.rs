@@ -1,20 +1,19 @@
-//! Random programs whose tensors share bytes compute what they compute apart, with every kernel, in memory between pages that must not be
-//! touched. The campaign of many programs is a command:
-//!
-//! ```sh
-//! ELUNAR_SEED=1 ELUNAR_PROGRAMS=100000 cargo test --release -p elunar-provoke --test overlapping_programs -- --ignored --nocapture
-//! ```
+//! Random programs whose tensors share bytes compute what they compute apart, with every kernel, model and memory between pages that must
+//! not be touched. The campaign of many programs is a command: ../../campaigns/README.md.
 #![allow(unsafe_code)] // pages of the operating system
 
-use elunar_core::nn::ModelError;
 use elunar_provoke::Random;
-use elunar_provoke::programs::{Judged, judge, pair};
+use elunar_provoke::programs::{Judged, Lent, Sizes, judge, program};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::time::Instant;
 
 /// Memory that ends, or begins, where the next page may not be touched; elsewhere than on Unix, plain memory.
 mod pages {
-    /// More than the largest arena.
+    use super::Lent;
+
+    /// More than the largest arena and the largest file.
     const BYTES: usize = 1 << 23;
 
     #[cfg(unix)]
@@ -42,62 +41,116 @@ mod pages {
         vec![0; BYTES].leak().as_mut_ptr()
     }
 
-    /// Returns a function that lends this much memory, filled with a byte: now at the end, now at the start.
-    pub(super) fn lender() -> impl FnMut(usize, u8) -> &'static mut [u8] {
-        let (base, mut turn) = (new(), 0usize);
-        move |len, fill| {
+    /// Returns a function that lends this much memory: now at the end, now at the start.
+    pub(super) fn lender() -> impl FnMut(Lent, usize) -> &'static mut [u8] {
+        let (model, arena, mut turn) = (new(), new(), 0usize);
+        move |what, len| {
             assert!(len <= BYTES, "{len}");
             turn += 1;
             let start = if turn.is_multiple_of(4) { 0 } else { BYTES - len };
-            // SAFETY: within the pages, which are never given back; a run ends before the next begins.
-            let memory = unsafe { std::slice::from_raw_parts_mut(base.add(start), len) };
-            memory.fill(fill);
-            memory
+            let base = if what == Lent::Model { model } else { arena };
+            // SAFETY: within the pages, which are never given back; a run ends before the next begins, and all runs of a model before the
+            // next model is lent.
+            unsafe { std::slice::from_raw_parts_mut(base.add(start), len) }
         }
     }
 }
 
-/// Judges pairs until `wanted` of them ran; returns how many share bytes.
-fn campaign(seed: u64, wanted: usize) -> usize {
-    let (mut made, mut ran, mut sharing, mut all_runs) = (0u64, 0, 0, 0);
-    let (begin, mut lend, mut at) = (Instant::now(), pages::lender(), seed);
+/// Seeds between two lines of progress.
+const BLOCK: u64 = 2000;
+
+/// What came of the seeds `first..next`.
+#[derive(Debug, Clone, Copy)]
+struct Sums {
+    first: u64,
+    next: u64,
+    programs: u64,
+    accepted: u64,
+    layouts: u64,
+    shared: u64,
+    runs: u64,
+    milliseconds: u64,
+}
+
+impl Sums {
+    fn new(first: u64) -> Self {
+        let (programs, accepted, layouts, shared, runs, milliseconds) = Default::default();
+        Self { first, next: first, programs, accepted, layouts, shared, runs, milliseconds }
+    }
+
+    /// Returns the line of a progress file.
+    fn line(&self) -> String {
+        let mut line = String::new();
+        let fields = [
+            ("first", self.first),
+            ("next", self.next),
+            ("programs", self.programs),
+            ("accepted", self.accepted),
+            ("layouts", self.layouts),
+            ("shared", self.shared),
+            ("runs", self.runs),
+            ("milliseconds", self.milliseconds),
+        ];
+        fields.iter().for_each(|(name, value)| _ = write!(line, "{name} {value} "));
+        line + "."
+    }
+
+    /// Reads [`Self::line`]; `None` if the line is not complete.
+    fn read(line: &str) -> Option<Self> {
+        let numbers: Vec<u64> = line.split(' ').skip(1).step_by(2).map_while(|word| word.parse().ok()).collect();
+        let &[first, next, programs, accepted, layouts, shared, runs, milliseconds] = &numbers[..] else { return None };
+        let sums = Self { first, next, programs, accepted, layouts, shared, runs, milliseconds };
+        (sums.line() == line).then_some(sums)
+    }
+}
+
+/// Judges programs until `wanted` layouts ran; calls `progress` after each block of seeds.
+fn campaign(from: Sums, wanted: u64, mut progress: impl FnMut(&Sums)) -> Sums {
+    let (mut sums, begin, mut lend) = (from, Instant::now(), pages::lender());
     let mut reasons = BTreeMap::new();
-    let reason = |what: &str, error: ModelError| {
-        let text: String = error.to_string().chars().filter(|c| !c.is_ascii_digit()).collect();
-        format!("{what}: {text}")
-    };
-    while ran < wanted {
-        // Neighbouring seeds must not give neighbouring numbers.
-        let mut random = Random(at.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        (0..4).for_each(|_| _ = random.number());
-        at += 1;
-        if at.is_multiple_of(100_000) {
-            println!("seed {at}, {ran} accepted, {:?}", begin.elapsed());
-        }
-        let Some(pair) = pair(&mut random) else { continue };
-        made += 1;
-        let judged = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| judge(&pair, &mut random, &mut lend)));
-        match judged.unwrap_or_else(|_| panic!("seed {}", at - 1)) {
-            Judged::Illegal(error) => *reasons.entry(reason("illegal", error)).or_insert(0) += 1,
-            Judged::Refused(error) => *reasons.entry(reason("refused", error)).or_insert(0) += 1,
-            Judged::Ran { shared, runs } => {
-                (ran, all_runs, sharing) = (ran + 1, all_runs + runs, sharing + usize::from(shared));
+    while sums.layouts < wanted {
+        let seed = sums.next;
+        let mut random = Random::of_seed(seed);
+        if let Some(program) = program(&mut random, &Sizes::USUAL) {
+            sums.programs += 1;
+            let judge = || judge(&program, &mut random, &mut lend);
+            let judged = std::panic::catch_unwind(std::panic::AssertUnwindSafe(judge));
+            match judged.unwrap_or_else(|_| panic!("seed {seed}")) {
+                Judged::Illegal(error) => {
+                    let text: String = error.to_string().chars().filter(|c| !c.is_ascii_digit()).collect();
+                    *reasons.entry(text).or_insert(0) += 1;
+                }
+                Judged::Ran { layouts, shared, runs, .. } => {
+                    sums.accepted += 1;
+                    sums.layouts += layouts as u64;
+                    sums.shared += shared as u64;
+                    sums.runs += runs as u64;
+                }
             }
         }
+        sums.next += 1;
+        if sums.next.is_multiple_of(BLOCK) || sums.layouts >= wanted {
+            sums.milliseconds = from.milliseconds + begin.elapsed().as_millis() as u64;
+            progress(&sums);
+        }
     }
-    println!("{reasons:?}");
-    println!(
-        "seeds {seed}..{at}: {made} programs, {ran} accepted, {sharing} with shared bytes, {all_runs} runs, {:?}",
-        begin.elapsed()
-    );
-    sharing
+    println!("illegal: {reasons:?}");
+    println!("{}", sums.line());
+    sums
 }
 
 #[test]
 fn programs_that_share_bytes_compute_what_they_compute_apart() {
-    let wanted = 300;
-    let sharing = campaign(1, wanted);
-    assert!(sharing > wanted / 2, "{sharing}");
+    let sums = campaign(Sums::new(1), 3000, |_| {});
+    assert!(sums.shared > sums.layouts / 2 && sums.accepted > sums.programs / 2, "{sums:?}");
+}
+
+#[test]
+fn a_line_of_progress_is_read_whole_or_not_at_all() {
+    let sums = campaign(Sums::new(5), 10, |_| {});
+    let line = sums.line();
+    assert_eq!(Sums::read(&line).expect("whole").line(), line);
+    (0..line.len()).for_each(|end| assert!(Sums::read(&line[..end]).is_none(), "{}", &line[..end]));
 }
 
 #[test]
@@ -107,6 +160,17 @@ fn many_programs() {
         std::env::var(name)
             .map_or(default, |text| text.parse().unwrap_or_else(|_| panic!("{name}: expected a number, found {text}")))
     };
-    let wanted = number("ELUNAR_PROGRAMS", 100_000) as usize;
-    assert!(campaign(number("ELUNAR_SEED", 1), wanted) > wanted / 2);
+    let (seed, wanted) = (number("ELUNAR_SEED", 1), number("ELUNAR_LAYOUTS", 100_000));
+    let path = std::env::var("ELUNAR_PROGRESS").ok();
+    let earlier = path.as_ref().and_then(|path| std::fs::read_to_string(path).ok()).unwrap_or_default();
+    let from = earlier.lines().rev().find_map(Sums::read).unwrap_or_else(|| Sums::new(seed));
+    assert_eq!(from.first, seed, "the progress file is of another seed");
+    let mut file = path.map(|path| std::fs::OpenOptions::new().create(true).append(true).open(path).expect("a file"));
+    let sums = campaign(from, wanted, |sums| {
+        println!("{}", sums.line());
+        if let Some(file) = &mut file {
+            writeln!(file, "{}", sums.line()).expect("room for a line");
+        }
+    });
+    assert!(sums.shared > sums.layouts / 2, "{sums:?}");
 }

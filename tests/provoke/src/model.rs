@@ -112,7 +112,7 @@ pub fn mutated(patches: &[u8]) -> Vec<u8> {
 }
 
 /// Returns offset and length of the header, and of the sections that contain records or constants.
-fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
+pub(crate) fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
     let field = |i: usize| u32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b])) as usize;
     let section = |index: usize, size: usize| (field(index), field(index + 1) * size);
     [
@@ -125,7 +125,7 @@ fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
 }
 
 /// Returns another number for `old`: a neighbour, a flipped bit, an extreme, or any number.
-fn changed(old: u32, how: u8, value: u32) -> u32 {
+pub(crate) fn changed(old: u32, how: u8, value: u32) -> u32 {
     match how % 6 {
         0 => value,
         1 => old.wrapping_add(value % 9).wrapping_sub(4),

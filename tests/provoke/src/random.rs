@@ -4,6 +4,14 @@
 pub struct Random(pub u64);
 
 impl Random {
+    /// Begins with a seed; neighbouring seeds do not give neighbouring numbers.
+    #[must_use]
+    pub fn of_seed(seed: u64) -> Self {
+        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        (0..4).for_each(|_| _ = random.number());
+        random
+    }
+
     /// Returns the next number.
     pub fn number(&mut self) -> u64 {
         self.0 ^= self.0 >> 12;

@@ -6,6 +6,7 @@
 use super::growing::without_following;
 use super::record::{Record, start_of};
 use super::target::check_target;
+use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
@@ -41,20 +42,26 @@ impl Owner {
         Self::take(output, output.with_file_name(name))
     }
 
-    /// Creates a folder if it is absent, and takes it.
+    /// Creates a folder if it is absent, and takes it. If its owner was killed, removes the files that it was writing under names of their own.
     ///
     /// # Errors
     /// As [`Self::of_file`].
     pub fn of_folder(folder: &Path) -> Result<Self> {
         let made = (!folder.exists()).then(|| folder.to_path_buf());
         std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-        let mut owner = Self::take(folder, folder.join(IN_FOLDER))?;
+        let lock = folder.join(IN_FOLDER);
+        let succeeds = lock.exists();
+        let mut owner = Self::take(folder, lock)?;
         owner.made = made;
+        if succeeds {
+            remove_unfinished(folder);
+        }
         Ok(owner)
     }
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
         let here = Record::here();
+        remove_dead_claims(folder_of(&lock), &here);
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
             match claim.persist_noclobber(&lock) {
@@ -83,6 +90,35 @@ impl Drop for Owner {
             let _ = std::fs::remove_dir(folder);
         }
     }
+}
+
+/// Removes the files of a folder that [`super::Staged`] makes and a killed owner leaves.
+fn remove_unfinished(folder: &Path) {
+    for path in nameless(folder, UNFINISHED) {
+        // What cannot be removed does no harm.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// Removes claims whose processes were killed before they could make them locks.
+fn remove_dead_claims(folder: &Path, here: &Record) {
+    for path in nameless(folder, SUFFIX) {
+        let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
+        let record = read(&path).and_then(|text| Record::parse(&text));
+        if record.is_some_and(|record| record.has_ended(here, start_of)) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Returns the regular files of a folder that have a name for the time being, with this end.
+fn nameless(folder: &Path, end: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = |name: &str| name.starts_with(".tmp") && name.ends_with(end);
+    let found = entries.filter(|entry| {
+        entry.file_name().to_str().is_some_and(ours) && entry.file_type().is_ok_and(|kind| kind.is_file())
+    });
+    found.map(|entry| entry.path()).collect()
 }
 
 /// Writes the record into a nameless claim, under the kernel's lock. Only whole records get the lock's name.
@@ -205,6 +241,35 @@ mod tests {
         let error = Owner::of_file(&output).unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("other text found"), "{error}");
         assert_eq!(std::fs::read(&lock).unwrap(), b"[[package]]\n");
+    }
+
+    #[test]
+    fn what_a_killed_owner_of_a_folder_was_writing_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
+        let [part, kept, named] = [".tmpA1b2C3.part", "dtm.tif.part", ".tmpA1b2C3.tif"].map(|n| folder.path().join(n));
+        [&part, &kept, &named].iter().for_each(|path| std::fs::write(path, "x").unwrap());
+        // Without a lock there was no owner that was killed.
+        drop(Owner::of_folder(folder.path()).unwrap());
+        assert!(part.exists());
+        std::fs::write(folder.path().join(IN_FOLDER), killed.text()).unwrap();
+        drop(Owner::of_folder(folder.path()).unwrap());
+        assert!(!part.exists() && kept.exists() && named.exists());
+    }
+
+    #[test]
+    fn claims_of_killed_processes_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = Record::here();
+        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
+        let [dead, alive, other] =
+            [".tmpA1b2C3.lock", ".tmpA1b2C4.lock", ".tmpA1b2C5.lock"].map(|n| folder.path().join(n));
+        for (path, text) in [(&dead, killed.text()), (&alive, here.text()), (&other, "x".into())] {
+            std::fs::write(path, text).unwrap();
+        }
+        drop(Owner::of_file(&folder.path().join("dtm.tif")).unwrap());
+        assert!(!dead.exists() && alive.exists() && other.exists());
     }
 
     #[test]

@@ -7,6 +7,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
+/// The end of the name of a file that is not finished.
+pub(super) const UNFINISHED: &str = ".part";
+
 /// A file that is written beside its path under a name of its own, and then renamed. Dropped before that, it vanishes.
 #[derive(Debug)]
 pub struct Staged {
@@ -22,7 +25,7 @@ impl Staged {
     pub fn create(path: &Path) -> Result<Self> {
         check_target(path)?;
         let mut builder = tempfile::Builder::new();
-        builder.suffix(".part");
+        builder.suffix(UNFINISHED);
         // Permissions follow the user's umask. A temporary file is private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));

@@ -17,6 +17,8 @@ pub struct Program {
     pub tile: (usize, usize),
     /// Number of the tensor that takes the coarse DTM, or [`NONE`].
     pub coarse: u32,
+    /// The header's word about the light.
+    pub illumination: u32,
     /// Seed of the self test's tile.
     pub seed: u32,
 }
@@ -52,6 +54,17 @@ impl Program {
         (0..tensors.len()).any(|a| (0..a).any(|b| tensors[a].overlaps(&tensors[b])))
     }
 
+    /// Writes the places of the tensors into [`Self::file`]'s bytes of the same program.
+    pub(super) fn place(&self, bytes: &mut [u8]) {
+        let start = u32_at(bytes, 4 * word::TENSORS) as usize;
+        let mut sums = 0;
+        for (t, record) in self.tensors.iter().zip(bytes[start..].chunks_exact_mut(TENSOR_BYTES)) {
+            record.copy_from_slice(&Tensor { sums, ..*t }.encode());
+            sums += t.ring;
+        }
+        seal_file(bytes);
+    }
+
     /// Returns the bytes of the file.
     #[must_use]
     pub fn file(&self) -> Vec<u8> {
@@ -81,6 +94,7 @@ impl Program {
             (word::IMAGE, 0),
             (word::COARSE, self.coarse),
             (word::OUTPUT, self.tensors.len() as u32 - 1),
+            (word::ILLUMINATION, self.illumination),
             (word::SELF_TEST_SEED, self.seed),
         ];
         for (index, section, count) in sections {

@@ -3,8 +3,8 @@
 use super::{Dice, Program, ends};
 use elunar_core::nn::file::*;
 
-/// Numbers of channels at and beside the widths of kernels.
-const CHANNELS: [usize; 15] = [1, 2, 3, 4, 7, 8, 9, 12, 15, 16, 17, 24, 25, 32, 40];
+/// The header's number for a light that is given as a guide.
+const GUIDED: u32 = 2;
 
 /// Returns a map that keeps all rows; its place and pitch are chosen later.
 fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
@@ -29,7 +29,10 @@ fn dress(d: &mut Dice<'_>, mut t: Tensor, margin: usize) -> Tensor {
 /// Adds the image and, sometimes, the coarse DTM.
 pub(super) fn inputs(d: &mut Dice<'_>, p: &mut Program) {
     let dtype = d.pick(&[Dtype::U8, Dtype::I16]);
-    let mut image = dress(d, map(dtype, p.tile, 1), 4);
+    // The image alone, or as the four maps of a guide.
+    let channels = if d.chance(10) { 4 } else { 1 };
+    p.illumination = if channels == 4 { GUIDED } else { 0 };
+    let mut image = dress(d, map(dtype, p.tile, channels), 4);
     image.scale = d.pick(&[1.0 / 255.0, 1.0, 1e-3, 1e-30]);
     p.tensors.push(image);
     if d.chance(40) {
@@ -78,8 +81,8 @@ fn layer_norm(d: &mut Dice<'_>, p: &mut Program, input: u32) -> Option<()> {
 /// Adds a projection to q, k and v, and the attention over it.
 fn attention(d: &mut Dice<'_>, p: &mut Program, input: u32) -> Option<()> {
     let x = p.tensor(input);
-    let (heads, window) = (d.size(1, 3), d.size(1, 8));
-    let channels = heads * d.pick(&[1, 2, 3, 4, 5, 8, 9, 17]);
+    let (heads, window) = (d.size(1, 3), d.size(1, d.sizes.window));
+    let channels = heads * d.pick(d.sizes.head_channels);
     let mut qkv = map(Dtype::U8, (x.rows, x.cols), 3 * channels);
     (qkv.zero, qkv.lo, qkv.margin) = (128, d.size(1, 100) as i32, d.size(0, 2));
     let projected = number(p);
@@ -161,7 +164,7 @@ fn conv(d: &mut Dice<'_>, p: &mut Program, first: u32, last: bool) -> Option<()>
         };
         shape = (extent(x.rows, c.kernel_rows, c.stride)?, extent(x.cols, c.kernel_cols, c.stride_cols)?);
     }
-    let usual = d.pick(&CHANNELS);
+    let usual = d.pick(d.sizes.channels);
     let channels = if last { 1 } else { d.pick(&[usual, x.channels]) };
     let mut out = map(dtype, shape, channels);
     if !last {

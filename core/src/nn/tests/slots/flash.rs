@@ -31,6 +31,8 @@ pub(super) struct Flash {
     /// Regions that report success without writing, and regions that refuse.
     pub(super) lies: Vec<Region>,
     pub(super) refuses: Vec<Region>,
+    /// A region that keeps one bit of every write wrong.
+    pub(super) worn: Option<Region>,
 }
 
 impl Flash {
@@ -47,6 +49,7 @@ impl Flash {
             traffic: 0,
             lies: Vec::new(),
             refuses: Vec::new(),
+            worn: None,
         }
     }
 
@@ -125,7 +128,8 @@ impl Storage for Flash {
             let alive = self.byte();
             let noise = self.noise.next() as u8;
             if !self.lies.contains(&region) {
-                self.region(region)[at] = if alive || self.cut == Cut::Clean { byte } else { noise };
+                let wrong = u8::from(self.worn == Some(region) && at == offset_bytes) << 2;
+                self.region(region)[at] = if alive || self.cut == Cut::Clean { byte ^ wrong } else { noise };
             }
         }
         if self.dead() { Err(POWER) } else { Ok(()) }

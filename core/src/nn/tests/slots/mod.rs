@@ -4,6 +4,7 @@ mod cuts;
 mod damage;
 mod flash;
 mod refusals;
+mod sequences;
 
 use super::draft::{Draft, map};
 use crate::nn::file::{Dtype, Operator, seal_file, word};

@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.md what they found so far.
+#
+#   tests/campaigns/run.sh                  all of them
+#   tests/campaigns/run.sh slots kills      these: programs slots kills races miri fuzz
+#   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+mkdir -p "${ELUNAR_CAMPAIGNS:-tests/campaigns/out}"
+folder="$(cd "${ELUNAR_CAMPAIGNS:-tests/campaigns/out}" && pwd)"
+core="profile.dev.package.elunar-core"
+# The flight library with overflow checks and debug assertions, which its development profile leaves out for speed.
+checked=(--config "$core.overflow-checks=true" --config "$core.debug-assertions=true" --config "$core.opt-level=2")
+
+ignored() { cargo test --locked "$@" -- --ignored --nocapture --test-threads 1; }
+
+programs() {
+    ELUNAR_LAYOUTS="${ELUNAR_LAYOUTS:-1000000}" ELUNAR_PROGRESS="$folder/programs.txt" \
+        ignored --package elunar-provoke "${checked[@]}" --test overlapping_programs many_programs
+}
+
+slots() { ELUNAR_BOOTS="${ELUNAR_BOOTS:-100000}" ignored --package elunar-core "${checked[@]}" --lib many_boots; }
+
+kills() { ELUNAR_KILLS="${ELUNAR_KILLS:-50}" ignored --package host-train --test kills many_kills; }
+
+races() { ELUNAR_RACES="${ELUNAR_RACES:-20}" ignored --package host-train --test kills many_races; }
+
+miri() {
+    MIRIFLAGS="-Zmiri-permissive-provenance -Zmiri-tree-borrows" cargo +nightly miri test --locked --package elunar-provoke \
+        --target-dir "${CARGO_TARGET_DIR:-target}/miri" --test small_programs -- --nocapture
+}
+
+fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
+
+[ $# -gt 0 ] || set -- programs slots kills races miri fuzz
+for campaign in "$@"; do
+    case "$campaign" in
+    programs | slots | kills | races | miri | fuzz)
+        printf '\n== %s, %s, commit %s, %s\n' "$campaign" "$(date -u +%F)" "$(git rev-parse --short HEAD)" \
+            "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -1)"
+        SECONDS=0
+        "$campaign" 2>&1 | tee -a "$folder/$campaign.log"
+        echo "$campaign: $SECONDS s"
+        ;;
+    *)
+        echo "ERROR: expected a campaign (programs slots kills races miri fuzz), found '$campaign'" >&2
+        exit 1
+        ;;
+    esac
+done
