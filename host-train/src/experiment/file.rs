@@ -141,13 +141,13 @@ impl Experiment {
     /// Replaces the number of steps.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is 0.
+    /// [`Error::Input`] if it is 0.
     pub fn with_steps(mut self, steps: usize) -> Result<Self> {
         let recipe = &mut self.recipe;
         recipe.steps = steps;
         recipe.warm_up = recipe.warm_up.min(steps / 2);
         self.changes.push(format!("recipe.steps = {steps} (on the command line)"));
-        self.recipe.check().map_err(|what| Error::usage(format!("{}: {what}", self.name)))?;
+        self.recipe.check().map_err(|what| Error::input(format!("{}: {what}", self.name)))?;
         Ok(self)
     }
 }

@@ -45,7 +45,7 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
 /// Reads all samples of a GeoTIFF, as [`open`] returns them.
 ///
 /// # Errors
-/// As [`open`]. [`Error::Usage`] if the memory does not suffice.
+/// As [`open`]. [`Error::Input`] if the memory does not suffice.
 pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
     // Each chunk is read once, so no cache is needed.
     source::read_all(&GeoTiff::open(path.as_ref(), 0, None)?)
@@ -146,7 +146,8 @@ impl Source for GeoTiff {
         let mut samples = Vec::new();
         may_fail(|| samples.try_reserve_exact(window.rows * window.cols)).map_err(|_| {
             let (rows, cols) = (window.rows, window.cols);
-            Error::usage(format!("{}: not enough memory for {rows} x {cols} pixels", self.path.display()))
+            let what = format!("not enough memory for {rows} x {cols} pixels");
+            Error::io(&self.path)(std::io::Error::new(std::io::ErrorKind::OutOfMemory, what))
         })?;
         samples.resize(window.rows * window.cols, self.rule.unwritten());
         if samples.is_empty() {

@@ -60,7 +60,7 @@ pub(super) struct Description {
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; [`Error::Broken`] for defects of the label, and if label and file disagree in size;
-/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Usage`] if the file that
+/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Input`] if the file that
 /// the label names does not exist.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     open_with(path, None)

@@ -35,7 +35,7 @@ pub fn fill(
         }
         Err(error) => {
             let kept = part.path().display();
-            Err(Error::usage(format!("{error}; what was made is in {kept}, the same command goes on from there")))
+            Err(error.and(&format!("; what was made is in {kept}, the same command goes on from there")))
         }
     }
 }

@@ -22,7 +22,7 @@ impl Part {
     /// Opens the rows of the same job, or starts a new file. `job` is a text that differs between jobs: inputs, model, options.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
+    /// [`Error::Input`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
     pub fn open(output: &Path, job: &str, cols: usize) -> Result<Self> {
         let mut name = output.file_name().unwrap_or_default().to_os_string();
         name.push(".part");
@@ -60,11 +60,11 @@ impl Part {
     /// Appends whole rows and waits until they are on disk.
     ///
     /// # Errors
-    /// [`Error::Io`] if they cannot be written, [`Error::Usage`] if they are not whole.
+    /// [`Error::Io`] if they cannot be written, [`Error::Input`] if they are not whole.
     pub fn append(&mut self, samples: &[f32]) -> Result<()> {
         if !samples.len().is_multiple_of(self.cols.max(1)) {
             let what = format!("expected rows of {} samples, found {} samples", self.cols, samples.len());
-            return Err(Error::usage(format!("{}: {what}", self.path.display())));
+            return Err(Error::input(format!("{}: {what}", self.path.display())));
         }
         let bytes: Vec<u8> = samples.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.file.write_all(&bytes).and_then(|()| self.file.sync_data()).map_err(Error::io(&self.path))?;

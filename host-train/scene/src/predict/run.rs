@@ -117,7 +117,7 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// are blended in reading order, whichever thread finishes first. The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
+/// [`Error::Input`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
 /// height, or the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
@@ -280,10 +280,10 @@ impl Sink<'_> {
         let (mut done, mut joined, all) = (first, first, self.tiling.len());
         while done < all {
             if progress(done, all).is_break() {
-                return Err(Error::usage(format!("stopped after {done} of {all} tiles")));
+                return Err(Error::stopped(format!("stopped after {done} of {all} tiles")));
             }
             let Ok((index, outcome)) = receive.recv() else {
-                return Err(Error::usage(format!("{done} of {all} tiles were predicted before the threads ended")));
+                return Err(Error::input(format!("{done} of {all} tiles were predicted before the threads ended")));
             };
             waiting.insert(index, outcome?);
             done += 1;

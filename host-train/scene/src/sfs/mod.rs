@@ -46,7 +46,7 @@ pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Pr
 /// The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
+/// [`Error::Input`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
 /// in metres, and if the run was stopped. Errors of the files and of `keep` are passed on.
 pub fn solve_rows(
     scene: &Scene,
@@ -57,7 +57,7 @@ pub fn solve_rows(
     progress: Progress,
 ) -> Result<Tally> {
     settings.light()?;
-    let unknown = || Error::usage("image: a pixel size in metres expected, none found");
+    let unknown = || Error::input("image: a pixel size in metres expected, none found");
     let pixel_m = scene.georef.pixel_m(scene.rows, scene.cols).ok_or_else(unknown)?;
     let makers = || -> Result<Box<dyn TileMaker + '_>> {
         Ok(Box::new(tile::Solver::new(*settings, Shape::new(scene.rows, scene.cols), pixel_m, journal)?))
