@@ -126,6 +126,7 @@ fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
 }
 
 fn report(folder: &Path, outcome: &Outcome) {
+    let at = folder.display();
     println!("{} steps done, {:.2} steps/s", outcome.steps, outcome.steps_per_s);
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);

@@ -5,6 +5,7 @@
 mod growing;
 mod owner;
 mod record;
+mod renewal;
 mod target;
 mod whole;
 
