@@ -21,7 +21,11 @@ fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
 }
 
 /// Every command with inputs that are absent, and its output, if it has one.
-const COMMANDS: [(&[&str], Option<&str>); 13] = [
+const COMMANDS: [(&[&str], Option<&str>); 14] = [
+    (
+        &["join", "--parts", "2", "--image", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.tif"],
+        Some("out.tif.lock"),
+    ),
     (&["predict", "--image", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.tif"], Some("out.tif.lock")),
     (&["latency", "--model", "no.eld"], None),
     (&["synth", "--out", "out"], Some("out/owner.lock")),

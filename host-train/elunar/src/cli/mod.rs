@@ -5,6 +5,7 @@ pub mod evaluate;
 pub mod export;
 pub mod hillshade;
 pub mod inspect;
+pub mod join;
 pub mod latency;
 pub mod lola;
 pub mod mosaic;
@@ -31,7 +32,9 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Predict a DTM from an image and a coarse DTM.
-    Predict(predict::Args),
+    Predict(Box<predict::Args>),
+    /// Join the parts of a DTM that `predict --part` made.
+    Join(Box<join::Args>),
     /// Measure the latency of one tile.
     Latency(latency::Args),
     /// The commands that `elunar` and `host-train` share.
@@ -72,7 +75,8 @@ pub enum Shared {
 /// Errors of the command.
 pub fn run(command: Command) -> Result<()> {
     match command {
-        Command::Predict(args) => predict::run(args),
+        Command::Predict(args) => predict::run(*args),
+        Command::Join(args) => join::run(*args),
         Command::Latency(args) => latency::run(args),
         Command::Shared(shared) => run_shared(shared),
     }

@@ -5,9 +5,11 @@ use super::super::{Raster, source};
 use super::cache::Cache;
 use super::handle::Handle;
 use super::layout::Layout;
+use super::metadata;
 use super::place::georef;
 use super::plain;
 use super::rule::Rule;
+use super::tag;
 use crate::memory::may_fail;
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -60,6 +62,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
 /// As [`read`]. [`Error::Unsupported`] if the file has no such band.
 pub fn read_band(path: impl AsRef<Path>, band: usize) -> Result<Raster> {
     source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0, None)?)
+}
+
+/// Returns the text of a metadata item of a GeoTIFF; `None` if the file does not have it.
+///
+/// # Errors
+/// As [`open`].
+pub fn read_item(path: &Path, name: &str) -> Result<Option<String>> {
+    let xml = Handle::open(path)?.text(tag::GDAL_METADATA)?.unwrap_or_default();
+    Ok(metadata::parse(&xml).into_iter().find(|item| item.role.is_empty() && item.name == name).map(|item| item.text))
 }
 
 /// An open file.

@@ -114,7 +114,15 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the file cannot be named.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
+        self.stage()?.publish()
+    }
+
+    /// Completes the file under a name of its own. It gets its path when the result is published.
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn stage(mut self) -> Result<Staged> {
         let (rows, _) = self.shape();
         if let Some(&given) = self.rows_given.iter().find(|given| **given != rows) {
             let path = self.path.display();
@@ -123,7 +131,7 @@ impl Writer {
         let path = self.path.clone();
         let mut staged = Staged::create(&path)?;
         self.assemble(staged.file()).map_err(Error::io(&path))?;
-        staged.publish()
+        Ok(staged)
     }
 
     fn assemble(&mut self, file: &File) -> std::io::Result<()> {

@@ -66,6 +66,15 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     open_with(path, None)
 }
 
+/// Returns the file with the samples that a label describes: perhaps the label's own.
+///
+/// # Errors
+/// As [`open`].
+pub(crate) fn image_of(label: &Path) -> Result<std::path::PathBuf> {
+    let description = describe(&read_label(label)?).map_err(|refusal| refusal.of(label))?;
+    description.file.map_or_else(|| Ok(label.to_path_buf()), |name| resolve(label, &name))
+}
+
 /// Opens an image as [`open`] does. Samples stored as `nodata` are invalid, too.
 pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     let label = read_label(path)?;

@@ -133,7 +133,8 @@ impl Scene {
     }
 
     /// Returns the error for a scene without valid pixels.
-    pub(super) fn nothing_valid(&self) -> Error {
+    #[must_use]
+    pub fn nothing_valid(&self) -> Error {
         let (coarse, image) = (&self.coarse_name, &self.image.name);
         Error::input(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
     }

@@ -23,6 +23,7 @@ pub use journal::{Journal, LevelLog, StepLog, TileLog};
 pub use reflectance::{Light, Shade};
 pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
 
+use crate::predict::span::Span;
 use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
 use elunar_core::tile::Shape;
 use elunar_raster::{Error, Raster, Result};
@@ -64,5 +65,5 @@ pub fn solve_rows(
     };
     let tile = Shape::new(settings.tile.0, settings.tile.1);
     let cut = Cut { tile, overlap_px: settings.overlap_px, threads: settings.threads, layers: 1 };
-    make_rows(scene, cut, &makers, from, keep, progress)
+    make_rows(scene, cut, &makers, &Span { rows: 0..scene.rows, from }, keep, progress)
 }
