@@ -1,6 +1,7 @@
 //! The commands that need no training framework. The programs `elunar` and `host-train` share them.
 
 pub mod cli;
+pub mod cluster;
 pub mod memory;
 pub mod picture;
 pub mod program;

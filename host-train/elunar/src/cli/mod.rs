@@ -1,5 +1,6 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
+pub mod batch;
 pub mod diff;
 pub mod evaluate;
 pub mod export;
@@ -8,6 +9,7 @@ pub mod inspect;
 pub mod join;
 pub mod latency;
 pub mod lola;
+pub mod manifest;
 pub mod mosaic;
 pub mod output;
 pub mod predict;
@@ -45,6 +47,10 @@ pub enum Command {
 /// The commands of both programs. None runs a float network.
 #[derive(Debug, Subcommand)]
 pub enum Shared {
+    /// Make or check a manifest: a line for every image of an archive.
+    Manifest(manifest::Args),
+    /// Predict the DTMs of a chunk of a manifest, one process an image.
+    Batch(batch::Args),
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
     /// Make a training set from images, DTMs and coarse DTMs.
@@ -88,6 +94,8 @@ pub fn run(command: Command) -> Result<()> {
 /// Errors of the command.
 pub fn run_shared(command: Shared) -> Result<()> {
     match command {
+        Shared::Manifest(args) => manifest::run(args),
+        Shared::Batch(args) => batch::run(args),
         Shared::Synth(args) => synth::run(args),
         Shared::Prepare(args) => prepare::run(args),
         Shared::Export(args) => export::run(args),

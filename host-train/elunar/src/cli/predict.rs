@@ -406,7 +406,7 @@ fn coarse_sigma(args: &Args, scene: &Scene) -> f32 {
 }
 
 /// Parses a SHA-256, or several joined by `+`.
-fn hashes(text: &str) -> std::result::Result<String, String> {
+pub(crate) fn hashes(text: &str) -> std::result::Result<String, String> {
     let is_hash = |hash: &str| hash.len() == 64 && hash.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
     if text.split('+').all(is_hash) {
         Ok(text.into())

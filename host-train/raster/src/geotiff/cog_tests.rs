@@ -68,7 +68,7 @@ fn wrong_amounts_of_rows_leave_no_file() {
     let create = || Writer::create(&path, 10, 4, None, &options).unwrap();
     let refused = |result: crate::Result<()>| {
         let error = result.unwrap_err();
-        assert!(matches!(error, Error::Input(_)) && error.to_string().contains("a.tif"), "{error}");
+        assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("a.tif"), "{error}");
     };
     refused(create().write_rows(&[0.0; 6]));
     refused(create().write_rows(&[0.0; 44]));

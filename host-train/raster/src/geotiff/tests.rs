@@ -56,7 +56,7 @@ fn images_come_back_rounded() {
     raster.samples[3] = -2.0;
     let path = folder.path().join("b.tif");
     let error = write(&path, &raster, &WriteOptions::image(SampleType::U8, "x")).unwrap_err();
-    assert!(matches!(error, Error::Input(_)) && !path.exists(), "{error}");
+    assert!(matches!(error, Error::Usage(_)) && !path.exists(), "{error}");
 }
 
 #[test]

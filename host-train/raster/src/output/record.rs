@@ -29,13 +29,10 @@ impl Record {
     /// Returns the record of this process.
     pub(super) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
-        let named = |name: &str| std::env::var(name).ok();
-        let host = read("/proc/sys/kernel/hostname").or_else(|| read("/etc/hostname"));
-        let host = host.or_else(|| named("HOSTNAME")).or_else(|| named("COMPUTERNAME"));
         let namespace = std::fs::read_link("/proc/self/ns/pid");
         let pid = std::process::id();
         Self {
-            host: host.unwrap_or_default(),
+            host: host_name(),
             boot: read("/proc/sys/kernel/random/boot_id").unwrap_or_default(),
             namespace: namespace.map_or_else(|_| String::new(), |name| name.to_string_lossy().into_owned()),
             pid,
@@ -99,6 +96,15 @@ impl Record {
         let at = if host.is_empty() { String::new() } else { format!(" on {host}") };
         format!("process {}{at}, for {age_s} s", self.pid)
     }
+}
+
+/// Returns the name of this machine; empty if the system does not tell.
+#[must_use]
+pub fn host_name() -> String {
+    let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
+    let named = |name: &str| std::env::var(name).ok();
+    let host = read("/proc/sys/kernel/hostname").or_else(|| read("/etc/hostname"));
+    host.or_else(|| named("HOSTNAME")).or_else(|| named("COMPUTERNAME")).unwrap_or_default()
 }
 
 /// Returns the start of a running process, in ticks since the kernel's start; `None` if it does not run, or this system does not tell.
