@@ -2,6 +2,7 @@
 
 pub mod cli;
 pub mod cluster;
+pub mod html;
 pub mod memory;
 pub mod picture;
 pub mod program;

@@ -21,7 +21,11 @@ fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
 }
 
 /// Every command with inputs that are absent, and its output, if it has one.
-const COMMANDS: [(&[&str], Option<&str>); 14] = [
+const COMMANDS: [(&[&str], Option<&str>); 18] = [
+    (&["manifest", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.jsonl"], Some("out.jsonl.lock")),
+    (&["batch", "--manifest", "no.jsonl"], None),
+    (&["status", "--manifest", "no.jsonl"], None),
+    (&["plan", "--manifest", "no.jsonl"], None),
     (
         &["join", "--parts", "2", "--image", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.tif"],
         Some("out.tif.lock"),

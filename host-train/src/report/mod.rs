@@ -1,6 +1,6 @@
 //! One page about the folders of suites, experiments, training runs and records: tables, hillshades, error maps, curves, with all pictures inside.
 
-pub(crate) mod html;
+pub(crate) use elunar::html;
 mod record;
 mod sections;
 

@@ -16,7 +16,7 @@ and left. One line of JSON for every attempt goes to standard output; `status` r
 Exit codes: 0 all items are done; 75 some may succeed later: run the same command again; 65 some never will, the others are done.
 
 Example:
-  elunar batch --manifest m.jsonl --chunk 3/100 --jobs 16 > log.3.jsonl")]
+  elunar batch --manifest m.jsonl --chunk 3/100 --jobs 16")]
 pub struct Args {
     /// Manifest, JSON lines.
     #[arg(long, value_name = "M.jsonl")]

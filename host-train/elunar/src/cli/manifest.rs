@@ -160,6 +160,9 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
     for (name, file) in [("image", &image), ("coarse", &coarse), ("model", &model), ("output", &output)] {
         put(name, path(file)?.display().to_string().into());
     }
+    for file in [&coarse, &model] {
+        file.metadata().map_err(Error::io(file))?;
+    }
     match source::open(&image) {
         Ok(source) => {
             put("rows", source.info().rows.into());

@@ -12,10 +12,12 @@ pub mod lola;
 pub mod manifest;
 pub mod mosaic;
 pub mod output;
+pub mod plan;
 pub mod predict;
 pub mod prepare;
 pub mod render;
 pub mod sfs;
+pub mod status;
 pub mod synth;
 
 use clap::{Parser, Subcommand};
@@ -51,6 +53,10 @@ pub enum Shared {
     Manifest(manifest::Args),
     /// Predict the DTMs of a chunk of a manifest, one process an image.
     Batch(batch::Args),
+    /// Say what became of the items of a manifest.
+    Status(status::Args),
+    /// Say beforehand what a manifest takes: core hours, bytes, memory, chunks.
+    Plan(plan::Args),
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
     /// Make a training set from images, DTMs and coarse DTMs.
@@ -96,6 +102,8 @@ pub fn run_shared(command: Shared) -> Result<()> {
     match command {
         Shared::Manifest(args) => manifest::run(args),
         Shared::Batch(args) => batch::run(args),
+        Shared::Status(args) => status::run(args),
+        Shared::Plan(args) => plan::run(args),
         Shared::Synth(args) => synth::run(args),
         Shared::Prepare(args) => prepare::run(args),
         Shared::Export(args) => export::run(args),

@@ -37,7 +37,7 @@ const PAUSE: Duration = Duration::from_secs(2);
 /// Time between two looks at a running process.
 const LOOK: Duration = Duration::from_millis(10);
 /// How long a process that also got the signal may take to end by itself.
-const GRACE: Duration = Duration::from_secs(2);
+const GRACE: Duration = Duration::from_millis(300);
 
 /// Numbers of items of a chunk, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -7,6 +7,6 @@ pub mod batch;
 pub mod item;
 pub mod manifest;
 pub mod outcome;
-//plan
-//status
-//timeline
+pub mod plan;
+pub mod status;
+pub mod timeline;
