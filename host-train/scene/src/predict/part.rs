@@ -188,7 +188,9 @@ mod tests {
     fn rows_of_outputs_of_one_name_keep_apart_in_a_folder() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        ["a", "b", "parts"].map(|name| std::fs::create_dir(at(name)).unwrap());
+        for name in ["a", "b", "parts"] {
+            std::fs::create_dir(at(name)).unwrap();
+        }
         let [a, b] = ["a/dtm.tif", "b/dtm.tif"].map(|name| part_path(&at(name), Some(&at("parts"))).unwrap());
         assert!(a != b && a.parent() == b.parent(), "{a:?} {b:?}");
         assert_eq!(part_path(&at("a/../a/dtm.tif"), Some(&at("parts"))).unwrap(), a);
