@@ -205,10 +205,9 @@ fn wait(child: &mut Child) -> std::io::Result<ExitStatus> {
 fn stop(child: &mut Child) {
     #[cfg(unix)]
     {
-        use rustix::process::{Pid, Signal, kill_process};
-        let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
-        // It may have ended just now.
-        let _ = pid.map(|pid| kill_process(pid, Signal::TERM));
+        // The standard library only kills. The shell's own `kill` needs no further program. The process may have ended just now.
+        let words = ["-c", "kill -TERM \"$0\"", &child.id().to_string()];
+        let _ = Command::new("sh").args(words).stdin(Stdio::null()).stderr(Stdio::null()).status();
     }
     #[cfg(not(unix))]
     let _ = child.kill();
