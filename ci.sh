@@ -2,7 +2,7 @@
 # The one check: run it before you commit; continuous integration runs the same file.
 #
 #   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint supply test checked asan miri backends vulkan no_std boards architecture fuzz
+#   ./ci.sh format lint   only these steps: format lint supply test checked asan miri backends vulkan no_std boards architecture cluster fuzz
 #   ./ci.sh order         not among "everything": all tests in random order, one at a time and eight at once
 #   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
 #
@@ -174,6 +174,12 @@ no_panic() {
     onboard/flight/proofs/run.sh --proof panics
 }
 
+# A manifest on a Slurm cluster of three nodes on this machine, in GNU parallel and in Snakemake. Each engine is optional.
+cluster() {
+    cargo build --locked --package elunar
+    host-train/cluster/check.sh "$target/debug/elunar" host-train/models/nano.eld
+}
+
 architecture() {
     cargo test --locked --quiet -p elunar-tests --test architecture
 }
@@ -190,16 +196,16 @@ fuzz() {
     done
 }
 
-[ $# -gt 0 ] || set -- format lint supply test checked asan miri backends vulkan no_std boards architecture fuzz
+[ $# -gt 0 ] || set -- format lint supply test checked asan miri backends vulkan no_std boards architecture cluster fuzz
 for step in "$@"; do
     case "$step" in
-    format | lint | supply | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | order | architecture | fuzz)
+    format | lint | supply | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | order | architecture | cluster | fuzz)
         say "$step"
         SECONDS=0
         "$step"
         echo "$step: ${SECONDS} s"
         ;;
-    *) fail "expected a step (format lint supply test checked asan miri backends vulkan no_std boards no_panic order architecture fuzz), found '$step'" ;;
+    *) fail "expected a step (format lint supply test checked asan miri backends vulkan no_std boards no_panic order architecture cluster fuzz), found '$step'" ;;
     esac
 done
 say "all good"

@@ -2,7 +2,7 @@
 
 use clap::FromArgMatches;
 use elunar::memory::Memory;
-use elunar::program::finish;
+use elunar::program::{finish, read_command_line};
 use host_train::cli::{Cli, command_line, run};
 use std::process::ExitCode;
 
@@ -11,6 +11,7 @@ use std::process::ExitCode;
 static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
-    let parsed = Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
+    let parsed = command_line().try_get_matches().and_then(|found| Cli::from_arg_matches(&found));
+    let parsed = read_command_line(parsed);
     finish(|| run(parsed))
 }

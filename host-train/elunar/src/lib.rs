@@ -1,6 +1,8 @@
 //! The commands that need no training framework. The programs `elunar` and `host-train` share them.
 
 pub mod cli;
+pub mod cluster;
+pub mod html;
 pub mod memory;
 pub mod picture;
 pub mod program;

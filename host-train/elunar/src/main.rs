@@ -3,7 +3,7 @@
 use clap::Parser;
 use elunar::cli::{Cli, run};
 use elunar::memory::Memory;
-use elunar::program::finish;
+use elunar::program::{finish, read_command_line};
 use std::process::ExitCode;
 
 /// Refused memory is one error line.
@@ -11,5 +11,6 @@ use std::process::ExitCode;
 static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
-    finish(|| run(Cli::parse().command))
+    let parsed = read_command_line(Cli::try_parse());
+    finish(|| run(parsed.command))
 }

@@ -7,13 +7,15 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Exit code of a request that cannot be met, of a broken file, and of an error of the system.
-pub const FAILED: u8 = 1;
+/// Exit code of a command line that cannot be read, or of options that cannot be met.
+pub const USAGE: u8 = 64;
+/// Exit code of an input that is missing, broken, or does not serve. The same command never succeeds on it.
+pub const BAD_INPUT: u8 = 65;
 /// Exit code of a defect of this program.
 pub const DEFECT: u8 = 70;
 /// Exit code if the system refuses memory or threads.
 pub const NO_MEMORY: u8 = 71;
-/// Exit code if another run writes the output: try again later.
+/// Exit code of what may pass: a run that was asked to stop, another run that writes the output, a full disk, another error of the system.
 pub const TRY_AGAIN: u8 = 75;
 /// Exit code if the reader of standard output has left, as in other programs.
 pub const BROKEN_PIPE: u8 = 128 + 13;
@@ -37,9 +39,54 @@ pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
         Ok(Ok(())) => return ExitCode::SUCCESS,
         Ok(Err(error)) => {
             line(format_args!("{error}"));
-            if matches!(error, Error::Busy { .. }) { TRY_AGAIN } else { FAILED }
+            code_of(&error)
         }
         Err(_) => DEFECT,
+    })
+}
+
+/// Returns the exit code of an error. Every command ends through it.
+#[must_use]
+pub fn code_of(error: &Error) -> u8 {
+    match error {
+        Error::Usage(_) => USAGE,
+        Error::Broken { .. } | Error::Unsupported { .. } | Error::Input(_) => BAD_INPUT,
+        Error::Stopped(_) | Error::Busy { .. } => TRY_AGAIN,
+        Error::Io { source, .. } => code_of_system(source.kind()),
+    }
+}
+
+/// Returns the exit code of an error of the system. What the same command would meet again is bad input; all else may pass.
+fn code_of_system(kind: ErrorKind) -> u8 {
+    match kind {
+        ErrorKind::NotFound
+        | ErrorKind::PermissionDenied
+        | ErrorKind::AlreadyExists
+        | ErrorKind::NotADirectory
+        | ErrorKind::IsADirectory
+        | ErrorKind::InvalidFilename
+        | ErrorKind::ReadOnlyFilesystem
+        | ErrorKind::FileTooLarge
+        | ErrorKind::InvalidInput
+        | ErrorKind::InvalidData
+        | ErrorKind::UnexpectedEof
+        | ErrorKind::Unsupported => BAD_INPUT,
+        ErrorKind::OutOfMemory => NO_MEMORY,
+        ErrorKind::BrokenPipe => BROKEN_PIPE,
+        _ => TRY_AGAIN,
+    }
+}
+
+/// Reads the command line, or ends the program: with 0 behind `--help` and `--version`, otherwise with [`USAGE`].
+pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
+    parsed.unwrap_or_else(|error| {
+        let said = error.print();
+        let code = match said {
+            Err(why) if why.kind() == ErrorKind::BrokenPipe => BROKEN_PIPE,
+            _ if error.exit_code() == 0 => 0,
+            _ => USAGE,
+        };
+        std::process::exit(code.into())
     })
 }
 
@@ -73,14 +120,50 @@ fn meaning(text: &str, panic: &PanicHookInfo<'_>) -> (u8, Option<String>) {
     // The texts are those of the standard library and of rayon.
     if let Some(why) = text.strip_prefix("failed printing to stdout: ") {
         let left = why.contains("Broken pipe");
-        return if left { (BROKEN_PIPE, None) } else { (FAILED, Some(format!("standard output: {why}"))) };
+        return if left { (BROKEN_PIPE, None) } else { (TRY_AGAIN, Some(format!("standard output: {why}"))) };
     }
     if text.starts_with("failed printing to stderr") {
-        return (FAILED, None);
+        return (TRY_AGAIN, None);
     }
     if text.contains("failed to spawn thread") || text.contains("ThreadPoolBuildError") {
         return (NO_MEMORY, Some(format!("not enough memory or threads: {text}")));
     }
     let place = panic.location().map_or_else(String::new, |at| format!(" at {}:{}", at.file(), at.line()));
     (DEFECT, Some(format!("a defect of this program{place}: {text}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Error as System;
+
+    #[test]
+    fn every_kind_of_error_has_its_code() {
+        let io = |kind: ErrorKind| Error::io("a.tif")(System::from(kind));
+        let cases = [
+            (Error::usage("--x"), 64),
+            (Error::input("no overlap"), 65),
+            (Error::broken("a.tif", "cut"), 65),
+            (Error::unsupported("a.tif", "LERC"), 65),
+            (Error::stopped("after 3 tiles"), 75),
+            (Error::busy("a.tif", "process 7"), 75),
+            (io(ErrorKind::NotFound), 65),
+            (io(ErrorKind::UnexpectedEof), 65),
+            (io(ErrorKind::PermissionDenied), 65),
+            (io(ErrorKind::StorageFull), 75),
+            (io(ErrorKind::QuotaExceeded), 75),
+            (io(ErrorKind::StaleNetworkFileHandle), 75),
+            (io(ErrorKind::TimedOut), 75),
+            (io(ErrorKind::OutOfMemory), 71),
+            (Error::io("a.tif")(System::from_raw_os_error(5)), 75),
+        ];
+        for (error, code) in cases {
+            assert_eq!(code_of(&error), code, "{error}");
+            // What is added to the message changes no code.
+            let text = error.to_string();
+            let longer = error.and("; more").about("scene 1");
+            assert!(longer.to_string().contains("; more") && longer.to_string().contains("scene 1"), "{longer}");
+            assert_eq!(code_of(&longer), code, "{text}");
+        }
+    }
 }

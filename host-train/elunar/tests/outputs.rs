@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
 /// The exit code that asks to try again.
 const TRY_AGAIN: i32 = 75;
+/// The exit code of an option that cannot be met.
+const USAGE: i32 = 64;
 
 fn elunar(folder: &Path, words: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_elunar"));
@@ -26,7 +28,7 @@ fn error(out: &Output, code: i32) -> String {
 }
 
 fn refused(folder: &Path, words: &[&str]) -> String {
-    error(&elunar(folder, words).output().unwrap(), 1)
+    error(&elunar(folder, words).output().unwrap(), USAGE)
 }
 
 /// A scene in a folder, and the words of `predict` that make `dtm.tif` of it.
@@ -201,7 +203,7 @@ fn a_full_standard_output_is_one_error_line() {
     for words in commands {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let out = elunar(bench.folder.path(), words).stdout(full).output().unwrap();
-        let text = error(&out, 1);
+        let text = error(&out, TRY_AGAIN);
         assert!(text.contains("standard output: No space left on device"), "{text}");
     }
     assert!(!bench.at("shade.tif.lock").exists());
@@ -227,7 +229,7 @@ fn refused_memory_is_one_error_line() {
             // The loader's own message, before the program begins.
             Some(127) if text.contains("cannot allocate memory") || text.contains("failed to map segment") => {}
             code => {
-                assert!(code == Some(71) || code == Some(1), "{kib} KiB: {code:?} {:?}: {text}", out.status);
+                assert!(code == Some(71), "{kib} KiB: {code:?} {:?}: {text}", out.status);
                 let errors = text.lines().filter(|line| !line.starts_with("dtm.tif.part: going on")).count();
                 assert!(errors == 1 && text.contains("ERROR: ") && !text.contains("panicked"), "{kib} KiB: {text}");
                 refusals += 1;

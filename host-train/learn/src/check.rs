@@ -135,8 +135,8 @@ fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<
     let [_, _, rows, cols] = prediction.dims();
     let terms = terms(tensor(golden, "truth", path, &device)?, prediction.clone(), Elevation::MeanNormalised);
     let grads = LossWeights::PAPER.total(&terms).backward();
-    let found = prediction.grad(&grads).ok_or_else(|| Error::usage("the backend gave no gradient"))?;
-    let found = found.into_data().try_to_vec::<f32>().map_err(|e| Error::usage(format!("the gradient: {e}")))?;
+    let found = prediction.grad(&grads).ok_or_else(|| Error::input("the backend gave no gradient"))?;
+    let found = found.into_data().try_to_vec::<f32>().map_err(|e| Error::input(format!("the gradient: {e}")))?;
     Ok((found, Shape::new(rows, cols)))
 }
 

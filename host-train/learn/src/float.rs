@@ -86,12 +86,12 @@ impl TileNetwork for Worker<'_> {
             [("image", maps, image.len()), ("coarse DTM", 1, coarse.len()), ("output", 1, output.len())]
         {
             if found != maps * rows * cols {
-                return Err(Error::usage(format!("{name} tile: expected {maps}x{rows}x{cols} samples, found {found}")));
+                return Err(Error::input(format!("{name} tile: expected {maps}x{rows}x{cols} samples, found {found}")));
             }
         }
         let tensor = |data: &[f32]| side_by_side(data.to_vec(), [1, rows, cols], &self.model.device);
         let found = self.model.net.forward(tensor(image), tensor(coarse)).into_data().try_to_vec::<f32>();
-        output.copy_from_slice(&found.map_err(|e| Error::usage(format!("network output: {e:?}")))?);
+        output.copy_from_slice(&found.map_err(|e| Error::input(format!("network output: {e:?}")))?);
         Ok(())
     }
 }

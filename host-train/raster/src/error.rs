@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Short form of a result with [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error, of one of five kinds.
+/// An error, of one of seven kinds. The kind decides the exit code of a program.
 #[derive(Debug)]
 pub enum Error {
     /// The content of the file is not valid in its format (truncated, bit-flipped, contradictory).
@@ -22,8 +22,12 @@ pub enum Error {
         /// What was found, and what is supported.
         what: String,
     },
-    /// The request cannot be met: wrong sizes, no overlap, impossible options.
+    /// The request cannot be met: impossible options, an output that must not be written.
     Usage(String),
+    /// The inputs are readable, but do not serve: wrong sizes, no overlap, no valid pixel.
+    Input(String),
+    /// The run stopped at a safe point, because it was asked to. The same command goes on.
+    Stopped(String),
     /// The operating system reported an error.
     Io {
         /// The file or folder.
@@ -61,6 +65,47 @@ impl Error {
         Self::Busy { path: path.as_ref().into(), what: what.into() }
     }
 
+    /// Makes an [`Error::Input`].
+    pub fn input(what: impl Into<String>) -> Self {
+        Self::Input(what.into())
+    }
+
+    /// Makes an [`Error::Stopped`].
+    pub fn stopped(what: impl Into<String>) -> Self {
+        Self::Stopped(what.into())
+    }
+
+    /// Begins the message with what it is about. The kind stays, and so does the system's.
+    #[must_use]
+    pub fn about(self, what: &str) -> Self {
+        let text = format!("{what}: {self}");
+        match self {
+            Self::Io { path, source } => Self::Io { path: format!("{what}: {}", path.display()).into(), source },
+            Self::Busy { path, what: why } => Self::Busy { path, what: format!("{why} ({what})") },
+            Self::Stopped(_) => Self::Stopped(text),
+            Self::Usage(_) => Self::Usage(text),
+            _ => Self::Input(text),
+        }
+    }
+
+    /// Adds to the message. The kind stays.
+    #[must_use]
+    pub fn and(self, more: &str) -> Self {
+        let add = |what: String| what + more;
+        match self {
+            Self::Broken { path, what } => Self::Broken { path, what: add(what) },
+            Self::Unsupported { path, what } => Self::Unsupported { path, what: add(what) },
+            Self::Busy { path, what } => Self::Busy { path, what: add(what) },
+            Self::Usage(what) => Self::Usage(add(what)),
+            Self::Input(what) => Self::Input(add(what)),
+            Self::Stopped(what) => Self::Stopped(add(what)),
+            Self::Io { path, source } => {
+                let source = std::io::Error::new(source.kind(), add(source.to_string()));
+                Self::Io { path, source }
+            }
+        }
+    }
+
     /// Makes an [`Error::Io`] about `path`, for `map_err`.
     pub fn io(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_path_buf();
@@ -74,7 +119,7 @@ impl std::fmt::Display for Error {
             Self::Broken { path, what } => write!(f, "{}: broken file: {what}", path.display()),
             Self::Unsupported { path, what } => write!(f, "{}: not supported: {what}", path.display()),
             Self::Busy { path, what } => write!(f, "{}: another run writes it: {what}", path.display()),
-            Self::Usage(what) => f.write_str(what),
+            Self::Usage(what) | Self::Input(what) | Self::Stopped(what) => f.write_str(what),
             Self::Io { path, source } => write!(f, "{}: {source}", path.display()),
         }
     }

@@ -28,7 +28,7 @@ impl Format {
     /// Reads the first bytes of the file and returns its format.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read, [`Error::Usage`] if it is a folder, [`Error::Broken`] if it is empty.
+    /// [`Error::Io`] if it cannot be read, [`Error::Input`] if it is a folder, [`Error::Broken`] if it is empty.
     pub fn of(path: &Path) -> Result<Self> {
         Ok(Self::of_head(&head(path)?))
     }
@@ -73,7 +73,7 @@ fn is_cube(text: &[u8]) -> bool {
 pub fn head(path: &Path) -> Result<Vec<u8>> {
     let file = File::open(path).map_err(Error::io(path))?;
     if file.metadata().map_err(Error::io(path))?.is_dir() {
-        return Err(Error::usage(format!("{}: a file expected, found a folder", path.display())));
+        return Err(Error::input(format!("{}: a file expected, found a folder", path.display())));
     }
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;

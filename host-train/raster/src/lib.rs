@@ -2,6 +2,7 @@
 
 pub mod align;
 mod binary;
+pub mod content;
 mod crs;
 mod error;
 pub mod format;

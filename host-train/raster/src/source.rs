@@ -28,9 +28,9 @@ impl Info {
     /// Returns the georeference, which must be complete. Messages call the raster `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the geotransform or the reference system is missing.
+    /// [`Error::Input`] if the geotransform or the reference system is missing.
     pub fn place(&self, name: &str) -> Result<&GeoRef> {
-        let missing = |what: &str| Error::usage(format!("{name}: a raster with {what} expected, none found"));
+        let missing = |what: &str| Error::input(format!("{name}: a raster with {what} expected, none found"));
         let georef = self.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
         if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
     }
@@ -45,11 +45,11 @@ impl Info {
     /// Returns the side of a pixel on the ground, metres: the square root of its area at the raster's centre.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the pixel size is unknown.
+    /// [`Error::Input`] if the pixel size is unknown.
     pub fn side_m(&self, name: &str) -> Result<f64> {
         let size = self.georef.as_ref().and_then(|georef| georef.pixel_m(self.rows, self.cols));
         let side_m = size.map(|(row_m, col_m)| (row_m * col_m).sqrt());
-        side_m.ok_or_else(|| Error::usage(format!("{name}: a pixel size in metres expected, none found")))
+        side_m.ok_or_else(|| Error::input(format!("{name}: a pixel size in metres expected, none found")))
     }
 }
 
@@ -122,13 +122,13 @@ pub fn read_all(source: &dyn Source) -> Result<Raster> {
 /// Refuses a window that exceeds a raster of `rows` x `cols`.
 ///
 /// # Errors
-/// [`Error::Usage`] with both sizes.
+/// [`Error::Input`] with both sizes.
 pub fn check_window(window: Window, rows: usize, cols: usize) -> Result<()> {
     let inside = |first: usize, count: usize, all: usize| first.checked_add(count).is_some_and(|end| end <= all);
     if inside(window.row, window.rows, rows) && inside(window.col, window.cols, cols) {
         return Ok(());
     }
-    Err(Error::usage(format!("expected a window within {rows} x {cols} pixels, found {window:?}")))
+    Err(Error::input(format!("expected a window within {rows} x {cols} pixels, found {window:?}")))
 }
 
 /// A raster in memory, as a source.

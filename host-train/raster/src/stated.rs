@@ -41,14 +41,14 @@ impl Statements {
     /// Applies the statements to `source`: it gets the stated system, and samples in metres. Messages call the source `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the file names a different unit.
+    /// [`Error::Input`] if the file names a different unit.
     pub fn of(self, name: &str, source: Box<dyn Source>) -> Result<Box<dyn Source>> {
         if self == Self::default() {
             return Ok(source);
         }
         if let (Some(HeightUnit::Km), Some(unit)) = (self.unit, &source.info().unit) {
             let what = format!("{name}: expected a file without a unit to take its heights for kilometres");
-            return Err(Error::usage(format!("{what}, found one that is read in {unit}")));
+            return Err(Error::input(format!("{what}, found one that is read in {unit}")));
         }
         let mut info: Info = source.info().clone();
         if let Some(crs) = self.srs {

@@ -21,13 +21,13 @@ pub struct Shading {
 /// rasters the size is in metres on their sphere, at the raster's centre.
 ///
 /// # Errors
-/// [`Error::Usage`] if the source, called `name`, has no pixel size in metres.
+/// [`Error::Input`] if the source, called `name`, has no pixel size in metres.
 pub fn pixel_of(source: &dyn Source, name: &str) -> Result<PixelSize> {
     let info = source.info();
     let georef = info.georef.as_ref();
     let size = georef.and_then(|georef| georef.pixel_m(info.rows, info.cols).map(|size| (size, georef.transform)));
     let Some(((row_m, col_m), transform)) = size.filter(|((row_m, col_m), _)| *row_m > 0.0 && *col_m > 0.0) else {
-        return Err(Error::usage(format!("{name}: a pixel size in metres expected, none found")));
+        return Err(Error::input(format!("{name}: a pixel size in metres expected, none found")));
     };
     let sign = |step: f64| if step < 0.0 { -1.0 } else { 1.0 };
     Ok(PixelSize { row_m: -sign(transform[5]) * row_m, col_m: sign(transform[1]) * col_m })
@@ -112,7 +112,7 @@ fn neighbour(index: usize, step: usize, count: usize) -> Option<usize> {
 }
 
 fn shade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun, out: &mut [u8]) -> Result<()> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("hillshade: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("hillshade: {e}"));
     hillshade(GridView::new(heights_m, rows, cols).map_err(misfit)?, pixel, sun, out).map_err(misfit)
 }
 

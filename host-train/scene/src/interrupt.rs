@@ -1,4 +1,4 @@
-//! Ctrl-C as a flag that long loops read, so that the program does not end at once.
+//! Ctrl-C and SIGTERM as a flag that long loops read, so that the program does not end at once.
 
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,16 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 static ASKED: AtomicBool = AtomicBool::new(false);
 static HANDLER: Once = Once::new();
 
-/// Installs the handler. The first Ctrl-C (or SIGTERM) then sets the flag that [`requested`] reads; the second ends the program.
+/// Installs the handler. The first Ctrl-C, SIGTERM or SIGHUP then sets the flag that [`requested`] reads. The second ends the program, with
+/// 128 plus the number of the signal.
 pub fn listen() {
     HANDLER.call_once(|| {
-        let installed = ctrlc::set_handler(|| {
-            if ASKED.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-            eprintln!("\nstopping at the next safe point; press Ctrl-C again to stop at once");
-        });
-        if let Err(error) = installed {
+        if let Err(error) = install() {
             eprintln!("note: Ctrl-C will stop at once ({error})");
         }
     });
@@ -24,4 +19,28 @@ pub fn listen() {
 /// Returns whether the user has asked to stop.
 pub fn requested() -> bool {
     ASKED.load(Ordering::SeqCst)
+}
+
+#[cfg(unix)]
+fn install() -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+    let listen = move || signals.forever().for_each(|signal| ask(128 + signal));
+    // It waits, and needs next to no stack.
+    std::thread::Builder::new().name("signals".into()).stack_size(64 << 10).spawn(listen).map(drop)
+}
+
+#[cfg(not(unix))]
+fn install() -> std::result::Result<(), ctrlc::Error> {
+    ctrlc::set_handler(|| ask(130))
+}
+
+/// Asks once; asked again, ends the program.
+fn ask(code: i32) {
+    if ASKED.swap(true, Ordering::SeqCst) {
+        std::process::exit(code);
+    }
+    // A closed stderr must not end the thread.
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "\nstopping at the next safe point; press Ctrl-C again to stop at once");
 }

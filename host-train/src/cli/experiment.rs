@@ -1,11 +1,11 @@
 //! `host-train experiment`: runs experiments and writes their comparison.
 
-use crate::experiment::{self, Experiment, Manner, table};
+use crate::experiment::{self, Experiment, Manner, table, train};
 use crate::suite::list::List;
-use elunar_raster::Result;
 use elunar_raster::output::Owner;
+use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `experiment`.
 #[derive(Debug, clap::Args)]
@@ -17,6 +17,7 @@ experiment.
 
 Examples:
   host-train experiment host-train/experiments/*.toml --out out/experiments
+  host-train experiment host-train/experiments/full.toml --seeds 5 --task 3 --out out/experiments
   host-train experiment host-train/experiments/full.toml host-train/experiments/no-coarse.toml --steps 200 --out out/short")]
 pub struct Args {
     /// Files of the experiments.
@@ -28,6 +29,13 @@ pub struct Args {
     /// Number of training steps, instead of the number in the files.
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
+    /// Train every experiment from this many seeds: that of its file and the next ones. Their names end in -seedN.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// Train only experiment K, counted from 1 in the order of files and seeds, as a task of a job array. It goes on if it was started. The
+    /// same command without --task, with --resume, then tests and compares all.
+    #[arg(long, value_name = "K")]
+    pub task: Option<usize>,
     /// Continue experiments that were started.
     #[arg(long)]
     pub resume: bool,
@@ -50,6 +58,10 @@ pub fn run(args: Args) -> Result<()> {
         args.steps.map_or(Ok(experiment.clone()), |steps| experiment.with_steps(steps))
     };
     let experiments: Vec<Experiment> = args.files.iter().map(read).collect::<Result<_>>()?;
+    let experiments: Vec<Experiment> = experiments.iter().flat_map(|one| one.with_seeds(args.seeds)).collect();
+    if let Some(task) = args.task {
+        return run_task(&experiments, task, &args.out);
+    }
     let _owner = Owner::of_folder(&args.out)?;
     interrupt::listen();
     let manner = Manner { resume: args.resume, threads: args.threads };
@@ -59,5 +71,16 @@ pub fn run(args: Args) -> Result<()> {
     print!("{}", crate::suite::tables::sums(&found.test).markdown());
     let out = args.out.display();
     println!("\n{out}: comparison.md, .json, .csv and pictures; a page of it: host-train report {out} -o report.html");
+    Ok(())
+}
+
+/// Trains one experiment. Its training owns the folder of the experiment alone, so that tasks run side by side.
+fn run_task(experiments: &[Experiment], task: usize, out: &Path) -> Result<()> {
+    let all = experiments.len();
+    let wrong = || Error::usage(format!("--task: a number from 1 to {all} expected, {task} found"));
+    let experiment = task.checked_sub(1).and_then(|index| experiments.get(index)).ok_or_else(wrong)?;
+    let trained = train::train(experiment, &out.join(&experiment.name), true, &mut |line| eprintln!("{line}"))?;
+    let network = &trained.validation.network;
+    println!("{}: RMSE {:.3} m, slope error {:.3}°", experiment.name, network.rmse_m, network.slope_mae_deg);
     Ok(())
 }

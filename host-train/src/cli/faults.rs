@@ -84,10 +84,14 @@ pub fn run_command(args: &Args) -> Result<()> {
         write_png(&out.join("faults.png"), picture(&results)?)?;
         println!("{}: faults.md, faults.png, injections.csv", out.display());
     }
+    if done < args.injections {
+        let goes_on = if args.out.is_some() { "; the same command goes on from there" } else { "" };
+        return Err(Error::stopped(format!("stopped after {done} of {} injections{goes_on}", args.injections)));
+    }
     let all = results.all();
     let (hangs, crashes) = (all.of(Outcome::Hang), all.of(Outcome::Crash));
     if hangs + crashes > 0 {
-        return Err(Error::usage(format!("faults: expected no hang and no crash, found {hangs} and {crashes}")));
+        return Err(Error::input(format!("faults: expected no hang and no crash, found {hangs} and {crashes}")));
     }
     let silent = |target: Target| 100.0 * results.of(target).share(Outcome::Silent);
     println!("silent: {:.3} % of flips in constants, {:.3} % in maps", silent(Target::Constants), silent(Target::Maps));

@@ -7,6 +7,7 @@ pub mod devices;
 pub mod experiment;
 pub mod faults;
 pub mod init;
+pub mod join;
 pub mod latency;
 pub mod predict;
 pub mod report;
@@ -43,7 +44,9 @@ pub enum Command {
     /// Train experiments from their files, test them, and compare them.
     Experiment(experiment::Args),
     /// Predict a DTM from an image and a coarse DTM.
-    Predict(predict::Args),
+    Predict(Box<predict::Args>),
+    /// Join the parts of a DTM that `predict --part` made.
+    Join(Box<join::Args>),
     /// Score models on test scenes, with tables and pictures.
     Suite(suite::Args),
     /// Write one page about test suites, experiments and training runs.
@@ -87,7 +90,8 @@ pub fn run(cli: Cli) -> Result<()> {
         Some(Command::Train(args)) => train::run(*args),
         Some(Command::Average(args)) => average::run(args),
         Some(Command::Experiment(args)) => experiment::run(args),
-        Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Predict(args)) => predict::run(*args),
+        Some(Command::Join(args)) => join::run(*args),
         Some(Command::Suite(args)) => suite::run(args),
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Faults(args)) => faults::run_command(&args),

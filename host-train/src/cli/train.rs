@@ -101,7 +101,14 @@ pub fn run(args: Args) -> Result<()> {
     if args.profile {
         profile(&folder, &outcome, begun.elapsed())?;
     }
-    Ok(())
+    if outcome.finished {
+        return Ok(());
+    }
+    let at = folder.display();
+    Err(Error::stopped(format!(
+        "stopped after step {}; go on with: host-train train --out {at} --resume",
+        outcome.steps
+    )))
 }
 
 fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
@@ -121,9 +128,6 @@ fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
 fn report(folder: &Path, outcome: &Outcome) {
     let at = folder.display();
     println!("{} steps done, {:.2} steps/s", outcome.steps, outcome.steps_per_s);
-    if !outcome.finished {
-        println!("stopped early; go on with: host-train train --out {at} --resume");
-    }
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
         if let Some(untrained) = v.untrained {

@@ -42,7 +42,7 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [untrained, float, int8]: 
     let against_truth = compare(Named::new(&truth_name, &scene.truth), &candidates, None)?;
     let pair = compare(Named::new("float", &float.made.dtm), &[Candidate::fine("int8", &int8.made.dtm)], None)?;
     let int8_against_float = pair.scored.first().map(|scored| scored.scores);
-    let int8_against_float = int8_against_float.ok_or_else(|| Error::usage("evaluate: expected scores, found none"))?;
+    let int8_against_float = int8_against_float.ok_or_else(|| Error::input("evaluate: expected scores, found none"))?;
     for scored in &against_truth.scored {
         let error = &scored.error_m;
         let map = error_map(&error.samples, error.rows, error.cols)?;

@@ -36,7 +36,7 @@ impl Console {
         let made = work();
         let seconds = start.elapsed().as_secs_f64();
         if interrupt::requested() {
-            return Err(Error::usage(format!(
+            return Err(Error::stopped(format!(
                 "stopped in step {number} of {}, {title}; finished files stay, and the next tour starts afresh",
                 self.steps
             )));
@@ -85,7 +85,7 @@ mod tests {
     fn steps_are_timed_and_failures_pass_through() {
         let mut console = Console::new(2);
         assert_eq!(console.step("a", || Ok(7)).unwrap(), 7);
-        assert!(console.step("b", || Err::<(), _>(Error::usage("no"))).unwrap_err().to_string().contains("no"));
+        assert!(console.step("b", || Err::<(), _>(Error::input("no"))).unwrap_err().to_string().contains("no"));
         assert_eq!(console.times().len(), 1);
     }
 }

@@ -76,12 +76,12 @@ fn one(
     let predicted = Predicted { name, made, model: model.description(), seconds };
     let (image, coarse) = (scene.file("image"), scene.file("coarse"));
     let light = light_text(&predicted.made.tally.light);
-    let from = Provenance { model: &predicted.model, light: &light, image: &image, coarse: &coarse };
+    let from = Provenance { model: &predicted.model, light: &light, image: &image, coarse: &coarse, identity: None };
     let Prediction { dtm, tally } = &predicted.made;
     let place = &scene.input.georef;
     let mut writer = DtmWriter::create(&folder.file(&predicted.file()), dtm.rows, dtm.cols, place, &from)?;
     writer.add(&dtm.samples)?;
-    writer.finish()?;
+    writer.finish(&|| Ok(()))?;
     say(format!("{}: {} overlapping tiles in {}", predicted.file(), tally.tiles, minutes(seconds)));
     Ok(predicted)
 }

@@ -59,7 +59,7 @@ pub(super) fn make(folder: &Folder, seed: u64, (rows, cols): (usize, usize)) -> 
     write_png(&folder.file(COARSE_SHADE), shade(&interpolated.samples)?)?;
     write_png(&folder.file(TRUTH_SHADE), shade(&truth.samples)?)?;
     let kind = format!("{:?}", about.kind).to_lowercase();
-    let (low, high) = truth.range().ok_or_else(|| Error::usage("scene: expected heights, found none"))?;
+    let (low, high) = truth.range().ok_or_else(|| Error::input("scene: expected heights, found none"))?;
     say(format!(
         "{rows} x {cols} pixels of {pixel_m} m: {kind}, relief {:.0} m, Sun {:.0}° high from azimuth {:.0}°",
         high - low,

@@ -49,7 +49,7 @@ pub(super) fn run(settings: &Settings, folder: &Folder, seeds: Seeds, scene: &Sc
     let comparison = compare(&made, &held_out, |done| comparing.set_position(done as u64))?;
     comparing.finish_and_clear();
     atomic_write(&folder.file(INT8_MODEL), &made.bytes)?;
-    let model = Model::new(&made.bytes).map_err(|e| Error::usage(format!("export: {e}")))?;
+    let model = Model::new(&made.bytes).map_err(|e| Error::input(format!("export: {e}")))?;
     let shrunk = Shrunk {
         float_bytes: weights.to_bytes().len(),
         flash_bytes: made.bytes.len(),

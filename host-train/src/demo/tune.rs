@@ -52,7 +52,7 @@ pub(super) fn title(settings: &Settings) -> &'static str {
 pub(super) fn start(settings: &Settings) -> Result<(NetConfig, Weights)> {
     match &settings.start {
         Start::Scratch(network) => Ok((network.clone(), initial_weights(network, settings.seed))),
-        Start::Weights(path) if !path.exists() => Err(Error::usage(format!(
+        Start::Weights(path) if !path.exists() => Err(Error::input(format!(
             "{}: expected the weights to start from, found no such file; give --model, or --from-scratch to do without",
             path.display()
         ))),
@@ -124,9 +124,9 @@ pub(super) fn run(
     };
     let outcome = run.train()?;
     if !outcome.finished {
-        return Err(Error::usage("training was stopped"));
+        return Err(Error::stopped("training was stopped"));
     }
-    let after = outcome.best.ok_or_else(|| Error::usage("training: expected a validation, found none"))?;
+    let after = outcome.best.ok_or_else(|| Error::input("training: expected a validation, found none"))?;
     say(figures("after ", &after));
     // The criterion is the RMSE in metres, which the tour reports.
     let improved = after.network.rmse_m < before.network.rmse_m;

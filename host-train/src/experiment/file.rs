@@ -141,14 +141,29 @@ impl Experiment {
     /// Replaces the number of steps.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is 0.
+    /// [`Error::Input`] if it is 0.
     pub fn with_steps(mut self, steps: usize) -> Result<Self> {
         let recipe = &mut self.recipe;
         recipe.steps = steps;
         recipe.warm_up = recipe.warm_up.min(steps / 2);
         self.changes.push(format!("recipe.steps = {steps} (on the command line)"));
-        self.recipe.check().map_err(|what| Error::usage(format!("{}: {what}", self.name)))?;
+        self.recipe.check().map_err(|what| Error::input(format!("{}: {what}", self.name)))?;
         Ok(self)
+    }
+
+    /// Returns the experiment from `count` seeds, its own and the next ones. Of several, the names end in the seed.
+    #[must_use]
+    pub fn with_seeds(&self, count: u64) -> Vec<Self> {
+        let of = |offset: u64| {
+            let seed = self.seed.wrapping_add(offset);
+            let mut one = Self { seed, ..self.clone() };
+            if count > 1 {
+                one.name = format!("{}-seed{seed}", self.name);
+                one.changes.push(format!("seed = {seed} (on the command line)"));
+            }
+            one
+        };
+        (0..count).map(of).collect()
     }
 }
 
@@ -295,6 +310,19 @@ mod tests {
         let found = Experiment::read(&folder.path().join("base.toml")).unwrap();
         assert!(matches!(&found.data, DataSpec::Prepared { path, .. } if path.as_os_str() == "tiles"));
         assert_eq!(found.validation_data, DataSpec::Folder { path: "v".into() });
+    }
+
+    #[test]
+    fn seeds_have_names_of_their_own() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/full.toml");
+        let one = Experiment::read(&path).unwrap();
+        assert_eq!(one.with_seeds(1)[0].name, one.name);
+        let several = one.with_seeds(3);
+        for (offset, found) in several.iter().enumerate() {
+            let seed = one.seed + offset as u64;
+            assert_eq!((found.seed, &found.name), (seed, &format!("{}-seed{seed}", one.name)));
+            assert_eq!((&found.network, &found.recipe), (&one.network, &one.recipe));
+        }
     }
 
     #[test]

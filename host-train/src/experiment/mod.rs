@@ -65,7 +65,7 @@ pub fn run(
 ) -> Result<Comparison> {
     for (k, one) in experiments.iter().enumerate() {
         if experiments[..k].iter().any(|other| other.name == one.name) {
-            return Err(Error::usage(format!("{}: expected experiments of different names, found it twice", one.name)));
+            return Err(Error::input(format!("{}: expected experiments of different names, found it twice", one.name)));
         }
     }
     let mut trained = vec![];

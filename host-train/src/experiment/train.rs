@@ -42,7 +42,7 @@ pub fn model(folder: &Path) -> PathBuf {
 /// Trains and validates, unless `folder` already holds the finished experiment.
 ///
 /// # Errors
-/// [`Error::Usage`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted. Errors of
+/// [`Error::Input`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted. Errors of
 /// the training are passed on.
 pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn FnMut(&str)) -> Result<Trained> {
     let name = &experiment.name;
@@ -63,7 +63,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
     if begun && !resume {
         let what =
             "expected a new folder or a finished experiment, found an unfinished one; add --resume to go on with it";
-        return Err(Error::usage(format!("{}: {what}", folder.display())));
+        return Err(Error::input(format!("{}: {what}", folder.display())));
     }
     std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
     say(&format!("{name}: {} steps{}", record.recipe.steps, if begun { ", going on" } else { "" }));
@@ -73,7 +73,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
     let run = Run { folder: run_folder, record, initial, training, validation: validation.clone(), stop_after: None };
     let outcome = run.train()?;
     if !outcome.finished {
-        return Err(Error::usage(format!("{name}: stopped after step {}; add --resume to go on", outcome.steps)));
+        return Err(Error::stopped(format!("{name}: stopped after step {}; add --resume to go on", outcome.steps)));
     }
     let seconds = start.elapsed().as_secs_f64();
     let path = model(folder);
@@ -124,5 +124,5 @@ fn same(a: &Experiment, b: &Experiment) -> bool {
 
 fn another(folder: &Path) -> Error {
     let what = "expected this experiment or nothing, found one of other settings; choose another --out";
-    Error::usage(format!("{}: {what}", folder.display()))
+    Error::input(format!("{}: {what}", folder.display()))
 }

@@ -68,7 +68,7 @@ impl Journal {
             }
             None => {
                 let found = text.lines().next().unwrap_or_default();
-                return Err(Error::usage(format!(
+                return Err(Error::input(format!(
                     "{}: expected the campaign '# {identity}', found '{found}': give another folder, or remove it",
                     path.display()
                 )));

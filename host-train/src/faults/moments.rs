@@ -72,7 +72,7 @@ impl Moments {
         runner.protect(protected);
         let mut scratch = vec![0.0; runner.scratch_len()];
         let begun = runner.begin_metres(&input, &mut scratch);
-        let scale = begun.map_err(|e| Error::usage(format!("faults: the tile: {e}")))?.scale;
+        let scale = begun.map_err(|e| Error::input(format!("faults: the tile: {e}")))?.scale;
         let mut place = runner.suspend();
         let kernel = Kernel::best();
         let (mut moments, mut first) = (Vec::with_capacity(count), BTreeMap::new());

@@ -28,7 +28,7 @@ pub struct Campaign {
 
 /// Converts a runner's error.
 pub(super) fn fault(error: RunError) -> Error {
-    Error::usage(format!("faults: {error}"))
+    Error::input(format!("faults: {error}"))
 }
 
 /// Runs the injections of a campaign that its journal lacks. Calls `progress` after every injection. On Ctrl-C it stops early and returns
@@ -68,7 +68,7 @@ pub fn run(
         let workers: Vec<_> = (0..campaign.threads.max(1)).map(|_| scope.spawn(worker)).collect();
         let mut all = journal.map(|journal| journal.results().clone()).unwrap_or_default();
         for worker in workers {
-            all.merge(&worker.join().unwrap_or_else(|_| Err(Error::usage("faults: a thread failed")))?);
+            all.merge(&worker.join().unwrap_or_else(|_| Err(Error::input("faults: a thread failed")))?);
         }
         Ok(all)
     })

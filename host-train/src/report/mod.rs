@@ -1,6 +1,6 @@
 //! One page about the folders of suites, experiments, training runs and records: tables, hillshades, error maps, curves, with all pictures inside.
 
-pub(crate) mod html;
+pub(crate) use elunar::html;
 mod record;
 mod sections;
 
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// with an optional text (`about.txt`) and pictures (PNG).
 ///
 /// # Errors
-/// [`Error::Usage`] with the name of a folder of another kind; if a file of a folder is missing or malformed, or the page cannot be written.
+/// [`Error::Input`] with the name of a folder of another kind; if a file of a folder is missing or malformed, or the page cannot be written.
 pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
     let mut body = String::from("<h1>How good the models are</h1>\n");
     for folder in folders {
@@ -38,7 +38,7 @@ fn section(folder: &Path) -> Result<String> {
         let what = format!(
             "expected a folder with {RESULTS} (suite), {COMPARISON} (experiment), {RECORD} (train) or CSV tables"
         );
-        Err(Error::usage(format!("{}: {what}, found none of them", folder.display())))
+        Err(Error::input(format!("{}: {what}, found none of them", folder.display())))
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) fn without_sun(scenes: &[Entry]) -> Option<&Entry> {
 fn options(scene: &TestScene) -> Result<SynthOptions> {
     let (Some(azimuth_deg), Some(elevation_deg)) = scene.sun_deg else {
         let what = "linear bound: expected the Sun's azimuth and elevation, found none";
-        return Err(Error::usage(format!("scene {}: {what}", scene.entry.name)));
+        return Err(Error::input(format!("scene {}: {what}", scene.entry.name)));
     };
     let of_list = scene.entry.synth.as_ref().map(|synth| synth.options.clone());
     let base = of_list.unwrap_or_else(|| SynthOptions {
@@ -61,7 +61,7 @@ fn options(scene: &TestScene) -> Result<SynthOptions> {
 /// DTM's long waves.
 ///
 /// # Errors
-/// [`Error::Usage`] if the Sun is not known, or stands where the synthetic Moon has none.
+/// [`Error::Input`] if the Sun is not known, or stands where the synthetic Moon has none.
 pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
     let options = options(scene)?;
     let (shape, pixel_m) = ((options.rows, options.cols), options.pixel_m);
@@ -91,7 +91,7 @@ pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
         let (mut difference, mut sums) = (vec![0.0; coarse_m.len()], vec![0.0; Anchor::sums_len(shape.0, shape.1)]);
         Anchor::new(scene.input.coarse_px)
             .apply(&mut heights_m, &coarse_m, shape.1, &mut difference, &mut sums)
-            .map_err(|e| Error::usage(format!("linear bound: {e}")))?;
+            .map_err(|e| Error::input(format!("linear bound: {e}")))?;
     }
     let valid = |(height, coarse): (f32, &f32)| if coarse.is_finite() { height } else { f32::NAN };
     let samples = heights_m.into_iter().zip(&coarse.samples).map(valid).collect();

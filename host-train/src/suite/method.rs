@@ -97,7 +97,7 @@ impl Method {
     pub fn folder(name: &str, path: &Path) -> Result<Self> {
         check(name)?;
         if !path.is_dir() {
-            return Err(Error::usage(format!("{}: expected a folder of DTMs, found none", path.display())));
+            return Err(Error::input(format!("{}: expected a folder of DTMs, found none", path.display())));
         }
         let description = format!("DTMs of {}", path.display());
         Ok(Self { name: name.into(), description, source: DtmSource::Folder(path.into()) })
@@ -114,7 +114,7 @@ impl Method {
             DtmSource::Folder(folder) => {
                 let path = ["", "_dtm"].map(|end| folder.join(format!("{}{end}.tif", scene.entry.name)));
                 let path = path.iter().find(|path| path.exists()).ok_or_else(|| {
-                    Error::usage(format!("{}: expected {}, found no such file", self.name, path[0].display()))
+                    Error::input(format!("{}: expected {}, found no such file", self.name, path[0].display()))
                 })?;
                 let dtm = source::read(path)?;
                 Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
@@ -181,7 +181,7 @@ fn check(name: &str) -> Result<()> {
     if is_plain(name) {
         return Ok(());
     }
-    Err(Error::usage(format!("method {name:?}: expected a name of letters, digits, '-', '_' and '.'")))
+    Err(Error::input(format!("method {name:?}: expected a name of letters, digits, '-', '_' and '.'")))
 }
 
 #[cfg(test)]

@@ -62,13 +62,13 @@ pub fn run(
 ) -> Result<Results> {
     if let Some(scene) = linear::without_sun(&list.scene).filter(|_| baselines.linear_bound) {
         let what = "expected the Sun's azimuth and elevation in every scene for the linear bound, found none in";
-        return Err(Error::usage(format!("{}: {what} {}", list.name, scene.name)));
+        return Err(Error::input(format!("{}: {what} {}", list.name, scene.name)));
     }
     let own = baselines.methods();
     let methods: Vec<&Method> = own.iter().chain(methods).collect();
     for (k, method) in methods.iter().enumerate() {
         if methods[..k].iter().any(|other| other.name == method.name) {
-            return Err(Error::usage(format!("{}: expected methods of different names, found it twice", method.name)));
+            return Err(Error::input(format!("{}: expected methods of different names, found it twice", method.name)));
         }
         let folder = out.join(DTMS).join(&method.name);
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;

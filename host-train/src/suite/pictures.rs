@@ -50,7 +50,7 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
 pub fn cross(out: &Path, ground: &str, a: &Seen, b: &Seen) -> Result<(String, String)> {
     let mut panels = vec![];
     for ((method, first), (_, second)) in a.dtms.iter().zip(&b.dtms).filter(|((name, _), _)| name != COARSE) {
-        let unknown = || Error::usage(format!("ground {ground}: pixel size in metres unknown"));
+        let unknown = || Error::input(format!("ground {ground}: pixel size in metres unknown"));
         let (row_m, col_m) = first.pixel_m().ok_or_else(unknown)?;
         let shade = |map: &Raster| hillshade(&map.samples, map.rows, map.cols, PixelSize { row_m, col_m });
         let difference: Vec<f32> = first.samples.iter().zip(&second.samples).map(|(a, b)| a - b).collect();

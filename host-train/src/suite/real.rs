@@ -50,13 +50,13 @@ const fn set(folder: &'static str, kind: &'static str, [image, truth]: [&'static
 /// of the sets that are absent.
 ///
 /// # Errors
-/// [`Error::Usage`] if `data` holds none of the sets, or a set is too small. If files cannot be read or written.
+/// [`Error::Input`] if `data` holds none of the sets, or a set is too small. If files cannot be read or written.
 pub fn real(data: &Path, out: &Path) -> Result<(List, Vec<String>)> {
     let (there, absent): (Vec<&Set>, Vec<&Set>) = SETS.iter().partition(|set| data.join(set.folder).is_dir());
     if there.is_empty() {
         let expected: Vec<String> =
             SETS.iter().map(|set| format!("{0}/{1} and {0}/{2}", set.folder, set.image, set.truth)).collect();
-        return Err(Error::usage(format!(
+        return Err(Error::input(format!(
             "{}: expected one or more real scenes ({}), found none",
             data.display(),
             expected.join("; ")
@@ -74,7 +74,7 @@ pub fn real(data: &Path, out: &Path) -> Result<(List, Vec<String>)> {
 fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
     let read = |file: &str| -> Result<(Raster, GeoRef)> {
         let raster = source::read(&folder.join(file))?;
-        let unplaced = || Error::usage(format!("{}: expected a place, found none", folder.join(file).display()));
+        let unplaced = || Error::input(format!("{}: expected a place, found none", folder.join(file).display()));
         let georef = raster.georef.clone().ok_or_else(unplaced)?;
         Ok((raster, georef))
     };
@@ -96,7 +96,7 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
             let corner = (row + WINDOW_PX, col + WINDOW_PX);
             let what =
                 format!("expected at least {} x {} pixels, found {} x {}", corner.0, corner.1, map.rows, map.cols);
-            return Err(Error::usage(format!("{}: {what}", folder.join(file).display())));
+            return Err(Error::input(format!("{}: {what}", folder.join(file).display())));
         }
         let samples = (row..row + WINDOW_PX).flat_map(|r| &map.samples[r * map.cols + col..][..WINDOW_PX]);
         let georef = map.georef.as_ref().map(|georef| {
@@ -138,7 +138,7 @@ pub(super) fn means(map: &Raster, name: &str, side: usize, least: f64) -> Result
     let (rows, cols) = (map.rows / side, map.cols / side);
     if rows == 0 || cols == 0 {
         let what = format!("{name}: expected at least {side} x {side} pixels, found {} x {}", map.rows, map.cols);
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     let mean = |i: usize| {
         let (top, left) = (i / cols * side, i % cols * side);

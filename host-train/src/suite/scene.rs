@@ -55,10 +55,10 @@ impl TestScene {
         };
         let named = |what: &str| format!("{}: {what}", entry.name);
         let (truth_name, coarse_name) = (named("truth"), named("coarse DTM"));
-        let unknown = || Error::usage(format!("{truth_name}: pixel size in metres unknown"));
+        let unknown = || Error::input(format!("{truth_name}: pixel size in metres unknown"));
         let pixel_m = truth.pixel_m().ok_or_else(unknown)?;
         let (row_m, col_m) =
-            coarse.pixel_m().ok_or_else(|| Error::usage(format!("{coarse_name}: pixel size unknown")))?;
+            coarse.pixel_m().ok_or_else(|| Error::input(format!("{coarse_name}: pixel size unknown")))?;
         let coarse_m = (row_m * col_m).sqrt();
         let input =
             Scene::new(Input::in_memory(named("image"), image.clone()), Input::in_memory(coarse_name, coarse.clone()))?;
@@ -97,7 +97,7 @@ impl TestScene {
 type Parts = (Raster, Raster, Raster, (Option<f64>, Option<f64>));
 
 fn files(entry: &Entry) -> Result<Parts> {
-    let srs = entry.crs().map_err(Error::usage)?;
+    let srs = entry.crs().map_err(Error::input)?;
     let read = |path: &PathBuf| -> Result<Raster> {
         let name = path.display().to_string();
         let source = Statements { srs: srs.clone(), unit: None }.of(&name, source::open(path)?)?;
@@ -108,7 +108,7 @@ fn files(entry: &Entry) -> Result<Parts> {
         info.place(&name)?;
         Ok(Raster { rows: info.rows, cols: info.cols, samples: source.read(whole)?, georef: info.georef })
     };
-    let missing = || Error::usage(format!("scene {}: expected a truth, found none", entry.name));
+    let missing = || Error::input(format!("scene {}: expected a truth, found none", entry.name));
     let truth = read(entry.truth.as_ref().ok_or_else(missing)?)?;
     let sun = (entry.sun_azimuth_deg, entry.sun_elevation_deg);
     let image = match (&entry.image, sun) {
@@ -116,7 +116,7 @@ fn files(entry: &Entry) -> Result<Parts> {
         (None, (Some(azimuth_deg), Some(elevation_deg))) => {
             photograph(&truth, (azimuth_deg, elevation_deg), CAMERA_SEED)?
         }
-        _ => return Err(Error::usage(format!("scene {}: expected an image, or the Sun to make one", entry.name))),
+        _ => return Err(Error::input(format!("scene {}: expected an image, or the Sun to make one", entry.name))),
     };
     let coarse = match &entry.coarse {
         Some(path) => read(path)?,
@@ -128,14 +128,14 @@ fn files(entry: &Entry) -> Result<Parts> {
 fn coarse_px(entry: &Entry, truth: &Raster) -> Result<usize> {
     let side_m = truth.pixel_m().map(|(row_m, col_m)| (row_m * col_m).sqrt());
     let side_m =
-        side_m.ok_or_else(|| Error::usage(format!("scene {}: pixel size of the truth unknown", entry.name)))?;
+        side_m.ok_or_else(|| Error::input(format!("scene {}: pixel size of the truth unknown", entry.name)))?;
     Ok(entry.coarse_px.unwrap_or_else(|| ((COARSE_PIXEL_M / side_m).round() as usize).max(2)))
 }
 
 /// Returns means over blocks of `side` x `side` pixels. Blocks at the far edges keep their size, and the mean is over the existing pixels.
 /// A block with less than half valid pixels is void.
 fn average(fine: &Raster, side: usize) -> Result<Raster> {
-    let georef = fine.georef.as_ref().ok_or_else(|| Error::usage("averaging: a raster with a place expected"))?;
+    let georef = fine.georef.as_ref().ok_or_else(|| Error::input("averaging: a raster with a place expected"))?;
     let (rows, cols) = (fine.rows.div_ceil(side), fine.cols.div_ceil(side));
     let mut sums = vec![(0.0, 0_usize, 0_usize); rows * cols];
     for (i, v) in fine.samples.iter().enumerate() {

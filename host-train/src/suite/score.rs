@@ -24,7 +24,7 @@ pub struct ScoredScene {
 pub fn score(scene: &TestScene, methods: &[&Method]) -> Result<ScoredScene> {
     let mut made = Vec::with_capacity(methods.len());
     for method in methods {
-        made.push(method.dtm(scene).map_err(|e| Error::usage(format!("scene {}: {e}", scene.entry.name)))?);
+        made.push(method.dtm(scene).map_err(|e| e.about(&format!("scene {}", scene.entry.name)))?);
     }
     let truth_name = format!("{}: truth", scene.entry.name);
     let mut candidates = vec![Candidate::coarse(COARSE, &scene.coarse)];
@@ -76,16 +76,16 @@ pub struct Seen {
 /// Compares the DTMs of a ground under two Suns (Fig. 14), method by method. The coarse DTM does not depend on the Sun and is left out.
 ///
 /// # Errors
-/// [`Error::Usage`] if the two scenes have different grids.
+/// [`Error::Input`] if the two scenes have different grids.
 pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
     if (a.truth.rows, a.truth.cols, &a.truth.georef) != (b.truth.rows, b.truth.cols, &b.truth.georef) {
         let what = format!("expected {} and {} on one grid", a.name, b.name);
-        return Err(Error::usage(format!("ground {ground}: {what}, found two")));
+        return Err(Error::input(format!("ground {ground}: {what}, found two")));
     }
-    let pixel_m = a.truth.pixel_m().ok_or_else(|| Error::usage(format!("ground {ground}: pixel size unknown")))?;
+    let pixel_m = a.truth.pixel_m().ok_or_else(|| Error::input(format!("ground {ground}: pixel size unknown")))?;
     let rms = |x: &[f32], y: &[f32]| -> Result<HeightErrors> {
         let mut errors = HeightErrors::default();
-        errors.extend(x, y, None).map_err(|e| Error::usage(format!("ground {ground}: {e}")))?;
+        errors.extend(x, y, None).map_err(|e| Error::input(format!("ground {ground}: {e}")))?;
         Ok(errors)
     };
     let pairs = a.dtms.iter().filter(|(name, _)| name != COARSE);
@@ -93,10 +93,10 @@ pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
         .map(|(method, first)| {
             let second = b.dtms.iter().find(|(name, _)| name == method).map(|(_, dtm)| dtm);
             let second =
-                second.ok_or_else(|| Error::usage(format!("{}: expected a DTM of {method}, found none", b.name)))?;
+                second.ok_or_else(|| Error::input(format!("{}: expected a DTM of {method}, found none", b.name)))?;
             let mut both = rms(&a.truth.samples, &first.samples)?;
             both.merge(&rms(&a.truth.samples, &second.samples)?);
-            let none = || Error::usage(format!("ground {ground}: expected pixels common to both DTMs, found none"));
+            let none = || Error::input(format!("ground {ground}: expected pixels common to both DTMs, found none"));
             let short = |map: &Raster| high_pass(map, a.high_pass_m, pixel_m);
             let (short_a, short_b, short_truth) = (short(first), short(second), short(&a.truth));
             let mut fine = rms(&short_truth, &short_a)?;

@@ -1,18 +1,23 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
+pub mod batch;
 pub mod diff;
 pub mod evaluate;
 pub mod export;
 pub mod hillshade;
 pub mod inspect;
+pub mod join;
 pub mod latency;
 pub mod lola;
+pub mod manifest;
 pub mod mosaic;
 pub mod output;
+pub mod plan;
 pub mod predict;
 pub mod prepare;
 pub mod render;
 pub mod sfs;
+pub mod status;
 pub mod synth;
 
 use clap::{Parser, Subcommand};
@@ -31,7 +36,9 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Predict a DTM from an image and a coarse DTM.
-    Predict(predict::Args),
+    Predict(Box<predict::Args>),
+    /// Join the parts of a DTM that `predict --part` made.
+    Join(Box<join::Args>),
     /// Measure the latency of one tile.
     Latency(latency::Args),
     /// The commands that `elunar` and `host-train` share.
@@ -42,6 +49,14 @@ pub enum Command {
 /// The commands of both programs. None runs a float network.
 #[derive(Debug, Subcommand)]
 pub enum Shared {
+    /// Make or check a manifest: a line for every image of an archive.
+    Manifest(manifest::Args),
+    /// Predict the DTMs of a chunk of a manifest, one process an image.
+    Batch(batch::Args),
+    /// Say what became of the items of a manifest.
+    Status(status::Args),
+    /// Say beforehand what a manifest takes: core hours, bytes, memory, chunks.
+    Plan(plan::Args),
     /// Write synthetic scenes: image, coarse DTM and true DTM as lunar GeoTIFFs.
     Synth(synth::Args),
     /// Make a training set from images, DTMs and coarse DTMs.
@@ -72,7 +87,8 @@ pub enum Shared {
 /// Errors of the command.
 pub fn run(command: Command) -> Result<()> {
     match command {
-        Command::Predict(args) => predict::run(args),
+        Command::Predict(args) => predict::run(*args),
+        Command::Join(args) => join::run(*args),
         Command::Latency(args) => latency::run(args),
         Command::Shared(shared) => run_shared(shared),
     }
@@ -84,6 +100,10 @@ pub fn run(command: Command) -> Result<()> {
 /// Errors of the command.
 pub fn run_shared(command: Shared) -> Result<()> {
     match command {
+        Shared::Manifest(args) => manifest::run(args),
+        Shared::Batch(args) => batch::run(args),
+        Shared::Status(args) => status::run(args),
+        Shared::Plan(args) => plan::run(args),
         Shared::Synth(args) => synth::run(args),
         Shared::Prepare(args) => prepare::run(args),
         Shared::Export(args) => export::run(args),

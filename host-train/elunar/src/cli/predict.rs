@@ -1,18 +1,23 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use super::output;
-use elunar_net::illumination::KnownSun;
+use elunar_net::illumination::{KnownSun, Lighting};
+use elunar_raster::content::sha256_of_raster;
+use elunar_raster::output::Owner;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
-use elunar_scene::predict::job::{Files, fill, finish, light_text, state, summary};
+use elunar_scene::predict::identity::Identity;
+use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::notices::{check_exchange, notices, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Record};
+use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
+use elunar_scene::predict::span::{PartOf, Span};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
-use elunar_scene::predict::{Input, Options, Part, Scene, Tally, int8, predict_rows};
+use elunar_scene::predict::{Input, Options, Part, Scene, Survey, Tally, int8, part_path, predict_span};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -22,7 +27,8 @@ Image and coarse DTM are GeoTIFFs or PDS3 products, each on a grid of its own an
 one sphere. The DTM gets the image's grid. Pixels without a valid image sample or coarse height become nodata. A hillshade is \
 written beside the DTM (dtm_hillshade.png).
 
-Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there.
+Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill the same command goes on from there. A DTM that the \
+same job has finished, with the SHA-256 that lies beside it (dtm.tif.sha256), is not made again.
 
 Example:
   elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif";
@@ -77,6 +83,18 @@ pub struct Args {
     /// Value of the coarse DTM's file, before scale, offset and unit, that means no measurement.
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     pub coarse_nodata: Option<f64>,
+    /// Make only the rows of part K of N, in dtm.tif.K-of-N.rows; `join` makes the DTM of all parts.
+    #[arg(long, value_name = "K/N")]
+    pub part: Option<PartOf>,
+    /// Folder for the rows of the unfinished DTM, such as a disk of this machine [default: beside the DTM].
+    #[arg(long, value_name = "DIR")]
+    pub part_dir: Option<PathBuf>,
+    /// SHA-256 of the image, if it is known: the file is not read for it. That of a PDS3 product is LABEL+IMAGE.
+    #[arg(long, value_name = "HEX", value_parser = hashes)]
+    pub image_sha256: Option<String>,
+    /// SHA-256 of the coarse DTM, if it is known. It spares a reading of a large file.
+    #[arg(long, value_name = "HEX", value_parser = hashes)]
+    pub coarse_sha256: Option<String>,
     /// Print what was taken and found as one JSON object on stdout; the text goes to stderr.
     #[arg(long)]
     pub json: bool,
@@ -89,6 +107,13 @@ pub struct Args {
     /// Take the low frequencies from the network, not from the coarse DTM, as in the paper.
     #[arg(long)]
     pub no_anchor: bool,
+}
+
+impl Args {
+    /// Returns the angles of the Sun that the user gives.
+    fn known_sun(&self) -> KnownSun {
+        KnownSun { azimuth_deg: self.sun_azimuth, elevation_deg: self.sun_elevation }
+    }
 }
 
 /// Runs the command.
@@ -119,46 +144,223 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
-    let start = Instant::now();
-    let sun = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
-    check_sun(sun)?;
-    let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
-    let _owner = output::take_dtm(&args.output, &inputs)?;
-    let _owners = output::take_all(&args.uncertainty, &[&inputs[..], &[&args.output]].concat())?;
-    let model = open(&args.model)?;
-    if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
-        return Err(Error::unsupported(
-            &args.model,
-            "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
-        ));
+    use_threads(args.threads);
+    match args.part {
+        Some(part) => make_part(&args, part, open),
+        None => make_whole(&args, open),
     }
-    let (scene, sun) = scene(&args, sun)?;
-    let survey = scene.survey()?;
-    let lighting = survey.lighting(model.input_rules().illumination, sun.sun);
-    let warnings = notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())?;
-    warnings.iter().for_each(|warning| eprintln!("WARNING: {warning}"));
-    let options = Options {
-        overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
-        blend: args.blend,
-        anchor: !args.no_anchor,
-        threads: args.threads,
-        sun: sun.sun,
-        expected_errors: args.uncertainty.is_some(),
-    };
-    let width = scene.cols * options.layers();
-    let part = Part::open(&args.output, &job(&args, &options, &model.description())?, width)?;
-    let (part, tally) = fill(part, &scene, |from, keep, progress| {
-        predict_rows(&scene, model.as_ref(), &options, from, keep, progress)
+}
+
+/// Lets the compression of blocks use as many threads as the network.
+fn use_threads(threads: usize) {
+    // Fails if it was done before, as in tests of one process.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+}
+
+fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    let start = Instant::now();
+    let (owner, _owners) = take(args)?;
+    let task = Task::new(args, open)?;
+    if task.is_finished(args) {
+        return say_finished(args, &task);
+    }
+    let (survey, lighting) = task.survey()?;
+    let warnings = task.warn(args, &survey, &lighting)?;
+    let path = part_path(&args.output, args.part_dir.as_deref())?;
+    let part = Part::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    let rows = task.scene.rows;
+    let (mut part, tally) = fill(part, rows, &owner, |from, keep, progress| {
+        predict_span(
+            &task.scene,
+            task.model.as_ref(),
+            &task.options,
+            light,
+            &Span { rows: 0..rows, from },
+            keep,
+            progress,
+        )
     })?;
-    let model = model.description();
-    let Tally { light, change, .. } = tally;
+    write(args, &task, &mut |take| part.read(take), &tally, Found { survey, warnings, start }, &owner)?;
+    part.remove()
+}
+
+/// Makes the rows of a part of the scene.
+fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    check_sun(args.known_sun())?;
+    let output = rows_path(&args.output, part_of);
+    let owner = output::take(&output, &[&args.image, &args.coarse, &args.model])?;
+    let task = Task::new(args, open)?;
+    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
+    let rows = part_of.rows(&tiling, task.scene.rows);
+    let is_ours = |head: &RowsHead| head.job == task.identity.job && head.part == part_of;
+    let is_whole = |reader: RowsReader| is_ours(&reader.head) && reader.read(&mut |_| Ok(())).is_ok();
+    if output.is_file() && RowsReader::open(&output).is_ok_and(is_whole) {
+        println!("{}: finished before", output.display());
+        return Ok(());
+    }
+    let (survey, lighting) = task.survey()?;
+    // The other parts would say the same.
+    if part_of.k == 1 {
+        task.warn(args, &survey, &lighting)?;
+    }
+    let id = format!("{} {part_of}", task.identity.job);
+    let path = part_path(&output, args.part_dir.as_deref())?;
+    let part = Part::open_at(path, &id, task.width(), owner.is_successor())?;
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    let (mut part, tally) = fill(part, rows.len(), &owner, |done, keep, progress| {
+        let span = Span { rows: rows.clone(), from: rows.start + done };
+        predict_span(&task.scene, task.model.as_ref(), &task.options, light, &span, keep, progress)
+    })?;
+    let Tally { tiles_coarse, tiles_empty, tiles, .. } = tally;
+    let (first, job, width) = (rows.start, task.identity.job.clone(), task.width());
+    let head = RowsHead { job, part: part_of, first, rows: rows.len(), width, tiles_coarse, tiles_empty };
+    let mut writer = RowsWriter::create(&output, head)?;
+    part.read(&mut |rows| writer.add(rows))?;
+    owner.check()?;
+    writer.finish()?;
+    part.remove()?;
+    println!("{}: rows {first} to {} of {}, {tiles} tiles", output.display(), rows.end, task.scene.rows);
+    Ok(())
+}
+
+/// Joins the finished parts of a DTM, and removes them.
+///
+/// # Errors
+/// [`Error::Io`] if a part is missing; [`Error::Input`] if one is of another job; otherwise as [`run`].
+pub fn join(args: &Args, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    let start = Instant::now();
+    use_threads(args.threads);
+    let (owner, _owners) = take(args)?;
+    let task = Task::new(args, open)?;
+    let paths: Vec<PathBuf> = (1..=parts).map(|k| rows_path(&args.output, PartOf { k, n: parts })).collect();
+    if task.is_finished(args) {
+        // A join that was killed at its end leaves parts.
+        paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
+        return say_finished(args, &task);
+    }
+    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
+    let mut tally = Tally { tiles: tiling.len(), ..Tally::default() };
+    for (path, k) in paths.iter().zip(1..) {
+        let head = RowsReader::open(path)?.head;
+        let part = PartOf { k, n: parts };
+        let rows = part.rows(&tiling, task.scene.rows);
+        let same = head.job == task.identity.job && head.part == part && head.width == task.width();
+        if !same || (head.first..head.first + head.rows) != rows {
+            let what = "rows of the same inputs, model and options expected, those of another job found";
+            return Err(Error::input(format!("{}: {what}; make the part again", path.display())));
+        }
+        tally.tiles_coarse += head.tiles_coarse;
+        tally.tiles_empty += head.tiles_empty;
+    }
+    if tally.tiles_empty == tally.tiles {
+        return Err(task.scene.nothing_valid());
+    }
+    let (survey, lighting) = task.survey()?;
+    let warnings = task.warn(args, &survey, &lighting)?;
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    (tally.light, tally.change) = (light.whole, light.change());
+    let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
+        paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))
+    };
+    write(args, &task, &mut read, &tally, Found { survey, warnings, start }, &owner)?;
+    paths.iter().try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
+}
+
+/// Takes the outputs.
+fn take(args: &Args) -> Result<(Owner, Vec<Owner>)> {
+    check_sun(args.known_sun())?;
+    let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
+    let owner = output::take_dtm(&args.output, &inputs)?;
+    Ok((owner, output::take_all(&args.uncertainty, &[&inputs[..], &[&args.output]].concat())?))
+}
+
+/// What a run works with: the opened inputs and the identity of the job.
+struct Task {
+    model: Box<dyn Model>,
+    scene: Scene,
+    sun: KnownFrom,
+    options: Options,
+    identity: Identity,
+}
+
+impl Task {
+    fn new(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Self> {
+        let model = open(&args.model)?;
+        if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
+            return Err(Error::unsupported(
+                &args.model,
+                "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
+            ));
+        }
+        let (scene, sun) = scene(args, args.known_sun())?;
+        let options = Options {
+            overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
+            blend: args.blend,
+            anchor: !args.no_anchor,
+            threads: args.threads,
+            sun: sun.sun,
+            expected_errors: args.uncertainty.is_some(),
+        };
+        let identity = identity(args, &options, &model.description())?;
+        Ok(Self { model, scene, sun, options, identity })
+    }
+
+    /// Returns the number of samples of a row, with all maps.
+    fn width(&self) -> usize {
+        self.scene.cols * self.options.layers()
+    }
+
+    fn is_finished(&self, args: &Args) -> bool {
+        let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
+        outputs.into_iter().all(|output| self.identity.is_finished(output))
+    }
+
+    fn survey(&self) -> Result<(Survey, Lighting)> {
+        let survey = self.scene.survey()?;
+        let lighting = survey.lighting(self.model.input_rules().illumination, self.sun.sun);
+        Ok((survey, lighting))
+    }
+
+    fn warn(&self, args: &Args, survey: &Survey, lighting: &Lighting) -> Result<Vec<String>> {
+        let warnings = notices(&self.scene, survey, &self.sun, lighting, args.coarse_unit.is_some())?;
+        warnings.iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+        Ok(warnings)
+    }
+}
+
+/// Says that nothing was to be done.
+fn say_finished(args: &Args, task: &Task) -> Result<()> {
+    let text = format!("{}: finished before, by the same job; its SHA-256 holds", args.output.display());
+    if args.json {
+        eprintln!("{text}");
+        let output = args.output.display().to_string();
+        println!("{}", serde_json::json!({ "output": output, "finished_before": true, "job": task.identity.job }));
+    } else {
+        println!("{text}");
+    }
+    Ok(())
+}
+
+/// What a run found before it predicted.
+struct Found {
+    survey: Survey,
+    warnings: Vec<String>,
+    start: Instant,
+}
+
+/// Writes the files of finished rows, and says what they are.
+fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, owner: &Owner) -> Result<()> {
+    let (scene, sun) = (&task.scene, &task.sun);
+    let model = task.model.description();
+    let Tally { light, change, .. } = *tally;
     let changes = change.map_or(String::new(), |change| format!("; {change}"));
     let stored = light_text(&light) + sun.origin_of(&light) + &changes;
-    let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
+    let sigma_m = coarse_sigma(args, scene);
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors };
-    let finished = finish(part, &scene, (&model, &stored), files)?;
-    let mut text = summary(&args.output, &scene, &finished, &tally) + sun.origin_of(&light) + &changes;
+    let finished = finish(read, scene, (&model, &stored, &task.identity), files, owner)?;
+    let mut text = summary(&args.output, scene, &finished, tally) + sun.origin_of(&light) + &changes;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
         let origins = origins_text(origins);
@@ -188,14 +390,29 @@ pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) 
         highest_m: finished.high_m,
         pixels_valid: finished.pixels_valid,
         pixels_void: scene.rows * scene.cols - finished.pixels_valid,
-        tiles: (&tally).into(),
-        light: LightRecord::new(&light, change, &sun),
-        share_of_relief: share_of_relief(&survey, &light),
-        warnings,
-        seconds: start.elapsed().as_secs_f64(),
+        tiles: tally.into(),
+        light: LightRecord::new(&light, change, sun),
+        share_of_relief: share_of_relief(&found.survey, &light),
+        warnings: found.warnings,
+        seconds: found.start.elapsed().as_secs_f64(),
     };
     println!("{}", record.json());
     Ok(())
+}
+
+/// Returns the standard deviation of the coarse DTM's own heights, metres.
+fn coarse_sigma(args: &Args, scene: &Scene) -> f32 {
+    args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m))
+}
+
+/// Parses a SHA-256, or several joined by `+`.
+pub(crate) fn hashes(text: &str) -> std::result::Result<String, String> {
+    let is_hash = |hash: &str| hash.len() == 64 && hash.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
+    if text.split('+').all(is_hash) {
+        Ok(text.into())
+    } else {
+        Err("64 hexadecimal digits in lower case expected, or several such numbers joined by +".into())
+    }
 }
 
 /// Parses a standard deviation, metres.
@@ -218,12 +435,13 @@ fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
     Ok((Scene::new(image, coarse)?, sun))
 }
 
-/// Returns a text that identifies this job. With a changed input, model or option, the job starts anew.
-fn job(args: &Args, options: &Options, model: &str) -> Result<String> {
+/// Returns what identifies this job. With a changed input, model or option, the job starts anew.
+fn identity(args: &Args, options: &Options, model: &str) -> Result<Identity> {
     // The result is the same for every number of threads.
     let options = Options { threads: 0, ..*options };
-    let (image, coarse) = (state(&args.image)?, state(&args.coarse)?);
     let nodata = (args.image_nodata, args.coarse_nodata);
-    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit, nodata);
-    Ok(format!("{} {image} {coarse} {stated:?} {model} {options:?}", env!("CARGO_PKG_VERSION")))
+    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit, nodata, args.coarse_sigma);
+    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_raster(path), Ok);
+    let image = known(&args.image_sha256, &args.image)?;
+    Ok(Identity::new(image, known(&args.coarse_sha256, &args.coarse)?, model, format!("{stated:?} {options:?}")))
 }

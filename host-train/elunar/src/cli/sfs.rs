@@ -5,10 +5,11 @@ use elunar_core::nn::Illumination;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::{Crs, Error, Result};
-use elunar_scene::predict::job::{Files, fill, finish, state, summary};
+use elunar_scene::predict::identity::Identity;
+use elunar_scene::predict::job::{Files, fill, finish, summary};
 use elunar_scene::predict::notices::{check_exchange, notices};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
-use elunar_scene::predict::{Input, Part, Scene};
+use elunar_scene::predict::{Input, Part, Scene, part_path};
 use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
@@ -98,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
-    let _owner = output::take_dtm(&args.output, &inputs)?;
+    let owner = output::take_dtm(&args.output, &inputs)?;
     let _owners = output::take_all(&args.curve, &[&inputs[..], &[&args.output]].concat())?;
     let image = Statements { srs: args.image_srs.clone(), unit: None };
     let image = Input::stated(&args.image, image, args.image_nodata)?;
@@ -116,14 +117,18 @@ pub fn run(args: Args) -> Result<()> {
         eprintln!("WARNING: {warning}");
     }
     let journal = Journal::new(&scene, &image, truth)?;
-    let part = Part::open(&args.output, &args.job(&settings)?, scene.cols)?;
-    let (part, tally) =
-        fill(part, &scene, |from, keep, progress| solve_rows(&scene, &settings, &journal, from, keep, progress))?;
+    let identity = args.identity(&settings)?;
+    let part = Part::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
+    let (mut part, tally) = fill(part, scene.rows, &owner, |from, keep, progress| {
+        solve_rows(&scene, &settings, &journal, from, keep, progress)
+    })?;
     let light =
         format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg)
             + sun.origin_of(&lighting);
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors: None };
-    let finished = finish(part, &scene, (&settings.description(), &light), files)?;
+    let from = (settings.description(), light);
+    let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;
+    part.remove()?;
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -166,13 +171,12 @@ impl Args {
         }
     }
 
-    /// Returns a text that identifies this job.
-    fn job(&self, settings: &Settings) -> Result<String> {
+    /// Returns what identifies this job.
+    fn identity(&self, settings: &Settings) -> Result<Identity> {
         let settings = Settings { threads: 0, ..*settings };
-        let (image, coarse) = (state(&self.image)?, state(&self.coarse)?);
         let nodata = (self.image_nodata, self.coarse_nodata);
         let stated = (&self.image_srs, &self.coarse_srs, self.coarse_unit, nodata);
-        Ok(format!("{} {image} {coarse} {stated:?} {settings:?}", env!("CARGO_PKG_VERSION")))
+        Identity::of(&self.image, &self.coarse, "shape from shading", format!("{stated:?} {settings:?}"))
     }
 }
 

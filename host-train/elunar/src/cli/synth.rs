@@ -95,7 +95,7 @@ pub fn run(args: Args) -> Result<()> {
     let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {
         if interrupt::requested() {
-            return Err(Error::usage("interrupted"));
+            return Err(Error::stopped("interrupted; the same command begins anew"));
         }
         let scene = moon.scene(index, rows, cols)?;
         let entry = scene.write(&args.out)?;

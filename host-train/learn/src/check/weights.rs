@@ -26,7 +26,7 @@ pub(super) fn compare_gradients(golden: &Weights, path: &Path, device: &Device) 
     let names = |list: &[(String, Vec<f32>)]| list.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     if names(&expected) != names(&found) {
         let (expected, found) = (expected.len(), found.len());
-        return Err(Error::usage(format!(
+        return Err(Error::input(format!(
             "gradients: expected those of {expected} tensors, as on flex, found {found}"
         )));
     }
@@ -53,7 +53,7 @@ fn gradients(golden: &Weights, path: &Path, device: &Device) -> Result<Vec<(Stri
     let found = GradientsParams::from_grads(LossWeights::PAPER.total(&terms).backward(), &net);
     let mut list = Listed { found, names: Vec::new(), each: Vec::new() };
     net.visit(&mut list);
-    list.each.into_iter().map(|(name, values)| Ok((name, values.map_err(Error::usage)?))).collect()
+    list.each.into_iter().map(|(name, values)| Ok((name, values.map_err(Error::input)?))).collect()
 }
 
 struct Listed {

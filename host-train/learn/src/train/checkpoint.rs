@@ -157,7 +157,7 @@ impl Checkpoint {
     /// If there are none, they do not fit, or Burn cannot read its record.
     pub fn restore_opponent(&self, opponent: &mut Opponent, device: &Device) -> Result<()> {
         let (weights, record) =
-            self.critic.as_ref().ok_or_else(|| Error::usage("checkpoint: expected a critic, found none"))?;
+            self.critic.as_ref().ok_or_else(|| Error::input("checkpoint: expected a critic, found none"))?;
         opponent.restore(weights, Path::new(CRITIC[0]), device)?;
         opponent.optimiser = restored(opponent.optimiser.clone(), record)?;
         Ok(())
@@ -165,12 +165,12 @@ impl Checkpoint {
 }
 
 fn record(optimiser: &ModuleOptimizer) -> Result<Vec<u8>> {
-    Ok(optimiser.into_bytes().map_err(|e| Error::usage(format!("optimiser state: {e}")))?.to_vec())
+    Ok(optimiser.into_bytes().map_err(|e| Error::input(format!("optimiser state: {e}")))?.to_vec())
 }
 
 fn restored(optimiser: ModuleOptimizer, record: &[u8]) -> Result<ModuleOptimizer> {
     let bytes = burn::tensor::Bytes::from_bytes_vec(record.to_vec());
-    optimiser.from_bytes(bytes).map_err(|e| Error::usage(format!("optimiser state: {e}")))
+    optimiser.from_bytes(bytes).map_err(|e| Error::input(format!("optimiser state: {e}")))
 }
 
 fn remove(folder: &Path) -> Result<()> {

@@ -62,7 +62,7 @@ impl Feed {
                 let turned = transpose && rng.random();
                 let [rows, cols] = if turned { [cols, rows] } else { [rows, cols] };
                 if sample.rows < rows || sample.cols < cols {
-                    return Err(Error::usage(format!(
+                    return Err(Error::input(format!(
                         "training tiles: expected at least {rows}x{cols} pixels, found {}x{}",
                         sample.rows, sample.cols
                     )));
@@ -98,7 +98,7 @@ impl Feed {
                 Err(error) => last = Some(error),
             }
         }
-        Err(last.unwrap_or_else(|| Error::usage("no usable tile")))
+        Err(last.unwrap_or_else(|| Error::input("no usable tile")))
     }
 
     /// Returns batches from `first` on, in order. Each of `makers` threads makes every `makers`-th one, up to two of its own in advance.

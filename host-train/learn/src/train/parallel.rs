@@ -28,7 +28,7 @@ impl Crew {
         let threads = (rayon::current_num_threads() / devices.len()).max(1);
         let pool = || {
             let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            built.map_err(|e| Error::usage(format!("threads for {} devices: {e}", devices.len())))
+            built.map_err(|e| Error::input(format!("threads for {} devices: {e}", devices.len())))
         };
         let members = devices.iter().map(|device| Ok((device.clone(), pool()?))).collect::<Result<_>>()?;
         Ok(Self { members })

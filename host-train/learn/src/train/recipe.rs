@@ -331,7 +331,7 @@ impl RecipeFlags {
     /// Returns `recipe` with the given options set.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the option that is out of range.
+    /// [`Error::Input`] with the option that is out of range.
     pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
         recipe.steps = self.steps.unwrap_or(recipe.steps);
         recipe.batch = self.batch.unwrap_or(recipe.batch);
@@ -361,7 +361,7 @@ impl RecipeFlags {
         recipe.validation_tiles = self.validation_tiles.unwrap_or(recipe.validation_tiles);
         recipe.checkpoint_every = self.checkpoint_every.unwrap_or(recipe.checkpoint_every);
         recipe.checkpoint_minutes = self.checkpoint_minutes.unwrap_or(recipe.checkpoint_minutes);
-        recipe.check().map_err(Error::usage)?;
+        recipe.check().map_err(Error::input)?;
         Ok(recipe)
     }
 }

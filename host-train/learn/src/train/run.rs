@@ -118,7 +118,7 @@ impl Run {
     /// # Errors
     /// If the folder holds another run or another process writes it, tiles cannot be made, the loss is not finite, or files cannot be written.
     pub fn train(self) -> Result<Outcome> {
-        self.record.recipe.check().map_err(Error::usage)?;
+        self.record.recipe.check().map_err(Error::input)?;
         interrupt::listen();
         let _owner = Owner::of_folder(&self.folder)?;
         let (mut state, first) = self.open()?;
@@ -132,7 +132,7 @@ impl Run {
         let mut saved = Instant::now();
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
             let batch = time(Part::Tiles, || batches.next());
-            let batch = batch.ok_or_else(|| Error::usage("the data feed stopped early"))??;
+            let batch = batch.ok_or_else(|| Error::input("the data feed stopped early"))??;
             let parts = recipe.parts();
             let micro = batch.chunks(recipe.batch / parts).enumerate();
             let place = |(i, samples): (usize, &[Sample])| tensors(samples, state.trainer.device_of(i, parts));
@@ -174,7 +174,7 @@ impl Run {
         let recipe = &self.record.recipe;
         let (first, best_rmse) = saved.as_ref().map_or((0, None), |c| (c.state.step, c.state.best_rmse));
         let weights = saved.as_ref().map(|c| &c.weights).or(self.initial.as_ref());
-        let weights = weights.ok_or_else(|| Error::usage("a run needs initial weights or a checkpoint"))?;
+        let weights = weights.ok_or_else(|| Error::input("a run needs initial weights or a checkpoint"))?;
         let devices = self.record.backend.devices(recipe.devices)?;
         let trainer = Trainer::new(&self.record.network, recipe, weights, &self.folder, devices)?;
         let mut trainer = trainer.seeded(self.record.seed);
@@ -197,7 +197,7 @@ impl Run {
     fn clear(&self) -> Result<()> {
         if begun(&self.folder) {
             let what = "expected a new folder, found a run in it; choose another --out or add --resume";
-            return Err(Error::usage(format!("{}: {what}", self.folder.display())));
+            return Err(Error::input(format!("{}: {what}", self.folder.display())));
         }
         let record = self.folder.join(RECORD);
         match std::fs::remove_file(&record) {
@@ -210,10 +210,10 @@ impl Run {
     fn checkpointed(&self) -> Result<Checkpoint> {
         if Record::read(&self.folder)? != self.record {
             let what = format!("{}: expected the record of the run to resume, found another", self.folder.display());
-            return Err(Error::usage(what));
+            return Err(Error::input(what));
         }
         let found = checkpoint::load(&self.folder)?;
-        found.ok_or_else(|| Error::usage(format!("{}: expected a checkpoint, found none", self.folder.display())))
+        found.ok_or_else(|| Error::input(format!("{}: expected a checkpoint, found none", self.folder.display())))
     }
 
     fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {

@@ -54,7 +54,7 @@ pub fn steps(
     let start = Instant::now();
     (untimed..untimed + count).try_for_each(&mut run)?;
     // The last step's weights may still be on their way.
-    trainer.device.sync().map_err(|e| Error::usage(format!("backend {}: {e:?}", backend.name())))?;
+    trainer.device.sync().map_err(|e| Error::input(format!("backend {}: {e:?}", backend.name())))?;
     let steps_per_s = count as f64 / start.elapsed().as_secs_f64();
     let last_loss = losses.last().copied().unwrap_or(f64::NAN);
     Ok(Steps { untimed_s, steps_per_s, first_losses: losses.into_iter().take(3).collect(), last_loss })
@@ -66,7 +66,7 @@ pub fn steps(
 /// If a batch cannot be made.
 pub fn batches(feed: &Feed, makers: usize, count: usize) -> Result<f64> {
     let mut made = feed.ahead(0, makers);
-    let mut next = || made.next().unwrap_or_else(|| Err(Error::usage("the data feed stopped early"))).map(drop);
+    let mut next = || made.next().unwrap_or_else(|| Err(Error::input("the data feed stopped early"))).map(drop);
     (0..2 * makers).try_for_each(|_| next())?;
     let start = Instant::now();
     (0..count).try_for_each(|_| next())?;

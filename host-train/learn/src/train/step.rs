@@ -79,10 +79,10 @@ impl Trainer {
         };
         if let Some(device) = devices.iter().find(|device| !recipe.precision.runs_on(device)) {
             let what = "precision bf16: expected a device that computes in bfloat16, found";
-            return Err(Error::usage(format!("{what} {}; take --precision f32", describe(device).name)));
+            return Err(Error::input(format!("{what} {}; take --precision f32", describe(device).name)));
         }
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
-        let device = devices.first().ok_or_else(|| Error::usage("devices: expected at least one, found none"))?.clone();
+        let device = devices.first().ok_or_else(|| Error::input("devices: expected at least one, found none"))?.clone();
         let crew = if devices.len() > 1 { Some(Crew::new(&devices)?) } else { None };
         let optimiser = ClippedAdamW::new(recipe.weight_decay, recipe.clip_norm).into();
         let net = store::load(config, weights, path, &device)?;
@@ -170,7 +170,7 @@ fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// Reads scalars from the device, in one transfer.
 fn numbers<const N: usize>(scalars: [Tensor<1>; N]) -> Result<[f64; N]> {
     let found = Tensor::cat(scalars.into(), 0).into_data().try_to_vec::<f32>();
-    let found = found.map_err(|e| Error::usage(format!("figures of a step: {e:?}")))?;
+    let found = found.map_err(|e| Error::input(format!("figures of a step: {e:?}")))?;
     Ok(std::array::from_fn(|i| f64::from(found[i])))
 }
 
@@ -213,7 +213,7 @@ impl Task<'_> {
             let loss = figures[0];
             if !loss.is_finite() {
                 let what = "expected a finite loss; lower the learning rate or look at the data";
-                return Err(Error::usage(format!("step {}: {what}, found {loss}", step + 1)));
+                return Err(Error::input(format!("step {}: {what}, found {loss}", step + 1)));
             }
         }
         Ok(Found { gradients: gradients.grads(), figures })

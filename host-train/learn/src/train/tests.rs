@@ -151,7 +151,7 @@ struct Breaking;
 
 impl TileSource for Breaking {
     fn tile(&self, index: u64) -> Result<RawTile> {
-        if index < 8 { Ripples.tile(index) } else { Err(elunar_raster::Error::usage("the disk is gone")) }
+        if index < 8 { Ripples.tile(index) } else { Err(elunar_raster::Error::input("the disk is gone")) }
     }
 }
 
@@ -174,7 +174,7 @@ struct Absent;
 
 impl TileSource for Absent {
     fn tile(&self, _: u64) -> Result<RawTile> {
-        Err(elunar_raster::Error::usage("killed"))
+        Err(elunar_raster::Error::input("killed"))
     }
 }
 

@@ -97,7 +97,7 @@ impl ValidationSet {
             .collect();
         let cases: Vec<Case> = cases?.into_iter().flatten().collect();
         if cases.is_empty() {
-            return Err(Error::usage(format!("validation: expected usable tiles among {count}, found none")));
+            return Err(Error::input(format!("validation: expected usable tiles among {count}, found none")));
         }
         Ok(Self { cases })
     }
@@ -113,8 +113,8 @@ impl ValidationSet {
             let sample = &case.sample;
             let [image, input, _] = tensors(std::slice::from_ref(sample), device);
             let output = net.forward(image, input).into_data().try_to_vec::<f32>();
-            let output = output.map_err(|e| Error::usage(format!("network output: {e:?}")))?;
-            let wrong = |e: &dyn std::fmt::Display| Error::usage(format!("network output: {e}"));
+            let output = output.map_err(|e| Error::input(format!("network output: {e:?}")))?;
+            let wrong = |e: &dyn std::fmt::Display| Error::input(format!("network output: {e}"));
             let mut output_m = output.clone();
             sample.scale.recover(Shape::new(sample.rows, sample.cols), &mut output_m);
             match &case.range {
@@ -130,7 +130,7 @@ impl ValidationSet {
             coarse.add(case, &case.coarse_m)?;
             untrained.add(case, &case.untrained_m)?;
         }
-        let none = || Error::usage("validation: the network's output has no finite height");
+        let none = || Error::input("validation: the network's output has no finite height");
         let [a1, a2, a3] = relative.share_within_ratio().ok_or_else(none)?;
         Ok(Validation {
             rmse: relative.rmse().ok_or_else(none)?,
@@ -155,7 +155,7 @@ struct Tally {
 
 impl Tally {
     fn add(&mut self, case: &Case, dtm_m: &[f32]) -> Result<()> {
-        let wrong = |e: elunar_core::error::LengthError| Error::usage(format!("validation tile: {e}"));
+        let wrong = |e: elunar_core::error::LengthError| Error::input(format!("validation tile: {e}"));
         let (rows, cols) = (case.sample.rows, case.sample.cols);
         let view = |map| GridView::new(map, rows, cols).map_err(wrong);
         self.heights.extend(&case.truth_m, dtm_m, None).map_err(wrong)?;

@@ -14,12 +14,12 @@ pub const NORM_EPSILON: f64 = 1e-5;
 /// Builds the graph for tiles of `rows` by `cols`. Messages call the weights `path`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network or a U-Net, [`Error::Broken`] if weights
+/// [`Error::Input`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network or a U-Net, [`Error::Broken`] if weights
 /// do not fit the configuration: all misfits in one line, each with expected and found shape.
 pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
     config.check().map_err(|what| Error::broken(path, what))?;
     if rows == 0 || cols == 0 || rows % 32 != 0 || cols % 32 != 0 {
-        return Err(Error::usage(format!("tile: expected multiples of 32, found {rows} x {cols}")));
+        return Err(Error::input(format!("tile: expected multiples of 32, found {rows} x {cols}")));
     }
     if config.coarse_channel {
         return Err(Error::unsupported(
@@ -42,9 +42,9 @@ pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (
 /// Returns the name and shape of every tensor that a configuration's weights hold.
 ///
 /// # Errors
-/// [`Error::Usage`] if the configuration contradicts itself.
+/// [`Error::Input`] if the configuration contradicts itself.
 pub fn manifest(config: &NetConfig) -> Result<BTreeMap<String, Vec<usize>>> {
-    config.check().map_err(Error::usage)?;
+    config.check().map_err(Error::input)?;
     let none = Weights::default();
     let mut builder = Builder::new(config, &none);
     builder.network(32, 32);

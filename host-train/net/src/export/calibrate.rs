@@ -65,17 +65,17 @@ impl Range {
 /// Runs the graph on every tile. Returns a range per node. Calls `progress` after each tile.
 ///
 /// # Errors
-/// [`Error::Usage`] without tiles, or if a map is not finite on one of them.
+/// [`Error::Input`] without tiles, or if a map is not finite on one of them.
 pub fn calibrate(graph: &Graph, tiles: &[CalibrationTile], progress: impl Fn(usize)) -> Result<Vec<Range>> {
     if tiles.is_empty() {
-        return Err(Error::usage("calibration: expected at least one tile, found none"));
+        return Err(Error::input("calibration: expected at least one tile, found none"));
     }
     let mut ranges: Vec<Range> = graph.nodes.iter().map(|node| Range::empty(node.channels)).collect();
     for (index, tile) in tiles.iter().enumerate() {
         let expected = (graph.nodes[0].len(), graph.nodes[0].rows * graph.nodes[0].cols);
         let found = (tile.image.len(), tile.coarse.len());
         if found != expected {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "calibration tile {index}: expected {expected:?} samples of image and coarse DTM, found {found:?}"
             )));
         }
@@ -84,7 +84,7 @@ pub fn calibrate(graph: &Graph, tiles: &[CalibrationTile], progress: impl Fn(usi
         {
             if let Some(bad) = map.iter().find(|v| !v.is_finite()) {
                 let what = format!("calibration tile {index}: map {}: expected finite numbers, found {bad}", node.name);
-                return Err(Error::usage(what));
+                return Err(Error::input(what));
             }
             range.take(map, 1.0 / (tiles.len() * node.rows * node.cols) as f64);
         }

@@ -55,7 +55,7 @@ pub struct Chosen {
 /// `percent`. Calls `progress` with the number of trials.
 ///
 /// # Errors
-/// [`Error::Usage`] if 16 bits everywhere do not suffice, or the tiles have no truth. Otherwise as [`finish`] and [`compare`].
+/// [`Error::Input`] if 16 bits everywhere do not suffice, or the tiles have no truth. Otherwise as [`finish`] and [`compare`].
 pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: impl Fn(usize)) -> Result<Chosen> {
     let mut wide = vec![false; job.graph.nodes.len()];
     let order = sensitivity.by_gain();
@@ -67,9 +67,9 @@ pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: 
         let export = finish(job.config, job.graph.clone(), job.ranges, &wide, job.options)?;
         let comparison = compare(&export, job.tiles, |_| {})?;
         let Some(ground) = comparison.ground else {
-            return Err(Error::usage("export: expected tiles with truth to choose by, found none"));
+            return Err(Error::input("export: expected tiles with truth to choose by, found none"));
         };
-        let model = Model::new(&export.bytes).map_err(|e| Error::usage(format!("export: {e}")))?;
+        let model = Model::new(&export.bytes).map_err(|e| Error::input(format!("export: {e}")))?;
         let added = last.map_or_else(String::new, |id| job.graph.nodes[id].name.clone());
         trials.push(Trial { wide_maps, added, arena_bytes: required(&model), comparison });
         progress(trials.len());
@@ -78,7 +78,7 @@ pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: 
         }
         best = best.min(ground.slope_error_growth_percent);
     }
-    Err(Error::usage(format!(
+    Err(Error::input(format!(
         "export: expected a growth of the slope error of {percent} % at most, found {best:.3} % with every map in 16 bits that can have them"
     )))
 }

@@ -56,7 +56,7 @@ pub struct Export {
 /// `path`. Calls `progress` with the number of calibration tiles done.
 ///
 /// # Errors
-/// As [`build`](super::build::build), [`calibrate`](super::calibrate::calibrate), [`quantise`](super::quantise::quantise); [`Error::Usage`]
+/// As [`build`](super::build::build), [`calibrate`](super::calibrate::calibrate), [`quantise`](super::quantise::quantise); [`Error::Input`]
 /// if the runner would refuse the result (a network beyond its limits).
 pub fn export(
     config: &NetConfig,
@@ -125,9 +125,9 @@ fn text(config: &NetConfig, program: &Program, name: &str, precision: &str) -> S
 /// Returns the checksum of the self-test tile's output.
 fn self_test(bytes: &[u8]) -> Result<u32> {
     let model =
-        Model::new(bytes).map_err(|e| Error::usage(format!("export: the network is beyond the runner: {e}")))?;
+        Model::new(bytes).map_err(|e| Error::input(format!("export: the network is beyond the runner: {e}")))?;
     let mut arena = vec![0; required(&model)];
-    let fault = |e| Error::usage(format!("export: self test: {e}"));
+    let fault = |e| Error::input(format!("export: self test: {e}"));
     let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
     runner.begin_self_test().map_err(fault)?;
     while runner.step(u64::MAX).map_err(fault)? == Progress::Running {}

@@ -67,7 +67,7 @@ impl Program {
 /// Quantises a graph. `wide` says for every node whether its map keeps 16 bits, if it can (see [`can_widen`]).
 ///
 /// # Errors
-/// [`Error::Usage`] with the name of the operator whose sums exceed 32 bits or whose scales are out of range.
+/// [`Error::Input`] with the name of the operator whose sums exceed 32 bits or whose scales are out of range.
 pub fn quantise(graph: &Graph, ranges: &[Range], coarse_limit: f32, wide: &[bool]) -> Result<Program> {
     let codes = (0..graph.nodes.len()).map(|id| codes_of(graph, id, &ranges[id], coarse_limit, wide[id])).collect();
     let mut q = Quantiser {
@@ -104,7 +104,7 @@ impl Quantiser<'_> {
         let node = &self.graph.nodes[id];
         let tensor = self.tensor(node, &self.program.codes[id].clone());
         self.program.tensor_of.push(tensor);
-        let fail = |what: &str| Error::usage(format!("export: {}: {what}", node.name));
+        let fail = |what: &str| Error::input(format!("export: {}: {what}", node.name));
         let operator = match &node.operation {
             Operation::Image | Operation::Coarse => return Ok(()),
             Operation::Conv { sources, kernel, stride, pad, add, activation } => {

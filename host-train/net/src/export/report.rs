@@ -49,9 +49,9 @@ pub struct GroundComparison {
 /// Runs both networks on every tile. Calls `progress` after each.
 ///
 /// # Errors
-/// [`Error::Usage`] if the runner refuses a tile.
+/// [`Error::Input`] if the runner refuses a tile.
 pub fn compare(export: &Export, tiles: &[CalibrationTile], progress: impl Fn(usize)) -> Result<Comparison> {
-    let fault = |e: &dyn fmt::Display| Error::usage(format!("export: comparison: {e}"));
+    let fault = |e: &dyn fmt::Display| Error::input(format!("export: comparison: {e}"));
     let model = Model::new(&export.bytes).map_err(|e| fault(&e))?;
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).map_err(|e| fault(&e))?;

@@ -117,10 +117,10 @@ impl<'a> Plan<'a> {
     /// Measures on tiles of terrain. Calls `progress` with the number of roundings done, from several threads.
     ///
     /// # Errors
-    /// [`Error::Usage`] without tiles, or if one has no truth.
+    /// [`Error::Input`] without tiles, or if one has no truth.
     pub fn measure(&self, tiles: &[CalibrationTile], progress: impl Fn(usize) + Sync) -> Result<Sensitivity> {
         if tiles.is_empty() || tiles.iter().any(|tile| tile.ground.is_none()) {
-            return Err(Error::usage("sensitivity: expected tiles with truth to compare on, found none"));
+            return Err(Error::input("sensitivity: expected tiles with truth to compare on, found none"));
         }
         let graph = self.rounder.graph;
         let size = Shape::new(graph.nodes[graph.output()].rows, graph.nodes[graph.output()].cols);

@@ -18,11 +18,11 @@ const SAFETENSORS_HEAD_BYTES: usize = 9;
 /// Returns the plan of a model file whose first bytes are `head`. With a kernel and a number of tiles, the plan has measured times.
 ///
 /// # Errors
-/// [`Error::Usage`] if the file is not a model, or its self test fails; [`Error::Broken`] if the model is damaged.
+/// [`Error::Input`] if the file is not a model, or its self test fails; [`Error::Broken`] if the model is damaged.
 pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<Plan> {
     if !is_model(head, path) {
         let what = "expected a model (.eld), the only kind of file that has a plan";
-        return Err(Error::usage(format!("{}: {what}", path.display())));
+        return Err(Error::input(format!("{}: {what}", path.display())));
     }
     let bytes = std::fs::read(path).map_err(Error::io(path))?;
     let model = elunar_core::nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;

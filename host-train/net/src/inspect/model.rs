@@ -151,9 +151,9 @@ impl Plan {
     /// Returns the plan as JSON, in one line.
     ///
     /// # Errors
-    /// [`Error::Usage`] if JSON cannot represent a number.
+    /// [`Error::Input`] if JSON cannot represent a number.
     pub fn json(&self) -> Result<String> {
-        serde_json::to_string(self).map_err(|e| Error::usage(format!("inspect: {e}")))
+        serde_json::to_string(self).map_err(|e| Error::input(format!("inspect: {e}")))
     }
 }
 

@@ -24,9 +24,9 @@ pub struct Times {
 /// Runs `tiles` tiles, after one tile that is not measured.
 ///
 /// # Errors
-/// [`Error::Usage`] if the self test fails.
+/// [`Error::Input`] if the self test fails.
 pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> {
-    let fault = |e: RunError| Error::usage(format!("inspect: {e}"));
+    let fault = |e: RunError| Error::input(format!("inspect: {e}"));
     let budgets: Vec<u64> = (0..model.entry_count()).map(|index| entry_macs(&model, index)).collect();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;

@@ -70,7 +70,7 @@ impl<'a> Named<'a> {
 /// Returns the side of a pixel of `source` in pixels of `target`: about 30 for SLDEM2015 under an image of 2 m.
 ///
 /// # Errors
-/// [`Error::Usage`] if the pixel size of either in metres is unknown.
+/// [`Error::Input`] if the pixel size of either in metres is unknown.
 pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
     let side_m = |named: Named| info(named.raster).side_m(named.name);
     Ok((side_m(source)? / side_m(target)?) as f32)
@@ -79,7 +79,7 @@ pub fn spacing_ratio(source: Named, target: Named) -> Result<f32> {
 /// Resamples `source` on the grid of `target`, as [`Onto`] does; NaN where `source` has no value.
 ///
 /// # Errors
-/// As [`Onto::new`]. [`Error::Usage`] if no valid sample of `source` falls on `target`.
+/// As [`Onto::new`]. [`Error::Input`] if no valid sample of `source` falls on `target`.
 pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Result<Raster> {
     let (view, target_info) = (View::new(source.raster), info(target.raster));
     let (from, to) = ((source.name, &view.info), (target.name, &target_info));
@@ -93,7 +93,7 @@ pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Resul
         let (source, target) = (source.name, target.name);
         let what =
             format!("{source}: valid samples overlapping {target} expected, none found: it holds no valid sample");
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     Err(windowed::no_overlap(from, to))
 }

@@ -18,7 +18,7 @@ impl Reprojected {
     /// Messages call the source `name`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a system is not supported, the spheres differ, the source has no georeference, or the spacing is not positive.
+    /// [`Error::Input`] if a system is not supported, the spheres differ, the source has no georeference, or the spacing is not positive.
     pub fn new(
         source: Arc<dyn Source>,
         name: &str,
@@ -28,10 +28,10 @@ impl Reprojected {
     ) -> Result<Self> {
         let Info { rows, cols, georef, .. } = source.info();
         let georef =
-            georef.as_ref().ok_or_else(|| Error::usage(format!("{name}: a geotransform expected, none found")))?;
+            georef.as_ref().ok_or_else(|| Error::input(format!("{name}: a geotransform expected, none found")))?;
         let known = |crs: &Crs| {
             let what = format!("{name}: a reference system with a known projection expected, {} found", crs.summary());
-            Projection::of(crs).ok_or_else(|| Error::usage(what))
+            Projection::of(crs).ok_or_else(|| Error::input(what))
         };
         let (from, to) = (known(&georef.crs)?, known(crs)?);
         let step = match spacing {
@@ -39,7 +39,7 @@ impl Reprojected {
             None => own_spacing(georef, (*rows, *cols), crs, &to).unwrap_or(f64::NAN),
         };
         if !(step.is_finite() && step > 0.0) {
-            return Err(Error::usage(format!("{name}: a positive pixel size expected, {step} found")));
+            return Err(Error::input(format!("{name}: a positive pixel size expected, {step} found")));
         }
         // Outer edges, not centres. Of the values of x of a meridian, the one nearest to the middle's is taken.
         let place = |row: f64, col: f64| {
@@ -56,7 +56,7 @@ impl Reprojected {
         }
         if low[0] > high[0] {
             let what = format!("{name}: a raster with a place in {} expected, none found", crs.summary());
-            return Err(Error::usage(what));
+            return Err(Error::input(what));
         }
         let (west, north) = ((low[0] / step).floor() * step, (high[1] / step).ceil() * step);
         let count = |span: f64| (span / step - 1e-6).ceil().max(1.0) as usize;

@@ -32,7 +32,7 @@ impl Onto {
     /// ([`crate::Projection`]) and on one sphere. On the same grid, samples are copied, not interpolated.
     ///
     /// # Errors
-    /// [`Error::Usage`] if either has no georeference, a system is unknown, the spheres differ, or the grids do not overlap.
+    /// [`Error::Input`] if either has no georeference, a system is unknown, the spheres differ, or the grids do not overlap.
     pub fn new(
         source: Arc<dyn Source>,
         source_name: &str,
@@ -93,7 +93,7 @@ impl Plan {
         let (from, to) = (grid(source_name, source)?, grid(target_name, target)?);
         check_systems((source_name, from.0), (target_name, to.0))?;
         let map = Map::between(to, from)
-            .ok_or_else(|| Error::usage(format!("{source_name}: transform {:?} has no inverse", from.0.transform)))?;
+            .ok_or_else(|| Error::input(format!("{source_name}: transform {:?} has no inverse", from.0.transform)))?;
         let same_grid = from.1 == to.1 && is_identity(&map, to.1);
         Ok(Self { map, interpolation, size: from.1, cyclic: is_cyclic(from), same_grid })
     }
@@ -229,11 +229,11 @@ struct Under {
 /// Returns the error for rasters that share no valid sample.
 pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, target): (&str, &Info)) -> Error {
     let (Ok(from), Ok(to)) = (grid(source_name, source), grid(target_name, target)) else {
-        return Error::usage(format!("{source_name}: a place expected, none found"));
+        return Error::input(format!("{source_name}: a place expected, none found"));
     };
     let as_degrees = !from.0.crs.same_as(&to.0.crs);
     let (a, b) = (bounds(from, as_degrees), bounds(to, as_degrees));
-    Error::usage(format!(
+    Error::input(format!(
         "{source_name}: valid samples overlapping {target_name} expected, none found: it covers {a}, {target_name} covers {b}"
     ))
 }
@@ -249,7 +249,7 @@ fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): 
         && (from_m - to_m).abs() > 1e-6 * to_m
     {
         let what = format!("{source_name}: the sphere of {target_name} ({to_m} m) expected, {from_m} m found");
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     let known = |georef: &GeoRef| crate::Projection::of(&georef.crs).is_some();
     if source.crs.same_as(&target.crs) || known(source) && known(target) {
@@ -257,7 +257,7 @@ fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): 
     }
     let what =
         "longitude/latitude, equirectangular and polar stereographic systems on a sphere can be brought together";
-    Err(Error::usage(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
+    Err(Error::input(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
 }
 
 /// Returns whether the map is the identity. An affine map differs most from the identity at a corner. Other maps never count as the

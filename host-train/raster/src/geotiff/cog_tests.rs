@@ -39,6 +39,30 @@ fn the_file_does_not_depend_on_how_the_rows_come() {
 }
 
 #[test]
+fn the_file_does_not_depend_on_the_number_of_threads() {
+    let folder = scratch();
+    let (raster, options) = (large(), WriteOptions::heights("t").with_band("second", None));
+    let made: Vec<Vec<u8>> = [1, 2, 16]
+        .into_iter()
+        .map(|threads| {
+            let path = folder.path().join(format!("{threads}.tif"));
+            // Sixteen threads wait for 32 blocks, which is more than a band has.
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let mut writer =
+                    Writer::create(&path, raster.rows, raster.cols, raster.georef.as_ref(), &options).unwrap();
+                for rows in raster.samples.chunks(37 * raster.cols) {
+                    writer.write_band_rows(1, rows).unwrap();
+                    writer.write_band_rows(0, rows).unwrap();
+                }
+                writer.finish().unwrap();
+            });
+            std::fs::read(&path).unwrap()
+        })
+        .collect();
+    assert!(made[0] == made[1] && made[0] == made[2]);
+}
+
+#[test]
 fn every_compression_comes_back_bit_for_bit() {
     let folder = scratch();
     let raster = large();

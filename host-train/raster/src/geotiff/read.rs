@@ -5,9 +5,11 @@ use super::super::{Raster, source};
 use super::cache::Cache;
 use super::handle::Handle;
 use super::layout::Layout;
+use super::metadata;
 use super::place::georef;
 use super::plain;
 use super::rule::Rule;
+use super::tag;
 use crate::memory::may_fail;
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -45,7 +47,7 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
 /// Reads all samples of a GeoTIFF, as [`open`] returns them.
 ///
 /// # Errors
-/// As [`open`]. [`Error::Usage`] if the memory does not suffice.
+/// As [`open`]. [`Error::Input`] if the memory does not suffice.
 pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
     // Each chunk is read once, so no cache is needed.
     source::read_all(&GeoTiff::open(path.as_ref(), 0, None)?)
@@ -60,6 +62,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
 /// As [`read`]. [`Error::Unsupported`] if the file has no such band.
 pub fn read_band(path: impl AsRef<Path>, band: usize) -> Result<Raster> {
     source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0, None)?)
+}
+
+/// Returns the text of a metadata item of a GeoTIFF; `None` if the file does not have it.
+///
+/// # Errors
+/// As [`open`].
+pub fn read_item(path: &Path, name: &str) -> Result<Option<String>> {
+    let xml = Handle::open(path)?.text(tag::GDAL_METADATA)?.unwrap_or_default();
+    Ok(metadata::parse(&xml).into_iter().find(|item| item.role.is_empty() && item.name == name).map(|item| item.text))
 }
 
 /// An open file.
@@ -146,7 +157,8 @@ impl Source for GeoTiff {
         let mut samples = Vec::new();
         may_fail(|| samples.try_reserve_exact(window.rows * window.cols)).map_err(|_| {
             let (rows, cols) = (window.rows, window.cols);
-            Error::usage(format!("{}: not enough memory for {rows} x {cols} pixels", self.path.display()))
+            let what = format!("not enough memory for {rows} x {cols} pixels");
+            Error::io(&self.path)(std::io::Error::new(std::io::ErrorKind::OutOfMemory, what))
         })?;
         samples.resize(window.rows * window.cols, self.rule.unwritten());
         if samples.is_empty() {

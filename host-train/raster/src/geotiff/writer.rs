@@ -17,11 +17,21 @@ use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, SampleFormat, T
 
 /// Bit of [`Tag::NewSubfileType`]: a reduced version of another image of the file.
 const REDUCED: u32 = 1;
+/// Number of blocks that are compressed together, for each thread: enough that none waits long for the last one.
+const BLOCKS_A_THREAD: usize = 2;
+
+/// Whole rows of a level that wait for compression.
+#[derive(Debug)]
+struct Waiting {
+    plane: usize,
+    level: usize,
+    band: Vec<f32>,
+}
 
 /// Writer of a cloud-optimised GeoTIFF, from top to bottom. Blocks have 512 x 512 pixels. Overviews are means of valid samples; the
 /// smallest fits one block. Directories come first. BigTIFF is used only for files beyond 4 GiB.
 ///
-/// Memory holds two bands of 512 rows, whatever the height. Compressed blocks wait in a nameless temporary file beside the target, so the
+/// Memory holds two bands of 512 rows, whatever the height, and more only if a band has fewer than two blocks for each thread. Compressed blocks wait in a nameless temporary file beside the target, so the
 /// disk needs twice the target's size for a moment. [`Writer::finish`] makes the file from them. Before that, and if anything fails or the
 /// program is killed, there is no file at `path`, or the old one. A kill during [`Writer::finish`] may leave a `.tmp*.part` beside it.
 #[derive(Debug)]
@@ -32,6 +42,8 @@ pub struct Writer {
     coding: Coding,
     /// The levels of each band.
     bands: Vec<Vec<Level>>,
+    /// Bands of blocks that wait until there is work for all threads, with their planes and levels, in order.
+    waiting: Vec<Waiting>,
     spill: BufWriter<File>,
     spilled_bytes: u64,
     /// Number of rows given of each band.
@@ -66,7 +78,8 @@ impl Writer {
         let count = 1 + options.more_bands.len();
         let bands = (0..count).map(|_| levels(rows, cols)).collect();
         let rows_given = vec![0; count];
-        Ok(Self { path: path.into(), georef, options, coding, bands, spill, spilled_bytes: 0, rows_given })
+        let waiting = vec![];
+        Ok(Self { path: path.into(), georef, options, coding, bands, waiting, spill, spilled_bytes: 0, rows_given })
     }
 
     /// Adds the next rows of the first band, any number of whole ones. NaN is invalid.
@@ -114,16 +127,25 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Usage`] if rows are missing; [`Error::Io`] if the disk is full or the file cannot be named.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
+        self.stage()?.publish()
+    }
+
+    /// Completes the file under a name of its own. It gets its path when the result is published.
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn stage(mut self) -> Result<Staged> {
         let (rows, _) = self.shape();
         if let Some(&given) = self.rows_given.iter().find(|given| **given != rows) {
             let path = self.path.display();
             return Err(Error::usage(format!("{path}: {rows} rows expected, {given} given")));
         }
         let path = self.path.clone();
+        self.spill_waiting().map_err(Error::io(&path))?;
         let mut staged = Staged::create(&path)?;
         self.assemble(staged.file()).map_err(Error::io(&path))?;
-        staged.publish()
+        Ok(staged)
     }
 
     fn assemble(&mut self, file: &File) -> std::io::Result<()> {
@@ -159,29 +181,45 @@ impl Writer {
                 return Ok(());
             }
             let band = std::mem::take(band);
-            self.spill_band((plane, level), &band)?;
-            if level + 1 < self.bands[plane].len() {
-                self.push((plane, level + 1), &halve(&band, cols), ends)?;
+            let half = (level + 1 < self.bands[plane].len()).then(|| halve(&band, cols));
+            self.waiting.push(Waiting { plane, level, band });
+            let across = |waits: &Waiting| self.blocks_across(waits.plane, waits.level);
+            if self.waiting.iter().map(across).sum::<usize>() >= BLOCKS_A_THREAD * rayon::current_num_threads() {
+                self.spill_waiting()?;
+            }
+            if let Some(half) = half {
+                self.push((plane, level + 1), &half, ends)?;
             }
             if ends {
                 return Ok(());
             }
-            // The memory is used again.
-            self.bands[plane][level].band = band;
-            self.bands[plane][level].band.clear();
         }
     }
 
-    fn spill_band(&mut self, (plane, level): (usize, usize), band: &[f32]) -> std::io::Result<()> {
+    /// Returns the number of blocks in a band of a level.
+    fn blocks_across(&self, plane: usize, level: usize) -> usize {
+        let level = &self.bands[plane][level];
+        level.cols.div_ceil(level.block().1)
+    }
+
+    /// Compresses the blocks that wait, on all threads, and writes them in order: the file does not depend on how many wait.
+    fn spill_waiting(&mut self) -> std::io::Result<()> {
+        let waiting = std::mem::take(&mut self.waiting);
         let Self { bands, coding, spill, spilled_bytes, .. } = self;
-        let level = &mut bands[plane][level];
-        let (block, cols) = (level.block(), level.cols);
-        let starts: Vec<usize> = (0..cols).step_by(block.1).collect();
-        let packed: Vec<Vec<u8>> =
-            starts.into_par_iter().map(|col| coding.encode(band, cols, col, block)).collect::<std::io::Result<_>>()?;
-        for bytes in packed {
+        let cut = |waits: &'_ Waiting| {
+            let level = &bands[waits.plane][waits.level];
+            (0..level.cols).step_by(level.block().1).collect::<Vec<_>>()
+        };
+        let blocks: Vec<(&Waiting, usize)> =
+            waiting.iter().flat_map(|waits| cut(waits).into_iter().map(move |col| (waits, col))).collect();
+        let encode = |&(waits, col): &(&Waiting, usize)| {
+            let level = &bands[waits.plane][waits.level];
+            coding.encode(&waits.band, level.cols, col, level.block())
+        };
+        let packed: Vec<Vec<u8>> = blocks.par_iter().map(encode).collect::<std::io::Result<_>>()?;
+        for ((waits, _), bytes) in blocks.iter().zip(packed) {
             spill.write_all(&bytes)?;
-            level.blocks.push((*spilled_bytes, bytes.len() as u64));
+            bands[waits.plane][waits.level].blocks.push((*spilled_bytes, bytes.len() as u64));
             *spilled_bytes += bytes.len() as u64;
         }
         Ok(())

@@ -5,10 +5,12 @@
 mod growing;
 mod owner;
 mod record;
+mod renewal;
 mod target;
 mod whole;
 
 pub use growing::open_growing;
 pub use owner::Owner;
+pub use record::host_name;
 pub use target::check_target;
 pub use whole::{Staged, atomic_write};

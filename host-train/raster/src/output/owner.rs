@@ -1,10 +1,12 @@
 //! One owner per output. A lock beside the output, a file that is created exclusively, names the process that writes it.
 //!
-//! The file is the claim; the kernel's lock on it says whether a claim that is found can be judged. Of a claim from another machine nothing
-//! is known, so it always counts.
+//! The file is the claim; the kernel's lock on it says whether a claim of this machine that is found can be judged. Of a claim from another
+//! machine nothing is known but its life signs: its owner touches the file ([`super::renewal`]). A claim without them for a minute is taken
+//! over. An owner that was only halted finds that its lock is another's ([`Owner::check`]), and stops.
 
 use super::growing::without_following;
 use super::record::{Record, start_of};
+use super::renewal::{Renewal, Succession, is_old};
 use super::target::check_target;
 use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
@@ -28,7 +30,12 @@ pub struct Owner {
     file: File,
     /// A folder that this made, removed again if nothing came into it.
     made: Option<PathBuf>,
+    renewal: Renewal,
+    is_successor: bool,
 }
+
+/// A lock that was taken, and whether from an owner on another machine that may still live.
+type Taken = (File, bool);
 
 impl Owner {
     /// Takes a file that will be written: `dtm.tif.lock` is the lock of `dtm.tif`. Whether the file may be replaced is checked, too.
@@ -62,19 +69,43 @@ impl Owner {
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
         let here = Record::here();
         remove_dead_claims(folder_of(&lock), &here);
+        let own = |lock: PathBuf, (file, is_successor): Taken| {
+            let renewal = Renewal::begin(&lock, &file).inspect_err(|_| drop(std::fs::remove_file(&lock)))?;
+            Ok(Self { lock, file, made: None, renewal, is_successor })
+        };
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
             match claim.persist_noclobber(&lock) {
-                Ok(file) => return Ok(Self { lock, file, made: None }),
+                Ok(file) => return own(lock, (file, false)),
                 Err(found) if found.error.kind() == ErrorKind::AlreadyExists => {
-                    if let Some(file) = succeed(output, &lock, &here, found.file)? {
-                        return Ok(Self { lock, file, made: None });
+                    if let Some(taken) = succeed(output, &lock, &here, found.file)? {
+                        return own(lock, taken);
                     }
                 }
                 Err(failed) => return Err(Error::io(output)(failed.error)),
             }
         }
         Err(Error::busy(output, "its owners change too fast; try again"))
+    }
+
+    /// Checks that the output is still ours. It is not if this run was halted for more than a minute and another machine took it over, or if
+    /// somebody removed the lock.
+    ///
+    /// # Errors
+    /// [`Error::Busy`] if it is not.
+    pub fn check(&self) -> Result<()> {
+        if !self.renewal.is_lost() && is_at(&self.file, &self.lock) {
+            return Ok(());
+        }
+        let why = "its lock is gone or another's: this run was halted for long, or somebody removed the lock";
+        Err(Error::busy(&self.lock, why))
+    }
+
+    /// Returns whether this took the place of an owner on another machine. If that was only halted, it may still write once to files that it
+    /// has open: such files must not be gone on with, only copies of them.
+    #[must_use]
+    pub fn is_successor(&self) -> bool {
+        self.is_successor
     }
 }
 
@@ -136,22 +167,19 @@ fn claim(lock: &Path, here: &Record) -> std::io::Result<NamedTempFile> {
 }
 
 /// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
-fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> Result<Option<File>> {
+fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> Result<Option<Taken>> {
     check_target(lock)?;
     let mut options = OpenOptions::new();
     let mut file = match without_following(options.read(true)).open(lock) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(Error::io(lock))?,
     };
-    let held = match file.try_lock() {
-        Ok(()) => false,
-        Err(TryLockError::WouldBlock) => true,
-        Err(TryLockError::Error(_)) => return Err(busy(output, lock, &text(&mut file, lock)?, true)),
+    let is_locking = match file.try_lock() {
+        Ok(()) => true,
+        Err(TryLockError::WouldBlock) => return Err(busy(output, lock, &text(&mut file, lock)?, false)),
+        Err(TryLockError::Error(_)) => false,
     };
     let text = text(&mut file, lock)?;
-    if held {
-        return Err(busy(output, lock, &text, false));
-    }
     // A lock that we hold cannot be succeeded by others, if it still is the one at its place.
     if !is_at(&file, lock) {
         return Ok(None);
@@ -162,11 +190,34 @@ fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> R
             let what = "the record of an owner expected, other text found; remove the file if nothing uses it";
             return Err(Error::usage(format!("{}: {what}", lock.display())));
         };
-        if !found.has_ended(here, start_of) {
-            return Err(busy(output, lock, &text, true));
+        if !is_locking || !found.has_ended(here, start_of) {
+            if !found.is_renewed || !found.is_elsewhere(here) {
+                return Err(busy(output, lock, &text, true));
+            }
+            return inherit(output, lock, (&file, &text), claim);
         }
+    } else if !is_locking {
+        return Err(busy(output, lock, &text, true));
     }
-    claim.persist(lock).map(Some).map_err(|e| Error::io(output)(e.error))
+    claim.persist(lock).map(|file| Some((file, false))).map_err(|e| Error::io(output)(e.error))
+}
+
+/// Takes the place of an owner on another machine that has given no life sign for long.
+fn inherit(output: &Path, lock: &Path, (file, text): (&File, &str), claim: NamedTempFile) -> Result<Option<Taken>> {
+    // Both times are the file system's. The claim was written just now.
+    let changed = |file: &File| file.metadata().and_then(|found| found.modified()).map_err(Error::io(lock));
+    let now = changed(claim.as_file())?;
+    if !is_old(changed(file)?, now) {
+        return Err(busy(output, lock, text, false));
+    }
+    let Some(_succession) = Succession::claim(lock, text, now)? else {
+        return Err(busy(output, lock, text, false));
+    };
+    // Another may have succeeded before us, or the owner has woken.
+    if !is_at(file, lock) || !is_old(changed(file)?, now) {
+        return Ok(None);
+    }
+    claim.persist(lock).map(|file| Some((file, true))).map_err(|e| Error::io(output)(e.error))
 }
 
 fn text(file: &mut File, lock: &Path) -> Result<String> {
@@ -184,7 +235,7 @@ fn busy(output: &Path, lock: &Path, text: &str, unsure: bool) -> Error {
 }
 
 /// Returns whether `path` names this file.
-fn is_at(file: &File, path: &Path) -> bool {
+pub(super) fn is_at(file: &File, path: &Path) -> bool {
     let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::symlink_metadata(path)) else { return false };
     #[cfg(unix)]
     {
@@ -229,7 +280,7 @@ mod tests {
             drop(Owner::of_file(&output).unwrap());
             assert!(!lock.exists());
         }
-        let elsewhere = Record { host: "elsewhere".into(), boot: "another".into(), ..here };
+        let elsewhere = Record { host: "elsewhere".into(), boot: "another".into(), is_renewed: false, ..here };
         std::fs::write(&lock, elsewhere.text()).unwrap();
         let error = Owner::of_file(&output).unwrap_err().to_string();
         assert!(
@@ -241,6 +292,87 @@ mod tests {
         let error = Owner::of_file(&output).unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("other text found"), "{error}");
         assert_eq!(std::fs::read(&lock).unwrap(), b"[[package]]\n");
+    }
+
+    /// Lets the last life sign be `age_s` old.
+    fn grow_old(lock: &Path, age_s: u64) {
+        let then = std::time::SystemTime::now() - std::time::Duration::from_secs(age_s);
+        File::options().write(true).open(lock).unwrap().set_modified(then).unwrap();
+    }
+
+    #[test]
+    fn an_owner_elsewhere_counts_as_long_as_it_gives_life_signs() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        // Another machine, also one of the same name.
+        for host in ["elsewhere".to_string(), Record::here().host] {
+            let elsewhere = Record { host, boot: "another".into(), ..Record::here() };
+            std::fs::write(&lock, elsewhere.text()).unwrap();
+            for age_s in [0, 50] {
+                grow_old(&lock, age_s);
+                assert!(matches!(Owner::of_file(&output), Err(Error::Busy { .. })), "{age_s} s");
+            }
+            grow_old(&lock, 70);
+            let owner = Owner::of_file(&output).unwrap();
+            assert!(owner.is_successor());
+            owner.check().unwrap();
+            drop(owner);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "something was left");
+    }
+
+    #[test]
+    fn of_many_that_find_an_abandoned_lock_one_succeeds_and_the_old_owner_sees_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        for _ in 0..50 {
+            let elsewhere = Record { boot: "another".into(), ..Record::here() };
+            std::fs::write(&lock, elsewhere.text()).unwrap();
+            let old = File::open(&lock).unwrap();
+            grow_old(&lock, 100);
+            let start = std::sync::Barrier::new(8);
+            let take = || {
+                start.wait();
+                Owner::of_file(&output)
+            };
+            let taken: Vec<_> = std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
+                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+            });
+            assert_eq!(taken.iter().filter(|owner| owner.is_ok()).count(), 1);
+            assert!(!is_at(&old, &lock));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "something was left");
+    }
+
+    #[test]
+    fn a_claimant_that_was_killed_blocks_for_a_minute_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        let elsewhere = Record { boot: "another".into(), ..Record::here() };
+        std::fs::write(&lock, elsewhere.text()).unwrap();
+        grow_old(&lock, 200);
+        let killed = Succession::claim(&lock, &elsewhere.text(), std::time::SystemTime::now()).unwrap().unwrap();
+        assert!(matches!(Owner::of_file(&output), Err(Error::Busy { .. })));
+        let left = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+        let left: Vec<PathBuf> = left.filter(|path| *path != lock).collect();
+        grow_old(&left[0], 70);
+        assert!(Owner::of_file(&output).unwrap().is_successor());
+        drop(killed);
+    }
+
+    #[test]
+    fn an_owner_that_lost_its_lock_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
+        let owner = Owner::of_file(&output).unwrap();
+        owner.check().unwrap();
+        std::fs::write(folder.path().join("new"), Record::here().text()).unwrap();
+        std::fs::rename(folder.path().join("new"), &lock).unwrap();
+        let error = owner.check().unwrap_err();
+        assert!(matches!(error, Error::Busy { .. }), "{error}");
+        drop(owner);
+        assert!(lock.exists(), "the lock of another was removed");
     }
 
     #[test]

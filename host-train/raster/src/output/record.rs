@@ -3,7 +3,9 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// First line of a record.
-const HEAD: &str = "elunar owner 1";
+const HEAD: &str = "elunar owner 2";
+/// That of programs that do not renew their locks.
+const HEAD_UNRENEWED: &str = "elunar owner 1";
 
 /// A process that owns an output. Fields that this system does not tell are empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,39 +21,42 @@ pub(super) struct Record {
     pub(super) process_start: Option<u64>,
     /// Seconds of the Unix epoch when the output was taken.
     pub(super) since_s: u64,
+    /// Whether the owner touches its lock as long as it lives.
+    pub(super) is_renewed: bool,
 }
 
 impl Record {
     /// Returns the record of this process.
     pub(super) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
-        let named = |name: &str| std::env::var(name).ok();
-        let host = read("/proc/sys/kernel/hostname").or_else(|| read("/etc/hostname"));
-        let host = host.or_else(|| named("HOSTNAME")).or_else(|| named("COMPUTERNAME"));
         let namespace = std::fs::read_link("/proc/self/ns/pid");
         let pid = std::process::id();
         Self {
-            host: host.unwrap_or_default(),
+            host: host_name(),
             boot: read("/proc/sys/kernel/random/boot_id").unwrap_or_default(),
             namespace: namespace.map_or_else(|_| String::new(), |name| name.to_string_lossy().into_owned()),
             pid,
             process_start: start_of(pid),
             since_s: now_s(),
+            is_renewed: true,
         }
     }
 
     /// Returns the record as lines of a name and a value.
     pub(super) fn text(&self) -> String {
-        let Self { host, boot, namespace, pid, process_start, since_s } = self;
+        let Self { host, boot, namespace, pid, process_start, since_s, is_renewed } = self;
+        let head = if *is_renewed { HEAD } else { HEAD_UNRENEWED };
         let start = process_start.map_or_else(String::new, |start| start.to_string());
         format!(
-            "{HEAD}\nhost {host}\nboot {boot}\nnamespace {namespace}\npid {pid}\nprocess-start {start}\nsince {since_s}\n"
+            "{head}\nhost {host}\nboot {boot}\nnamespace {namespace}\npid {pid}\nprocess-start {start}\nsince {since_s}\n"
         )
     }
 
     /// Reads a record; `None` if the text is none.
     pub(super) fn parse(text: &str) -> Option<Self> {
-        let mut lines = text.strip_prefix(HEAD)?.strip_prefix('\n')?.lines();
+        let is_renewed = text.starts_with(HEAD);
+        let head = if is_renewed { HEAD } else { HEAD_UNRENEWED };
+        let mut lines = text.strip_prefix(head)?.strip_prefix('\n')?.lines();
         let mut value = |name: &str| lines.next()?.strip_prefix(name)?.strip_prefix(' ').map(str::to_string);
         Some(Self {
             host: value("host")?,
@@ -64,6 +69,7 @@ impl Record {
                 .transpose()
                 .ok()?,
             since_s: value("since")?.parse().ok()?,
+            is_renewed,
         })
     }
 
@@ -71,11 +77,17 @@ impl Record {
     /// `start_of` returns the start of a running process.
     pub(super) fn has_ended(&self, here: &Self, start_of: impl Fn(u32) -> Option<u64>) -> bool {
         if self.boot.is_empty() || self.boot != here.boot {
-            // The same machine has started anew, or tells no boots apart. Of another machine nothing is known.
-            return self.host == here.host;
+            // The same machine has started anew, or tells no boots apart. Of another machine nothing is known, and the machines of a cluster may
+            // share a name: who renews its lock is judged by that alone.
+            return self.host == here.host && (!self.is_renewed || self.boot.is_empty());
         }
         // Under one kernel its lock is enough. Where file systems only pretend to lock, the process numbers still tell.
         self.namespace != here.namespace || self.process_start.is_none() || start_of(self.pid) != self.process_start
+    }
+
+    /// Returns whether the process ran under another kernel, so that nothing is known of it but what its lock shows.
+    pub(super) fn is_elsewhere(&self, here: &Self) -> bool {
+        self.boot.is_empty() || self.boot != here.boot
     }
 
     /// Returns the process for messages.
@@ -84,6 +96,15 @@ impl Record {
         let at = if host.is_empty() { String::new() } else { format!(" on {host}") };
         format!("process {}{at}, for {age_s} s", self.pid)
     }
+}
+
+/// Returns the name of this machine; empty if the system does not tell.
+#[must_use]
+pub fn host_name() -> String {
+    let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
+    let named = |name: &str| std::env::var(name).ok();
+    let host = read("/proc/sys/kernel/hostname").or_else(|| read("/etc/hostname"));
+    host.or_else(|| named("HOSTNAME")).or_else(|| named("COMPUTERNAME")).unwrap_or_default()
 }
 
 /// Returns the start of a running process, in ticks since the kernel's start; `None` if it does not run, or this system does not tell.
@@ -106,17 +127,22 @@ mod tests {
 
     fn record() -> Record {
         let [host, boot, namespace] = ["moon", "b-1", "pid:[4]"].map(String::from);
-        Record { host, boot, namespace, pid: 7, process_start: Some(99), since_s: 5 }
+        Record { host, boot, namespace, pid: 7, process_start: Some(99), since_s: 5, is_renewed: true }
     }
 
     #[test]
     fn a_record_reads_back() {
-        for known in [record(), Record { process_start: None, boot: String::new(), ..record() }, Record::here()] {
+        for known in [
+            record(),
+            Record { is_renewed: false, ..record() },
+            Record { process_start: None, boot: String::new(), ..record() },
+            Record::here(),
+        ] {
             assert_eq!(Record::parse(&known.text()), Some(known));
         }
         let text = record().text();
         for other in
-            ["", "elunar owner 2\n", &text[..text.len() - 3], &text.replace("pid", "PID"), &text.replace('7', "x")]
+            ["", "elunar owner 3\n", &text[..text.len() - 3], &text.replace("pid", "PID"), &text.replace('7', "x")]
         {
             assert_eq!(Record::parse(other), None, "{other}");
         }
@@ -131,6 +157,8 @@ mod tests {
         let contained = Record { namespace: "pid:[5]".into(), ..record() };
         assert!(ended(contained, Some(99)), "numbers of another name space say nothing, the kernel's lock does");
         let rebooted = Record { boot: "b-2".into(), ..record() };
+        assert!(!ended(rebooted.clone(), Some(99)), "another machine may have the name");
+        let rebooted = Record { is_renewed: false, ..rebooted };
         assert!(ended(rebooted.clone(), Some(99)));
         assert!(!ended(Record { host: "mars".into(), ..rebooted }, None), "another machine");
     }

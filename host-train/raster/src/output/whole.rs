@@ -1,6 +1,7 @@
 //! Files that appear whole or not at all.
 
 use super::target::check_target;
+use crate::content::sha256_of;
 use crate::{Error, Result, folder_of};
 use std::fs::File;
 use std::io::Write;
@@ -36,6 +37,14 @@ impl Staged {
     /// Returns the file, to be written.
     pub fn file(&mut self) -> &mut File {
         self.file.as_file_mut()
+    }
+
+    /// Returns the SHA-256 of what was written, hexadecimal.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be read back.
+    pub fn sha256(&mut self) -> Result<String> {
+        sha256_of(self.file.as_file_mut()).map_err(Error::io(&self.path))
     }
 
     /// Waits until the file is on disk, and renames it to its path.

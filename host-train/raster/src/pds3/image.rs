@@ -60,10 +60,19 @@ pub(super) struct Description {
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; [`Error::Broken`] for defects of the label, and if label and file disagree in size;
-/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Usage`] if the file that
+/// [`Error::Unsupported`] for several bands, packed images, VAX reals and unsupported map projections; [`Error::Input`] if the file that
 /// the label names does not exist.
 pub fn open(path: &Path) -> Result<Box<dyn Source>> {
     open_with(path, None)
+}
+
+/// Returns the file with the samples that a label describes: perhaps the label's own.
+///
+/// # Errors
+/// As [`open`].
+pub(crate) fn image_of(label: &Path) -> Result<std::path::PathBuf> {
+    let description = describe(&read_label(label)?).map_err(|refusal| refusal.of(label))?;
+    description.file.map_or_else(|| Ok(label.to_path_buf()), |name| resolve(label, &name))
 }
 
 /// Opens an image as [`open`] does. Samples stored as `nodata` are invalid, too.

@@ -16,7 +16,7 @@ mod value;
 mod tests;
 
 pub use image::open;
-pub(super) use image::open_with;
+pub(super) use image::{image_of, open_with};
 pub use label::{Block, Item};
 pub use pointer::label_beside;
 pub use value::{Kind, Value};

@@ -116,7 +116,7 @@ pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
     let mut others =
         entries.flatten().filter(|e| e.file_name().to_string_lossy().eq_ignore_ascii_case(name)).map(|e| e.path());
     let missing =
-        || Error::usage(format!("{}: ^IMAGE names {}, no such file beside the label", label.display(), one_line(name)));
+        || Error::input(format!("{}: ^IMAGE names {}, no such file beside the label", label.display(), one_line(name)));
     others.next().ok_or_else(missing)
 }
 

@@ -23,7 +23,7 @@ pub fn calibration_tiles(
             let raw = source.tile(index)?;
             if (raw.rows, raw.cols) != (TILE_ROWS, TILE_COLS) {
                 let found = (raw.rows, raw.cols);
-                return Err(Error::usage(format!("tile {index}: expected {TILE_ROWS} x {TILE_COLS}, found {found:?}")));
+                return Err(Error::input(format!("tile {index}: expected {TILE_ROWS} x {TILE_COLS}, found {found:?}")));
             }
             calibration_tile(config, &raw)
         })
@@ -33,7 +33,7 @@ pub fn calibration_tiles(
 fn calibration_tile(config: &NetConfig, raw: &RawTile) -> Result<CalibrationTile> {
     let sample = Sample::new(config, raw)?;
     let mut truth = vec![0.0; raw.truth_m.len()];
-    let bad = |e| Error::usage(format!("tile cannot be normalised: {e}"));
+    let bad = |e| Error::input(format!("tile cannot be normalised: {e}"));
     sample.scale.normalise(Shape::new(raw.rows, raw.cols), &raw.truth_m, &mut truth).map_err(bad)?;
     let ground = Ground { metres_per_unit: sample.scale.elevation.metres_per_unit(), pixel_m: raw.pixel_m, truth };
     Ok(CalibrationTile { image: sample.image, coarse: sample.coarse, ground: Some(ground) })

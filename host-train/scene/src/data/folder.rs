@@ -22,7 +22,7 @@ pub struct Triple {
 /// Returns the triples of a folder, in order of name.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder cannot be read, [`Error::Usage`] if it holds no image or an image lacks its DTMs.
+/// [`Error::Io`] if the folder cannot be read, [`Error::Input`] if it holds no image or an image lacks its DTMs.
 pub fn triples(folder: &Path) -> Result<Vec<Triple>> {
     const IMAGE: &str = "_image.tif";
     let mut found = Vec::new();
@@ -33,14 +33,14 @@ pub fn triples(folder: &Path) -> Result<Vec<Triple>> {
         for path in [&coarse, &truth] {
             if !path.exists() {
                 let what = format!("{}: expected {} beside it, found none", image.display(), path.display());
-                return Err(Error::usage(what));
+                return Err(Error::input(what));
             }
         }
         found.push(Triple { image, coarse, truth });
     }
     found.sort_by(|a, b| a.image.cmp(&b.image));
     if found.is_empty() {
-        return Err(Error::usage(format!("{}: expected files *{IMAGE}, found none", folder.display())));
+        return Err(Error::input(format!("{}: expected files *{IMAGE}, found none", folder.display())));
     }
     Ok(found)
 }
@@ -82,7 +82,7 @@ impl FolderSource {
         }
         if tiles.is_empty() {
             let what = format!("expected a scene with {TILE_ROWS}x{TILE_COLS} valid pixels, found none");
-            return Err(Error::usage(format!("{}: {what}", folder.display())));
+            return Err(Error::input(format!("{}: {what}", folder.display())));
         }
         Ok(Self { scenes, tiles })
     }
@@ -117,7 +117,7 @@ impl Scene {
         };
         let (coarse, coarse_px) = on_image(&triple.coarse, Interpolation::Bicubic)?;
         let (truth, _) = on_image(&triple.truth, Interpolation::Bilinear)?;
-        let size = image.pixel_m().ok_or_else(|| Error::usage(format!("{name}: expected a pixel size in metres")))?;
+        let size = image.pixel_m().ok_or_else(|| Error::input(format!("{name}: expected a pixel size in metres")))?;
         let pixel_m = (size.0 * size.1).sqrt() as f32;
         Ok(Self { image, coarse, truth, pixel_m, coarse_px })
     }

@@ -24,11 +24,11 @@ impl PreparedSource {
     /// Opens the shards of a split.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the folder has no manifest of prepared tiles, or no tile in that split; otherwise, if a shard is broken.
+    /// [`Error::Input`] if the folder has no manifest of prepared tiles, or no tile in that split; otherwise, if a shard is broken.
     pub fn open(folder: &Path, split: Split) -> Result<Self> {
         let at = folder.display();
         let manifest = Manifest::find(folder)?
-            .ok_or_else(|| Error::usage(format!("{at}: a manifest of prepared tiles expected, none found")))?;
+            .ok_or_else(|| Error::input(format!("{at}: a manifest of prepared tiles expected, none found")))?;
         let records = manifest.splits.get(&split).map_or(&[][..], |record| &record.shards);
         let shards: Vec<ShardFile> =
             records.iter().map(|record| ShardFile::open(&folder.join(&record.file))).collect::<Result<_>>()?;
@@ -41,7 +41,7 @@ impl PreparedSource {
         let tiles: Vec<(usize, usize)> =
             shards.iter().enumerate().flat_map(|(k, shard)| (0..shard.len()).map(move |tile| (k, tile))).collect();
         if tiles.is_empty() {
-            return Err(Error::usage(format!("{at}: tiles for {} expected, none found", split.name())));
+            return Err(Error::input(format!("{at}: tiles for {} expected, none found", split.name())));
         }
         let order = Mutex::new((0, order(0, tiles.len())));
         Ok(Self { shards, tiles, order })

@@ -34,13 +34,13 @@ impl RawTile {
     /// heights with their errors, because no image shows these waves ([`Anchor`]).
     ///
     /// # Errors
-    /// [`Error::Usage`] if the maps differ in size.
+    /// [`Error::Input`] if the maps differ in size.
     pub fn anchored(mut self) -> Result<Self> {
         let (mut difference, mut sums) =
             (vec![0.0; self.truth_m.len()], vec![0.0; Anchor::sums_len(self.rows, self.cols)]);
         Anchor::new(self.coarse_px)
             .apply(&mut self.truth_m, &self.coarse_m, self.cols, &mut difference, &mut sums)
-            .map_err(|e| Error::usage(format!("tile: {e}")))?;
+            .map_err(|e| Error::input(format!("tile: {e}")))?;
         Ok(self)
     }
 }
@@ -81,9 +81,9 @@ impl Sample {
     /// Normalises a tile and its truth as `config` says (Eq. 2, Sec. III-A2). The tile has its own light ([`TileLight::Own`]).
     ///
     /// # Errors
-    /// [`Error::Usage`] if the tile has no relief or a constant image.
+    /// [`Error::Input`] if the tile has no relief or a constant image.
     pub fn new(config: &NetConfig, tile: &RawTile) -> Result<Self> {
-        let bad = |e: &dyn std::fmt::Display| Error::usage(format!("tile cannot be normalised: {e}"));
+        let bad = |e: &dyn std::fmt::Display| Error::input(format!("tile cannot be normalised: {e}"));
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
         let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
         let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };

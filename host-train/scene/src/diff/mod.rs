@@ -20,7 +20,7 @@ pub struct Options {
 /// Returns first minus second, metres, on the grid of the first; NaN where either is invalid.
 ///
 /// # Errors
-/// [`Error::Usage`] if a DTM has no georeference, they cannot be put on one grid, or they have no valid pixel in common.
+/// [`Error::Input`] if a DTM has no georeference, they cannot be put on one grid, or they have no valid pixel in common.
 pub fn difference(first: Named, second: Named, options: Options) -> Result<Raster> {
     let second_placed = onto(second, first, Interpolation::Bilinear)?;
     let subtract = |(&a, &b): (&f32, &f32)| {
@@ -30,7 +30,7 @@ pub fn difference(first: Named, second: Named, options: Options) -> Result<Raste
     let samples: Vec<f32> = first.raster.samples.iter().zip(&second_placed.samples).map(subtract).collect();
     if !samples.iter().any(|d| d.is_finite()) {
         let what = format!("{}: pixels valid there and in {} expected, none found", first.name, second.name);
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     Ok(Raster { samples, ..second_placed })
 }

@@ -81,10 +81,10 @@ pub struct Calibration {
 /// If the expected errors cannot be brought onto the grid of the comparison.
 pub fn calibration(comparison: &Comparison, expected: &Expected) -> Result<Calibration> {
     let truth = &comparison.truth_m;
-    let first = comparison.scored.first().ok_or_else(|| Error::usage("evaluate: a DTM expected, none found"))?;
+    let first = comparison.scored.first().ok_or_else(|| Error::input("evaluate: a DTM expected, none found"))?;
     let expected = expected.onto(Named::new(&comparison.truth, truth))?;
     let limits = std::array::from_fn(|k| two_sided(nominal(k)));
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("evaluate: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("evaluate: {e}"));
     let error = GridView::new(&first.error_m.samples, truth.rows, truth.cols).map_err(misfit)?;
     let (mut heights, mut slopes) = ([Coverage::default(); 5], [Coverage::default(); 5]);
     for (i, height_m) in first.error_m.samples.iter().enumerate() {
@@ -167,12 +167,12 @@ impl Calibration {
     /// Draws the reliability curves of heights and slopes. Below the diagonal the expected errors are too small.
     ///
     /// # Errors
-    /// [`Error::Usage`] if there is neither a height nor a slope with an expected error.
+    /// [`Error::Input`] if there is neither a height nor a slope with an expected error.
     pub fn picture(&self) -> Result<RgbImage> {
         let percent = |points: Vec<(f64, f64)>| points.iter().map(|(x, y)| (100.0 * x, 100.0 * y)).collect();
         let [heights, slopes] = self.all().map(|all| all.reliability());
         if heights.is_empty() && slopes.is_empty() {
-            return Err(Error::usage(format!("{}: a pixel with an expected error expected, none found", self.name)));
+            return Err(Error::input(format!("{}: a pixel with an expected error expected, none found", self.name)));
         }
         let diagonal = (0..NOMINAL).map(|k| (nominal(k), nominal(k))).collect();
         let series = [("as expected", diagonal), ("heights", heights), ("slopes", slopes)]

@@ -30,14 +30,14 @@ impl CoAlignment {
     /// the coarse DTM's own pixels, metres. Pixels without a coarse height become NaN.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.
+    /// [`Error::Input`] if the sizes differ or no pixel is valid in both.
     pub fn apply(self, dtm: &Raster, coarse: &Raster, pixel_m: (f64, f64), coarse_m: f64) -> Result<Raster> {
         if self == Self::None {
             return Ok(dtm.clone());
         }
         if (dtm.rows, dtm.cols) != (coarse.rows, coarse.cols) {
             let what = format!("expected the coarse DTM on the DTM's grid, {} x {}", dtm.rows, dtm.cols);
-            return Err(Error::usage(format!("co-alignment: {what}, found {} x {}", coarse.rows, coarse.cols)));
+            return Err(Error::input(format!("co-alignment: {what}, found {} x {}", coarse.rows, coarse.cols)));
         }
         let filter = LowPass::new(RESOLVED_COARSE_PX * coarse_m, pixel_m);
         let both = |map: &Raster| {
@@ -64,7 +64,7 @@ fn line(x: &[f32], y: &[f32]) -> Result<(f64, f64)> {
         || x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite()).map(|(x, y)| (f64::from(*x), f64::from(*y)));
     let n = pairs().count() as f64;
     if n == 0.0 {
-        return Err(Error::usage("co-alignment: a pixel valid in DTM and coarse DTM expected, none found"));
+        return Err(Error::input("co-alignment: a pixel valid in DTM and coarse DTM expected, none found"));
     }
     let (mean_x, mean_y) = (pairs().map(|p| p.0).sum::<f64>() / n, pairs().map(|p| p.1).sum::<f64>() / n);
     let square: f64 = pairs().map(|p| (p.0 - mean_x).powi(2)).sum();

@@ -31,14 +31,14 @@ impl Expected {
         let name = path.display().to_string();
         let band = |k: usize, what: &str| {
             read_band(path, k).map_err(|e| match e {
-                Error::Unsupported { .. } => Error::usage(format!("{name}: band {} expected, {what}: {e}", k + 1)),
+                Error::Unsupported { .. } => Error::input(format!("{name}: band {} expected, {what}: {e}", k + 1)),
                 e => e,
             })
         };
         let heights_m = band(0, "errors of heights")?;
         if (heights_m.rows, heights_m.cols, &heights_m.georef) != (dtm.raster.rows, dtm.raster.cols, &dtm.raster.georef)
         {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "{name}: the grid of {} expected, {} found; found {}",
                 dtm.name,
                 grid(dtm.raster),

@@ -95,7 +95,7 @@ impl LinearFilter {
     /// counts in waves longer than that; interpolation alone made its shorter ones.
     ///
     /// # Errors
-    /// Errors of `lesson`, the first in order; [`Error::Usage`] if a map has another size.
+    /// Errors of `lesson`, the first in order; [`Error::Input`] if a map has another size.
     pub fn fit(
         (rows, cols): (usize, usize),
         coarse_px: f32,
@@ -107,7 +107,7 @@ impl LinearFilter {
             let lengths = [contrast.len(), coarse.len(), truth.len()];
             if lengths != [rows * cols; 3] {
                 let what = format!("expected maps of {rows} x {cols} pixels, found {lengths:?} pixels");
-                return Err(Error::usage(format!("linear filter: {what}")));
+                return Err(Error::input(format!("linear filter: {what}")));
             }
             let rest = truth.iter().zip(&coarse).map(|(z, c)| z - c).collect();
             let [k, c, d] = [contrast, coarse, rest].map(|map: Vec<f64>| spectrum(map, rows, cols));

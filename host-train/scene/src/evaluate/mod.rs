@@ -95,7 +95,7 @@ pub struct Comparison {
 /// the comparison, by a Gaussian that halves waves of this length.
 ///
 /// # Errors
-/// [`Error::Usage`] if a raster has no place, reference systems differ, no pixel is common to all, or the resolution is not above 0.
+/// [`Error::Input`] if a raster has no place, reference systems differ, no pixel is common to all, or the resolution is not above 0.
 pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>) -> Result<Comparison> {
     if let Some(found) = resolution_m.filter(|m| !(*m > 0.0 && m.is_finite())) {
         return Err(Error::usage(format!(
@@ -115,10 +115,10 @@ pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>
         let names: Vec<&str> = candidates.iter().map(|c| c.dtm.name).collect();
         let what =
             format!("{}: pixels that are valid there and in {} expected, none found", truth.name, names.join(" and "));
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     let (row_m, col_m) =
-        truth.raster.pixel_m().ok_or_else(|| Error::usage(format!("{}: pixel size in metres unknown", truth.name)))?;
+        truth.raster.pixel_m().ok_or_else(|| Error::input(format!("{}: pixel size in metres unknown", truth.name)))?;
     let pixel = PixelSize { row_m, col_m };
     let filter = resolution_m.map(|wavelength_m| LowPass::new(wavelength_m, (row_m, col_m)));
     let resolved = |map: &Raster| {

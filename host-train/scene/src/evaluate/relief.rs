@@ -53,14 +53,14 @@ pub struct ReliefScores {
 /// the short waves.
 ///
 /// # Errors
-/// [`Error::Usage`] if rasters differ in size.
+/// [`Error::Input`] if rasters differ in size.
 pub fn relief(
     comparison: &Comparison,
     scored: &Scored,
     wavelength_m: f64,
     light: Option<Light>,
 ) -> Result<ReliefScores> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("{}: {e}", scored.name));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("{}: {e}", scored.name));
     let pixel = comparison.pixel;
     let placed = &scored.placed;
     // Truth and candidate have the same voids, so that a void of one map does not change only one low-pass.
@@ -94,7 +94,7 @@ fn long_waves(error_m: &Raster, wavelength_m: f64, pixel_m: (f64, f64)) -> Optio
 }
 
 fn view(map: &Raster) -> Result<GridView<'_, f32>> {
-    GridView::new(&map.samples, map.rows, map.cols).map_err(|e| Error::usage(format!("evaluate: {e}")))
+    GridView::new(&map.samples, map.rows, map.cols).map_err(|e| Error::input(format!("evaluate: {e}")))
 }
 
 fn side(
@@ -104,7 +104,7 @@ fn side(
     azimuth_deg: f64,
     facing: Facing,
 ) -> Result<Option<Side>> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("evaluate: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("evaluate: {e}"));
     let faces = |g| Facing::of(g, azimuth_deg) == facing;
     let (mut slopes, mut heights) = (GradientErrors::default(), HeightErrors::default());
     slopes.extend(truth, dtm, pixel, faces).map_err(misfit)?;
@@ -121,7 +121,7 @@ fn side(
 }
 
 fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("image: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("image: {e}"));
     let mut shade = vec![0; dtm.samples.len()];
     let sun = Sun { azimuth_deg: light.azimuth_deg, elevation_deg: light.elevation_deg, exaggeration: 1.0 };
     hillshade(view(dtm)?, pixel, sun, &mut shade).map_err(misfit)?;

@@ -57,9 +57,9 @@ impl Scores {
     /// Scores `dtm` against `truth`, both in metres on one grid, over the pixels that are valid in both.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the sizes differ or no pixel is valid in both.
+    /// [`Error::Input`] if the sizes differ or no pixel is valid in both.
     pub fn of(truth: &Raster, dtm: &Raster, pixel: PixelSize) -> Result<Self> {
-        let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("evaluate: {e}"));
+        let misfit = |e: elunar_core::error::LengthError| Error::input(format!("evaluate: {e}"));
         let mut heights = HeightErrors::default();
         heights.extend(&truth.samples, &dtm.samples, None).map_err(misfit)?;
         let mut slopes = SlopeErrors::default();
@@ -69,7 +69,7 @@ impl Scores {
         let both = truth.samples.iter().zip(&dtm.samples).filter(|(t, z)| t.is_finite() && z.is_finite());
         let mut errors: Vec<f64> = both.map(|(t, z)| f64::from(*z) - f64::from(*t)).collect();
         let median_m = quantile(&mut errors, 0.5)
-            .ok_or_else(|| Error::usage("evaluate: a pixel valid in both expected, none found"))?;
+            .ok_or_else(|| Error::input("evaluate: a pixel valid in both expected, none found"))?;
         let mut sizes: Vec<f64> = errors.iter().map(|e| e.abs()).collect();
         let mut deviations: Vec<f64> = errors.iter().map(|e| (e - median_m).abs()).collect();
         let mut slope_sizes = slope_errors(truth_grid, dtm_grid, pixel);

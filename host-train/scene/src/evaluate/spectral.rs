@@ -72,7 +72,7 @@ pub(super) fn octaves_table(names: &[String], spectra: &[Option<Spectral>]) -> S
 /// Draws correlation, gain and amplitude of all candidates over the wavelength.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Usage`] if no candidate has a spectrum.
+/// [`elunar_raster::Error::Input`] if no candidate has a spectrum.
 pub fn octaves_picture(names: &[String], spectra: &[Option<Spectral>]) -> Result<RgbImage> {
     let curves: [Curve; 3] = [("correlation", |o| o.correlation), ("gain", |o| o.gain), ("amplitude", |o| o.amplitude)];
     let series: Vec<Series> = names

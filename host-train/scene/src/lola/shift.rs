@@ -47,16 +47,16 @@ impl<'a> Ground<'a> {
     /// Prepares a DTM. `name` is its name in messages. The search goes up to `search_m` metres along either axis, in steps of half a pixel.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the DTM has no georeference, its projection is not supported, or the search has too many steps.
+    /// [`Error::Input`] if the DTM has no georeference, its projection is not supported, or the search has too many steps.
     pub fn new(dtm: &'a dyn Source, name: &str, search_m: f64) -> Result<Self> {
         let info = dtm.info();
-        let missing = |what: &str| Error::usage(format!("{name}: a DTM with {what} expected, none found"));
+        let missing = |what: &str| Error::input(format!("{name}: a DTM with {what} expected, none found"));
         let georef = info.georef.clone().ok_or_else(|| missing("a geotransform"))?;
         if georef.crs.is_empty() {
             return Err(missing("a coordinate reference system"));
         }
         let projection = Projection::of(&georef.crs).ok_or_else(|| {
-            Error::usage(format!("{name}: a known map projection expected, found {}", georef.crs.summary()))
+            Error::input(format!("{name}: a known map projection expected, found {}", georef.crs.summary()))
         })?;
         let size = georef.pixel_m(info.rows, info.cols).filter(|size| size.0 > 0.0 && size.1 > 0.0);
         let (row_m, col_m) = size.ok_or_else(|| missing("a pixel size"))?;
@@ -65,7 +65,7 @@ impl<'a> Ground<'a> {
         if !(rows <= MOST_STEPS as f64 && cols <= MOST_STEPS as f64 && search_m >= 0.0) {
             let what =
                 format!("{name}: a search of at most {MOST_STEPS} half pixels either way expected, found {search_m} m");
-            return Err(Error::usage(what));
+            return Err(Error::input(what));
         }
         let metres = if georef.crs.is_projected() {
             let unit = georef.crs.metres_per_unit().unwrap_or(1.0);

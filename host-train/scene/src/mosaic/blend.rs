@@ -42,11 +42,11 @@ impl Mosaic {
     /// weight 0 are left out, whatever their height.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a tile starts above one that was added before, or heights and weights differ in number.
+    /// [`Error::Input`] if a tile starts above one that was added before, or heights and weights differ in number.
     pub fn add(&mut self, row: usize, col: usize, tile_cols: usize, heights_m: &[f32], weights: &[f64]) -> Result<()> {
         if row < self.first && self.first > self.from || heights_m.len() != weights.len() || tile_cols == 0 {
             let what = format!("row {row}, {} heights, {} weights", heights_m.len(), weights.len());
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "mosaic: tiles from row {} downwards, one weight per height expected; {what} found",
                 self.first
             )));

@@ -42,10 +42,10 @@ impl Grid {
     /// of the window that a DTM reaches. The corner lies on a whole pixel of the first DTM only if the outer edges do.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a DTM has no georeference, is rotated, or has another reference system than the first; if the spacing is not
+    /// [`Error::Input`] if a DTM has no georeference, is rotated, or has another reference system than the first; if the spacing is not
     /// positive, the window is empty or touches no DTM, or the mosaic would exceed the largest size.
     pub fn around(inputs: &[Input], options: GridOptions) -> Result<Self> {
-        let first = inputs.first().ok_or_else(|| Error::usage("mosaic: at least one DTM expected, none found"))?;
+        let first = inputs.first().ok_or_else(|| Error::input("mosaic: at least one DTM expected, none found"))?;
         let place = placed(&first.name, first.source.info())?;
         let t = place.transform;
         let (col_step, row_step) = match options.spacing {
@@ -75,7 +75,7 @@ impl Grid {
         let (x0, y0) = (snap(west, t[0], col_step), snap(north, t[3], row_step));
         let (cols, rows) = (((east - x0) / col_step).round().max(1.0), ((south - y0) / row_step).round().max(1.0));
         if rows * cols > LARGEST_PX {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "mosaic: at most {LARGEST_PX:e} pixels expected, {rows} x {cols} found: are all DTMs of one region? (see --tr, --t_projwin)"
             )));
         }
@@ -98,7 +98,7 @@ fn placed<'a>(name: &str, info: &'a Info) -> Result<&'a GeoRef> {
     let georef = info.place(name)?;
     let t = georef.transform;
     if !(t[1] > 0.0 && t[5] < 0.0 && t[2] == 0.0 && t[4] == 0.0) {
-        return Err(Error::usage(format!("{name}: a north-up transform expected, {t:?} found")));
+        return Err(Error::input(format!("{name}: a north-up transform expected, {t:?} found")));
     }
     Ok(georef)
 }
@@ -108,7 +108,7 @@ fn same_system(first_name: &str, first: &GeoRef, name: &str, georef: &GeoRef) ->
         return Ok(());
     }
     let (expected, found) = (first.crs.summary(), georef.crs.summary());
-    Err(Error::usage(format!("{name}: the reference system of {first_name} ({expected}) expected, {found} found")))
+    Err(Error::input(format!("{name}: the reference system of {first_name} ({expected}) expected, {found} found")))
 }
 
 /// Returns west, south, east and north limits.

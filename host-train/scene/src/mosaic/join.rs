@@ -27,7 +27,7 @@ pub struct JoinRules {
 /// unchanged, otherwise bilinearly. If one of the four neighbours has no weight, the pixel gets nothing (`dem_mosaic`).
 ///
 /// # Errors
-/// [`Error::Usage`] if a DTM's transform has no inverse. Errors of reading the DTMs are passed on.
+/// [`Error::Input`] if a DTM's transform has no inverse. Errors of reading the DTMs are passed on.
 pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>> {
     // With priorities, pixels around the grid influence the weights within it.
     let frame = if rules.priority_px > 0 { Frame::around(inputs, grid, rules) } else { Frame::of(grid) };
@@ -125,7 +125,7 @@ impl Part {
     fn read(input: &Input, grid: &Grid, frame: &Frame, rules: &JoinRules) -> Result<Option<Self>> {
         let info = input.source.info();
         let map = info.georef.as_ref().and_then(|from| PixelMap::between(&grid.georef.transform, &from.transform));
-        let map = map.ok_or_else(|| Error::usage(format!("{}: an invertible geotransform expected", input.name)))?;
+        let map = map.ok_or_else(|| Error::input(format!("{}: an invertible geotransform expected", input.name)))?;
         let map = PixelMap {
             row0: map.row0 - frame.above as f64 * map.row_per_row,
             col0: map.col0 - frame.left as f64 * map.col_per_col,

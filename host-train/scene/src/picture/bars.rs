@@ -29,12 +29,12 @@ pub struct Bars<'a> {
 /// Draws the bars from 0 on. The first value of a line is written behind its bars.
 ///
 /// # Errors
-/// [`Error::Usage`] without a positive value.
+/// [`Error::Input`] without a positive value.
 pub fn bars(bars: &Bars<'_>) -> Result<RgbImage> {
     let finite = |v: &Option<f64>| v.filter(|v| v.is_finite());
     let largest = bars.lines.iter().flat_map(|(_, values)| values.iter().filter_map(finite)).fold(0.0, f64::max);
     if largest <= 0.0 {
-        return Err(Error::usage(format!("{}: no bar to draw", bars.title)));
+        return Err(Error::input(format!("{}: no bar to draw", bars.title)));
     }
     let each = bars.legend.len().clamp(1, COLOURS.len()) as u32;
     let line_px = each * BAR_PX.0 + BAR_PX.1;

@@ -53,7 +53,7 @@ const COLOURS: [RGBColor; 13] = [
 /// Draws the curves into a PNG file.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no point to draw, [`Error::Io`] if the file cannot be written.
+/// [`Error::Input`] if there is no point to draw, [`Error::Io`] if the file cannot be written.
 pub fn curves(path: &Path, chart: &Chart, series: &[Series]) -> Result<()> {
     write_png(path, plot(chart, series)?)
 }
@@ -61,7 +61,7 @@ pub fn curves(path: &Path, chart: &Chart, series: &[Series]) -> Result<()> {
 /// Draws the curves as [`curves`] does, in memory.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no point to draw.
+/// [`Error::Input`] if there is no point to draw.
 pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
     draw(chart, series, false)
 }
@@ -69,7 +69,7 @@ pub fn plot(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
 /// Draws the curves over a logarithmic x, in memory. Points with x ≤ 0 are left out.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no point to draw.
+/// [`Error::Input`] if there is no point to draw.
 pub fn plot_log_x(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
     draw(chart, series, true)
 }
@@ -84,7 +84,7 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
         .collect();
     let points = || series.iter().flat_map(|s| &s.points);
     let (Some(x), Some(y)) = (range(points().map(|p| p.0)), range(points().map(|p| p.1))) else {
-        return Err(Error::usage(format!("{}: no point to draw", chart.title)));
+        return Err(Error::input(format!("{}: no point to draw", chart.title)));
     };
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     let drawn = {
@@ -112,7 +112,7 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
             }
         })
     };
-    drawn.map_err(|e| Error::usage(format!("{}: {e}", chart.title)))?;
+    drawn.map_err(|e| Error::input(format!("{}: {e}", chart.title)))?;
     Ok(pixels)
 }
 

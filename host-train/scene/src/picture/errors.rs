@@ -17,7 +17,7 @@ const LEGEND_PX: u32 = 22;
 /// Pixels without an error are black.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
+/// [`elunar_raster::Error::Input`] if there are not `rows · cols` samples.
 pub fn error_map(error_m: &[f32], rows: usize, cols: usize) -> Result<RgbImage> {
     let (width, height) = check_size(error_m.len(), rows, cols)?;
     let mut picture = RgbImage::from_pixel(width, height + LEGEND_PX, Rgb([255; 3]));

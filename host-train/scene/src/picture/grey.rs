@@ -10,10 +10,10 @@ use image::{GrayImage, Luma};
 /// outermost pixels are black.
 ///
 /// # Errors
-/// [`Error::Usage`] if there are not `rows · cols` samples.
+/// [`Error::Input`] if there are not `rows · cols` samples.
 pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) -> Result<GrayImage> {
     let (width, height) = check_size(heights_m.len(), rows, cols)?;
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("hillshade: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("hillshade: {e}"));
     let mut shade = vec![0; heights_m.len()];
     let view = GridView::new(heights_m, rows, cols).map_err(misfit)?;
     elunar_core::terrain::hillshade(view, pixel, Sun::default(), &mut shade).map_err(misfit)?;
@@ -23,17 +23,17 @@ pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) 
 /// Returns row-major bytes as a picture.
 ///
 /// # Errors
-/// [`Error::Usage`] if there are not `rows · cols` bytes.
+/// [`Error::Input`] if there are not `rows · cols` bytes.
 pub fn grey(bytes: Vec<u8>, rows: usize, cols: usize) -> Result<GrayImage> {
     let (width, height) = check_size(bytes.len(), rows, cols)?;
-    let misfit = || Error::usage(format!("picture: {rows} x {cols} bytes expected"));
+    let misfit = || Error::input(format!("picture: {rows} x {cols} bytes expected"));
     GrayImage::from_raw(width, height, bytes).ok_or_else(misfit)
 }
 
 /// Stretches the central 99 % of an image's samples over the grey range. Invalid samples are black.
 ///
 /// # Errors
-/// [`Error::Usage`] if there are not `rows · cols` samples.
+/// [`Error::Input`] if there are not `rows · cols` samples.
 pub fn stretch(samples: &[f32], rows: usize, cols: usize) -> Result<GrayImage> {
     let (width, height) = check_size(samples.len(), rows, cols)?;
     let (low, high) = percentiles(samples, 0.005, 0.995).unwrap_or_default();

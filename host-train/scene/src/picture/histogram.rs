@@ -16,12 +16,12 @@ const LINE: RGBColor = RGBColor(214, 90, 30);
 /// Draws the histogram of the finite `values`, with a labelled vertical line at each of `lines`.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no finite value.
+/// [`Error::Input`] if there is no finite value.
 pub fn histogram(title: &str, x: &str, values: &[f64], lines: &[(String, f64)]) -> Result<RgbImage> {
     install_font();
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     if finite.is_empty() {
-        return Err(Error::usage(format!("{title}: no value to draw")));
+        return Err(Error::input(format!("{title}: no value to draw")));
     }
     let all = finite.iter().chain(lines.iter().map(|(_, at)| at)).filter(|v| v.is_finite());
     let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
@@ -33,7 +33,7 @@ pub fn histogram(title: &str, x: &str, values: &[f64], lines: &[(String, f64)]) 
     let top = f64::from(counts.iter().copied().max().unwrap_or(1)) * 1.12;
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     draw(&mut pixels, (title, x), (low, step, top), &counts, lines)
-        .map_err(|e| Error::usage(format!("{title}: {e}")))?;
+        .map_err(|e| Error::input(format!("{title}: {e}")))?;
     Ok(pixels)
 }
 

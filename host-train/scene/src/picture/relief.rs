@@ -20,7 +20,7 @@ const RAMP: [[f32; 3]; 6] = [
 /// `None` takes the DTM's own range. Pixels without a height are black.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Usage`] if there are not `rows · cols` samples.
+/// [`elunar_raster::Error::Input`] if there are not `rows · cols` samples.
 pub fn relief(
     heights_m: &[f32],
     rows: usize,

@@ -1,10 +1,11 @@
 //! File of the errors that a DTM's heights and slopes are expected to have.
 
 use super::Provenance;
+use super::output::write_sum;
 use elunar_core::photoclinometry::Origin;
 use elunar_raster::geotiff::{WriteOptions, Writer};
 use elunar_raster::{GeoRef, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest assumed error of a coarse DTM, metres: SLDEM2015's against LOLA is 3 to 4 m (Barker et al. 2016).
 const SIGMA_MAX_M: f32 = 3.0;
@@ -25,6 +26,8 @@ pub type Origins = [u64; 5];
 /// codes of [`Origin`]. The first two are void where the DTM is.
 pub struct ErrorsWriter {
     file: Writer,
+    output: PathBuf,
+    is_identified: bool,
     coarse_sigma_m: f32,
     origins: Origins,
 }
@@ -49,7 +52,8 @@ impl ErrorsWriter {
             .with_item("COARSE_SIGMA_M", format!("{coarse_sigma_m}"));
         let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
         let file = Writer::create(output, rows, cols, Some(georef), &options)?;
-        Ok(Self { file, coarse_sigma_m, origins: Origins::default() })
+        let is_identified = from.identity.is_some();
+        Ok(Self { file, output: output.into(), is_identified, coarse_sigma_m, origins: Origins::default() })
     }
 
     /// Adds a row: the expected errors of heights and slopes, the share that the image explains, and darkness.
@@ -70,7 +74,11 @@ impl ErrorsWriter {
     /// # Errors
     /// As [`Writer::finish`].
     pub fn finish(self) -> Result<Origins> {
-        self.file.finish()?;
+        let mut staged = self.file.stage()?;
+        if self.is_identified {
+            write_sum(&self.output, &staged.sha256()?)?;
+        }
+        staged.publish()?;
         Ok(self.origins)
     }
 }

@@ -79,7 +79,7 @@ struct Worker<'a> {
 
 impl TileNetwork for Worker<'_> {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
-        let fault = |e: nn::RunError| Error::usage(format!("int8 network: {e}"));
+        let fault = |e: nn::RunError| Error::input(format!("int8 network: {e}"));
         let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena).map_err(fault)?;
         runner.begin(image, coarse).map_err(fault)?;
         while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}

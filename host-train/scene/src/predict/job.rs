@@ -1,41 +1,46 @@
 //! Work on a DTM file. Rows of an interrupted run are kept and the missing rows are made; then all rows become a GeoTIFF.
 
 use super::errors::{ErrorsWriter, Origins};
+use super::identity::Identity;
 use super::tile::TileResult;
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
 use crate::{interrupt, progress};
 use elunar_net::illumination::{LightSource, Lighting};
-use elunar_raster::{Error, Result};
+use elunar_raster::Result;
+use elunar_raster::output::Owner;
 use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Receives finished rows; see [`super::predict_rows`].
 pub type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
 
-/// Makes the rows that `part` lacks, in order. A progress bar counts tiles. If the run stops, the finished rows stay on disk for the next
-/// run.
+/// Makes the rows that `part` lacks of `rows`, in order. A progress bar counts tiles. If the run stops, the finished rows stay on disk for the
+/// next run. Nothing is added once `owner` has lost the output.
 ///
 /// # Errors
 /// As `make`. The message says where the finished rows are, if there are any.
 pub fn fill(
     mut part: Part,
-    scene: &Scene,
+    rows: usize,
+    owner: &Owner,
     make: impl FnOnce(usize, Keep, Progress) -> Result<Tally>,
 ) -> Result<(Part, Tally)> {
     let from = part.rows();
     if from > 0 {
-        eprintln!("{}: going on after row {from} of {}", part.path().display(), scene.rows);
+        eprintln!("{}: going on after row {from} of {rows}", part.path().display());
     }
     interrupt::listen();
-    match with_progress(|progress| make(from, &mut |rows| part.append(rows), progress)) {
+    let keep = |part: &mut Part, rows: &[f32]| owner.check().and_then(|()| part.append(rows));
+    match with_progress(|progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
         Ok(tally) => Ok((part, tally)),
+        Err(error) if owner.check().is_err() => Err(error),
         Err(error) if part.rows() == 0 => {
             part.remove()?;
             Err(error)
         }
         Err(error) => {
             let kept = part.path().display();
-            Err(Error::usage(format!("{error}; what was made is in {kept}, the same command goes on from there")))
+            Err(error.and(&format!("; what was made is in {kept}, the same command goes on from there")))
         }
     }
 }
@@ -67,15 +72,24 @@ pub struct Finished {
     pub origins: Option<Origins>,
 }
 
+/// Reads all rows of a job, in order, in blocks.
+pub type ReadRows<'a> = &'a mut dyn FnMut(&mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()>;
+
 /// Writes finished rows as the DTM and its hillshade, and the expected errors if wanted. `model` says how the heights were made, and `light`
-/// under which light ([`light_text`]).
+/// under which light ([`light_text`]). The caller removes the rows. `owner` owns the DTM.
 ///
 /// # Errors
-/// If a file cannot be read or written.
-pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files: Files<'_>) -> Result<Finished> {
+/// If a file cannot be read or written, or `owner` has lost the output. Then no DTM exists.
+pub fn finish(
+    read: ReadRows,
+    scene: &Scene,
+    (model, light, identity): (&str, &str, &Identity),
+    files: Files<'_>,
+    owner: &Owner,
+) -> Result<Finished> {
     let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let (image, coarse) = (file(files.image), file(files.coarse));
-    let from = Provenance { model, light, image: &image, coarse: &coarse };
+    let from = Provenance { model, light, image: &image, coarse: &coarse, identity: Some(identity) };
     let mut writer = DtmWriter::create(files.output, scene.rows, scene.cols, &scene.georef, &from)?;
     let errors = |(path, sigma_m)| ErrorsWriter::create(path, (scene.rows, scene.cols), &scene.georef, &from, sigma_m);
     let mut errors = files.errors.map(errors).transpose()?;
@@ -86,7 +100,7 @@ pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files
         }
     };
     let cols = scene.cols;
-    part.read(&mut |rows| {
+    read(&mut |rows| {
         let Some(errors) = &mut errors else {
             see(rows);
             return writer.add(rows);
@@ -100,19 +114,10 @@ pub fn finish(mut part: Part, scene: &Scene, (model, light): (&str, &str), files
         Ok(())
     })?;
     // The DTM comes last, so that a DTM on disk has its errors beside it.
+    owner.check()?;
     let origins = errors.map(ErrorsWriter::finish).transpose()?;
-    writer.finish()?;
-    part.remove()?;
+    writer.finish(&|| owner.check())?;
     Ok(Finished { low_m, high_m, pixels_valid, origins })
-}
-
-/// Returns a text that changes when the file changes.
-///
-/// # Errors
-/// [`Error::Io`] if the file's metadata cannot be read.
-pub fn state(path: &Path) -> Result<String> {
-    let known = path.metadata().map_err(Error::io(path))?;
-    Ok(format!("{:?} {} {:?}", path.canonicalize().ok(), known.len(), known.modified().ok()))
 }
 
 fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {

@@ -6,6 +6,7 @@
 
 mod arrays;
 pub mod errors;
+pub mod identity;
 pub mod int8;
 pub mod job;
 pub mod neighbourhoods;
@@ -15,8 +16,10 @@ mod output;
 mod part;
 mod preview;
 pub mod record;
+pub mod rows;
 mod run;
 mod scene;
+pub mod span;
 pub mod sun;
 mod survey;
 mod tile;
@@ -34,10 +37,10 @@ mod tests;
 mod unrelated_tests;
 
 pub use arrays::predict_array;
-pub use output::{DtmWriter, Provenance, hillshade_path};
-pub use part::Part;
+pub use output::{DtmWriter, Provenance, hillshade_path, sum_path};
+pub use part::{Part, part_path};
 pub(crate) use run::{Cut, TileMaker, make_rows};
-pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows};
+pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows, predict_span};
 pub(crate) use scene::{Band, Cutout};
 pub use scene::{Input, Scene};
 pub use survey::{Brightness, Survey};

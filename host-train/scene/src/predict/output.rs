@@ -1,10 +1,11 @@
 //! Files of a prediction: the DTM with its provenance, and a hillshade beside it.
 
+use super::identity::Identity;
 use super::preview::Preview;
 use crate::picture;
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
-use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result};
+use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result, atomic_write};
 use std::path::{Path, PathBuf};
 
 /// Provenance of a DTM, for the file's metadata.
@@ -18,19 +19,23 @@ pub struct Provenance<'a> {
     pub image: &'a str,
     /// Name of the coarse DTM.
     pub coarse: &'a str,
+    /// What the job is, if it can be recognised by it.
+    pub identity: Option<&'a Identity>,
 }
 
 impl Provenance<'_> {
     /// Returns the metadata items that say where a file comes from.
-    pub(super) fn items(&self) -> [(&'static str, String); 5] {
-        let Self { model, light, image, coarse } = *self;
-        [
+    pub(super) fn items(&self) -> Vec<(&'static str, String)> {
+        let Self { model, light, image, coarse, identity } = *self;
+        let mut items = vec![
             ("MODEL", model.into()),
             ("LIGHT", light.into()),
             ("IMAGE", image.into()),
             ("COARSE_DTM", coarse.into()),
             ("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")).into()),
-        ]
+        ];
+        items.extend(identity.into_iter().flat_map(Identity::items));
+        items
     }
 }
 
@@ -40,6 +45,7 @@ pub struct DtmWriter {
     output: PathBuf,
     file: Writer,
     preview: Preview,
+    is_identified: bool,
 }
 
 impl DtmWriter {
@@ -57,7 +63,12 @@ impl DtmWriter {
             .with_item("VERTICAL_REFERENCE", format!("sphere of radius {radius_m} m"));
         let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
         let file = Writer::create(output, rows, cols, Some(georef), &options)?;
-        Ok(Self { output: output.into(), file, preview: Preview::new(rows, cols, georef.clone()) })
+        Ok(Self {
+            output: output.into(),
+            file,
+            preview: Preview::new(rows, cols, georef.clone()),
+            is_identified: from.identity.is_some(),
+        })
     }
 
     /// Adds whole rows.
@@ -69,15 +80,40 @@ impl DtmWriter {
         self.file.write_rows(samples)
     }
 
-    /// Writes the remaining data. The DTM is written last, so that a DTM on disk is always complete.
+    /// Writes the remaining data. The DTM is written last, so that a DTM on disk is always complete. The SHA-256 of a DTM with an identity
+    /// comes before it. `check` says whether the output is still ours; it is asked at the end.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if a file cannot be written. Then neither file exists.
-    pub fn finish(self) -> Result<()> {
+    /// [`elunar_raster::Error::Io`] if a file cannot be written. Then the DTM does not exist. Errors of `check` are passed on.
+    pub fn finish(self, check: &dyn Fn() -> Result<()>) -> Result<()> {
         let shade = hillshade_path(&self.output);
-        write_hillshade(&shade, &self.preview.finish())?;
-        self.file.finish().inspect_err(|_| drop(std::fs::remove_file(&shade)))
+        let (output, preview) = (self.output, self.preview);
+        let mut staged = self.file.stage()?;
+        check()?;
+        write_hillshade(&shade, &preview.finish())?;
+        let publish = || {
+            if self.is_identified {
+                write_sum(&output, &staged.sha256()?)?;
+            }
+            check()?;
+            staged.publish()
+        };
+        publish().inspect_err(|_| drop(std::fs::remove_file(&shade)))
     }
+}
+
+/// Returns the path of the SHA-256 of a file: `dtm.tif.sha256` beside `dtm.tif`. `sha256sum --check` reads it.
+#[must_use]
+pub fn sum_path(output: &Path) -> PathBuf {
+    let mut name = output.file_name().unwrap_or_default().to_os_string();
+    name.push(".sha256");
+    output.with_file_name(name)
+}
+
+/// Writes the SHA-256 of a file beside it.
+pub(super) fn write_sum(output: &Path, sum: &str) -> Result<()> {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    atomic_write(&sum_path(output), format!("{sum}  {name}\n").as_bytes())
 }
 
 fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {

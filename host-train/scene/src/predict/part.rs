@@ -1,7 +1,8 @@
 //! Finished rows of an unfinished prediction, on disk. The next run continues an interrupted run with them.
 
-use elunar_raster::output::open_growing;
-use elunar_raster::{Error, Result};
+use elunar_raster::content::sha256_of_text;
+use elunar_raster::output::{Staged, open_growing};
+use elunar_raster::{Error, Result, folder_of};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -22,11 +23,24 @@ impl Part {
     /// Opens the rows of the same job, or starts a new file. `job` is a text that differs between jobs: inputs, model, options.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
+    /// As [`Self::open_at`].
     pub fn open(output: &Path, job: &str, cols: usize) -> Result<Self> {
-        let mut name = output.file_name().unwrap_or_default().to_os_string();
-        name.push(".part");
-        let path = output.with_file_name(name);
+        Self::open_at(part_path(output, None)?, job, cols, false)
+    }
+
+    /// Opens the rows of the same job at `path` ([`part_path`]), or starts a new file. With `copied` it goes on with a copy: the run that wrote
+    /// the rows may still have the file open ([`elunar_raster::output::Owner::is_successor`]).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
+    pub fn open_at(path: PathBuf, job: &str, cols: usize, copied: bool) -> Result<Self> {
+        if copied && path.exists() {
+            // A link is refused here.
+            let mut old = open_growing(&path)?;
+            let mut copy = Staged::create(&path)?;
+            old.rewind().and_then(|()| std::io::copy(&mut old, copy.file())).map_err(Error::io(&path))?;
+            copy.publish()?;
+        }
         let id = Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize();
         let mut file = open_growing(&path)?;
         let mut start = || -> std::io::Result<usize> {
@@ -102,6 +116,22 @@ impl Part {
     }
 }
 
+/// Returns the path of the rows of `output`: `dtm.tif.part` beside `dtm.tif`. In another folder, the name holds the hash of the output's whole
+/// path, so that outputs of one name keep apart.
+///
+/// # Errors
+/// [`Error::Usage`] if the folder does not exist; [`Error::Io`] if that of the output does not.
+pub fn part_path(output: &Path, folder: Option<&Path>) -> Result<PathBuf> {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    let Some(folder) = folder else { return Ok(output.with_file_name(format!("{name}.part"))) };
+    if !folder.is_dir() {
+        return Err(Error::usage(format!("--part-dir {}: a folder expected, none found", folder.display())));
+    }
+    let place = folder_of(output).canonicalize().map_err(Error::io(output))?;
+    let id = sha256_of_text(&place.join(&*name).to_string_lossy());
+    Ok(folder.join(format!("{name}.{}.part", &id[..16])))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,6 +169,33 @@ mod tests {
         assert_eq!(Part::open(&output, "b", 3).unwrap().rows(), 0);
         Part::open(&output, "b", 3).unwrap().remove().unwrap();
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_successor_goes_on_with_a_copy() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dtm.tif.part");
+        let mut halted = Part::open_at(path.clone(), "a", 2, false).unwrap();
+        halted.append(&[1.0, 2.0]).unwrap();
+        let mut successor = Part::open_at(path, "a", 2, true).unwrap();
+        assert_eq!(successor.rows(), 1);
+        successor.append(&[3.0, 4.0]).unwrap();
+        halted.append(&[9.0, 9.0, 9.0, 9.0]).unwrap();
+        assert_eq!(rows(&mut successor), [1.0, 2.0, 3.0, 4.0]);
+    }
+
+    #[test]
+    fn rows_of_outputs_of_one_name_keep_apart_in_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["a", "b", "parts"] {
+            std::fs::create_dir(at(name)).unwrap();
+        }
+        let [a, b] = ["a/dtm.tif", "b/dtm.tif"].map(|name| part_path(&at(name), Some(&at("parts"))).unwrap());
+        assert!(a != b && a.parent() == b.parent(), "{a:?} {b:?}");
+        assert_eq!(part_path(&at("a/../a/dtm.tif"), Some(&at("parts"))).unwrap(), a);
+        let error = part_path(&at("a/dtm.tif"), Some(&at("none"))).unwrap_err().to_string();
+        assert!(error.contains("--part-dir") && error.contains("none"), "{error}");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! All tiles of a scene on several threads, joined in a fixed order.
 
-use super::neighbourhoods::Change;
+use super::neighbourhoods::{Change, SceneLight};
 use super::network::Model;
 use super::scene::{Band, Scene};
+use super::span::Span;
 use super::sun::check_sun;
 use super::tile::{Outcome, Rules, TileResult, TileWorker};
 use crate::mosaic::{Blend, Mosaic};
@@ -10,7 +11,7 @@ use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::{Error, Raster, Result};
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -52,6 +53,14 @@ impl Options {
     #[must_use]
     pub fn layers(&self) -> usize {
         if self.expected_errors { TileResult::LAYERS } else { 1 }
+    }
+
+    /// Returns the tiles of a scene.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the overlap does not fit the tile.
+    pub fn tiling(&self, scene: &Scene, tile: Shape) -> Result<Tiling> {
+        Cut { tile, overlap_px: self.overlap_px, threads: 1, layers: 1 }.tiling(scene)
     }
 
     /// Returns the overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B). For tiles smaller than the
@@ -117,7 +126,7 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// are blended in reading order, whichever thread finishes first. The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
+/// [`Error::Input`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
 /// height, or the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
@@ -128,15 +137,31 @@ pub fn predict_rows(
     progress: Progress,
 ) -> Result<Tally> {
     check_sun(options.sun)?;
+    let light = scene.light_for(model.input_rules().illumination, options.sun)?;
+    predict_span(scene, model, options, light, &Span { rows: 0..scene.rows, from }, keep, progress)
+}
+
+/// Runs `model` as [`predict_rows`] does, under a known light, on the rows of `span`. The rows of all parts of a scene are those of the whole.
+///
+/// # Errors
+/// As [`predict_rows`]. [`Error::Usage`] if the scene lacks the rows.
+pub fn predict_span(
+    scene: &Scene,
+    model: &dyn Model,
+    options: &Options,
+    light: SceneLight,
+    span: &Span,
+    keep: &mut dyn FnMut(&[f32]) -> Result<()>,
+    progress: Progress,
+) -> Result<Tally> {
     let input = model.input_rules();
-    let light = scene.light_for(input.illumination, options.sun)?;
     let (whole, change) = (light.whole, light.change());
     let rules = Rules::new(input, light, scene, options);
     let makers =
         || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules.clone()))) };
     let cut =
         Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
-    Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, from, keep, progress)? })
+    Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, span, keep, progress)? })
 }
 
 /// How a scene is cut into tiles and shared between threads.
@@ -150,6 +175,17 @@ pub(crate) struct Cut {
     pub(crate) threads: usize,
     /// Number of maps of a tile.
     pub(crate) layers: usize,
+}
+
+impl Cut {
+    /// Returns the tiles of a scene.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the overlap does not fit the tile.
+    fn tiling(&self, scene: &Scene) -> Result<Tiling> {
+        let covered = Shape::new(scene.rows.max(self.tile.rows), scene.cols.max(self.tile.cols));
+        Tiling::new(covered, self.tile, self.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))
+    }
 }
 
 /// Makes the heights of a tile, with its own scratch memory. Each thread has one.
@@ -178,39 +214,43 @@ pub(crate) fn make_rows<'a>(
     scene: &Scene,
     cut: Cut,
     makers: &'a Makers<'a>,
-    from: usize,
+    span: &Span,
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
-    let covered = Shape::new(scene.rows.max(cut.tile.rows), scene.cols.max(cut.tile.cols));
-    let tiling = Tiling::new(covered, cut.tile, cut.overlap_px).map_err(|e| Error::usage(format!("overlap: {e}")))?;
-    let first = tiling.iter().take_while(|window| window.row + window.rows <= from).count();
+    span.check(scene.rows)?;
+    let tiling = cut.tiling(scene)?;
+    let reaches_above = |row: usize| tiling.iter().take_while(|window| window.row + window.rows <= row).count();
+    let (before, first) = (reaches_above(span.rows.start), reaches_above(span.from));
+    // What begins below the last row reaches none of the span.
+    let last = tiling.iter().take_while(|window| window.row < span.rows.end).count().max(first);
     let threads = match cut.threads {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         threads => threads,
     };
-    let mosaics = (0..cut.layers).map(|_| Mosaic::from_row(from, scene.rows, scene.cols)).collect();
-    let tally = Tally { tiles: tiling.len(), tiles_before: first, ..Tally::default() };
-    let mut sink = Sink { mosaics, cols: scene.cols, tiling, keep, tally };
+    let mosaics = (0..cut.layers).map(|_| Mosaic::from_row(span.from, span.rows.end, scene.cols)).collect();
+    let tally = Tally { tiles: last - before, tiles_before: first - before, ..Tally::default() };
+    let own_from = span.rows.start;
+    let mut sink = Sink { mosaics, cols: scene.cols, tiling, own_from, keep, tally };
     let stopped = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let (give, take) = sync_channel(2 * threads);
         let (send, receive) = sync_channel(2 * threads);
         let take = Arc::new(Mutex::new(take));
-        for _ in 0..threads.min(tiling.len()) {
+        for _ in 0..threads.min(last - first) {
             let (take, send, stopped) = (take.clone(), send.clone(), &stopped);
             scope.spawn(move || work(makers, &take, stopped, &send));
         }
         // The channel closes with the last worker, so that the reader does not block.
         drop(take);
-        scope.spawn(move || read(scene, tiling, first, &give, &send));
-        let joined = sink.collect(first, &receive, progress);
+        scope.spawn(move || read(scene, tiling, first..last, &give, &send));
+        let joined = sink.collect((before, first..last), &receive, progress);
         stopped.store(true, Ordering::Relaxed);
         // A worker may wait for room in the channel. It must notice that the receiver is gone.
         drop(receive);
         joined
     })?;
-    if from == 0 && sink.tally.tiles_empty == sink.tally.tiles {
+    if span.from == 0 && span.rows.end == scene.rows && sink.tally.tiles_empty == sink.tally.tiles {
         return Err(scene.nothing_valid());
     }
     sink.finish()
@@ -222,9 +262,9 @@ type Job = (usize, Window, Arc<Band>);
 type Made = (usize, Result<Outcome>);
 
 /// Reads the scene band by band and sends its tiles in reading order.
-fn read(scene: &Scene, tiling: Tiling, first: usize, give: &SyncSender<Job>, send: &SyncSender<Made>) {
+fn read(scene: &Scene, tiling: Tiling, tiles: Range<usize>, give: &SyncSender<Job>, send: &SyncSender<Made>) {
     let mut band: Option<Arc<Band>> = None;
-    for (index, window) in tiling.iter().enumerate().skip(first) {
+    for (index, window) in tiling.iter().enumerate().take(tiles.end).skip(tiles.start) {
         let current = match band.take().filter(|band| band.first == window.row) {
             Some(band) => band,
             None => match scene.band(window.row, window.rows.min(scene.rows - window.row)) {
@@ -270,20 +310,28 @@ struct Sink<'a> {
     mosaics: Vec<Mosaic>,
     cols: usize,
     tiling: Tiling,
+    /// Tiles above this row belong to another part, which counts them.
+    own_from: usize,
     keep: &'a mut dyn FnMut(&[f32]) -> Result<()>,
     tally: Tally,
 }
 
 impl Sink<'_> {
-    fn collect(&mut self, first: usize, receive: &Receiver<Made>, progress: Progress) -> Result<()> {
+    fn collect(
+        &mut self,
+        (before, tiles): (usize, Range<usize>),
+        receive: &Receiver<Made>,
+        progress: Progress,
+    ) -> Result<()> {
         let mut waiting = BTreeMap::new();
-        let (mut done, mut joined, all) = (first, first, self.tiling.len());
+        let (mut done, mut joined, all) = (tiles.start, tiles.start, tiles.end);
         while done < all {
-            if progress(done, all).is_break() {
-                return Err(Error::usage(format!("stopped after {done} of {all} tiles")));
+            let (made, asked) = (done - before, all - before);
+            if progress(made, asked).is_break() {
+                return Err(Error::stopped(format!("stopped after {made} of {asked} tiles")));
             }
             let Ok((index, outcome)) = receive.recv() else {
-                return Err(Error::usage(format!("{done} of {all} tiles were predicted before the threads ended")));
+                return Err(Error::input(format!("{made} of {asked} tiles were predicted before the threads ended")));
             };
             waiting.insert(index, outcome?);
             done += 1;
@@ -293,7 +341,7 @@ impl Sink<'_> {
             }
         }
         // The work is complete, so a request to stop has no effect.
-        let _ = progress(done, all);
+        let _ = progress(done - before, all - before);
         Ok(())
     }
 
@@ -302,11 +350,11 @@ impl Sink<'_> {
         let (maps, weights) = match outcome {
             Outcome::Predicted { maps, weights } => (maps, weights),
             Outcome::Coarse { maps, weights } => {
-                self.tally.tiles_coarse += 1;
+                self.tally.tiles_coarse += usize::from(window.row >= self.own_from);
                 (maps, weights)
             }
             Outcome::Empty => {
-                self.tally.tiles_empty += 1;
+                self.tally.tiles_empty += usize::from(window.row >= self.own_from);
                 return Ok(());
             }
         };

@@ -102,7 +102,7 @@ impl Scene {
     /// read.
     ///
     /// # Errors
-    /// [`Error::Usage`] if either has no georeference, their reference systems differ, or a pixel size is unknown.
+    /// [`Error::Input`] if either has no georeference, their reference systems differ, or a pixel size is unknown.
     pub fn new(image: Input, coarse: Input) -> Result<Self> {
         let georef = place(&image)?.clone();
         place(&coarse)?;
@@ -112,7 +112,7 @@ impl Scene {
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
             let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "{what}, found pixels {coarse_px:.2} times as wide as the image's: were the two exchanged?"
             )));
         }
@@ -133,9 +133,10 @@ impl Scene {
     }
 
     /// Returns the error for a scene without valid pixels.
-    pub(super) fn nothing_valid(&self) -> Error {
+    #[must_use]
+    pub fn nothing_valid(&self) -> Error {
         let (coarse, image) = (&self.coarse_name, &self.image.name);
-        Error::usage(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
+        Error::input(format!("{coarse}: expected valid heights under valid pixels of {image}, found none"))
     }
 
     /// Returns the interpolated coarse DTM as a raster, NaN where it or the image is invalid. It is the baseline of a prediction.
@@ -199,7 +200,7 @@ fn place(input: &Input) -> Result<&GeoRef> {
     input.source.info().place(&input.name).map_err(|error| {
         let unnamed = input.source.info().georef.is_some();
         let hint = if unnamed { "; state one with --image-srs or --coarse-srs" } else { "" };
-        Error::usage(format!("{error}{hint}"))
+        Error::input(format!("{error}{hint}"))
     })
 }
 

@@ -34,6 +34,13 @@ impl Survey {
         Lighting::decide(illumination, sun, &fit)
     }
 
+    /// Returns the light of a run, as [`super::Scene::light_for`] does, from a survey that was made before.
+    #[must_use]
+    pub fn light_for(&self, illumination: Illumination, sun: KnownSun) -> SceneLight {
+        let survey = if Lighting::wants_fit(illumination, sun) { self.clone() } else { Self::default() };
+        survey.light(illumination, sun)
+    }
+
     /// Returns the light of every place of the scene, as [`Self::lighting`] does for the whole of it.
     #[must_use]
     pub fn light(self, illumination: Illumination, sun: KnownSun) -> SceneLight {

@@ -281,7 +281,7 @@ impl Model for Faulty {
         "faulty".into()
     }
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
-        if self.at_start { Err(Error::usage("no memory for a worker")) } else { Ok(Box::new(NotANumber)) }
+        if self.at_start { Err(Error::input("no memory for a worker")) } else { Ok(Box::new(NotANumber)) }
     }
 }
 

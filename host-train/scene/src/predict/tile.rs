@@ -133,7 +133,7 @@ impl<'a> TileWorker<'a> {
         match Maps::new(&input, window.shape(), &tile, &mut self.scratch) {
             Ok(maps) => Ok(Some(maps)),
             Err(e) if e.nothing_to_see() => Ok(None),
-            Err(e) => Err(Error::usage(e.to_string())),
+            Err(e) => Err(Error::input(e.to_string())),
         }
     }
 
@@ -146,7 +146,7 @@ impl<'a> TileWorker<'a> {
         if let Some(height) = heights_m.iter().find(|z| !z.is_finite()) {
             let (row, col) = (window.row, window.col);
             let what = format!("the model gave {height} in the tile at row {row}, column {col}");
-            return Err(Error::usage(format!("{what}; a finite height expected")));
+            return Err(Error::input(format!("{what}; a finite height expected")));
         }
         if let Some(anchor) = self.rules.anchor {
             self.sums.resize(Anchor::sums_len(window.rows, window.cols), 0.0);
@@ -154,7 +154,7 @@ impl<'a> TileWorker<'a> {
             let mut difference = coarse;
             anchor
                 .apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums)
-                .map_err(|e| Error::usage(e.to_string()))?;
+                .map_err(|e| Error::input(e.to_string()))?;
         }
         Ok(heights_m)
     }

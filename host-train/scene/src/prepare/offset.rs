@@ -33,7 +33,7 @@ impl Offset {
 /// `None` if image or hillshade is constant.
 ///
 /// # Errors
-/// [`Error::Usage`] if the maps are too small for the search or do not have `rows · cols` samples.
+/// [`Error::Input`] if the maps are too small for the search or do not have `rows · cols` samples.
 pub fn measure(
     image: &[f32],
     heights_m: &[f32],
@@ -44,7 +44,7 @@ pub fn measure(
 ) -> Result<Option<Offset>> {
     if image.len() != rows * cols || heights_m.len() != rows * cols || rows.min(cols) < 4 * (search_px + 1) {
         let found = format!("{} and {} samples, {rows} x {cols}", image.len(), heights_m.len());
-        return Err(Error::usage(format!(
+        return Err(Error::input(format!(
             "offset: maps of four times {search_px} pixels and more expected, {found} found"
         )));
     }

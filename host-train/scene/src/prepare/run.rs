@@ -50,13 +50,13 @@ struct Inspected {
 /// with a manifest is complete.
 ///
 /// # Errors
-/// [`Error::Busy`] if another run writes the folder; [`Error::Usage`] if it is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
+/// [`Error::Busy`] if another run writes the folder; [`Error::Input`] if it is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
 /// are passed on.
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
     if out.join(MANIFEST).exists() {
         let what = format!("{}: a new or unfinished folder expected, one with a manifest found", out.display());
-        return Err(Error::usage(what));
+        return Err(Error::input(what));
     }
     let _owner = Owner::of_folder(out)?;
     let unfinished = out.join(UNFINISHED);
@@ -135,7 +135,7 @@ fn check(parameters: &Parameters) -> Result<Reading> {
 }
 
 fn stop_if_asked() -> Result<()> {
-    if interrupt::requested() { Err(Error::usage("interrupted; the same command goes on from here")) } else { Ok(()) }
+    if interrupt::requested() { Err(Error::stopped("interrupted; the same command goes on from here")) } else { Ok(()) }
 }
 
 /// Inspects a scene, or reads the inspection from `notes` if nothing it depends on has changed.
@@ -187,7 +187,7 @@ fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
     match elunar_raster::quantile::quantile(&mut ratios, 0.5) {
-        Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::usage(format!(
+        Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::input(format!(
             "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
             files.coarse.display(),
             files.dtm.display()
@@ -340,7 +340,7 @@ fn nothing_left(inspected: &[Inspected]) -> Error {
     let reasons = sum_dropped(inspected.iter().map(|j| dropped(&j.tiles)));
     let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{reason:?} {count}")).collect();
     let whole = format!("{TILE_ROWS} x {TILE_COLS}");
-    Error::usage(format!(
+    Error::input(format!(
         "prepare: usable tiles of {whole} pixels expected, none of {tiles} found ({})",
         reasons.join(", ")
     ))

@@ -61,7 +61,7 @@ impl Scene {
         let pixel = pixel_of(image.as_ref(), &image_name)?;
         let coarse_px = (coarse.info().side_m(&coarse_name)? / image.info().side_m(&image_name)?) as f32;
         if coarse_px < 1.0 {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "{coarse_name}: pixels no smaller than those of {image_name} expected, {coarse_px:.3} of their side found"
             )));
         }

@@ -68,7 +68,7 @@ impl Shard {
             ("scene", Dtype::I32, vec![n], self.scene.iter().flat_map(|v| v.to_le_bytes()).collect()),
             ("transform", Dtype::F64, vec![n, 6], self.transform.iter().flat_map(|v| v.to_le_bytes()).collect()),
         ];
-        let wrong = |e: safetensors::SafeTensorError| Error::usage(format!("{}: {e}", path.display()));
+        let wrong = |e: safetensors::SafeTensorError| Error::input(format!("{}: {e}", path.display()));
         let views: Result<Vec<(&str, TensorView)>> = entries
             .iter()
             .map(|(name, dtype, shape, bytes)| {
@@ -158,10 +158,10 @@ impl ShardFile {
     /// Reads tile `index`, below [`Self::len`].
     ///
     /// # Errors
-    /// [`Error::Usage`] if there is no such tile, [`Error::Io`] if it cannot be read.
+    /// [`Error::Input`] if there is no such tile, [`Error::Io`] if it cannot be read.
     pub fn tile(&self, index: usize) -> Result<RawTile> {
         if index >= self.len() {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "{}: {} tiles, number {index} asked for",
                 self.path.display(),
                 self.len()

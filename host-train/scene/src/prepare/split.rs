@@ -45,7 +45,7 @@ impl<'a> Ground<'a> {
 /// longer axis into three blocks, training first. Tiles that lie across a cut are left out.
 ///
 /// # Errors
-/// [`Error::Usage`] if a site that must be cut has scenes in different reference systems.
+/// [`Error::Input`] if a site that must be cut has scenes in different reference systems.
 pub(super) fn divide(tiles: &[Ground], shares: [f64; 3], seed: u64) -> Result<(Vec<Option<Split>>, String)> {
     let mut sites: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     tiles.iter().enumerate().for_each(|(i, tile)| sites.entry(tile.site).or_default().push(i));
@@ -59,7 +59,7 @@ pub(super) fn divide(tiles: &[Ground], shares: [f64; 3], seed: u64) -> Result<(V
     let mut axes = vec![];
     for (site, members) in &sites {
         if let Some(&other) = members.iter().find(|&&i| tiles[i].system != tiles[members[0]].system) {
-            return Err(Error::usage(format!(
+            return Err(Error::input(format!(
                 "site {site}: one reference system, or at least {SITES} sites, expected to divide it; {} and {} found",
                 tiles[members[0]].system, tiles[other].system
             )));

@@ -142,7 +142,7 @@ pub(super) fn errors(
     cols: usize,
     pixel: PixelSize,
 ) -> Result<(HeightErrors, SlopeErrors)> {
-    let misfit = |e: elunar_core::error::LengthError| Error::usage(format!("truth of a tile: {e}"));
+    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("truth of a tile: {e}"));
     let rows = truth_m.len() / cols;
     let (mut heights, mut slopes) = (HeightErrors::default(), SlopeErrors::default());
     heights.extend(truth_m, heights_m, None).map_err(misfit)?;

@@ -23,6 +23,7 @@ pub use journal::{Journal, LevelLog, StepLog, TileLog};
 pub use reflectance::{Light, Shade};
 pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
 
+use crate::predict::span::Span;
 use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
 use elunar_core::tile::Shape;
 use elunar_raster::{Error, Raster, Result};
@@ -46,7 +47,7 @@ pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Pr
 /// The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Usage`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
+/// [`Error::Input`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
 /// in metres, and if the run was stopped. Errors of the files and of `keep` are passed on.
 pub fn solve_rows(
     scene: &Scene,
@@ -57,12 +58,12 @@ pub fn solve_rows(
     progress: Progress,
 ) -> Result<Tally> {
     settings.light()?;
-    let unknown = || Error::usage("image: a pixel size in metres expected, none found");
+    let unknown = || Error::input("image: a pixel size in metres expected, none found");
     let pixel_m = scene.georef.pixel_m(scene.rows, scene.cols).ok_or_else(unknown)?;
     let makers = || -> Result<Box<dyn TileMaker + '_>> {
         Ok(Box::new(tile::Solver::new(*settings, Shape::new(scene.rows, scene.cols), pixel_m, journal)?))
     };
     let tile = Shape::new(settings.tile.0, settings.tile.1);
     let cut = Cut { tile, overlap_px: settings.overlap_px, threads: settings.threads, layers: 1 };
-    make_rows(scene, cut, &makers, from, keep, progress)
+    make_rows(scene, cut, &makers, &Span { rows: 0..scene.rows, from }, keep, progress)
 }

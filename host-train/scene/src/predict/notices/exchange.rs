@@ -11,12 +11,12 @@ const AS_FINE_PX: std::ops::Range<f64> = 1.0..1.5;
 /// image's. `unit_stated` says that the user has stated the unit of the heights.
 ///
 /// # Errors
-/// [`Error::Usage`] with the reason.
+/// [`Error::Input`] with the reason.
 pub fn check_exchange(image: &Input, coarse: &Input, unit_stated: bool) -> Result<()> {
     let same =
         |a: &str, b: &str| Path::new(a).canonicalize().is_ok_and(|a| Path::new(b).canonicalize().is_ok_and(|b| a == b));
     if same(&image.name, &coarse.name) {
-        return Err(Error::usage(format!(
+        return Err(Error::input(format!(
             "{}: an image and a coarse DTM expected, found one file for both",
             coarse.name
         )));
@@ -27,7 +27,7 @@ pub fn check_exchange(image: &Input, coarse: &Input, unit_stated: bool) -> Resul
     if as_fine && info.is_unsigned() && info.unit.is_none() && !unit_stated {
         let what = format!("{}: heights coarser than {} expected", coarse.name, image.name);
         let found = format!("found {} in pixels as fine, as in an image", info.format);
-        return Err(Error::usage(format!("{what}, {found}; say --coarse-unit if these are heights")));
+        return Err(Error::input(format!("{what}, {found}; say --coarse-unit if these are heights")));
     }
     Ok(())
 }

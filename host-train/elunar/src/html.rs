@@ -5,7 +5,7 @@ use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// A picture in a page.
-pub(crate) struct Picture {
+pub struct Picture {
     /// The PNG file.
     pub file: PathBuf,
     /// Caption of the picture.
@@ -13,7 +13,8 @@ pub(crate) struct Picture {
 }
 
 /// Returns a whole document, with its style inside.
-pub(crate) fn document(title: &str, body: &str) -> String {
+#[must_use]
+pub fn document(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -24,7 +25,8 @@ pub(crate) fn document(title: &str, body: &str) -> String {
 }
 
 /// Escapes text for an element or a quoted attribute.
-pub(crate) fn escaped(text: &str) -> String {
+#[must_use]
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -32,7 +34,7 @@ pub(crate) fn escaped(text: &str) -> String {
 ///
 /// # Errors
 /// [`Error::Io`] if the picture cannot be read.
-pub(crate) fn figure(picture: &Picture) -> Result<String> {
+pub fn figure(picture: &Picture) -> Result<String> {
     let bytes = std::fs::read(&picture.file).map_err(Error::io(&picture.file))?;
     let data = base64::engine::general_purpose::STANDARD.encode(bytes);
     let caption = escaped(&picture.caption);
@@ -42,7 +44,8 @@ pub(crate) fn figure(picture: &Picture) -> Result<String> {
 }
 
 /// Returns a table. The first cell of a row is its heading. `best` cells are marked. The table scrolls if the page is narrower.
-pub(crate) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
+#[must_use]
+pub fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
     let head: String = heading.iter().map(|text| format!("<th>{}</th>", escaped(text))).collect();
     let body: String = rows
         .iter()
@@ -61,7 +64,7 @@ pub(crate) fn table(heading: &[&str], rows: &[Vec<Cell>]) -> String {
 }
 
 /// One cell of a table.
-pub(crate) struct Cell {
+pub struct Cell {
     /// Text of the cell.
     pub text: String,
     /// Whether it is the best of its row.
@@ -70,7 +73,8 @@ pub(crate) struct Cell {
 
 impl Cell {
     /// Makes a cell that is not the best of its row.
-    pub(crate) fn plain(text: impl Into<String>) -> Self {
+    #[must_use]
+    pub fn plain(text: impl Into<String>) -> Self {
         Self { text: text.into(), best: false }
     }
 }

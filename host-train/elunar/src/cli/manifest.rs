@@ -1,0 +1,224 @@
+//! `elunar manifest`: makes or checks a manifest.
+
+use super::output;
+use crate::cluster::item::Item;
+use crate::cluster::manifest::{Manifest, text};
+use elunar_raster::content::sha256_of_raster;
+use elunar_raster::{Error, Result, atomic_write, folder_of, source};
+use serde_json::{Map, Value};
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+/// Options of `manifest`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A table has a heading of the fields' names: id, image, coarse, model, output, sun_azimuth, sun_elevation, options.overlap and so \
+on. Empty cells and absent columns take the options of the command line. Paths in a table start from the current folder; those of \
+a manifest from the manifest's. An image that cannot be opened gets a line, and a warning.
+
+Examples:
+  elunar manifest images/ --coarse sldem.tif --model nano.eld --output-dir dtms -o m.jsonl
+  elunar manifest --table list.csv --model nano.eld --output-dir dtms -o m.jsonl
+  elunar manifest --check m.jsonl")]
+pub struct Args {
+    /// Images, and folders of images (.tif, .tiff, .lbl, .img).
+    #[arg(value_name = "IMAGE", required_unless_present_any = ["table", "check"], conflicts_with_all = ["table", "check"])]
+    pub images: Vec<PathBuf>,
+    /// Table of images (CSV).
+    #[arg(long, value_name = "T.csv", conflicts_with = "check")]
+    pub table: Option<PathBuf>,
+    /// Check a manifest, and do nothing else.
+    #[arg(long, value_name = "M.jsonl")]
+    pub check: Option<PathBuf>,
+    /// Coarse DTM of all images.
+    #[arg(long, value_name = "C.tif")]
+    pub coarse: Option<PathBuf>,
+    /// Model.
+    #[arg(long, value_name = "M")]
+    pub model: Option<PathBuf>,
+    /// Folder for the DTMs.
+    #[arg(long, value_name = "DIR", default_value = "dtms")]
+    pub output_dir: PathBuf,
+    /// An option of `predict` for all images, such as overlap=80 or no_anchor=true; may be repeated.
+    #[arg(long = "option", value_name = "NAME=VALUE")]
+    pub options: Vec<String>,
+    /// Which inputs are hashed now, so that no run has to: a coarse DTM of many images is otherwise read for each.
+    #[arg(long, value_enum, default_value = "coarse")]
+    pub hash: Hash,
+    /// Manifest to write.
+    #[arg(short, long, value_name = "M.jsonl", required_unless_present = "check")]
+    pub output: Option<PathBuf>,
+}
+
+/// Which inputs are hashed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Hash {
+    /// None.
+    None,
+    /// The coarse DTMs.
+    Coarse,
+    /// Images and coarse DTMs.
+    All,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If an input is missing, an option is wrong, or the manifest cannot be written.
+pub fn run(args: Args) -> Result<()> {
+    if let Some(path) = &args.check {
+        let manifest = Manifest::read(path)?;
+        println!("{}: {} items", path.display(), manifest.items.len());
+        return Ok(());
+    }
+    let Some(target) = &args.output else { return Err(Error::usage("--output: a path expected, none found")) };
+    let _owner = output::take(target, &args.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let rows = match &args.table {
+        Some(table) => of_table(table)?,
+        None => of_images(&args.images)?,
+    };
+    let folder = absolute(folder_of(target))?;
+    let mut hashes = HashMap::new();
+    let mut items = vec![];
+    for fields in rows {
+        items.push(item(&args, fields, &folder, &mut hashes)?);
+    }
+    let content = text(&items)?;
+    atomic_write(target, content.as_bytes())?;
+    // Names and outputs that occur twice are found here.
+    if let Err(error) = Manifest::read(target) {
+        drop(std::fs::remove_file(target));
+        return Err(error);
+    }
+    let pixels: u64 = items.iter().filter_map(|item| item.rows.zip(item.cols)).map(|(rows, cols)| rows * cols).sum();
+    println!("{}: {} items, {:.1} megapixels", target.display(), items.len(), pixels as f64 / 1e6);
+    Ok(())
+}
+
+/// Fields of an item, by their names.
+type Fields = BTreeMap<String, String>;
+
+fn of_images(images: &[PathBuf]) -> Result<Vec<Fields>> {
+    let mut all = vec![];
+    for path in images {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).map_err(Error::io(path))?;
+        let mut found: Vec<PathBuf> =
+            entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path)).collect();
+        found.sort();
+        if found.is_empty() {
+            return Err(Error::input(format!(
+                "{}: images (.tif, .tiff, .lbl, .img) expected, none found",
+                path.display()
+            )));
+        }
+        all.extend(found);
+    }
+    Ok(all.iter().map(|path| BTreeMap::from([("image".to_string(), path.display().to_string())])).collect())
+}
+
+/// Returns whether a file is an image by its name. Of a label with an image the label counts.
+fn is_image(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let has_label = || ["lbl", "LBL"].iter().any(|label| path.with_extension(label).exists());
+    path.is_file() && (matches!(extension.as_str(), "tif" | "tiff" | "lbl") || extension == "img" && !has_label())
+}
+
+fn of_table(path: &Path) -> Result<Vec<Fields>> {
+    let broken = |e: csv::Error| Error::broken(path, e.to_string());
+    let file = std::fs::File::open(path).map_err(Error::io(path))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+    let heading = reader.headers().map_err(broken)?.clone();
+    let mut all = vec![];
+    for record in reader.records() {
+        let record = record.map_err(broken)?;
+        let cells = heading.iter().zip(record.iter()).filter(|(_, cell)| !cell.is_empty());
+        all.push(cells.map(|(name, cell)| (name.to_string(), cell.to_string())).collect());
+    }
+    Ok(all)
+}
+
+/// Makes an item of the fields of a table and the options of the command line.
+fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<PathBuf, String>) -> Result<Item> {
+    let path = |path: &Path| -> Result<PathBuf> {
+        let whole = absolute(path)?;
+        Ok(whole.strip_prefix(folder).map(Path::to_path_buf).unwrap_or(whole))
+    };
+    let missing = |name: &str| Error::usage(format!("{name}: expected in the table or as an option, found in neither"));
+    let image = PathBuf::from(fields.remove("image").ok_or_else(|| missing("image"))?);
+    let coarse =
+        fields.remove("coarse").map(PathBuf::from).or(args.coarse.clone()).ok_or_else(|| missing("--coarse"))?;
+    let model = fields.remove("model").map(PathBuf::from).or(args.model.clone()).ok_or_else(|| missing("--model"))?;
+    let id = fields.remove("id").unwrap_or_else(|| name_of(&image));
+    let output = fields.remove("output").map_or_else(|| args.output_dir.join(format!("{id}.tif")), PathBuf::from);
+    let mut line = Map::new();
+    let mut put = |name: &str, value: Value| drop(line.insert(name.into(), value));
+    put("id", id.into());
+    for (name, file) in [("image", &image), ("coarse", &coarse), ("model", &model), ("output", &output)] {
+        put(name, path(file)?.display().to_string().into());
+    }
+    for file in [&coarse, &model] {
+        file.metadata().map_err(Error::io(file))?;
+    }
+    match source::open(&image) {
+        Ok(source) => {
+            put("rows", source.info().rows.into());
+            put("cols", source.info().cols.into());
+        }
+        Err(error) => eprintln!("WARNING: {error}; its item will fail"),
+    }
+    for (name, file, wanted) in
+        [("image", &image, args.hash == Hash::All), ("coarse", &coarse, args.hash != Hash::None)]
+    {
+        let Ok(known) = file.metadata() else { continue };
+        put(&format!("{name}_bytes"), known.len().into());
+        if wanted {
+            let hash = match hashes.get(file) {
+                Some(hash) => hash.clone(),
+                None => sha256_of_raster(file)?,
+            };
+            hashes.insert(file.clone(), hash.clone());
+            put(&format!("{name}_sha256"), hash.into());
+        }
+    }
+    let mut options = Map::new();
+    for option in &args.options {
+        let (name, value) = option
+            .split_once('=')
+            .ok_or_else(|| Error::usage(format!("--option: NAME=VALUE expected, {option:?} found")))?;
+        options.insert(name.into(), typed(value));
+    }
+    for (name, value) in fields {
+        match name.strip_prefix("options.") {
+            Some(option) => drop(options.insert(option.into(), typed(&value))),
+            None => put(&name, typed(&value)),
+        }
+    }
+    if !options.is_empty() {
+        put("options", options.into());
+    }
+    let line = Value::Object(line).to_string();
+    Item::parse(&line).map_err(|(field, what)| Error::input(format!("{}: field {field}: {what}", image.display())))
+}
+
+/// Returns a cell as what it looks like: a number, true or false, or a text.
+fn typed(text: &str) -> Value {
+    match text {
+        "true" | "false" => Value::Bool(text == "true"),
+        _ => text.parse::<serde_json::Number>().map_or_else(|_| text.into(), Value::Number),
+    }
+}
+
+/// Returns a name for an item: the file's name without extension, with `_` for other characters.
+fn name_of(image: &Path) -> String {
+    let stem = image.file_stem().unwrap_or_default().to_string_lossy();
+    stem.chars().map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' }).collect()
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    let path = std::path::absolute(path).map_err(Error::io(path))?;
+    Ok(path.canonicalize().unwrap_or(path))
+}

@@ -1,0 +1,162 @@
+//! `elunar status`: says what became of the items of a manifest.
+
+use crate::cluster::manifest::{Manifest, text};
+use crate::cluster::status::{State, Status, done_list, read_logs};
+use crate::cluster::timeline::timeline;
+use crate::html::{Cell, Picture, document, escaped, figure, table};
+use elunar_raster::{Error, Result, atomic_write};
+use elunar_scene::picture::write_png;
+use std::path::{Path, PathBuf};
+
+/// Options of `status`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+An item is done if its DTM and the DTM's SHA-256 lie there; the lines of the batches say why others are not. Exit codes with \
+--require: 0 enough items are done; 75 not yet; 65 never, since too many failed for good.
+
+Examples:
+  elunar status --manifest m.jsonl logs/a.jsonl logs/b.jsonl --resubmit again.jsonl --html status.html
+  elunar status --manifest m.jsonl --require 99% --done list.txt")]
+pub struct Args {
+    /// Manifest, JSON lines.
+    #[arg(long, value_name = "M.jsonl")]
+    pub manifest: PathBuf,
+    /// Lines of batches.
+    #[arg(value_name = "LOG.jsonl")]
+    pub logs: Vec<PathBuf>,
+    /// Share of items that must be done.
+    #[arg(long, value_name = "P%", value_parser = percent)]
+    pub require: Option<f64>,
+    /// Read all DTMs, and compare them with their SHA-256.
+    #[arg(long)]
+    pub verify: bool,
+    /// Write the paths of the finished DTMs, one a line, as `mosaic --dem-list` reads them.
+    #[arg(long, value_name = "LIST.txt")]
+    pub done: Option<PathBuf>,
+    /// Write the lines of the items that are not done and may succeed, beside the manifest.
+    #[arg(long, value_name = "AGAIN.jsonl")]
+    pub resubmit: Option<PathBuf>,
+    /// Write a picture of all attempts over time.
+    #[arg(long, value_name = "T.png")]
+    pub timeline: Option<PathBuf>,
+    /// Write a page. It holds the picture.
+    #[arg(long, value_name = "P.html")]
+    pub html: Option<PathBuf>,
+    /// Print one object of JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the manifest or a log cannot be read, a file cannot be written, or fewer items are done than required.
+pub fn run(args: Args) -> Result<()> {
+    let manifest = Manifest::read(&args.manifest)?;
+    let status = Status::new(&manifest, read_logs(&args.logs)?, args.verify);
+    if let Some(path) = &args.done {
+        atomic_write(path, done_list(&status, &manifest.folder).as_bytes())?;
+    }
+    if let Some(path) = &args.resubmit {
+        let same = |path: &Path| std::path::absolute(elunar_raster::folder_of(path)).ok();
+        if same(path) != same(&args.manifest) {
+            let what = "--resubmit: a file beside the manifest expected, since paths start from its folder";
+            return Err(Error::usage(format!("{what}, {} found", path.display())));
+        }
+        atomic_write(path, text(status.of(&[State::TryAgain, State::Waiting]))?.as_bytes())?;
+    }
+    if let Some(path) = &args.timeline {
+        write_png(path, timeline(&status.attempts)?)?;
+    }
+    if let Some(path) = &args.html {
+        atomic_write(path, page(&args.manifest, &status)?.as_bytes())?;
+    }
+    say(&status, args.json);
+    required(&status, args.require)
+}
+
+/// Counts, their names and states.
+const STATES: [(&str, State); 4] = [
+    ("done", State::Done),
+    ("failed for good", State::Failed),
+    ("to try again", State::TryAgain),
+    ("without an attempt", State::Waiting),
+];
+
+fn say(status: &Status, json: bool) {
+    let (failures, made) = (status.failures(), status.throughput());
+    if json {
+        let kinds: serde_json::Map<String, serde_json::Value> = failures
+            .iter()
+            .map(|(kind, (count, error))| ((*kind).into(), serde_json::json!({ "items": count, "example": error })))
+            .collect();
+        let [done, failed, try_again, waiting] = STATES.map(|(_, state)| status.count(state));
+        let found = serde_json::json!({
+            "items": status.items.len(), "done": done, "failed": failed, "try_again": try_again, "waiting": waiting,
+            "failures": kinds, "throughput": made,
+        });
+        println!("{found}");
+        return;
+    }
+    let counts: Vec<String> = STATES.iter().map(|(name, state)| format!("{} {name}", status.count(*state))).collect();
+    println!("{} items: {}", status.items.len(), counts.join(", "));
+    for (kind, (count, error)) in failures {
+        println!("{count} x {kind}, such as: {error}");
+    }
+    if made.items > 0 {
+        let rate = made.pixels as f64 / 1e6 / made.wall_s.max(1e-9);
+        let (items, wall_s, busy) = (made.items, made.wall_s, made.process_s / made.wall_s.max(1e-9));
+        println!("{items} made in {wall_s:.1} s: {rate:.2} megapixels/s, {busy:.1} processes at a time");
+    }
+}
+
+fn required(status: &Status, percent: Option<f64>) -> Result<()> {
+    let Some(percent) = percent else { return Ok(()) };
+    let (all, done) = (status.items.len() as f64, status.done_percent());
+    // A share that is stated with decimals is compared as it is; rounding of the division does not count.
+    if done >= percent - 1e-9 {
+        return Ok(());
+    }
+    let reachable = 100.0 * (all - status.count(State::Failed) as f64) / all;
+    let text = format!("--require: {percent} % of the items done expected, {done:.2} % found");
+    if reachable >= percent - 1e-9 {
+        Err(Error::stopped(text))
+    } else {
+        Err(Error::input(text + "; too many failed for good"))
+    }
+}
+
+fn page(manifest: &Path, status: &Status) -> Result<String> {
+    let title = format!("Status of {}", manifest.display());
+    let mut body = format!("<h1>{}</h1>\n", escaped(&title));
+    let row = |name: &str, value: String| vec![Cell::plain(name), Cell::plain(value)];
+    let made = status.throughput();
+    let mut rows: Vec<Vec<Cell>> =
+        STATES.iter().map(|(name, state)| row(name, status.count(*state).to_string())).collect();
+    rows.push(row("megapixels made", format!("{:.1}", made.pixels as f64 / 1e6)));
+    rows.push(row("time, s", format!("{:.1}", made.wall_s)));
+    rows.push(row("time of all processes, s", format!("{:.1}", made.process_s)));
+    body += &table(&["items", &status.items.len().to_string()], &rows);
+    let failures = status.failures();
+    if !failures.is_empty() {
+        body += "<h2>Failures</h2>\n";
+        let rows: Vec<Vec<Cell>> = failures
+            .into_iter()
+            .map(|(kind, (count, error))| vec![Cell::plain(kind), Cell::plain(count.to_string()), Cell::plain(error)])
+            .collect();
+        body += &table(&["kind", "items", "such as"], &rows);
+    }
+    if !status.attempts.is_empty() {
+        let folder = tempfile::tempdir().map_err(Error::io("temporary folder"))?;
+        let file = folder.path().join("timeline.png");
+        write_png(&file, timeline(&status.attempts)?)?;
+        body += &format!("<h2>Attempts</h2>\n{}", figure(&Picture { file, caption: "Attempts over time".into() })?);
+    }
+    Ok(document(&title, &body))
+}
+
+/// Parses a share such as `99%` or `99.5`.
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    let number = text.strip_suffix('%').unwrap_or(text).parse::<f64>().ok();
+    number.filter(|share| (0.0..=100.0).contains(share)).ok_or_else(|| "0% to 100% expected".into())
+}

@@ -1,0 +1,253 @@
+//! A chunk of a manifest: one process an image, several at a time. A failure ends its item alone.
+
+use super::item::Item;
+use super::outcome::{Outcome, Verdict, now_s};
+use elunar_raster::{Error, Result, folder_of};
+use elunar_scene::interrupt;
+use std::collections::VecDeque;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Mutex;
+use std::sync::mpsc::{Sender, channel};
+use std::time::{Duration, Instant};
+
+/// How items are run.
+#[derive(Debug, Clone)]
+pub struct Manner {
+    /// The program whose `predict` is run.
+    pub program: PathBuf,
+    /// Further words for `predict`.
+    pub more: Vec<String>,
+    /// Number of items at a time.
+    pub jobs: usize,
+    /// Threads of each.
+    pub threads: usize,
+    /// How long to try again what may succeed later.
+    pub wait: Duration,
+    /// The chunk, for the lines.
+    pub chunk: String,
+}
+
+/// An item, and its line in the manifest.
+type Line = (usize, Item);
+
+/// Pause between two rounds of attempts.
+const PAUSE: Duration = Duration::from_secs(2);
+/// Time between two looks at a running process.
+const LOOK: Duration = Duration::from_millis(10);
+/// How long a process that also got the signal may take to end by itself.
+const GRACE: Duration = Duration::from_millis(300);
+
+/// Numbers of items of a chunk, by what became of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Made, now or before.
+    pub done: usize,
+    /// Never succeeds.
+    pub failed: usize,
+    /// May succeed later, or was not begun.
+    pub again: usize,
+}
+
+/// Runs items, and passes every line to `tell` as it comes. What may succeed later is tried again until the time to wait is over.
+///
+/// # Errors
+/// Errors of `tell`.
+pub fn run(
+    items: &[&Line],
+    folder: &Path,
+    manner: &Manner,
+    tell: &mut dyn FnMut(&Outcome) -> Result<()>,
+) -> Result<Counts> {
+    interrupt::listen();
+    let (mut counts, start) = (Counts::default(), Instant::now());
+    let mut left: Vec<&Line> = items.to_vec();
+    loop {
+        let all = left.len();
+        let mut again = vec![];
+        let begun = round(&left, folder, manner, &mut |item, outcome| {
+            tell(outcome)?;
+            match outcome.verdict {
+                Verdict::Done | Verdict::DoneBefore => counts.done += 1,
+                Verdict::Failed => counts.failed += 1,
+                Verdict::TryAgain => again.push(item),
+            }
+            Ok(())
+        })?;
+        if again.is_empty() || interrupt::requested() || start.elapsed() >= manner.wait {
+            counts.again = again.len() + all - begun;
+            return Ok(counts);
+        }
+        left = again;
+        let pause = Instant::now();
+        while pause.elapsed() < PAUSE && !interrupt::requested() {
+            std::thread::sleep(LOOK);
+        }
+    }
+}
+
+/// Runs items once. Returns how many were begun.
+fn round<'a>(
+    items: &[&'a Line],
+    folder: &Path,
+    manner: &Manner,
+    tell: &mut dyn FnMut(&'a Line, &Outcome) -> Result<()>,
+) -> Result<usize> {
+    let waiting: Mutex<VecDeque<&Line>> = Mutex::new(items.iter().copied().collect());
+    std::thread::scope(|scope| {
+        let (send, receive) = channel();
+        for slot in 1..=manner.jobs.clamp(1, items.len().max(1)) {
+            let (waiting, send) = (&waiting, send.clone());
+            scope.spawn(move || work(waiting, folder, manner, slot, &send));
+        }
+        drop(send);
+        let mut begun = 0;
+        for (item, outcome) in receive {
+            begun += 1;
+            tell(item, &outcome)?;
+        }
+        Ok(begun)
+    })
+}
+
+fn work<'a>(
+    waiting: &Mutex<VecDeque<&'a Line>>,
+    folder: &Path,
+    manner: &Manner,
+    slot: usize,
+    send: &Sender<(&'a Line, Outcome)>,
+) {
+    while !interrupt::requested() {
+        let Some(item) = waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front() else { return };
+        let (start_s, start) = (now_s(), Instant::now());
+        let ended = check(&item.1, folder).and_then(|()| attempt(&item.1, folder, manner));
+        let outcome = outcome(item, ended, manner, slot, (start_s, start.elapsed().as_secs_f64()));
+        if send.send((item, outcome)).is_err() {
+            return;
+        }
+    }
+}
+
+/// Checks that files whose hashes the manifest states have the sizes that it states, and makes the folder of the DTM.
+fn check(item: &Item, folder: &Path) -> Result<()> {
+    let stated =
+        [(&item.image, item.image_bytes, &item.image_sha256), (&item.coarse, item.coarse_bytes, &item.coarse_sha256)];
+    for (path, bytes, hash) in stated {
+        let (Some(bytes), Some(_)) = (bytes, hash) else { continue };
+        let path = folder.join(path);
+        let found = path.metadata().map_err(Error::io(&path))?.len();
+        if found != bytes {
+            let what = "bytes expected by the manifest, which states its hash";
+            return Err(Error::input(format!(
+                "{}: {bytes} {what}, {found} found: make the manifest again",
+                path.display()
+            )));
+        }
+    }
+    let output = folder.join(&item.output);
+    std::fs::create_dir_all(folder_of(&output)).map_err(Error::io(folder_of(&output)))
+}
+
+/// What a process left: its status, its object of JSON, its error line.
+struct Ended {
+    status: ExitStatus,
+    record: serde_json::Value,
+    error: Option<String>,
+}
+
+fn attempt(item: &Item, folder: &Path, manner: &Manner) -> Result<Ended> {
+    let program = Error::io(&manner.program);
+    let mut command = Command::new(&manner.program);
+    command.arg("predict").args(item.words(folder)?).arg(format!("--threads={}", manner.threads)).arg("--json");
+    command.args(&manner.more).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(program)?;
+    let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+    let (status, record, text) = std::thread::scope(|scope| {
+        let stdout = scope.spawn(|| whole(stdout));
+        let stderr = scope.spawn(|| whole(stderr));
+        let status = wait(&mut child);
+        (status, stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default())
+    });
+    let error = text.lines().rev().find_map(|line| line.strip_prefix("ERROR: ")).map(String::from);
+    text.lines().filter(|line| line.starts_with("WARNING: ")).for_each(|line| eprintln!("{}: {line}", item.id));
+    let status = status.map_err(Error::io(&manner.program))?;
+    Ok(Ended { status, record: serde_json::from_str(&record).unwrap_or_default(), error })
+}
+
+fn whole(pipe: Option<impl Read>) -> String {
+    let mut bytes = vec![];
+    // What cannot be read is missing in the line about the item. The exit code decides.
+    let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut bytes));
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// Waits for a process. If the batch is asked to stop, the process gets the same signal, unless it ends by itself.
+fn wait(child: &mut Child) -> std::io::Result<ExitStatus> {
+    let mut asked: Option<Instant> = None;
+    let mut told = false;
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(status);
+        }
+        if interrupt::requested() {
+            let since = *asked.get_or_insert_with(Instant::now);
+            if !told && since.elapsed() > GRACE {
+                told = true;
+                stop(child);
+            }
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// Asks a process that was not waited for to stop.
+fn stop(child: &mut Child) {
+    #[cfg(unix)]
+    {
+        // The standard library only kills. The shell's own `kill` needs no further program. The process may have ended just now.
+        let words = ["-c", "kill -TERM \"$0\"", &child.id().to_string()];
+        let _ = Command::new("sh").args(words).stdin(Stdio::null()).stderr(Stdio::null()).status();
+    }
+    #[cfg(not(unix))]
+    let _ = child.kill();
+}
+
+fn outcome(
+    (line, item): &Line,
+    ended: Result<Ended>,
+    manner: &Manner,
+    slot: usize,
+    (start_s, seconds): (f64, f64),
+) -> Outcome {
+    let (code, error, record) = match ended {
+        Ok(ended) => (code_of(ended.status), ended.error, ended.record),
+        Err(error) => (i32::from(crate::program::code_of(&error)), Some(error.to_string()), serde_json::Value::Null),
+    };
+    let verdict = Verdict::of(Some(code), record["finished_before"] == true);
+    let pixels = record["rows"].as_u64().zip(record["cols"].as_u64()).map(|(rows, cols)| rows * cols);
+    let error = error.or_else(|| (code != 0).then(|| format!("ended with code {code}, without an error line")));
+    Outcome {
+        id: item.id.clone(),
+        line: *line,
+        verdict,
+        code,
+        error: error.filter(|_| code != 0),
+        output: item.output.display().to_string(),
+        start_s,
+        seconds,
+        host: elunar_raster::output::host_name(),
+        slot,
+        chunk: manner.chunk.clone(),
+        pixels,
+    }
+}
+
+/// Returns the exit code, or 128 plus the signal as a shell does.
+fn code_of(status: ExitStatus) -> i32 {
+    #[cfg(unix)]
+    let signal = std::os::unix::process::ExitStatusExt::signal(&status).map(|signal| 128 + signal);
+    #[cfg(not(unix))]
+    let signal = None;
+    status.code().or(signal).unwrap_or(i32::from(crate::program::TRY_AGAIN))
+}

@@ -1,0 +1,156 @@
+//! The exit codes of every command: 64 for the command line, 65 for a bad input, 75 for an output that another run owns, 75 and 143 for a
+//! signal, 141 for a closed pipe.
+
+#![cfg(unix)]
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/nano.eld");
+
+fn elunar(folder: &Path, words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_elunar"));
+    command.current_dir(folder).args(words);
+    command
+}
+
+fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let Output { status, stderr, .. } = elunar(folder, words).output().unwrap();
+    (status.code(), String::from_utf8_lossy(&stderr).into_owned())
+}
+
+/// Every command with inputs that are absent, and its output, if it has one.
+const COMMANDS: [(&[&str], Option<&str>); 18] = [
+    (&["manifest", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.jsonl"], Some("out.jsonl.lock")),
+    (&["batch", "--manifest", "no.jsonl"], None),
+    (&["status", "--manifest", "no.jsonl"], None),
+    (&["plan", "--manifest", "no.jsonl"], None),
+    (
+        &["join", "--parts", "2", "--image", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.tif"],
+        Some("out.tif.lock"),
+    ),
+    (&["predict", "--image", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.tif"], Some("out.tif.lock")),
+    (&["latency", "--model", "no.eld"], None),
+    (&["synth", "--out", "out"], Some("out/owner.lock")),
+    (&["prepare", "--list", "no.csv", "--out", "out"], None), // the list is read first
+    (&["export", "--weights", "no.safetensors", "--calibrate", "synth", "-o", "out.eld"], Some("out.eld.lock")),
+    (
+        &[
+            "sfs",
+            "--image",
+            "no.tif",
+            "--coarse",
+            "no2.tif",
+            "--sun-azimuth",
+            "1",
+            "--sun-elevation",
+            "30",
+            "-o",
+            "out.tif",
+        ],
+        Some("out.tif.lock"),
+    ),
+    (&["evaluate", "--dtm", "no.tif", "--truth", "no2.tif", "--error-map", "out.png"], Some("out.png.lock")),
+    (&["hillshade", "no.tif", "-o", "out.tif"], Some("out.tif.lock")),
+    (&["render", "no.tif", "--sun-azimuth", "10", "--sun-elevation", "30", "-o", "out.tif"], Some("out.tif.lock")),
+    (&["diff", "no.tif", "no2.tif", "-o", "out.tif"], Some("out.tif.lock")),
+    (&["mosaic", "no.tif", "no2.tif", "-o", "out.tif"], Some("out.tif.lock")),
+    (&["lola", "--dtm", "no.tif", "--tracks", "no.csv"], None),
+    (&["inspect", "no.tif"], None),
+];
+
+#[test]
+fn every_command_ends_with_the_documented_code() {
+    let all: Vec<&str> = COMMANDS.iter().map(|(words, _)| words[0]).collect();
+    let help = elunar(Path::new("."), &["--help"]).output().unwrap();
+    let help = String::from_utf8_lossy(&help.stdout).into_owned();
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| line.starts_with("  "));
+    for name in listed.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help") {
+        assert!(all.contains(&name), "{name}: an entry in this test expected, none found");
+    }
+    for (words, lock) in COMMANDS {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let (code, text) = ended(at, &[words, &["--no-such-option"]].concat());
+        assert_eq!(code, Some(64), "{words:?}: {text}");
+        let (code, text) = ended(at, &[words[0], "--help"]);
+        assert_eq!(code, Some(0), "{words:?}: {text}");
+        if words[0] != "synth" {
+            let (code, text) = ended(at, words);
+            assert_eq!(code, Some(65), "{words:?}: {text}");
+            assert!(text.lines().count() == 1 && text.starts_with("ERROR: "), "{words:?}: {text}");
+        }
+        let Some(lock) = lock else { continue };
+        let record = "elunar owner 1\nhost elsewhere\nboot b\nnamespace pid:[1]\npid 7\nprocess-start 9\nsince 1\n";
+        std::fs::create_dir_all(at.join(lock).parent().unwrap()).unwrap();
+        std::fs::write(at.join(lock), record).unwrap();
+        let (code, text) = ended(at, words);
+        assert!(code == Some(75) && text.contains("another run writes it"), "{words:?}: {code:?} {text}");
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_141_without_a_message() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(
+        elunar(folder.path(), &["synth", "--out", "s", "--rows", "256", "--cols", "320"])
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
+    for words in
+        [&["inspect", "s/scene_0000_image.tif"][..], &["diff", "s/scene_0000_truth.tif", "s/scene_0000_truth.tif"]]
+    {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let out = elunar(folder.path(), words).stdout(writer).output().unwrap();
+        assert_eq!((out.status.code(), out.stderr.len()), (Some(141), 0), "{words:?}");
+    }
+}
+
+#[test]
+fn one_signal_stops_at_a_safe_point_and_two_end_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    assert!(elunar(at, &["synth", "--out", "s", "--rows", "4000", "--cols", "320"]).output().unwrap().status.success());
+    let predict =
+        ["predict", "--image", "s/scene_0000_image.tif", "--coarse", "s/scene_0000_coarse.tif", "--model", MODEL];
+    let begin = || {
+        let mut child = elunar(at, &[&predict[..], &["--threads", "1", "-o", "dtm.tif"]].concat());
+        let child = child.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let start = Instant::now();
+        while std::fs::metadata(at.join("dtm.tif.part")).map_or(0, |found| found.len()) <= 32 {
+            assert!(start.elapsed() < Duration::from_secs(120), "no rows");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        child
+    };
+    let kill = |signal: &str, child: &std::process::Child| {
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    };
+    for signal in ["-INT", "-TERM"] {
+        let child = begin();
+        kill(signal, &child);
+        let out = child.wait_with_output().unwrap();
+        let text = String::from_utf8_lossy(&out.stderr);
+        assert!(
+            out.status.code() == Some(75) && text.contains("the same command goes on from there"),
+            "{signal}: {text}"
+        );
+        std::fs::remove_file(at.join("dtm.tif.part")).unwrap();
+    }
+    // The second signal must come before the tile is done: the program is halted in between.
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        let child = begin();
+        kill(signal, &child);
+        std::thread::sleep(Duration::from_millis(3));
+        kill(signal, &child);
+        let found = child.wait_with_output().unwrap().status.code();
+        // A tile may have ended in between.
+        assert!(found == Some(code) || found == Some(75), "{signal}: {found:?}");
+        let _ = std::fs::remove_file(at.join("dtm.tif.part"));
+    }
+    assert!(!at.join("dtm.tif").exists());
+}

@@ -1,0 +1,62 @@
+//! What a job is: its inputs by their contents, the model and the options. The DTM states it, so that finished work is recognised anywhere.
+
+use super::output::sum_path;
+use elunar_raster::content::{sha256, sha256_of_raster, sha256_of_text};
+use elunar_raster::{Result, geotiff};
+use std::path::Path;
+
+/// Metadata item of a DTM with the identity of its job.
+pub const JOB_ITEM: &str = "JOB_SHA256";
+
+/// The identity of a job.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Identity {
+    /// SHA-256 of the image's files.
+    pub image_sha256: String,
+    /// SHA-256 of the coarse DTM's files.
+    pub coarse_sha256: String,
+    /// The options that change the result, in words.
+    pub options: String,
+    /// SHA-256 of all of this, the program's version and the model.
+    pub job: String,
+}
+
+impl Identity {
+    /// Makes the identity of a job from its inputs' hashes. `model` describes the model, with its hash, or the method.
+    #[must_use]
+    pub fn new(image_sha256: String, coarse_sha256: String, model: &str, options: String) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        let job = sha256_of_text(&format!("{version}\n{image_sha256}\n{coarse_sha256}\n{model}\n{options}\n"));
+        Self { image_sha256, coarse_sha256, options, job }
+    }
+
+    /// Reads the inputs and makes the identity.
+    ///
+    /// # Errors
+    /// As [`sha256_of_raster`].
+    pub fn of(image: &Path, coarse: &Path, model: &str, options: String) -> Result<Self> {
+        Ok(Self::new(sha256_of_raster(image)?, sha256_of_raster(coarse)?, model, options))
+    }
+
+    /// Returns the metadata items that state the identity.
+    pub(super) fn items(&self) -> [(&'static str, String); 4] {
+        let Self { image_sha256, coarse_sha256, options, job } = self.clone();
+        [("IMAGE_SHA256", image_sha256), ("COARSE_DTM_SHA256", coarse_sha256), ("OPTIONS", options), (JOB_ITEM, job)]
+    }
+
+    /// Returns whether `output` is this job's finished file: it states the job, and its bytes have the sum that lies beside it. Whatever is
+    /// wrong with the file or its sum, it then is not finished.
+    #[must_use]
+    pub fn is_finished(&self, output: &Path) -> bool {
+        let states = || geotiff::read_item(output, JOB_ITEM).ok().flatten();
+        output.is_file() && states().is_some_and(|job| job == self.job) && has_its_sum(output)
+    }
+}
+
+/// Returns whether a file's bytes have the SHA-256 that lies beside it.
+#[must_use]
+pub fn has_its_sum(path: &Path) -> bool {
+    let known = std::fs::read_to_string(sum_path(path)).unwrap_or_default();
+    let known = known.split_whitespace().next().unwrap_or_default();
+    !known.is_empty() && sha256(path).is_ok_and(|found| found == known)
+}
