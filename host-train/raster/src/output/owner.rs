@@ -135,7 +135,9 @@ fn remove_unfinished(folder: &Path) {
 fn remove_dead_claims(folder: &Path, here: &Record) {
     for path in nameless(folder, SUFFIX) {
         let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
-        let record = read(&path).and_then(|text| Record::parse(&text));
+        // Without its kernel's lock, nothing is known of a claim from another name space.
+        let known = |record: &Record| record.namespace == here.namespace || record.boot != here.boot;
+        let record = read(&path).and_then(|text| Record::parse(&text)).filter(known);
         if record.is_some_and(|record| record.has_ended(here, start_of)) {
             let _ = std::fs::remove_file(path);
         }
