@@ -2,29 +2,20 @@
 
 #![cfg(unix)]
 
+mod common;
+
+use common::{command, made};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/nano.eld");
 
-fn command(folder: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_elunar"));
-    command.current_dir(folder).args(words);
-    command
-}
-
 /// Returns the exit code, standard output and standard error.
 fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String, String) {
     let Output { status, stdout, stderr } = command(folder, words).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
     (status.code(), text(stdout), text(stderr))
-}
-
-fn made(folder: &Path, words: &[&str]) -> String {
-    let (code, stdout, stderr) = ended(folder, words);
-    assert_eq!(code, Some(0), "{words:?}: {stderr}");
-    stdout
 }
 
 /// Some scenes and a manifest of them, `m.jsonl`, for DTMs in `out`.

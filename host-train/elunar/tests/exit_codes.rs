@@ -3,17 +3,14 @@
 
 #![cfg(unix)]
 
+mod common;
+
+use common::command as elunar;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/nano.eld");
-
-fn elunar(folder: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_elunar"));
-    command.current_dir(folder).args(words);
-    command
-}
 
 fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
     let Output { status, stderr, .. } = elunar(folder, words).output().unwrap();

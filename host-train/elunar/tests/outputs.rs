@@ -2,6 +2,9 @@
 
 #![cfg(unix)]
 
+mod common;
+
+use common::command as elunar;
 use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -12,12 +15,6 @@ const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
 const TRY_AGAIN: i32 = 75;
 /// The exit code of an option that cannot be met.
 const USAGE: i32 = 64;
-
-fn elunar(folder: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_elunar"));
-    command.current_dir(folder).args(words);
-    command
-}
 
 /// Returns the text of a run's one error line.
 fn error(out: &Output, code: i32) -> String {

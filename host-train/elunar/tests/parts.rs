@@ -1,20 +1,11 @@
 //! One image in parts, and work that is recognised by its contents.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
+
+use common::{elunar, made};
+use std::path::PathBuf;
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/nano.eld");
-
-fn elunar(folder: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_elunar")).current_dir(folder).args(words).output().unwrap()
-}
-
-/// Returns the output of a command that must succeed.
-fn made(folder: &Path, words: &[&str]) -> String {
-    let out = elunar(folder, words);
-    assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
-    String::from_utf8_lossy(&out.stdout).into_owned()
-}
 
 /// A scene in a folder.
 struct Bench {

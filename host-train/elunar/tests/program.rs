@@ -1,21 +1,12 @@
 //! The program as users run it, on files, without a training framework.
 
+mod common;
+
+use common::{elunar, made};
 use elunar_raster::geotiff::{WriteOptions, read, write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
-
-fn elunar(folder: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_elunar")).current_dir(folder).args(words).output().unwrap()
-}
-
-/// Returns the output of a command that must succeed.
-fn made(folder: &Path, words: &[&str]) -> String {
-    let out = elunar(folder, words);
-    assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
-    String::from_utf8_lossy(&out.stdout).into_owned()
-}
 
 /// Returns the one-line error of a command that must fail.
 fn refused(folder: &Path, words: &[&str]) -> String {

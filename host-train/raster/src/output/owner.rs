@@ -296,6 +296,19 @@ mod tests {
         assert_eq!(std::fs::read(&lock).unwrap(), b"[[package]]\n");
     }
 
+    /// Lets eight threads ask for an output at once.
+    fn by_eight_at_once(output: &Path) -> Vec<Result<Owner>> {
+        let start = std::sync::Barrier::new(8);
+        let take = || {
+            start.wait();
+            Owner::of_file(output)
+        };
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        })
+    }
+
     /// Lets the last life sign be `age_s` old.
     fn grow_old(lock: &Path, age_s: u64) {
         let then = std::time::SystemTime::now() - std::time::Duration::from_secs(age_s);
@@ -332,15 +345,7 @@ mod tests {
             std::fs::write(&lock, elsewhere.text()).unwrap();
             let old = File::open(&lock).unwrap();
             grow_old(&lock, 100);
-            let start = std::sync::Barrier::new(8);
-            let take = || {
-                start.wait();
-                Owner::of_file(&output)
-            };
-            let taken: Vec<_> = std::thread::scope(|scope| {
-                let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
-                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
-            });
+            let taken = by_eight_at_once(&output);
             assert_eq!(taken.iter().filter(|owner| owner.is_ok()).count(), 1);
             assert!(!is_at(&old, &lock));
         }
@@ -414,15 +419,7 @@ mod tests {
         let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
         for _ in 0..50 {
             std::fs::write(&lock, killed.text()).unwrap();
-            let start = std::sync::Barrier::new(8);
-            let take = || {
-                start.wait();
-                Owner::of_file(&output)
-            };
-            let taken: Vec<_> = std::thread::scope(|scope| {
-                let threads: Vec<_> = (0..8).map(|_| scope.spawn(take)).collect();
-                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
-            });
+            let taken = by_eight_at_once(&output);
             // A thread that looks while another reads the old lock may be refused, but never are there two.
             assert_eq!(taken.iter().filter(|owner| owner.is_ok()).count(), 1);
         }
