@@ -22,7 +22,7 @@ const TRY_AGAIN: i32 = 75;
 struct Job {
     name: &'static str,
     words: Vec<&'static str>,
-    /// Options of another run on the same output, whose result differs.
+    /// Options of another run on the same output, whose result differs; none if it does not race.
     other: Vec<&'static str>,
     /// What goes on with the output, if that is not the same command; it needs this file in the output.
     resume: Option<(&'static str, Vec<&'static str>)>,
@@ -58,6 +58,8 @@ fn jobs() -> Vec<Job> {
         job("predict", &format!("{scene} --model nano.eld --threads 1 -o out.tif"), "--no-anchor"),
         job("prepare", &format!("{scene} --dtm s/scene_0000_truth.tif --shard-tiles 1 --out out"), "--seed 9"),
         job("export", "--weights small.safetensors --tiles 1 --compare 0 -o out.eld", "--precision int8"),
+        // What a killed `batch` has started goes on without it, and is waited for.
+        job("batch", "--manifest list.jsonl --jobs 2 --wait 120", ""),
         train,
     ]
 }
@@ -78,6 +80,12 @@ fn bench() -> Shell {
         ..NetConfig::preset(Preset::Nano)
     };
     initial_weights(&config, 1).write(&shell.path("small.safetensors")).unwrap();
+    let scene = "s/scene_0000_image.tif,s/scene_0000_coarse.tif,nano.eld";
+    let table = format!(
+        "id,image,coarse,model,output,options.no_anchor\na,{scene},out/a.tif,false\nb,{scene},out/b.tif,true\n"
+    );
+    std::fs::write(shell.path("list.csv"), table).unwrap();
+    shell.made(&["manifest", "--table", "list.csv", "-o", "list.jsonl"]);
     shell
 }
 
@@ -254,7 +262,7 @@ fn many_kills() {
 #[ignore = "a campaign: minutes to hours"]
 fn many_races() {
     let shell = bench();
-    for job in jobs().iter().filter(|job| asked(job)) {
+    for job in jobs().iter().filter(|job| asked(job) && !job.other.is_empty()) {
         race(&shell, job, count("ELUNAR_RACES", 20), &mut count("ELUNAR_SEED", 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     }
 }

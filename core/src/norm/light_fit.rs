@@ -58,6 +58,7 @@ pub struct LightEstimate {
 
 /// The line along which the Sun shines, as the image alone shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Axis {
     /// Azimuth of one of its ends, degrees clockwise from up, 0 to 180.
     pub azimuth_deg: f64,
@@ -84,6 +85,7 @@ pub struct Axis {
 /// assert!((found.light.azimuth_deg() - 300.0).abs() < 3.0 && found.azimuth_sd_deg < 3.0 && found.trust > 0.9);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LightFit {
     /// Number of cells, and the sum over them of the mean brightness of lit ground about them.
     cells: f64,
@@ -97,6 +99,7 @@ type Cell = [f64; 3];
 
 /// Sums of one octave.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Octave {
     freedom: f64,
     /// Sums of products of deviations: II, Ix, Iy, xx, xy, yy.

@@ -33,6 +33,7 @@ const EXPECTED: f32 = 0.5;
 
 /// Power of the waves of an octave, by direction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Power {
     /// Sum of P.
     pub(super) total: f64,
@@ -46,6 +47,7 @@ pub(super) struct Power {
 
 /// The contrast of an image, octave by octave and by direction; additive over tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Contrast {
     octaves: [Power; OCTAVES],
     tiles: f64,

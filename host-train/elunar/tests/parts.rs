@@ -33,6 +33,10 @@ impl Bench {
         made(self.folder.path(), &self.words(&["predict"], output, more))
     }
 
+    fn changed(&self, name: &str) -> std::time::SystemTime {
+        std::fs::metadata(self.at(name)).unwrap().modified().unwrap()
+    }
+
     fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.at(name)).unwrap()
     }
@@ -66,7 +70,7 @@ fn any_number_of_parts_has_the_bytes_of_the_whole() {
             let left: Vec<PathBuf> = std::fs::read_dir(bench.folder.path())
                 .unwrap()
                 .map(|entry| entry.unwrap().path())
-                .filter(|path| path.to_string_lossy().contains("rows") || path.to_string_lossy().contains("part"))
+                .filter(|path| ["rows", "part", "survey"].iter().any(|what| path.to_string_lossy().contains(what)))
                 .collect();
             assert!(left.is_empty(), "{left:?}");
             std::fs::remove_file(bench.at("dtm.tif")).unwrap();
@@ -86,6 +90,13 @@ fn a_missing_or_foreign_part_is_named_and_no_dtm_is_made() {
     let out = elunar(bench.folder.path(), &join);
     let text = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.code() == Some(65) && text.contains("another job"), "{text}");
+    // Parts of one job share a survey; those of another make theirs.
+    bench.predict("dtm.tif", &["--part", "2/3"]);
+    let (survey, made_at) = (bench.bytes("dtm.tif.survey"), bench.changed("dtm.tif.survey"));
+    bench.predict("dtm.tif", &["--part", "3/3"]);
+    assert!(bench.bytes("dtm.tif.survey") == survey && bench.changed("dtm.tif.survey") == made_at);
+    bench.predict("dtm.tif", &["--part", "3/3", "--no-anchor"]);
+    assert!(bench.bytes("dtm.tif.survey") != survey);
     // A finished part is not made again, a foreign one is.
     assert!(bench.predict("dtm.tif", &["--part", "1/2"]).contains("finished before"));
     assert!(!bench.predict("dtm.tif", &["--part", "2/2"]).contains("finished before"));

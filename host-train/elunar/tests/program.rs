@@ -132,6 +132,8 @@ fn json_says_what_was_taken_and_found() {
     assert!((found["light"]["azimuth_deg"].as_f64().unwrap() - azimuth_deg).abs() < 0.01, "{found}");
     let (share, seconds) = (found["share_of_relief"].as_f64().unwrap(), found["seconds"].as_f64().unwrap());
     assert!((0.1..=1.0).contains(&share) && seconds > 0.0, "{found}");
+    let phases = ["survey_s", "tiles_s", "write_s"].map(|name| found["phases"][name].as_f64().unwrap());
+    assert!(phases.iter().all(|&s| s > 0.0) && phases.iter().sum::<f64>() < seconds, "{found}");
     assert_eq!(found["warnings"], serde_json::json!([]));
     assert!(text.contains("dtm.tif: 256 x 320 pixels") && text.contains("light: azimuth"), "{text}");
     let dtm = read(folder.path().join("dtm.tif")).unwrap();

@@ -1,6 +1,7 @@
-//! Helpers for tests of several crates: outside programs to compare with ([`oracle`]), reference data, damaged files. This crate is only a
+//! Helpers for tests of several crates: outside programs to compare with ([`oracle`]), reference data, damaged files, exit codes. This crate is only a
 //! development dependency, and depends on no other crate of this project.
 
+pub mod exit_codes;
 mod mutate;
 pub mod oracle;
 

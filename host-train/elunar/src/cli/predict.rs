@@ -13,11 +13,13 @@ use elunar_scene::predict::identity::Identity;
 use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::notices::{check_exchange, notices, share_of_relief};
-use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Record};
+use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, Record};
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
 use elunar_scene::predict::span::{PartOf, Span};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
-use elunar_scene::predict::{Input, Options, Part, Scene, Survey, Tally, int8, part_path, predict_span};
+use elunar_scene::predict::{
+    Input, Options, Part, Scene, Survey, Tally, int8, part_path, predict_span, shared_survey, survey_path,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -164,8 +166,11 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
     if task.is_finished(args) {
         return say_finished(args, &task);
     }
-    let (survey, lighting) = task.survey()?;
+    let mut watch = Watch::new();
+    let survey = task.scene.survey()?;
+    let lighting = task.lighting(&survey);
     let warnings = task.warn(args, &survey, &lighting)?;
+    let survey_s = watch.lap_s();
     let path = part_path(&args.output, args.part_dir.as_deref())?;
     let part = Part::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
     let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
@@ -181,7 +186,8 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
             progress,
         )
     })?;
-    write(args, &task, &mut |take| part.read(take), &tally, Found { survey, warnings, start }, &owner)?;
+    let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
+    write(args, &task, &mut |take| part.read(take), &tally, Found { survey, warnings, start, phases }, &owner)?;
     part.remove()
 }
 
@@ -199,7 +205,7 @@ fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Bo
         println!("{}: finished before", output.display());
         return Ok(());
     }
-    let (survey, lighting) = task.survey()?;
+    let (survey, lighting) = task.shared_survey(args)?;
     // The other parts would say the same.
     if part_of.k == 1 {
         task.warn(args, &survey, &lighting)?;
@@ -234,9 +240,10 @@ pub fn join(args: &Args, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dy
     let (owner, _owners) = take(args)?;
     let task = Task::new(args, open)?;
     let paths: Vec<PathBuf> = (1..=parts).map(|k| rows_path(&args.output, PartOf { k, n: parts })).collect();
+    let survey_at = survey_path(&args.output);
     if task.is_finished(args) {
         // A join that was killed at its end leaves parts.
-        paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
+        paths.iter().chain([&survey_at]).for_each(|path| drop(std::fs::remove_file(path)));
         return say_finished(args, &task);
     }
     let tiling = task.options.tiling(&task.scene, task.model.tile())?;
@@ -256,15 +263,32 @@ pub fn join(args: &Args, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dy
     if tally.tiles_empty == tally.tiles {
         return Err(task.scene.nothing_valid());
     }
-    let (survey, lighting) = task.survey()?;
+    let mut watch = Watch::new();
+    let (survey, lighting) = task.shared_survey(args)?;
     let warnings = task.warn(args, &survey, &lighting)?;
+    let phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
     let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
     (tally.light, tally.change) = (light.whole, light.change());
     let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
         paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))
     };
-    write(args, &task, &mut read, &tally, Found { survey, warnings, start }, &owner)?;
-    paths.iter().try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
+    write(args, &task, &mut read, &tally, Found { survey, warnings, start, phases }, &owner)?;
+    paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
+}
+
+/// Measures phases one after the other.
+struct Watch(Instant);
+
+impl Watch {
+    fn new() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Returns the seconds since the last call, or the start.
+    fn lap_s(&mut self) -> f64 {
+        let start = std::mem::replace(&mut self.0, Instant::now());
+        start.elapsed().as_secs_f64()
+    }
 }
 
 /// Takes the outputs.
@@ -316,9 +340,14 @@ impl Task {
         outputs.into_iter().all(|output| self.identity.is_finished(output))
     }
 
-    fn survey(&self) -> Result<(Survey, Lighting)> {
-        let survey = self.scene.survey()?;
-        let lighting = survey.lighting(self.model.input_rules().illumination, self.sun.sun);
+    fn lighting(&self, survey: &Survey) -> Lighting {
+        survey.lighting(self.model.input_rules().illumination, self.sun.sun)
+    }
+
+    /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
+    fn shared_survey(&self, args: &Args) -> Result<(Survey, Lighting)> {
+        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || self.scene.survey())?;
+        let lighting = self.lighting(&survey);
         Ok((survey, lighting))
     }
 
@@ -347,6 +376,7 @@ struct Found {
     survey: Survey,
     warnings: Vec<String>,
     start: Instant,
+    phases: Phases,
 }
 
 /// Writes the files of finished rows, and says what they are.
@@ -359,7 +389,9 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
     let sigma_m = coarse_sigma(args, scene);
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors };
+    let mut watch = Watch::new();
     let finished = finish(read, scene, (&model, &stored, &task.identity), files, owner)?;
+    let phases = Phases { write_s: watch.lap_s(), ..found.phases };
     let mut text = summary(&args.output, scene, &finished, tally) + sun.origin_of(&light) + &changes;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
@@ -395,6 +427,7 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
         share_of_relief: share_of_relief(&found.survey, &light),
         warnings: found.warnings,
         seconds: found.start.elapsed().as_secs_f64(),
+        phases,
     };
     println!("{}", record.json());
     Ok(())

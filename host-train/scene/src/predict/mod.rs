@@ -22,6 +22,7 @@ mod scene;
 pub mod span;
 pub mod sun;
 mod survey;
+mod survey_file;
 mod tile;
 pub mod untrained;
 
@@ -44,4 +45,5 @@ pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows, predi
 pub(crate) use scene::{Band, Cutout};
 pub use scene::{Input, Scene};
 pub use survey::{Brightness, Survey};
+pub use survey_file::{shared_survey, survey_path};
 pub(crate) use tile::Outcome;

@@ -11,7 +11,7 @@ use elunar_core::photoclinometry::Contrast;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{TILE_COLS, Window};
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Side of a part, in coarse pixels and in pixels: enough for a fit.
@@ -30,7 +30,7 @@ const SPREAD: f64 = 0.2;
 const CHI_SQUARED_MAX: f64 = 1.5;
 
 /// A part of a scene.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Part {
     /// Row and column of its centre.
     centre_px: [f64; 2],
@@ -39,7 +39,7 @@ struct Part {
 }
 
 /// The parts of a scene, and what each shows of the light.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Parts {
     side_px: usize,
     coarse_px: f32,

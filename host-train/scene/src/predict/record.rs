@@ -46,6 +46,19 @@ pub struct Record {
     pub warnings: Vec<String>,
     /// Time from start to end, seconds.
     pub seconds: f64,
+    /// Of it, the phases.
+    pub phases: Phases,
+}
+
+/// Times of the phases of a run, seconds. What is left of the whole is the start: inputs are opened and hashed.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Phases {
+    /// Survey of the scene and warnings.
+    pub survey_s: f64,
+    /// Tiles, and their finished rows on disk; 0 for `join`.
+    pub tiles_s: f64,
+    /// The DTM is compressed, written and hashed, its hillshade, too.
+    pub write_s: f64,
 }
 
 impl Record {

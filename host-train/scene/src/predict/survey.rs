@@ -5,9 +5,10 @@ use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
 use elunar_core::photoclinometry::Contrast;
 use elunar_net::illumination::{KnownSun, Lighting};
+use serde::{Deserialize, Serialize};
 
 /// Properties of a scene, measured on a sample of its rows.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Survey {
     /// Fit of brightness to the coarse DTM's slopes.
     pub light: LightFit,
@@ -49,7 +50,7 @@ impl Survey {
 }
 
 /// Brightness of an image's valid pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Brightness {
     /// Valid pixels.
     pub pixels: u64,
@@ -60,7 +61,7 @@ pub struct Brightness {
 }
 
 /// A lowest or highest value, and how many pixels have exactly this value.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Extreme {
     value: f32,
     pixels: u64,

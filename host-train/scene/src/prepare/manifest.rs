@@ -12,6 +12,9 @@ pub const MANIFEST: &str = "manifest.json";
 /// Value of a manifest's field `format`.
 pub const FORMAT: &str = "elunar prepared tiles 1";
 
+/// Value of a manifest's field `made_by`.
+pub const MADE_BY: &str = concat!("host-train ", env!("CARGO_PKG_VERSION"));
+
 /// Use of a tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -9,6 +9,7 @@
 //! numbers. Every sample has a fixed place in the file, so that a tile is read without its neighbours.
 
 mod filter;
+mod finished;
 mod inspect;
 pub mod list;
 pub mod manifest;

@@ -2,11 +2,13 @@
 
 use super::inspect::{self, Tile};
 use super::list::SceneFiles;
-use super::manifest::{FORMAT, MANIFEST, Manifest, Parameters, Reason, SceneRecord, ShardRecord, Split, SplitRecord};
+use super::manifest::{
+    FORMAT, MADE_BY, MANIFEST, Manifest, Parameters, Reason, SceneRecord, ShardRecord, Split, SplitRecord,
+};
 use super::scene::{Reading, Scene};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
-use super::{filter, pictures};
+use super::{filter, finished, pictures};
 use crate::interrupt;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_net::digest::{hex, sha256_hex};
@@ -47,19 +49,22 @@ struct Inspected {
 /// Prepares `scenes` into the folder `out`, which is created if absent. `bar` shows the progress of each phase.
 ///
 /// An interrupted run leaves a folder `unfinished` in `out`. The same call continues from there. The manifest is written last: a folder
-/// with a manifest is complete.
+/// with a manifest is complete. The same call on a complete folder checks inputs and shards, and changes nothing.
 ///
 /// # Errors
-/// [`Error::Busy`] if another run writes the folder; [`Error::Input`] if it is complete already, no tile can be kept, or parameters are out of range. Errors of reading and writing
-/// are passed on.
+/// [`Error::Busy`] if another run writes the folder; [`Error::Input`] if another run completed it, or no tile can be kept; [`Error::Usage`] if
+/// parameters are out of range. Errors of reading and writing are passed on.
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
-    if out.join(MANIFEST).exists() {
-        let what = format!("{}: a new or unfinished folder expected, one with a manifest found", out.display());
-        return Err(Error::input(what));
-    }
     let _owner = Owner::of_folder(out)?;
     let unfinished = out.join(UNFINISHED);
+    if let Some(manifest) = finished::find(scenes, out, parameters)? {
+        // A run that was killed after its manifest leaves the intermediate files.
+        if unfinished.exists() {
+            std::fs::remove_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
+        }
+        return Ok(manifest);
+    }
     std::fs::create_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
     let mut inspected = vec![];
     for (number, files) in scenes.iter().enumerate() {
@@ -86,7 +91,7 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
     pictures::write_sheet(out, &shards.iter().flat_map(named).collect::<Vec<_>>(), parameters.seed)?;
     let manifest = Manifest {
         format: FORMAT.into(),
-        made_by: concat!("host-train ", env!("CARGO_PKG_VERSION")).into(),
+        made_by: MADE_BY.into(),
         tile: [TILE_ROWS, TILE_COLS],
         parameters: parameters.clone(),
         nr,
@@ -98,10 +103,12 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
         splits: shards,
         scenes: inspected.into_iter().map(finished_record).collect(),
     };
-    let text = serde_json::to_vec_pretty(&manifest).map_err(|e| Error::broken(out.join(MANIFEST), e.to_string()))?;
+    let wrong = |e: serde_json::Error| Error::broken(out.join(MANIFEST), e.to_string());
+    let text = serde_json::to_vec_pretty(&manifest).map_err(wrong)?;
     atomic_write(&out.join(MANIFEST), &text)?;
     std::fs::remove_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
-    Ok(manifest)
+    // As it reads back, so that the same call on the finished folder returns the same numbers.
+    serde_json::from_slice(&text).map_err(wrong)
 }
 
 fn tile(inspected: &[Inspected], (scene, index): Place) -> &Tile {
@@ -346,7 +353,7 @@ fn nothing_left(inspected: &[Inspected]) -> Error {
     ))
 }
 
-fn file_sha256(path: &Path) -> Result<String> {
+pub(super) fn file_sha256(path: &Path) -> Result<String> {
     let mut file = std::fs::File::open(path).map_err(Error::io(path))?;
     let (mut sum, mut bytes) = (Sha256::new(), vec![0; 1 << 20]);
     loop {

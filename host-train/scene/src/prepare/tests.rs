@@ -6,7 +6,7 @@ use super::*;
 use crate::data::prepared::PreparedSource;
 use crate::data::source::{DataSpec, TileSource};
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Raster, atomic_write};
+use elunar_raster::{Error, Raster, atomic_write};
 use elunar_synth::{Moon, SynthOptions, SynthScene};
 use indicatif::ProgressBar;
 use std::collections::BTreeMap;
@@ -103,11 +103,49 @@ fn a_set_is_made_read_and_made_again() {
     first.sort_unstable();
     second.sort_unstable();
     assert_eq!(first, second);
-    // A second run gives the same bytes. Nothing is written over a finished set.
+    // A second run gives the same bytes.
     let again = folder.path().join("again");
     prepared(&scenes, &again, &parameters).unwrap();
     assert_eq!(contents(&out), contents(&again));
-    assert!(prepared(&scenes, &out, &parameters).unwrap_err().to_string().contains("unfinished folder expected"));
+}
+
+#[test]
+fn a_finished_set_is_verified_and_never_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenes = vec![files(folder.path(), &scene(0, 520, 650), |_, _| {})];
+    let parameters = Parameters { shard_tiles: 1, shares: [1.0, 0.0, 0.0], ..Parameters::default() };
+    let out = folder.path().join("out");
+    let made = prepared(&scenes, &out, &parameters).unwrap();
+    let bytes = contents(&out);
+    // A run that was killed after its manifest.
+    std::fs::create_dir(out.join("unfinished")).unwrap();
+    std::fs::write(out.join("unfinished/plan"), "any").unwrap();
+    assert_eq!(prepared(&scenes, &out, &parameters).unwrap(), made);
+    assert_eq!(contents(&out), bytes);
+    // The same content under another name counts as the same.
+    let moved = folder.path().join("moved.tif");
+    std::fs::copy(&scenes[0].image, &moved).unwrap();
+    let renamed = vec![SceneFiles { image: moved, ..scenes[0].clone() }];
+    assert_eq!(prepared(&renamed, &out, &parameters).unwrap(), made);
+    let refused = |scenes: &[SceneFiles], parameters: &Parameters, what: &str| {
+        let error = prepared(scenes, &out, parameters).unwrap_err();
+        assert!(matches!(error, Error::Input(_) | Error::Broken { .. }), "{error}");
+        assert!(error.to_string().contains(what), "{error}");
+    };
+    refused(&scenes, &Parameters { seed: 1, ..parameters.clone() }, "a finished set with other options found");
+    refused(&[scenes.clone(), scenes.clone()].concat(), &parameters, "of 1 scenes instead of 2");
+    let turned = vec![SceneFiles { sun_azimuth_deg: Some(12.0), ..scenes[0].clone() }];
+    refused(&turned, &parameters, "with another site or Sun of");
+    let swapped = vec![SceneFiles { image: scenes[0].dtm.clone(), ..scenes[0].clone() }];
+    refused(&swapped, &parameters, "of another ");
+    assert_eq!(contents(&out), bytes);
+    let shard = out.join("train-00000.safetensors");
+    let mut cut = std::fs::read(&shard).unwrap();
+    cut.pop();
+    std::fs::write(&shard, cut).unwrap();
+    refused(&scenes, &parameters, "the bytes that manifest.json names expected");
+    std::fs::write(out.join(MANIFEST), "{}").unwrap();
+    refused(&scenes, &parameters, "a finished set of another program found");
 }
 
 #[test]
