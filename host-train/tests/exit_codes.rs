@@ -33,7 +33,7 @@ fn every_command_ends_with_the_documented_code() {
         called(&["demo", "--out", "out"], None, out),
         called(&["init", "--preset", "nano", "-o", "out.safetensors"], None, Some("out.safetensors.lock")),
         called(&["check", "no.safetensors"], Some(65), None),
-        called(&["train", "--data", "no", "--out", "out"], Some(65), out),
+        called(&["train", "--data", "no", "--out", "out"], Some(65), None),
         called(
             &["average", "no.safetensors", "no2.safetensors", "-o", "out.safetensors"],
             Some(65),
@@ -43,7 +43,7 @@ fn every_command_ends_with_the_documented_code() {
         called(&["suite", "--suite", "no.toml", "--out", "out"], Some(65), None),
         called(&["report", "no", "-o", "out.html"], Some(65), Some("out.html.lock")),
         called(&["faults", "no.eld", "--out", "out"], Some(65), None),
-        called(&["train-speed", "--data", "no"], Some(65), None),
+        called(&["train-speed", "--start-from", "no.safetensors"], Some(65), None),
         called(&["devices"], None, None),
     ];
     check(Path::new(env!("CARGO_BIN_EXE_host-train")), &commands, &SHARED);

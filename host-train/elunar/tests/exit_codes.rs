@@ -71,14 +71,30 @@ fn a_closed_pipe_is_141_without_a_message() {
             .status
             .success()
     );
-    for words in
-        [&["inspect", "s/scene_0000_image.tif"][..], &["diff", "s/scene_0000_truth.tif", "s/scene_0000_truth.tif"]]
-    {
+    // What a run wrote for itself is removed before its last words.
+    let inputs = ["--image", "s/scene_0000_image.tif", "--coarse", "s/scene_0000_coarse.tif", "--model", MODEL];
+    let predict = [&["predict", "-o", "dtm.tif"], &inputs[..]].concat();
+    let part = [&["predict", "-o", "p.tif", "--part", "1/1"], &inputs[..]].concat();
+    assert!(elunar(folder.path(), &part).output().unwrap().status.success());
+    let join = [&["join", "-o", "p.tif", "--parts", "1"], &inputs[..]].concat();
+    for words in [
+        &predict[..],
+        &join,
+        &["inspect", "s/scene_0000_image.tif"][..],
+        &["diff", "s/scene_0000_truth.tif", "s/scene_0000_truth.tif"],
+    ] {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
         let out = elunar(folder.path(), words).stdout(writer).output().unwrap();
         assert_eq!((out.status.code(), out.stderr.len()), (Some(141), 0), "{words:?}");
     }
+    let mut left: Vec<String> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    left.sort();
+    let of = |name: &str| [".tif", ".tif.sha256", "_hillshade.png"].map(|end| format!("{name}{end}"));
+    assert_eq!(left, [&of("dtm")[..], &of("p"), &["s".into()]].concat());
 }
 
 #[test]

@@ -163,7 +163,10 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
     let start = Instant::now();
     let (owner, _owners) = take(args)?;
     let task = Task::new(args, open)?;
+    let path = part_path(&args.output, args.part_dir.as_deref())?;
     if task.is_finished(args) {
+        // A run that was killed at its end leaves its rows.
+        Part::discard(&path, &task.identity.job, task.width())?;
         return say_finished(args, &task);
     }
     let mut watch = Watch::new();
@@ -171,7 +174,6 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
     let lighting = task.lighting(&survey);
     let warnings = task.warn(args, &survey, &lighting)?;
     let survey_s = watch.lap_s();
-    let path = part_path(&args.output, args.part_dir.as_deref())?;
     let part = Part::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
     let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
     let rows = task.scene.rows;
@@ -187,8 +189,12 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
         )
     })?;
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
-    write(args, &task, &mut |take| part.read(take), &tally, Found { survey, warnings, start, phases }, &owner)?;
-    part.remove()
+    let found = Found { survey, warnings, start, phases };
+    let said = write(args, &task, &mut |take| part.read(take), &tally, found, &owner)?;
+    // First of all, since nobody may listen any more.
+    part.remove()?;
+    said.print();
+    Ok(())
 }
 
 /// Makes the rows of a part of the scene.
@@ -272,8 +278,10 @@ pub fn join(args: &Args, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dy
     let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
         paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))
     };
-    write(args, &task, &mut read, &tally, Found { survey, warnings, start, phases }, &owner)?;
-    paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))
+    let said = write(args, &task, &mut read, &tally, Found { survey, warnings, start, phases }, &owner)?;
+    paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))?;
+    said.print();
+    Ok(())
 }
 
 /// Measures phases one after the other.
@@ -379,8 +387,27 @@ struct Found {
     phases: Phases,
 }
 
-/// Writes the files of finished rows, and says what they are.
-fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, owner: &Owner) -> Result<()> {
+/// What a run says at its end.
+struct Said {
+    text: String,
+    /// The record, if it was asked for. The text then goes to stderr.
+    json: Option<String>,
+}
+
+impl Said {
+    fn print(self) {
+        match self.json {
+            Some(json) => {
+                eprintln!("{}", self.text);
+                println!("{json}");
+            }
+            None => println!("{}", self.text),
+        }
+    }
+}
+
+/// Writes the files of finished rows. Returns what they are.
+fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, owner: &Owner) -> Result<Said> {
     let (scene, sun) = (&task.scene, &task.sun);
     let model = task.model.description();
     let Tally { light, change, .. } = *tally;
@@ -402,10 +429,8 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
         );
     }
     if !args.json {
-        println!("{text}");
-        return Ok(());
+        return Ok(Said { text, json: None });
     }
-    eprintln!("{text}");
     let name = |path: &Path| path.display().to_string();
     let record = Record {
         image: name(&args.image),
@@ -429,8 +454,7 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
         seconds: found.start.elapsed().as_secs_f64(),
         phases,
     };
-    println!("{}", record.json());
-    Ok(())
+    Ok(Said { text, json: Some(record.json()) })
 }
 
 /// Returns the standard deviation of the coarse DTM's own heights, metres.

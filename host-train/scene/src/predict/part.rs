@@ -41,7 +41,7 @@ impl Part {
             old.rewind().and_then(|()| std::io::copy(&mut old, copy.file())).map_err(Error::io(&path))?;
             copy.publish()?;
         }
-        let id = Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize();
+        let id = Self::id(job, cols);
         let mut file = open_growing(&path)?;
         let mut start = || -> std::io::Result<usize> {
             let (mut found, row_bytes) = ([0; HEADER_BYTES as usize], 4 * cols as u64);
@@ -57,6 +57,23 @@ impl Part {
         };
         let rows = start().map_err(Error::io(&path))?;
         Ok(Self { path, file, cols, rows })
+    }
+
+    /// Removes the rows of the same job at `path`, if they are there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if they cannot be removed.
+    pub fn discard(path: &Path, job: &str, cols: usize) -> Result<()> {
+        let mut found = [0; HEADER_BYTES as usize];
+        let known = File::open(path).and_then(|mut file| file.read_exact(&mut found));
+        if known.is_ok() && found[..] == Self::id(job, cols)[..] {
+            std::fs::remove_file(path).map_err(Error::io(path))?;
+        }
+        Ok(())
+    }
+
+    fn id(job: &str, cols: usize) -> impl std::ops::Deref<Target = [u8]> {
+        Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize()
     }
 
     /// Returns the number of whole rows on disk.
@@ -167,6 +184,13 @@ mod tests {
         drop(part);
         assert_eq!(Part::open(&output, "a", 1).unwrap().rows(), 0, "another width is another job");
         assert_eq!(Part::open(&output, "b", 3).unwrap().rows(), 0);
+        for (job, cols) in [("a", 3), ("b", 1)] {
+            Part::discard(&path, job, cols).unwrap();
+            assert!(path.exists(), "rows of another job are kept");
+        }
+        Part::discard(&path, "b", 3).unwrap();
+        assert!(!path.exists());
+        Part::discard(&path, "b", 3).unwrap();
         Part::open(&output, "b", 3).unwrap().remove().unwrap();
         assert!(!path.exists());
     }
