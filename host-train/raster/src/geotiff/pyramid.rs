@@ -1,5 +1,7 @@
 //! The levels of a file: full resolution and overviews. They are filled from top to bottom; each keeps a band of rows in memory.
 
+use rayon::prelude::*;
+
 /// One level: its size, and the rows that are not yet written.
 #[derive(Debug)]
 pub(super) struct Level {
@@ -37,19 +39,18 @@ pub(super) fn levels(rows: usize, cols: usize) -> Vec<Level> {
 
 /// Returns the mean of the valid samples in each 2 x 2 samples of `band` (rows of `cols`); NaN without valid samples.
 pub(super) fn halve(band: &[f32], cols: usize) -> Vec<f32> {
-    let rows = band.len() / cols;
-    let mut out = Vec::with_capacity(rows.div_ceil(2) * cols.div_ceil(2));
-    for row in (0..rows).step_by(2) {
-        let pair = &band[row * cols..(row + 2).min(rows) * cols];
+    let mut out = vec![f32::NAN; (band.len() / cols).div_ceil(2) * cols.div_ceil(2)];
+    let lines = out.par_chunks_mut(cols.div_ceil(2)).zip(band.par_chunks(2 * cols));
+    lines.for_each(|(line, pair)| {
         let (upper, lower) = pair.split_at(cols);
-        for col in (0..cols).step_by(2) {
+        for (mean, col) in line.iter_mut().zip((0..cols).step_by(2)) {
             let beside = col..(col + 2).min(cols);
             let both = upper[beside.clone()].iter().chain(lower.get(beside).unwrap_or(&[]));
             let (sum, count) =
                 both.filter(|v| v.is_finite()).fold((0.0_f64, 0), |(sum, count), &v| (sum + f64::from(v), count + 1));
-            out.push(if count == 0 { f32::NAN } else { (sum / f64::from(count)) as f32 });
+            *mean = if count == 0 { f32::NAN } else { (sum / f64::from(count)) as f32 };
         }
-    }
+    });
     out
 }
 

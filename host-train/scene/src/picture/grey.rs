@@ -5,6 +5,10 @@ use elunar_core::grid::GridView;
 use elunar_core::terrain::{PixelSize, Sun};
 use elunar_raster::{Error, Result};
 use image::{GrayImage, Luma};
+use rayon::prelude::*;
+
+/// Rows that a thread shades at once.
+const BAND_ROWS: usize = 64;
 
 /// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Pixels without a height and the
 /// outermost pixels are black.
@@ -12,12 +16,21 @@ use image::{GrayImage, Luma};
 /// # Errors
 /// [`Error::Input`] if there are not `rows · cols` samples.
 pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) -> Result<GrayImage> {
-    let (width, height) = check_size(heights_m.len(), rows, cols)?;
+    check_size(heights_m.len(), rows, cols)?;
     let misfit = |e: elunar_core::error::LengthError| Error::input(format!("hillshade: {e}"));
     let mut shade = vec![0; heights_m.len()];
-    let view = GridView::new(heights_m, rows, cols).map_err(misfit)?;
-    elunar_core::terrain::hillshade(view, pixel, Sun::default(), &mut shade).map_err(misfit)?;
-    Ok(GrayImage::from_fn(width, height, |col, row| Luma([shade[row as usize * cols + col as usize]])))
+    let bands = shade.par_chunks_mut((BAND_ROWS * cols).max(1)).enumerate();
+    bands.try_for_each(|(band, out)| {
+        // With the rows above and below.
+        let (first, count) = (band * BAND_ROWS, out.len() / cols);
+        let (above, below) = (first.saturating_sub(1), (first + count + 1).min(rows));
+        let view = GridView::new(&heights_m[above * cols..below * cols], below - above, cols).map_err(misfit)?;
+        let mut shade = vec![0; (below - above) * cols];
+        elunar_core::terrain::hillshade(view, pixel, Sun::default(), &mut shade).map_err(misfit)?;
+        out.copy_from_slice(&shade[(first - above) * cols..][..out.len()]);
+        Ok(())
+    })?;
+    grey(shade, rows, cols)
 }
 
 /// Returns row-major bytes as a picture.

@@ -11,6 +11,7 @@ use elunar_core::photoclinometry::Contrast;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{TILE_COLS, Window};
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -56,7 +57,7 @@ impl Parts {
     pub(super) fn add(&mut self, band: &Band, pixel: PixelSize) {
         let count = |n: usize| (n / self.side_px).max(1);
         let (down, across) = (count(band.rows), count(band.cols));
-        for i in 0..down * across {
+        let of = |i: usize| {
             let (i, j) = (i / across, i % across);
             let (top, bottom) = (band.rows * i / down, band.rows * (i + 1) / down);
             let (left, right) = (band.cols * j / across, band.cols * (j + 1) / across);
@@ -65,8 +66,9 @@ impl Parts {
             light.add(&part.image, &part.coarse_m, part.cols, pixel, LightFit::cell_px(self.coarse_px));
             part.add_contrast(&mut contrast, self.coarse_px);
             let centre_px = [band.first as f64 + 0.5 * (top + bottom) as f64, 0.5 * (left + right) as f64];
-            self.parts.push(Part { centre_px, light, contrast });
-        }
+            Part { centre_px, light, contrast }
+        };
+        self.parts.par_extend((0..down * across).into_par_iter().map(of));
     }
 
     /// Returns the mean chi squared of the parts under one light, and their number.

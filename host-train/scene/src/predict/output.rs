@@ -76,8 +76,7 @@ impl DtmWriter {
     /// # Errors
     /// [`elunar_raster::Error::Io`] if they cannot be written.
     pub fn add(&mut self, samples: &[f32]) -> Result<()> {
-        self.preview.add(samples);
-        self.file.write_rows(samples)
+        rayon::join(|| self.preview.add(samples), || self.file.write_rows(samples)).1
     }
 
     /// Writes the remaining data. The DTM is written last, so that a DTM on disk is always complete. The SHA-256 of a DTM with an identity

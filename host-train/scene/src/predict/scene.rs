@@ -13,6 +13,7 @@ use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
 use elunar_raster::{Error, GeoRef, Raster, Result};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -177,10 +178,12 @@ impl Scene {
             let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
             range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
             brightness.add(&band.image);
+            let of_parts = || {
+                band.add_contrast(&mut contrast, self.coarse_px);
+                parts.add(&band, pixel);
+            };
             // Cells with a void are left out.
-            light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px);
-            band.add_contrast(&mut contrast, self.coarse_px);
-            parts.add(&band, pixel);
+            rayon::join(|| light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px), of_parts);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
@@ -213,17 +216,20 @@ impl Band {
     /// Adds the contrast of the band's image, tile by tile; what is left over at the right and below is left out. Voids have no contrast.
     pub(super) fn add_contrast(&self, contrast: &mut Contrast, coarse_px: f32) {
         let tile = Shape::new(TILE_ROWS.min(self.rows), TILE_COLS.min(self.cols));
-        let mut scratch = vec![0.0; Photoclinometry::new(tile).scratch_len()];
-        for top in (0..=self.rows - tile.rows).step_by(tile.rows.max(1)) {
-            for left in (0..=self.cols - tile.cols).step_by(tile.cols.max(1)) {
-                let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
-                let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
-                // Darkness and sameness have no contrast.
-                if let Ok(found) = Contrast::of_image(&image, None, (tile, coarse_px), &mut scratch) {
-                    contrast.add(&found);
-                }
-            }
-        }
+        let tops = (0..=self.rows - tile.rows).step_by(tile.rows.max(1));
+        let corners: Vec<(usize, usize)> = tops
+            .flat_map(|top| (0..=self.cols - tile.cols).step_by(tile.cols.max(1)).map(move |left| (top, left)))
+            .collect();
+        let scratch = || vec![0.0; Photoclinometry::new(tile).scratch_len()];
+        let of_tile = |scratch: &mut Vec<f32>, &(top, left): &(usize, usize)| {
+            let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
+            let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
+            // Darkness and sameness have no contrast.
+            Contrast::of_image(&image, None, (tile, coarse_px), scratch).ok()
+        };
+        let found: Vec<Option<Contrast>> = corners.par_iter().map_init(scratch, of_tile).collect();
+        // In order, so that the sum does not depend on the number of threads.
+        found.iter().flatten().for_each(|found| contrast.add(found));
     }
 
     /// Returns a rectangle of the band.
