@@ -40,7 +40,7 @@ run_slice() {
     mkdir -p "$folder/corpus/$target" "$folder/findings/$target" "$folder/seeds/$target"
     [ ! -f "dictionaries/$target.dict" ] || options+=("-dict=dictionaries/$target.dict")
     [ "$target" != model ] || options+=(-max_len=81920)
-    "$build/$host/release/$target" -max_total_time="$slice" -timeout=60 -rss_limit_mb=3072 -print_final_stats=1 \
+    "$build/$host/release/$target" -max_total_time="$slice" -timeout=60 -report_slow_units=60 -rss_limit_mb=3072 -print_final_stats=1 \
         -artifact_prefix="$folder/findings/$target/" "${options[@]}" "$folder/corpus/$target" "$folder/seeds/$target" >"$out" 2>&1 || ended=$?
     printf '%s %s %s s, %s executions, cov %s ft %s corpus %s, findings %s, exit %s\n' "$(date -u +%FT%TZ)" "$target" $((SECONDS - begin)) \
         "$(figure "$out" stat::number_of_executed_units)" "$(figure "$out" cov)" "$(figure "$out" ft)" \
