@@ -21,7 +21,10 @@ cd "$work"
 
 experiment=("$here/../experiments/anchored.toml" --seeds 2 --steps "$steps")
 array="$(sbatch --parsable --array=1-2 --output=task-%a.log "$here/slurm/experiments.sh" out "${experiment[@]}")"
-until [ -e out/anchored-seed1/training/run.json ] || [ -n "$(find out -name run.json 2>/dev/null)" ]; do sleep 0.2; done
+until [ -n "$(find out -name run.json 2>/dev/null)" ]; do
+    [ "$SECONDS" -lt 120 ] || fail "experiments: a training that begins within 120 s expected, none found"
+    sleep 0.2
+done
 scontrol requeue "${array}_1"
 sbatch --wait --parsable --dependency="afterok:$array" --output=compare.log \
     --wrap "'$HOST_TRAIN' experiment ${experiment[*]} --out out --resume" >/dev/null || fail "experiments: the comparison failed"

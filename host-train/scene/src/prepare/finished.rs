@@ -30,13 +30,13 @@ pub(super) fn find(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -
         return Err(other(&format!("of {} scenes instead of {}", manifest.scenes.len(), scenes.len())));
     }
     for (known, files) in manifest.scenes.iter().zip(scenes) {
-        let place = SceneFiles {
+        let same_but_paths = SceneFiles {
             image: files.image.clone(),
             dtm: files.dtm.clone(),
             coarse: files.coarse.clone(),
             ..known.files.clone()
         };
-        if place != *files {
+        if same_but_paths != *files {
             return Err(other(&format!("with another site or Sun of {}", files.image.display())));
         }
         for (path, sha256) in [&files.image, &files.dtm, &files.coarse].into_iter().zip(&known.sha256) {
