@@ -62,8 +62,9 @@ impl Feed {
                 let turned = transpose && rng.random();
                 let [rows, cols] = if turned { [cols, rows] } else { [rows, cols] };
                 if sample.rows < rows || sample.cols < cols {
+                    let turned = if turned { " (a turned crop; transpose = false has none)" } else { "" };
                     return Err(Error::input(format!(
-                        "training tiles: expected at least {rows}x{cols} pixels, found {}x{}",
+                        "training tiles: expected at least {rows}x{cols} pixels{turned}, found {}x{}",
                         sample.rows, sample.cols
                     )));
                 }

@@ -146,6 +146,17 @@ fn batches_are_those_of_one_maker(network: &NetConfig, recipe: &Recipe) {
     }
 }
 
+#[test]
+fn a_turned_crop_that_does_not_fit_is_named() {
+    let (network, recipe) = miniature();
+    let recipe = Recipe { transpose: true, crop: [96, 128], ..recipe };
+    let feed = Feed::new(Arc::new(Ripples), network, recipe, 5);
+    let errors: Vec<String> = (0..8).map(|step| feed.batch(step).unwrap_err().to_string()).collect();
+    let found = |part: &str| errors.iter().any(|error| error.contains(part));
+    assert!(found("at least 96x128 pixels, found 96x96"), "{errors:?}");
+    assert!(found("at least 128x96 pixels (a turned crop; transpose = false has none), found 96x96"), "{errors:?}");
+}
+
 /// Breaks after the tiles of four steps.
 struct Breaking;
 
