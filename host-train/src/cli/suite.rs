@@ -48,6 +48,9 @@ pub struct Args {
     /// made with truths. The Sun must be known.
     #[arg(long)]
     pub linear_bound: bool,
+    /// Also score the best linear filter that the scene's own truth teaches: how far linear methods go on it. No Sun is needed.
+    #[arg(long)]
+    pub linear_own: bool,
     /// Do not pass the Sun's direction to the models, so that it is estimated.
     #[arg(long)]
     pub hide_sun: bool,
@@ -99,7 +102,7 @@ pub fn run(args: Args) -> Result<()> {
         coarser_scales: args.coarser_scales,
         ..Usage::default()
     };
-    let baselines = Baselines { usage, linear_bound: args.linear_bound };
+    let baselines = Baselines { usage, linear_bound: args.linear_bound, linear_own: args.linear_own };
     let methods = methods(&args, usage)?;
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
     let results = suite::run(&list, baselines, &methods, &args.out, &mut |_| bar.inc(1))?;

@@ -80,7 +80,8 @@ pub fn run(
     let methods: Vec<Method> = methods.collect::<Result<_>>()?;
     let folder = out.join(TEST);
     // Every experiment uses its network in its own way. The pipeline without training is used as the shipped networks are.
-    let baselines = Baselines { usage: Usage { threads: manner.threads, ..Usage::default() }, linear_bound: false };
+    let usage = Usage { threads: manner.threads, ..Usage::default() };
+    let baselines = Baselines { usage, ..Baselines::default() };
     let test = match known(&folder, list, baselines, &methods) {
         Some(test) => {
             say("test scenes: scored before");

@@ -1,17 +1,30 @@
-//! The bound for linear methods: the best linear filter that other grounds under the scene's light allow.
+//! The bounds for linear methods: the best linear filter that truths teach, applied to the scene and anchored as a network's result is.
 //!
-//! For every scene, grounds of the synthetic Moon are rendered under its Sun, with its coarse DTM's resolution. [`LinearFilter`] learns from
-//! their truths, is applied to the scene, and the result is anchored as a network's is. Photoclinometry and shape from shading with one fixed
-//! filter cannot do better on such grounds. The filter knows truths of the same generator, so it is a bound and no competitor.
+//! - [`Teacher::OtherGrounds`]: for every scene, grounds of the synthetic Moon are rendered under its Sun, with its coarse DTM's resolution.
+//!   [`LinearFilter`] learns from their truths. Photoclinometry and shape from shading with one fixed filter cannot do better on such grounds.
+//! - [`Teacher::OwnTruth`]: the filter learns from the scene's own truth. It needs no Sun.
+//!
+//! Both know truths, so they are bounds and no competitors. They are not strict: sums are over neighbouring waves of windowed maps, and the
+//! least squares are of heights.
 
 use super::list::Entry;
 use super::scene::TestScene;
 use elunar_core::norm::Anchor;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::linear::{Lesson, LinearFilter, contrast, in_pixels};
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions, TerrainKind};
 use rayon::prelude::*;
+
+/// The truths that a filter learns from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Teacher {
+    /// Those of other grounds under the scene's Sun.
+    OtherGrounds,
+    /// The scene's own.
+    OwnTruth,
+}
 
 /// Number of grounds that teach a scene's filter (our choice).
 const GROUNDS: usize = 32;
@@ -57,16 +70,12 @@ fn options(scene: &TestScene) -> Result<SynthOptions> {
     })
 }
 
-/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, it keeps the coarse
-/// DTM's long waves.
-///
-/// # Errors
-/// [`Error::Input`] if the Sun is not known, or stands where the synthetic Moon has none.
-pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
+/// Returns the filter that other grounds teach for `scene`.
+fn of_other_grounds(scene: &TestScene) -> Result<LinearFilter> {
     let options = options(scene)?;
     let (shape, pixel_m) = ((options.rows, options.cols), options.pixel_m);
     let moon = Moon::new(SEED, options)?;
-    let image = contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols));
+    let image = contrast_of(scene);
     let rms = |map: &[f64]| (map.iter().map(|v| v * v).sum::<f64>() / map.len().max(1) as f64).sqrt();
     let off = |index: u64| (rms(&contrast(&moon.tile(index).image, shape)) / rms(&image)).ln().abs();
     let mut found: Vec<(f64, u64)> = (0..CANDIDATES).into_par_iter().map(|index| (off(index), index)).collect();
@@ -80,11 +89,43 @@ pub(super) fn dtm(scene: &TestScene, anchored: bool) -> Result<Raster> {
             truth: in_pixels(&ground.truth_m, pixel_m, shape),
         })
     };
-    let filter = LinearFilter::fit(shape, (COARSE_PIXEL_M / pixel_m) as f32, found.len(), lesson)?;
+    LinearFilter::fit(shape, (COARSE_PIXEL_M / pixel_m) as f32, found.len(), lesson)
+}
+
+/// Returns the filter that the truth of `scene` teaches. Where there is no truth, it is the coarse DTM.
+fn of_own_truth(scene: &TestScene) -> Result<LinearFilter> {
+    let coarse = scene.input.coarse_raster()?;
+    let (shape, pixel_m) = ((coarse.rows, coarse.cols), f64::from(scene.input.pixel_m));
+    let name = |what: &str| format!("{}: {what}", scene.entry.name);
+    let (truth_name, coarse_name) = (name("truth"), name("coarse DTM"));
+    let truth =
+        onto(Named::new(&truth_name, &scene.truth), Named::new(&coarse_name, &coarse), Interpolation::Bilinear)?;
+    let known = |(truth, coarse): (&f32, &f32)| if truth.is_finite() { *truth } else { *coarse };
+    let truth: Vec<f32> = truth.samples.iter().zip(&coarse.samples).map(known).collect();
+    let [coarse_px, truth_px] = [&coarse.samples, &truth].map(|heights_m| in_pixels(heights_m, pixel_m, shape));
+    let lesson = Lesson { contrast: contrast_of(scene), coarse: coarse_px, truth: truth_px };
+    LinearFilter::fit(shape, scene.input.coarse_px, 1, |_| Ok(lesson.clone()))
+}
+
+fn contrast_of(scene: &TestScene) -> Vec<f64> {
+    contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols))
+}
+
+/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, it keeps the coarse
+/// DTM's long waves.
+///
+/// # Errors
+/// [`Error::Input`] with [`Teacher::OtherGrounds`] if the Sun is not known, or stands where the synthetic Moon has none; if truth and image are
+/// not of one place.
+pub(super) fn dtm(scene: &TestScene, teacher: Teacher, anchored: bool) -> Result<Raster> {
+    let filter = match teacher {
+        Teacher::OtherGrounds => of_other_grounds(scene)?,
+        Teacher::OwnTruth => of_own_truth(scene)?,
+    };
     let coarse = scene.input.coarse_raster()?;
     let (shape, pixel_m) = ((coarse.rows, coarse.cols), f64::from(scene.input.pixel_m));
     let filled = in_pixels(&coarse.samples, pixel_m, shape);
-    let heights = filter.apply(&image, &filled, shape);
+    let heights = filter.apply(&contrast_of(scene), &filled, shape);
     let [mut heights_m, coarse_m] =
         [heights, filled].map(|map| map.iter().map(|z| (z * pixel_m) as f32).collect::<Vec<f32>>());
     if anchored {
@@ -106,20 +147,25 @@ mod tests {
     use crate::suite::score::score;
 
     #[test]
-    fn the_bound_is_no_worse_than_the_untrained_pipeline() {
+    fn the_bounds_are_no_worse_than_the_untrained_pipeline() {
         let list = List::built_in().unwrap();
         for name in ["mare-a-sun1", "highland-b-sun2"] {
             let mut entry = list.scene.iter().find(|scene| scene.name == name).unwrap().clone();
             let options = &mut entry.synth.as_mut().unwrap().options;
             (options.rows, options.cols) = (256, 320);
             let scene = TestScene::make(&entry).unwrap();
-            let methods = [Method::untrained(Usage::default()), Method::linear_bound(Usage::default())];
+            let methods =
+                [Teacher::OtherGrounds, Teacher::OwnTruth].map(|teacher| Method::linear(teacher, Usage::default()));
+            let methods: Vec<Method> = std::iter::once(Method::untrained(Usage::default())).chain(methods).collect();
             let found = score(&scene, &methods.iter().collect::<Vec<_>>()).unwrap().result.scored;
             let figures = |k: usize| (found[k].heights.rmse_m, found[k].relief.slope_vector_error.unwrap());
-            let ([coarse, untrained, bound], name) = ([0, 1, 2].map(figures), name);
-            println!("{name}: coarse {coarse:.4?}, untrained {untrained:.4?}, linear bound {bound:.4?}");
+            let [coarse, untrained, bound, own] = [0, 1, 2, 3].map(figures);
+            println!(
+                "{name}: coarse {coarse:.4?}, untrained {untrained:.4?}, other grounds {bound:.4?}, own truth {own:.4?}"
+            );
             assert!(bound.0 <= 1.02 * untrained.0 && bound.1 <= 1.02 * untrained.1, "{name}: {bound:?} {untrained:?}");
             assert!(bound.1 < 0.8 * coarse.1, "{name}: {bound:?} {coarse:?}");
+            assert!(own.0 <= 1.02 * untrained.0 && own.1 < untrained.1, "{name}: {own:?} {untrained:?}");
         }
     }
 

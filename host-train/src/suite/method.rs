@@ -1,9 +1,9 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
 use super::coarse_to_fine::Pair;
-use super::linear;
+use super::linear::{self, Teacher};
 use super::list::is_plain;
-use super::results::{LINEAR_BOUND, MethodInfo, UNTRAINED};
+use super::results::{LINEAR_BOUND, LINEAR_OWN, MethodInfo, UNTRAINED};
 use super::scene::TestScene;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -38,8 +38,8 @@ pub enum DtmSource {
         /// Usage of the network.
         usage: Usage,
     },
-    /// The best linear filter that other grounds under the scene's Sun teach ([`linear`]).
-    LinearBound(Usage),
+    /// The best linear filter that truths teach ([`linear`]).
+    Linear(Teacher, Usage),
     /// Files `SCENE.tif` or `SCENE_dtm.tif` of a folder.
     Folder(PathBuf),
 }
@@ -83,11 +83,15 @@ impl Method {
         Self { name: UNTRAINED.into(), description: Untrained::DESCRIPTION.into(), source }
     }
 
-    /// Makes the bound for linear methods. Of the usage, only the anchor counts.
+    /// Makes a bound for linear methods. Of the usage, only the anchor counts.
     #[must_use]
-    pub fn linear_bound(usage: Usage) -> Self {
-        let description = "best linear filter of contrast and coarse DTM, from the truths of other grounds under the same Sun: a bound";
-        Self { name: LINEAR_BOUND.into(), description: description.into(), source: DtmSource::LinearBound(usage) }
+    pub fn linear(teacher: Teacher, usage: Usage) -> Self {
+        let (name, truths) = match teacher {
+            Teacher::OtherGrounds => (LINEAR_BOUND, "the truths of other grounds under the same Sun"),
+            Teacher::OwnTruth => (LINEAR_OWN, "the scene's own truth"),
+        };
+        let description = format!("best linear filter of contrast and coarse DTM, from {truths}: a bound");
+        Self { name: name.into(), description, source: DtmSource::Linear(teacher, usage) }
     }
 
     /// Makes a method from DTMs of another program, files `SCENE.tif` or `SCENE_dtm.tif`.
@@ -119,8 +123,8 @@ impl Method {
                 let dtm = source::read(path)?;
                 Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
             }
-            DtmSource::LinearBound(usage) => {
-                let dtm = linear::dtm(scene, usage.anchor)?;
+            DtmSource::Linear(teacher, usage) => {
+                let dtm = linear::dtm(scene, *teacher, usage.anchor)?;
                 Ok((onto(Named::new(&self.name, &dtm), truth, Interpolation::Bilinear)?, None))
             }
             DtmSource::Network { model, usage } => {
@@ -162,7 +166,7 @@ impl Method {
     pub fn info(&self) -> MethodInfo {
         let (anchor, co_alignment, sun_told) = match &self.source {
             DtmSource::Network { usage, .. } => (usage.anchor, usage.co_alignment, usage.tell_sun),
-            DtmSource::LinearBound(usage) => (usage.anchor, CoAlignment::None, true),
+            DtmSource::Linear(_, usage) => (usage.anchor, CoAlignment::None, true),
             DtmSource::Folder(_) => (false, CoAlignment::None, false),
         };
         let scales = match &self.source {

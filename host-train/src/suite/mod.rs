@@ -1,7 +1,7 @@
 //! Test suites: models, other programs' DTMs, the pipeline without training and the coarse DTM on scenes with a truth, on the same pixels.
 //!
 //! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
-//! [`linear`] is the bound for linear ones, [`coarse_to_fine`] the use of a network at several scales. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
+//! [`linear`] has the bounds for linear ones, [`coarse_to_fine`] the use of a network at several scales. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
 pub mod coarse_to_fine;
 pub mod linear;
@@ -18,6 +18,7 @@ pub mod tables;
 use elunar_raster::geotiff::{WriteOptions, write};
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::table::to_csv;
+use linear::Teacher;
 use list::List;
 use method::{Method, Usage};
 use results::{COARSE, MethodInfo, Results};
@@ -35,16 +36,20 @@ pub const DTMS: &str = "dtm";
 pub struct Baselines {
     /// Usage of the pipeline without training ([`Method::untrained`]), which is always scored.
     pub usage: Usage,
-    /// Whether the bound for linear methods is scored ([`Method::linear_bound`]).
+    /// Whether the bound for linear methods from other grounds is scored ([`linear::Teacher::OtherGrounds`]).
     pub linear_bound: bool,
+    /// Whether the bound from the scene's own truth is scored ([`linear::Teacher::OwnTruth`]).
+    pub linear_own: bool,
 }
 
 impl Baselines {
     /// Makes the methods.
     #[must_use]
     pub fn methods(self) -> Vec<Method> {
-        let bound = self.linear_bound.then(|| Method::linear_bound(self.usage));
-        std::iter::once(Method::untrained(self.usage)).chain(bound).collect()
+        let teachers = [(self.linear_bound, Teacher::OtherGrounds), (self.linear_own, Teacher::OwnTruth)];
+        let bounds = teachers.into_iter().filter(|(wanted, _)| *wanted);
+        let bounds = bounds.map(|(_, teacher)| Method::linear(teacher, self.usage));
+        std::iter::once(Method::untrained(self.usage)).chain(bounds).collect()
     }
 }
 

@@ -13,6 +13,8 @@ pub const COARSE: &str = "coarse DTM";
 pub const UNTRAINED: &str = "untrained";
 /// Name of the bound for linear methods among the methods.
 pub const LINEAR_BOUND: &str = "linear-bound";
+/// Name of the bound that knows the scene's own truth.
+pub const LINEAR_OWN: &str = "linear-own";
 
 /// All results of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
