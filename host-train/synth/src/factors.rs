@@ -8,6 +8,9 @@ use rand_chacha::ChaCha8Rng;
 /// Separates the random stream of these factors from that of everything else.
 const SEED: u64 = 0x0fac_7025;
 
+/// Separates the random stream of landforms from these.
+const LANDFORM_SEED: u64 = 0x1a_4df0;
+
 /// The factors of one scene. They have a separate random stream, so that other ranges do not change the rest of a scene. New factors are
 /// drawn after the older ones, so that an option with a fixed value changes no other factor.
 pub(super) struct Factors {
@@ -21,6 +24,8 @@ pub(super) struct Factors {
     pub response: Response,
     /// Standard deviation of the Gaussian that smooths the ground, pixels.
     pub smooth_px: f32,
+    /// Random stream of landforms, if the scene has any.
+    pub landforms: Option<ChaCha8Rng>,
     /// RMS of the coarse DTM's stripes, metres.
     pub stripes_m: f64,
     /// Random stream of the stripes.
@@ -39,8 +44,11 @@ impl Factors {
         let pedestal = within(&mut rng, options.pedestal) as f32;
         let stripes_m = within(&mut rng, options.coarse_stripes_m);
         let smooth_px = (options.smooth_ground_px * rng.random::<f64>().powi(4)) as f32;
+        let mut stream = ChaCha8Rng::seed_from_u64(seed ^ LANDFORM_SEED);
+        stream.set_stream(index);
+        let landforms = (stream.random::<f64>() < options.landforms).then_some(stream);
         let response = Response { exponent, pedestal };
-        Self { relief, albedo_contrast, lunar_weight_shift, response, smooth_px, stripes_m, stripes: rng }
+        Self { relief, albedo_contrast, lunar_weight_shift, response, smooth_px, landforms, stripes_m, stripes: rng }
     }
 }
 

@@ -7,7 +7,7 @@ use super::factors::{Factors, within};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::smooth::smooth;
-use super::{SynthOptions, TerrainKind, boulder};
+use super::{SynthOptions, TerrainKind, boulder, landform};
 use elunar_raster::Result;
 use elunar_raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
@@ -191,9 +191,12 @@ impl Moon {
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
         let mut factors = Factors::draw(self.seed, index, options);
-        let (heights_m, mut log_albedo) = self.terrain(rng, kind, factors.relief, shop);
-        log_albedo.iter_mut().for_each(|log| *log *= factors.albedo_contrast);
+        let (mut heights_m, mut log_albedo) = self.terrain(rng, kind, factors.relief, shop);
         let (rows, cols) = shop.plan.shape();
+        if let Some(stream) = &mut factors.landforms {
+            landform::add(stream, &mut heights_m, &mut log_albedo, [rows, cols], options.pixel_m);
+        }
+        log_albedo.iter_mut().for_each(|log| *log *= factors.albedo_contrast);
         let heights_m = smooth(heights_m, [rows, cols], factors.smooth_px);
         let ground = Ground { heights_m: &heights_m, cols, margin_px: shop.margin_px, pixel_m: options.pixel_m };
         let mut coarse = coarse::observe(rng, &ground, shop.rows, shop.cols, &flaws);

@@ -51,6 +51,8 @@ pub struct SynthOptions {
     pub smooth_ground_px: f64,
     /// RMS of the coarse DTM's stripes along laser tracks and steps at seams, metres; drawn uniformly. Default 0.
     pub coarse_stripes_m: (f64, f64),
+    /// Share of the scenes that also have landforms other than craters: blocks, terraces, ridges, dunes, knobs. Default 0.
+    pub landforms: f64,
     /// Whether fresh craters have boulders. Default true.
     pub boulders: bool,
 }
@@ -75,6 +77,7 @@ impl Default for SynthOptions {
             blur_px: crate::camera::BLUR_PX,
             smooth_ground_px: 0.0,
             coarse_stripes_m: (0.0, 0.0),
+            landforms: 0.0,
             boulders: true,
         }
     }
@@ -111,6 +114,7 @@ impl SynthOptions {
         range("pedestal", self.pedestal, -0.5, 2.0)?;
         range("blur_px", self.blur_px, 0.0, 1.5)?;
         range("smooth_ground_px", (self.smooth_ground_px, self.smooth_ground_px), 0.0, 10.0)?;
+        range("landforms", (self.landforms, self.landforms), 0.0, 1.0)?;
         range("coarse_stripes_m", self.coarse_stripes_m, 0.0, 100.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
     }

@@ -61,6 +61,7 @@ fn training_moon() -> SynthOptions {
         pedestal: (0.0, 0.2),
         blur_px: (0.2, 0.9),
         smooth_ground_px: 2.5,
+        landforms: 0.5,
         coarse_stripes_m: (0.0, 1.5),
         ..SynthOptions::default()
     }
