@@ -65,10 +65,27 @@ fn illegal_options_are_refused() {
         SynthOptions { albedo_contrast: (1.0, 11.0), ..legal.clone() },
         SynthOptions { response_exponent: (0.1, 1.0), ..legal.clone() },
         SynthOptions { lunar_weight_shift: (-2.0, 0.0), ..legal.clone() },
+        SynthOptions { landforms: 1.5, ..legal.clone() },
+        SynthOptions { landforms: f64::NAN, ..legal.clone() },
         SynthOptions { relief: (2.0, 1.0), ..legal },
     ] {
         assert!(Moon::new(0, bad.clone()).is_err(), "{bad:?}");
     }
+}
+
+#[test]
+fn landforms_are_on_their_share_of_the_scenes_and_leave_the_others_alone() {
+    let tiles = |landforms| {
+        let moon = Moon::new(3, SynthOptions { rows: 16, cols: 24, landforms, ..Default::default() }).unwrap();
+        (0..60).map(move |index| moon.tile(index))
+    };
+    let changed = |landforms| tiles(0.0).zip(tiles(landforms)).filter(|(a, b)| a.truth_m != b.truth_m).count();
+    assert_eq!(changed(0.0), 0);
+    assert!((20..=40).contains(&changed(0.5)), "{} of 60", changed(0.5));
+    assert!(changed(1.0) >= 45, "{} of 60", changed(1.0));
+    assert!(tiles(1.0).all(|tile| tile.truth_m.iter().chain(&tile.image).all(|v| v.is_finite())));
+    // Every tile is the same but for its landforms: Sun and coarse error keep their random streams.
+    assert!(tiles(0.0).zip(tiles(1.0)).all(|(a, b)| a.sun_azimuth_deg == b.sun_azimuth_deg && a.kind == b.kind));
 }
 
 #[test]

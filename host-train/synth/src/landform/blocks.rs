@@ -62,7 +62,8 @@ impl Cells {
 
     /// Returns the height of the nearest cell, and the distance from its border, pixels.
     fn nearest(&self, row: f32, col: f32) -> (f32, f32) {
-        let place = |v: f32, n: usize| ((v / self.side).floor() as isize + BEYOND as isize).clamp(1, n as isize - 2) as usize;
+        let place =
+            |v: f32, n: usize| ((v / self.side).floor() as isize + BEYOND as isize).clamp(1, n as isize - 2) as usize;
         let (r, c) = (place(row, self.down), place(col, self.across));
         let around = (r - 1..=r + 1).flat_map(|r| (c - 1..=c + 1).map(move |c| (r, c)));
         let mut two = [(f32::INFINITY, 0.0); 2];
