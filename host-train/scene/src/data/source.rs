@@ -46,7 +46,8 @@ pub enum DataSpec {
 
 /// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
 /// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
-/// times as rough as usual, and often smoother than an image could show; patches have none to three times the usual contrast. Blur, photometry
+/// times as rough as usual, and often smoother than an image could show; half of it has landforms other than craters. Patches have none to
+/// three times the usual contrast. Blur, photometry
 /// and tones differ from a NAC's, the average ground's and a calibrated camera's. Coarse DTMs have none to 4 m of long-wave error, stripes and
 /// steps.
 fn training_moon() -> SynthOptions {

@@ -47,8 +47,8 @@ impl Canvas<'_> {
         Noise::draw(self.rng, [self.rows, self.cols], wave_px)
     }
 
-    /// Draws a mask of patches: 0 to 1, with borders as wide as `border`, in standard deviations of the noise beneath. About `share` of the
-    /// ground is covered.
+    /// Draws a mask of patches: 0 to 1, with borders as wide as `border`, in standard deviations of the noise beneath. They cover
+    /// between a quarter and nine tenths of the ground in the mean.
     fn patches(&mut self, border: f32) -> Vec<f32> {
         let (wave_px, above) = (self.length(60.0, 400.0), self.within(-1.2, 0.6));
         self.noise(wave_px).values().map(|n| smooth_step((n - above) / border)).collect()
@@ -84,8 +84,8 @@ pub(super) fn add(
     let rounded = canvas.within(0.2, 1.2);
     let form = smooth(form, [rows, cols], rounded);
     if canvas.rng.random_bool(ON_A_PLAIN) {
-        let left = canvas.within(0.1, 1.0);
-        heights_m.iter_mut().for_each(|height| *height *= left);
+        let lowered = canvas.within(0.1, 1.0);
+        heights_m.iter_mut().for_each(|height| *height *= lowered);
     }
     heights_m.iter_mut().zip(&form).for_each(|(height, form)| *height += form * pixel_m as f32);
     if canvas.rng.random_bool(TONED) {
