@@ -2,7 +2,8 @@
 # Scenes on a Slurm cluster of three nodes on this machine, in GNU parallel and in Snakemake: check.sh PROGRAM MODEL
 #
 # Every DTM and the mosaic must have the SHA-256 of the serial run. Prints SKIPPED for an engine that is not installed.
-set -euo pipefail
+set -eEuo pipefail
+trap 'echo "ERROR: line $LINENO: exit code 0 expected, found $?: $BASH_COMMAND" >&2' ERR
 here="$(cd "$(dirname "$0")" && pwd)"
 ELUNAR="$(realpath "${1:?usage: $0 PROGRAM MODEL}")"
 model="$(realpath "${2:?usage: $0 PROGRAM MODEL}")"
@@ -77,15 +78,25 @@ await() {
     squeue >&2
     fail "job $1 did not end"
 }
-# Waits until a file of that pattern exists.
-appears() {
-    local i
-    for ((i = 0; i < 300; i++)); do
+batches() { pgrep -f "batch --manifest $1/m.jsonl" || true; }
+# $1: a run, $2: how many batches it has at once. Stops each as soon as it lives: none may end before the test disturbs them.
+hold() {
+    local i found
+    for ((i = 0; i < 600; i++)); do
+        found="$(batches "$1")"
         # shellcheck disable=SC2086
-        ls $1 >/dev/null 2>&1 && return 0
-        sleep 0.1
+        [ -z "$found" ] || kill -STOP $found 2>/dev/null || true
+        [ "$(wc -w <<<"$found")" -lt "$2" ] || return 0
+        sleep 0.05
     done
-    fail "$1 expected, none found"
+    fail "$1: $2 batches alive at once expected, found $(wc -w <<<"$found")"
+}
+# $1: a run. Its batches go on.
+release() {
+    local found
+    found="$(batches "$1")"
+    # shellcheck disable=SC2086
+    [ -z "$found" ] || kill -CONT $found 2>/dev/null || true
 }
 
 undisturbed() {
@@ -109,9 +120,10 @@ node_down() {
     local array
     manifest down
     array="$(submit --array=1-3 -c4 "$here/slurm/array.sh" down/m.jsonl)"
-    appears "down/dtms/*.part"
+    hold down 3
     # The controller cancels the node's job and queues it again.
     scontrol update NodeName=n1 State=DOWN Reason=test
+    release down
     await "$array"
     scontrol update NodeName=n1 State=RESUME 2>/dev/null || true # it may have come back by itself
     again down
@@ -121,16 +133,17 @@ node_down() {
 }
 
 slurmd_killed() {
-    local array batches
+    local array alive
     manifest killed
     array="$(submit --array=1-3 -c4 "$here/slurm/array.sh" killed/m.jsonl)"
-    appears "killed/dtms/*.part"
+    hold killed 3
     # Only the daemon: its job lives on, and its output has an owner. Another attempt waits for it, or finds its work.
     kill -KILL "$(cat slurm/run/slurmd.n2.pid)"
     sleep 1
-    batches="$(pgrep -f "batch --manifest killed/m.jsonl" | wc -l)"
-    [ "$batches" -ge 3 ] || fail "killed: three batches alive expected, $batches found"
+    alive="$(batches killed | wc -l)"
+    [ "$alive" = 3 ] || fail "killed: three batches alive expected, $alive found"
     scontrol update NodeName=n2 State=DOWN Reason=test
+    release killed
     await "$array"
     again killed
     # The orphan may still be at work.

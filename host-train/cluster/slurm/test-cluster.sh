@@ -82,14 +82,23 @@ CONF
 
 # Ends only what `up` began: the processes whose numbers their own files name.
 down() {
-    local file
+    local file i
     if [ -f "$dir/env" ]; then
         # shellcheck source=/dev/null
         . "$dir/env"
         timeout 10 scancel --signal=KILL --full --user="$(id -un)" 2>/dev/null || true
     fi
+    local pid pids=()
     for file in "$dir"/run/slurmd.*.pid "$dir/run/slurmctld.pid" "$dir/run/munged.pid"; do
-        if [ -s "$file" ]; then kill "$(cat "$file")" 2>/dev/null || true; fi
+        if [ -s "$file" ]; then pids+=("$(cat "$file")"); fi
+    done
+    for pid in "${pids[@]}"; do kill "$pid" 2>/dev/null || true; done
+    # They write files until they end.
+    for pid in "${pids[@]}"; do
+        for ((i = 0; i < 100; i++)); do
+            kill -0 "$pid" 2>/dev/null || break
+            sleep 0.1
+        done
     done
 }
 
