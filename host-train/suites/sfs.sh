@@ -1,22 +1,31 @@
 #!/usr/bin/env bash
 # Shape from shading on every scene of a suite, for `host-train suite ... --against sfs=OUT/sfs`.
 #
-#   host-train/suites/sfs.sh OUT [LIST.toml]     writes the scenes into OUT/scenes and the DTMs into OUT/sfs
+#   host-train/suites/sfs.sh OUT [LIST.toml | --real DATA]     writes the scenes into OUT/scenes and the DTMs into OUT/sfs
 #
-# Scenes whose Sun is not known are named as skipped.
+# A Sun that is not known is fitted. WEIGHTS="SMOOTHNESS CONSTRAINT" sets the weights, in pixels and per pixel.
 set -euo pipefail
 [ $# -ge 1 ] || { sed -n '2,6s/^# \{0,1\}//p' "$0"; exit 1; }
 out="$1"
 run() { cargo run --quiet --package host-train --manifest-path "$(dirname "$0")/../../Cargo.toml" -- "$@"; }
 
-run suite --out "$out" --scenes-only ${2:+--suite "$2"}
+case "${2:-}" in
+"") run suite --out "$out" --scenes-only ;;
+--real) run suite --out "$out" --scenes-only --real "${3:?--real: a folder expected}" ;;
+*) run suite --out "$out" --scenes-only --suite "$2" ;;
+esac
 mkdir -p "$out/sfs"
-tail -n +2 "$out/scenes/scenes.csv" | while IFS=, read -r name azimuth elevation; do
-    if [ -z "$azimuth" ] || [ -z "$elevation" ]; then
-        echo "SKIPPED: $name: its Sun is not known"
-        continue
-    fi
+tail -n +2 "$out/scenes/scenes.csv" | while IFS=, read -r name azimuth elevation pixel; do
     [ -e "$out/sfs/$name.tif" ] && continue
-    run sfs --image "$out/scenes/${name}_image.tif" --coarse "$out/scenes/${name}_coarse.tif" \
-        --sun-azimuth "$azimuth" --sun-elevation "$elevation" -o "$out/sfs/$name.tif" --json >"$out/sfs/$name.json" </dev/null
+    options=()
+    [ -z "$azimuth" ] || options+=(--sun-azimuth "$azimuth")
+    [ -z "$elevation" ] || options+=(--sun-elevation "$elevation")
+    [ ${#options[@]} = 4 ] || options+=(--fit-sun)
+    if [ -n "${WEIGHTS:-}" ]; then
+        read -r smoothness constraint <<<"$WEIGHTS"
+        options+=(--smoothness-weight "$(awk "BEGIN { print $smoothness * $pixel }")")
+        options+=(--dem-constraint-weight "$(awk "BEGIN { print $constraint / $pixel }")")
+    fi
+    run sfs --image "$out/scenes/${name}_image.tif" --coarse "$out/scenes/${name}_coarse.tif" "${options[@]}" \
+        -o "$out/sfs/$name.tif" --json >"$out/sfs/$name.json" </dev/null
 done

@@ -19,7 +19,7 @@ fn a_model_and_another_programs_dtms_end_in_tables_and_on_a_page() {
     let said = shell.made(&["suite", "--suite", "list.toml", "--out", "out", "--scenes-only"]);
     assert!(said.contains("1 scenes"), "{said}");
     let table = std::fs::read_to_string(shell.path("out/scenes/scenes.csv")).unwrap();
-    assert_eq!(table, "name,sun_azimuth_deg,sun_elevation_deg\na,300.000,30.000\n");
+    assert_eq!(table, "name,sun_azimuth_deg,sun_elevation_deg,pixel_m\na,300.000,30.000,2.000\n");
 
     // The other program returns the truth.
     std::fs::create_dir(shell.path("known")).unwrap();

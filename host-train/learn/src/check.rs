@@ -65,7 +65,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
         lines.push(Line::new(name, error, MAP_TOLERANCE));
     }
 
-    let t = terms(map("truth")?, output.clone(), Elevation::MeanNormalised);
+    let t = terms(map("truth")?, output.clone(), Elevation::MeanNormalised, None);
     let expected: Vec<f64> = json(&golden, "loss_terms", path)?;
     let found = [("elevation", t.elevation), ("gradient", t.gradient), ("normal", t.normal)];
     for ((name, value), e) in found.into_iter().zip(&expected) {
@@ -133,7 +133,7 @@ fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<
     let device = device.clone().autodiff();
     let prediction = tensor(golden, "output", path, &device)?.require_grad();
     let [_, _, rows, cols] = prediction.dims();
-    let terms = terms(tensor(golden, "truth", path, &device)?, prediction.clone(), Elevation::MeanNormalised);
+    let terms = terms(tensor(golden, "truth", path, &device)?, prediction.clone(), Elevation::MeanNormalised, None);
     let grads = LossWeights::PAPER.total(&terms).backward();
     let found = prediction.grad(&grads).ok_or_else(|| Error::input("the backend gave no gradient"))?;
     let found = found.into_data().try_to_vec::<f32>().map_err(|e| Error::input(format!("the gradient: {e}")))?;

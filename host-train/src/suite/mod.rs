@@ -133,19 +133,22 @@ pub fn run(
     Ok(results)
 }
 
-/// Writes the scenes' files, and a table of them for other programs: name and direction to the Sun, degrees.
+/// Writes the scenes' files, and a table of them for other programs: name, direction to the Sun (degrees) and side of the
+/// image's pixels (metres).
 ///
 /// # Errors
 /// If scenes cannot be made or written.
 pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
     let folder = out.join(SCENES);
     std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
-    let mut rows = vec![["name", "sun_azimuth_deg", "sun_elevation_deg"].map(String::from)];
+    let mut rows = vec![["name", "sun_azimuth_deg", "sun_elevation_deg", "pixel_m"].map(String::from)];
     for entry in &list.scene {
         let scene = TestScene::make(entry)?;
         scene.write(&folder)?;
         let angle = |deg: Option<f64>| deg.map_or_else(String::new, |deg| format!("{deg:.3}"));
-        rows.push([entry.name.clone(), angle(scene.sun_deg.0), angle(scene.sun_deg.1)]);
+        let (row_m, col_m) = scene.raw_image.pixel_m().unwrap_or(scene.pixel_m);
+        let side = format!("{:.3}", (row_m * col_m).sqrt());
+        rows.push([entry.name.clone(), angle(scene.sun_deg.0), angle(scene.sun_deg.1), side]);
     }
     atomic_write(&folder.join("scenes.csv"), &to_csv(rows)?)
 }

@@ -2,8 +2,9 @@
 
 use super::output;
 use elunar_core::nn::Illumination;
-use elunar_net::illumination::KnownSun;
+use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::stated::{HeightUnit, Statements};
+use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::predict::identity::Identity;
 use elunar_scene::predict::job::{Files, fill, finish, summary};
@@ -37,6 +38,9 @@ pub struct Args {
     /// Elevation of the Sun above the horizon, degrees, above 0 and below 90 [default: as the image's file states it].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: Option<f64>,
+    /// Fit the angles of the Sun that are not given, as `predict` does; do not use those that the image's file states.
+    #[arg(long)]
+    pub fit_sun: bool,
     /// DTM to write.
     #[arg(short, long, value_name = "DTM.tif")]
     pub output: PathBuf,
@@ -106,13 +110,19 @@ pub fn run(args: Args) -> Result<()> {
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
     let coarse = Input::stated(&args.coarse, coarse, args.coarse_nodata)?;
     check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
-    let sun = KnownFrom::new(user, &image.name, image.source.info().sun)?;
+    let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };
+    let sun = KnownFrom::new(user, &image.name, of_file)?;
+    if !args.fit_sun {
+        both_angles(sun.sun, &image.name)?;
+    }
     let truth = args.truth.as_deref().map(Input::open).transpose()?;
-    let settings = args.settings(both_angles(&sun, &image.name)?, image.source.info().side_m(&image.name)?);
-    settings.light()?;
+    let side_m = image.source.info().side_m(&image.name)?;
     let scene = Scene::new(image.clone(), coarse)?;
     let survey = scene.survey()?;
     let lighting = survey.lighting(Illumination::Given, sun.sun);
+    let angles = if args.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
+    let settings = args.settings(both_angles(angles, &image.name)?, side_m);
+    settings.light()?;
     for warning in notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())? {
         eprintln!("WARNING: {warning}");
     }
@@ -122,8 +132,9 @@ pub fn run(args: Args) -> Result<()> {
     let (mut part, tally) = fill(part, scene.rows, &owner, |from, keep, progress| {
         solve_rows(&scene, &settings, &journal, from, keep, progress)
     })?;
+    let source = if angles == sun.sun { "given" } else { "fitted" };
     let light =
-        format!("azimuth {} deg, elevation {} deg; given", settings.sun_azimuth_deg, settings.sun_elevation_deg)
+        format!("azimuth {} deg, elevation {} deg; {source}", settings.sun_azimuth_deg, settings.sun_elevation_deg)
             + sun.origin_of(&lighting);
     let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors: None };
     let from = (settings.description(), light);
@@ -139,6 +150,7 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     println!("{}", summary(&args.output, &scene, &finished, &tally));
+    println!("light: {}", from.1);
     if let Some((median, mean, largest)) = seconds_per_tile(&tiles) {
         let done = tiles.iter().filter(|tile| tile.converged()).count();
         println!(
@@ -150,10 +162,26 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns azimuth and elevation of the Sun, degrees, which must both be known.
-fn both_angles(sun: &KnownFrom, image: &str) -> Result<(f64, f64)> {
-    let missing = |option: &str| Error::usage(format!("{option} expected, and {image} states none"));
-    let azimuth_deg = sun.sun.azimuth_deg.ok_or_else(|| missing("--sun-azimuth"))?;
-    Ok((azimuth_deg, sun.sun.elevation_deg.ok_or_else(|| missing("--sun-elevation"))?))
+fn both_angles(sun: KnownSun, image: &str) -> Result<(f64, f64)> {
+    let missing = |option: &str| Error::usage(format!("{option} or --fit-sun expected, and {image} states none"));
+    let azimuth_deg = sun.azimuth_deg.ok_or_else(|| missing("--sun-azimuth"))?;
+    Ok((azimuth_deg, sun.elevation_deg.ok_or_else(|| missing("--sun-elevation"))?))
+}
+
+/// Returns the known angles of the Sun and, for the others, those of the fit, in whole tenths of a degree. The elevation is that of a Sun of
+/// the fitted strength, which also covers offsets and nonlinear values of the image.
+fn fitted(known: KnownSun, lighting: &Lighting, image: &str) -> Result<KnownSun> {
+    let tenths = |deg: f64| (deg * 10.0).round() / 10.0;
+    let both = known.azimuth_deg.is_some() && known.elevation_deg.is_some();
+    if lighting.source == LightSource::Assumed && !both {
+        let what = "--fit-sun: a light that the coarse DTM shows expected, and none could be fitted to";
+        return Err(Error::input(format!("{what} {image}: give --sun-azimuth and --sun-elevation")));
+    }
+    let light = lighting.light;
+    Ok(KnownSun {
+        azimuth_deg: known.azimuth_deg.or(Some(tenths(light.azimuth_deg()))),
+        elevation_deg: known.elevation_deg.or(Some(tenths(light.elevation_deg()).clamp(0.1, 89.9))),
+    })
 }
 
 impl Args {
@@ -196,6 +224,11 @@ mod tests {
     }
 
     fn run_with(folder: &Path, more: &[(&str, &str)]) -> Result<()> {
+        run_without(folder, &[], more, &[])
+    }
+
+    /// Runs without the options `less`, with other values of `more`, and with the switches `on`.
+    fn run_without(folder: &Path, less: &[&str], more: &[(&str, &str)], on: &[&str]) -> Result<()> {
         let file = |name: &str| folder.join(name).display().to_string();
         let mut options = vec![
             ("--image", file("scene_0000_image.tif")),
@@ -208,8 +241,10 @@ mod tests {
             options.retain(|(known, _)| *known != name);
             options.push((name, value.into()));
         }
+        options.retain(|(name, _)| !less.contains(name));
         let words = options.into_iter().flat_map(|(name, value)| [name.to_string(), value]);
-        let words = ["elunar".to_string(), "sfs".into()].into_iter().chain(words);
+        let words =
+            ["elunar".to_string(), "sfs".into()].into_iter().chain(words).chain(on.iter().map(ToString::to_string));
         crate::cli::run(Cli::try_parse_from(words).unwrap().command)
     }
 
@@ -231,6 +266,52 @@ mod tests {
         assert!(folder.path().join("dtm_hillshade.png").exists() && !folder.path().join("dtm.tif.part").exists());
         let curve = std::fs::read_to_string(curve).unwrap();
         assert!(curve.lines().count() > 5 && !curve.lines().last().unwrap().ends_with(','), "{curve}");
+    }
+
+    #[test]
+    fn a_sun_that_is_not_known_is_fitted_where_the_user_wants_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let options =
+            SynthOptions { sun_elevation_deg: (30.0, 30.0), sun_azimuth_deg: (300.0, 300.0), ..Default::default() };
+        Moon::new(3, options).unwrap().scene(0, 400, 500).unwrap().write(folder.path()).unwrap();
+        let suns = ["--sun-azimuth", "--sun-elevation"];
+        let light = |less: &[&str], more: &[(&str, &str)], on: &[&str]| {
+            run_without(folder.path(), less, &[more, &[("--iterations", "1")]].concat(), on).unwrap();
+            let text = String::from_utf8_lossy(&std::fs::read(folder.path().join("dtm.tif")).unwrap()).into_owned();
+            let from = text.find("azimuth ").unwrap();
+            text[from..].split(['"', '<', '\0', '\n']).next().unwrap().to_string()
+        };
+        assert!(
+            light(&suns, &[], &[]).starts_with("azimuth 300 deg, elevation 30 deg; given (azimuth and elevation from")
+        );
+        let fitted = light(&suns, &[], &["--fit-sun"]);
+        let number = |word: usize| fitted.split(' ').nth(word).unwrap().parse::<f64>().unwrap();
+        assert!(
+            (number(1) - 300.0).abs() < 15.0 && (number(4) - 30.0).abs() < 12.0 && fitted.ends_with("fitted"),
+            "{fitted}"
+        );
+        assert!(number(1) != 300.0 && number(4) != 30.0, "{fitted}");
+        let half = light(&["--sun-elevation"], &[("--sun-azimuth", "280")], &["--fit-sun"]);
+        assert!(half.starts_with("azimuth 280 deg, elevation ") && half.ends_with("fitted"), "{half}");
+        assert_eq!(light(&[], &[], &["--fit-sun"]), "azimuth 100 deg, elevation 30 deg; given");
+    }
+
+    #[test]
+    fn a_light_that_nothing_shows_is_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        scene(folder.path());
+        let level = folder.path().join("scene_0000_coarse.tif");
+        let mut coarse = geotiff::read(&level).unwrap();
+        coarse.samples.fill(5.0);
+        geotiff::write(&level, &coarse, &geotiff::WriteOptions::heights("level")).unwrap();
+        let suns = ["--sun-azimuth", "--sun-elevation"];
+        let text = run_without(folder.path(), &suns, &[], &["--fit-sun"]).unwrap_err().to_string();
+        assert!(
+            text.contains("--fit-sun: a light that the coarse DTM shows expected")
+                && text.contains("give --sun-azimuth"),
+            "{text}"
+        );
+        assert!(!folder.path().join("dtm.tif").exists() && !folder.path().join("dtm.tif.part").exists());
     }
 
     #[test]

@@ -49,7 +49,7 @@ fn gradients(golden: &Weights, path: &Path, device: &Device) -> Result<Vec<(Stri
     let net = store::load(&config_of(golden, path)?, golden, path, &device)?;
     let map = |name: &str| tensor(golden, name, path, &device);
     let output = net.forward(map("input.image")?, map("input.coarse")?);
-    let terms = terms(map("truth")?, output, Elevation::MeanNormalised);
+    let terms = terms(map("truth")?, output, Elevation::MeanNormalised, None);
     let found = GradientsParams::from_grads(LossWeights::PAPER.total(&terms).backward(), &net);
     let mut list = Listed { found, names: Vec::new(), each: Vec::new() };
     net.visit(&mut list);

@@ -67,6 +67,9 @@ pub struct Recipe {
     pub weights: LossWeights,
     /// Elevation term.
     pub elevation: Elevation,
+    /// Whether every sample's loss is divided by the slope error that it begins with ([`super::loss::balance`]). Heights must be in pixels.
+    #[serde(default)]
+    pub balanced: bool,
     /// Target of training and validation.
     pub target: Target,
     /// Critic of adversarial training, used after the elevation-only steps; `None` without it.
@@ -128,6 +131,7 @@ impl Recipe {
             elevation_only: ElevationOnly::Steps(5_000),
             weights: LossWeights::PAPER,
             elevation: Elevation::MeanNormalised,
+            balanced: false,
             target: Target::Truth,
             adversarial: None,
             drop_path: 0.2,
@@ -154,6 +158,7 @@ impl Recipe {
                 drop_path: 0.0,
                 weights: LossWeights::PIXELS,
                 elevation: Elevation::L1,
+                balanced: true,
                 target: Target::Anchored,
                 // The whole height of a tile, twice: the transformer sees relief as wide as in a prediction (our choice).
                 crop: [256, 256],
@@ -304,6 +309,9 @@ pub struct RecipeFlags {
     /// Elevation term of the loss [default: mean-normalised].
     #[arg(long)]
     pub elevation: Option<Elevation>,
+    /// Divide every sample's loss by the slope error that it begins with: rough and smooth ground count alike [default: the preset's].
+    #[arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")]
+    pub balanced: Option<bool>,
     /// Target of training and validation [default: the preset's].
     #[arg(long)]
     pub target: Option<Target>,
@@ -352,6 +360,7 @@ impl RecipeFlags {
         recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
         recipe.drop_path = self.drop_path.unwrap_or(recipe.drop_path);
         recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
+        recipe.balanced = self.balanced.unwrap_or(recipe.balanced);
         recipe.target = self.target.unwrap_or(recipe.target);
         recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
         if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {

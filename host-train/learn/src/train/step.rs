@@ -4,7 +4,7 @@ use super::adamw::ClippedAdamW;
 use super::adversarial::{Opponent, Scene};
 use super::checkpoint::Checkpoint;
 use super::journal::StepRecord;
-use super::loss::terms;
+use super::loss::{balance, terms};
 use super::parallel::Crew;
 use super::recipe::Recipe;
 use crate::model::backend::describe;
@@ -14,7 +14,7 @@ use crate::model::swin::depth::factors;
 use crate::stopwatch::{Part, time};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
-use elunar_net::config::{ImageEncoderKind, NetConfig};
+use elunar_net::config::{ImageEncoderKind, NetConfig, TruthRange};
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result};
 use std::path::Path;
@@ -73,6 +73,12 @@ impl Trainer {
         path: &Path,
         devices: Vec<Device>,
     ) -> Result<Self> {
+        if recipe.balanced && config.target_range != TruthRange::Pixel {
+            let found = config.target_range;
+            return Err(Error::input(format!(
+                "balanced: expected heights in pixels (--target-range pixel), found {found:?}; take --balanced false"
+            )));
+        }
         let differentiate = |device: Device| {
             let device = device.autodiff();
             if recipe.checkpointing { device.gradient_checkpointing() } else { device }
@@ -198,7 +204,11 @@ impl Task<'_> {
             let paths = factors(recipe.drop_path, blocks, seed, step, number * size..(number + 1) * size);
             let prediction =
                 time(Part::Forward, || seen.forward_in_training(image.clone(), coarse.clone(), paths.as_deref()));
-            let terms = time(Part::Loss, || terms(truth.clone(), prediction.clone(), recipe.elevation));
+            let terms = time(Part::Loss, || {
+                // The first map of the coarse branch is what a residual head corrects.
+                let factors = recipe.balanced.then(|| balance(&truth, coarse.clone().narrow(1, 0, 1)));
+                terms(truth.clone(), prediction.clone(), recipe.elevation, factors.as_ref())
+            });
             let mut total = recipe.weights_at(step).total(&terms);
             if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
                 total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
