@@ -46,7 +46,7 @@ fn by_burn(batch: &Batch, term: Elevation, weights: LossWeights) -> (Terms, Vec<
         Tensor::from_data(TensorData::new(tiles.concat(), [tiles.len(), 1, batch.rows, batch.cols]), &device)
     };
     let predicted = tensor(&batch.predicted).require_grad();
-    let found = terms(tensor(&batch.truth), predicted.clone(), term);
+    let found = terms(tensor(&batch.truth), predicted.clone(), term, None);
     let number = |t: &Tensor<1>| f64::from(t.clone().into_scalar::<f32>());
     let terms =
         Terms { elevation: number(&found.elevation), gradient: number(&found.gradient), normal: number(&found.normal) };

@@ -163,7 +163,7 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Returns azimuth and elevation of the Sun, degrees, which must both be known.
 fn both_angles(sun: KnownSun, image: &str) -> Result<(f64, f64)> {
-    let missing = |option: &str| Error::usage(format!("{option} or --fit-sun expected, and {image} states none"));
+    let missing = |option: &str| Error::usage(format!("{option} expected, and {image} states none; --fit-sun fits it"));
     let azimuth_deg = sun.azimuth_deg.ok_or_else(|| missing("--sun-azimuth"))?;
     Ok((azimuth_deg, sun.elevation_deg.ok_or_else(|| missing("--sun-elevation"))?))
 }
