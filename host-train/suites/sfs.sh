@@ -3,11 +3,15 @@
 #
 #   host-train/suites/sfs.sh OUT [LIST.toml | --real DATA]     writes the scenes into OUT/scenes and the DTMs into OUT/sfs
 #
-# A Sun that is not known is fitted. WEIGHTS="SMOOTHNESS CONSTRAINT" sets the weights, in pixels and per pixel.
+# A Sun that is not known is fitted. WEIGHTS="SMOOTHNESS CONSTRAINT" sets the weights, in pixels and per pixel. PROGRAM: host-train (default: built
+# by cargo).
 set -euo pipefail
-[ $# -ge 1 ] || { sed -n '2,6s/^# \{0,1\}//p' "$0"; exit 1; }
+[ $# -ge 1 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0"; exit 1; }
 out="$1"
-run() { cargo run --quiet --package host-train --manifest-path "$(dirname "$0")/../../Cargo.toml" -- "$@"; }
+run() {
+    if [ -n "${PROGRAM:-}" ]; then "$PROGRAM" "$@"; return; fi
+    cargo run --quiet --package host-train --manifest-path "$(dirname "$0")/../../Cargo.toml" -- "$@"
+}
 
 case "${2:-}" in
 "") run suite --out "$out" --scenes-only ;;

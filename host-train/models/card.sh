@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Makes the figures of the shipped `nano` anew, and writes them into its card, docs/accuracy.md and the README:
+#
+#   host-train/models/card.sh DATA OUT
+#
+# DATA: data of other origin (suites/external.py says what a folder must hold). OUT gets scenes, DTMs and tables. What lies there already is not made
+# again, so remove what a new model changes: OUT/*.done. PROGRAM: host-train (default: built by cargo). Needs python3 with numpy, scipy and
+# rasterio. Figures in sentences are printed, not written.
+set -euo pipefail
+[ $# = 2 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 64; }
+here="$(cd "$(dirname "$0")/.." && pwd)"
+data="$(realpath "$1")"
+mkdir -p "$2"
+out="$(realpath "$2")"
+cd "$here/.."
+nano=host-train/models/nano.eld
+run() { if [ -n "${PROGRAM:-}" ]; then "$PROGRAM" "$@"; else cargo run --release --quiet --package host-train -- "$@"; fi; }
+# $1: a part's name, the rest: its command. Runs it unless it is done.
+part() {
+    [ ! -e "$out/$1.done" ] || return 0
+    echo "$1" >&2
+    "${@:2}" >"$out/$1.txt" 2>&1 || { tail -3 "$out/$1.txt" >&2; exit 1; }
+    touch "$out/$1.done"
+}
+# $1: a suite of scenes with a known Sun, the rest: options. Scores nano with the Sun told and fitted.
+both() {
+    part "$1" run suite --suite "$out/lists/$1.toml" --model "nano=$nano" --out "$out/$1"
+    part "$1-hide" run suite --suite "$out/lists/$1.toml" --hide-sun --model "nano=$nano" --out "$out/$1-hide"
+}
+# $1: name of an image and its coarse DTM with truth, $2: their folder. Scores heights and expected errors.
+sure() {
+    local dtm="$out/sure/$1"
+    run predict --fit-sun --image "$2/$1_image.tif" --coarse "$2/$1_coarse.tif" --model "$nano" -o "$dtm.tif" \
+        --uncertainty "${dtm}_e.tif" &&
+        run evaluate --dtm "$dtm.tif" --truth "$2/$1_truth.tif" --uncertainty "${dtm}_e.tif" >"$dtm.txt"
+}
+all_sure() {
+    local image name
+    mkdir -p "$out/sure"
+    for image in "$out"/real/scenes/*_image.tif "$out"/suite/scenes/*_image.tif; do
+        name="$(basename "$image" _image.tif)"
+        sure "$name" "$(dirname "$image")" || return
+    done
+}
+part lists python3 "$here/suites/external.py" "$data" "$out/lists"
+part real run suite --real "$data/real" --model "nano=$nano" --linear-own --out "$out/real"
+for list in apollo15 independent stereolunar; do both "$list"; done
+part nac run suite --suite "$out/lists/nac.toml" --model "nano=$nano" --out "$out/nac"
+part real-sfs "$here/suites/sfs.sh" "$out/real-sfs" --real "$data/real"
+part real-tuned env WEIGHTS="1 0.5" "$here/suites/sfs.sh" "$out/real-tuned" --real "$data/real"
+part real-against run suite --real "$data/real" --model "nano=$nano" --against "sfs=$out/real-sfs/sfs" --against "tuned=$out/real-tuned/sfs" \
+    --out "$out/real-against"
+for list in held-out landforms limits; do part "sfs-$list" "$here/suites/sfs.sh" "$out/sfs-$list" "$here/suites/$list.toml"; done
+part suite run suite --against "sfs=$out/sfs-held-out/sfs" --linear-bound --model float=host-train/models/nano.safetensors --model "int8=$nano" \
+    --out "$out/suite"
+part landforms run suite --suite "$here/suites/landforms.toml" --against "sfs=$out/sfs-landforms/sfs" --linear-bound --model "nano=$nano" \
+    --out "$out/landforms"
+part limits run suite --suite "$here/suites/limits.toml" --against "sfs=$out/sfs-limits/sfs" --model "nano=$nano" --out "$out/limits"
+part sure all_sure
+python3 "$here/models/card.py" "$out"
