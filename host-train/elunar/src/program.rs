@@ -99,9 +99,14 @@ pub(crate) fn fail_once(code: u8, what: Arguments<'_>) -> bool {
     first
 }
 
-/// Writes an error line. A closed stderr is no reason to fail once more.
+/// Writes an error line in one piece, so that no other thread's words come between; a line that is too long, in several. Allocates nothing. A
+/// closed stderr is no reason to fail once more.
 fn line(what: Arguments<'_>) {
-    let _ = writeln!(std::io::stderr(), "ERROR: {what}");
+    let mut buffer = std::io::Cursor::new([0; 512]);
+    let _ = match writeln!(buffer, "ERROR: {what}") {
+        Ok(()) => std::io::stderr().write_all(&buffer.get_ref()[..buffer.position() as usize]),
+        Err(_) => writeln!(std::io::stderr(), "ERROR: {what}"),
+    };
 }
 
 /// Says in one line what the first panic means. Later ones are its consequences.
