@@ -49,14 +49,17 @@ pub struct Evaluation {
     pub co_alignment: CoAlignment,
     /// Whether the Sun's direction is given to the network.
     pub tell_sun: bool,
+    /// Number of coarser scales that are predicted first ([`Usage::coarser_scales`]).
+    #[serde(default)]
+    pub coarser_scales: u32,
 }
 
 impl Evaluation {
     /// Returns the usage for a method of a suite.
     #[must_use]
     pub fn usage(self, threads: usize) -> Usage {
-        let Self { anchor, co_alignment, tell_sun } = self;
-        Usage { anchor, co_alignment, tell_sun, threads, ..Usage::default() }
+        let Self { anchor, co_alignment, tell_sun, coarser_scales } = self;
+        Usage { anchor, co_alignment, tell_sun, threads, coarser_scales }
     }
 }
 
@@ -77,7 +80,12 @@ impl Experiment {
             recipe: Recipe::preset(preset),
             data: moon(1),
             validation_data: moon(1 + VALIDATION_SEED),
-            evaluation: Evaluation { anchor: false, co_alignment: CoAlignment::None, tell_sun: true },
+            evaluation: Evaluation {
+                anchor: false,
+                co_alignment: CoAlignment::None,
+                tell_sun: true,
+                coarser_scales: 0,
+            },
         }
     }
 

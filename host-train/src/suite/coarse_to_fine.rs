@@ -1,5 +1,5 @@
-//! Prediction from coarse to fine: the multi-scale coupling of MADNet (Tao et al. 2021, doi:10.3390/rs13214220), of which this has the use
-//! of one network at several scales, each DTM the next scale's coarse DTM. It has neither its adversarial training nor its co-alignment.
+//! Prediction from coarse to fine: the multi-scale coupling of MADNet 2.0 (Tao et al. 2021, doi:10.3390/rs13214220), of which this has the
+//! use of one network at several scales, each DTM the next scale's coarse DTM.
 
 use super::real::means;
 use elunar_raster::{Raster, Result};

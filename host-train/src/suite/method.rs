@@ -137,12 +137,23 @@ impl Method {
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
                 let at = |scene: &Scene| predict(scene, model.as_ref(), &options, &mut { progress });
+                let aligned = |dtm: Raster, scene: &Scene, coarse_m: f64| match usage.co_alignment {
+                    CoAlignment::None => Ok(dtm),
+                    how => {
+                        let pixel_m = f64::from(scene.pixel_m);
+                        let image_m = dtm.pixel_m().unwrap_or((pixel_m, pixel_m));
+                        how.apply(&dtm, &scene.coarse_raster()?, image_m, coarse_m)
+                    }
+                };
                 let Prediction { dtm, tally } = if coarser_scales == 0 {
                     at(&scene.input)?
                 } else {
                     let pair = Pair { name: &scene.entry.name, image: &scene.raw_image, coarse: &scene.coarse };
-                    let refined = pair.refined(coarser_scales, &mut |scene| Ok(at(scene)?.dtm))?;
-                    at(&refined)?
+                    let mut predict = |scene: &Scene| {
+                        let coarse_m = f64::from(scene.coarse_px * scene.pixel_m);
+                        aligned(at(scene)?.dtm, scene, coarse_m)
+                    };
+                    at(&pair.refined(coarser_scales, &mut predict)?)?
                 };
                 if tally.light.source == LightSource::Assumed {
                     let (method, name) = (&self.name, &scene.entry.name);
@@ -151,11 +162,7 @@ impl Method {
                     );
                 }
                 let seconds = start.elapsed().as_secs_f64();
-                let image_m = dtm.pixel_m().unwrap_or(scene.pixel_m);
-                let aligned = match usage.co_alignment {
-                    CoAlignment::None => dtm,
-                    how => how.apply(&dtm, &scene.input.coarse_raster()?, image_m, scene.coarse_m)?,
-                };
+                let aligned = aligned(dtm, &scene.input, scene.coarse_m)?;
                 Ok((onto(Named::new(&self.name, &aligned), truth, Interpolation::Bilinear)?, Some(seconds)))
             }
         }

@@ -11,6 +11,10 @@ const SEED: u64 = 0x0fac_7025;
 /// Separates the random stream of landforms from these.
 const LANDFORM_SEED: u64 = 0x1a_4df0;
 
+/// Separates the random streams of complex craters and of the albedo's features.
+const CRATER_SEED: u64 = 0x00c0_97e0;
+const ALBEDO_SEED: u64 = 0x0a1b_ed00;
+
 /// The factors of one scene. They have a separate random stream, so that other ranges do not change the rest of a scene. New factors are
 /// drawn after the older ones, so that an option with a fixed value changes no other factor.
 pub(super) struct Factors {
@@ -26,6 +30,10 @@ pub(super) struct Factors {
     pub smooth_px: f32,
     /// Random stream of landforms, if the scene has any.
     pub landforms: Option<ChaCha8Rng>,
+    /// Random stream of complex craters, if the scene has any.
+    pub craters: Option<ChaCha8Rng>,
+    /// Random stream of the albedo's features, if the scene has any.
+    pub albedo: Option<ChaCha8Rng>,
     /// RMS of the coarse DTM's stripes, metres.
     pub stripes_m: f64,
     /// Random stream of the stripes.
@@ -44,11 +52,23 @@ impl Factors {
         let pedestal = within(&mut rng, options.pedestal) as f32;
         let stripes_m = within(&mut rng, options.coarse_stripes_m);
         let smooth_px = (options.smooth_ground_px * rng.random::<f64>().powi(4)) as f32;
-        let mut stream = ChaCha8Rng::seed_from_u64(seed ^ LANDFORM_SEED);
-        stream.set_stream(index);
-        let landforms = (stream.random::<f64>() < options.landforms).then_some(stream);
-        let response = Response { exponent, pedestal };
-        Self { relief, albedo_contrast, lunar_weight_shift, response, smooth_px, landforms, stripes_m, stripes: rng }
+        let stream_of = |kind: u64, share: f64| {
+            let mut stream = ChaCha8Rng::seed_from_u64(seed ^ kind);
+            stream.set_stream(index);
+            (stream.random::<f64>() < share).then_some(stream)
+        };
+        Self {
+            relief,
+            albedo_contrast,
+            lunar_weight_shift,
+            response: Response { exponent, pedestal },
+            smooth_px,
+            landforms: stream_of(LANDFORM_SEED, options.landforms),
+            craters: stream_of(CRATER_SEED, options.complex_craters),
+            albedo: stream_of(ALBEDO_SEED, options.albedo_features),
+            stripes_m,
+            stripes: rng,
+        }
     }
 }
 

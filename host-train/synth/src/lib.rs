@@ -7,6 +7,7 @@
 //!
 //! A scene depends only on `(seed, options, index)`, not on the number of threads.
 
+mod albedo;
 mod boulder;
 mod camera;
 mod coarse;

@@ -7,7 +7,7 @@ use super::factors::{Factors, within};
 use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::smooth::smooth;
-use super::{SynthOptions, TerrainKind, boulder, landform};
+use super::{SynthOptions, TerrainKind, albedo, boulder, landform};
 use elunar_raster::Result;
 use elunar_raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
@@ -195,6 +195,12 @@ impl Moon {
         let (rows, cols) = shop.plan.shape();
         if let Some(stream) = &mut factors.landforms {
             landform::add(stream, &mut heights_m, &mut log_albedo, [rows, cols], options.pixel_m);
+        }
+        if let Some(stream) = &mut factors.craters {
+            landform::add_craters(stream, &mut heights_m, [rows, cols], options.pixel_m);
+        }
+        if let Some(stream) = &mut factors.albedo {
+            albedo::add(stream, &heights_m, &mut log_albedo, [rows, cols], options.pixel_m);
         }
         log_albedo.iter_mut().for_each(|log| *log *= factors.albedo_contrast);
         let heights_m = smooth(heights_m, [rows, cols], factors.smooth_px);

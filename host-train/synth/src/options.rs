@@ -53,6 +53,10 @@ pub struct SynthOptions {
     pub coarse_stripes_m: (f64, f64),
     /// Share of the scenes that also have landforms other than craters: blocks, terraces, ridges, dunes, knobs. Default 0.
     pub landforms: f64,
+    /// Share of the scenes that also have complex craters, 6 to 160 pixels in radius. Default 0.
+    pub complex_craters: f64,
+    /// Share of the scenes whose albedo also follows slopes or heights, or has units, streaks or mottles. Default 0.
+    pub albedo_features: f64,
     /// Whether fresh craters have boulders. Default true.
     pub boulders: bool,
 }
@@ -78,6 +82,8 @@ impl Default for SynthOptions {
             smooth_ground_px: 0.0,
             coarse_stripes_m: (0.0, 0.0),
             landforms: 0.0,
+            complex_craters: 0.0,
+            albedo_features: 0.0,
             boulders: true,
         }
     }
@@ -114,7 +120,14 @@ impl SynthOptions {
         range("pedestal", self.pedestal, -0.5, 2.0)?;
         range("blur_px", self.blur_px, 0.0, 1.5)?;
         range("smooth_ground_px", (self.smooth_ground_px, self.smooth_ground_px), 0.0, 10.0)?;
-        range("landforms", (self.landforms, self.landforms), 0.0, 1.0)?;
+        let shares = [
+            ("landforms", self.landforms),
+            ("complex_craters", self.complex_craters),
+            ("albedo_features", self.albedo_features),
+        ];
+        for (name, share) in shares {
+            range(name, (share, share), 0.0, 1.0)?;
+        }
         range("coarse_stripes_m", self.coarse_stripes_m, 0.0, 100.0)?;
         range("misregistration_m", (self.misregistration_m, self.misregistration_m), 0.0, 100.0)
     }

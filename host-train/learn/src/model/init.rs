@@ -50,7 +50,7 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
-/// Returns the weights of another network as those of `config`, which may have more maps of the image and a detail stage. The network
+/// Returns the weights of another network as those of `config`, which may have more maps of the image and a detail stage, or a wider one. The network
 /// computes the same as before: new maps have zero weights, and the detail stage passes the decoder's last map on. Other weights of the stage
 /// are random, from `seed`. Messages call the weights `path`.
 ///
@@ -72,13 +72,17 @@ pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &P
     Ok(weights)
 }
 
-/// Adds what is missing of the detail stage. New blocks pass their input on, and a new stage the decoder's last map, which has no negative
-/// values.
+/// Adds what is missing of the detail stage: the stage, blocks, channels. A new stage passes the decoder's last map on, which has no negative
+/// values; new blocks pass their input on; new channels add nothing to what older ones compute.
 fn add_detail(weights: &mut Weights, config: &NetConfig, seed: u64) {
     let whole = weights.tensors.contains_key("detail.join.weight");
     for (name, array) in initial_weights(config, seed).tensors {
         if name.starts_with("detail.") {
-            weights.tensors.entry(name).or_insert(array);
+            match weights.tensors.remove(&name) {
+                // A block's last convolution begins with zeros, so its new channels give nothing at first.
+                Some(old) => weights.tensors.insert(name, grown(&old, array)),
+                None => weights.tensors.insert(name, array),
+            };
         }
     }
     if let Some(join) = weights.tensors.get_mut("detail.join.weight").filter(|_| !whole) {
@@ -90,6 +94,24 @@ fn add_detail(weights: &mut Weights, config: &NetConfig, seed: u64) {
         }
     }
     weights.tensors.get_mut("head.weight").into_iter().for_each(|head| widen(head, config.detail));
+}
+
+/// Returns `new`, a convolution `[O, I, k, k]` or its biases `[O]`, with the weights of a smaller one in its first channels. Those do not read
+/// the new inputs. Returns `old` where it is not smaller; the shapes are compared later.
+fn grown(old: &Array, mut new: Array) -> Array {
+    let fits = old.shape.len() == new.shape.len()
+        && old.shape.iter().zip(&new.shape).all(|(old, new)| old <= new)
+        && old.shape.iter().skip(2).eq(new.shape.iter().skip(2));
+    if !fits || old.shape == new.shape || old.shape.iter().any(|n| *n == 0) {
+        return old.clone();
+    }
+    let filter = |array: &Array| array.data.len() / array.shape[0];
+    let (narrow, wide) = (filter(old), filter(&new));
+    for (from, to) in old.data.chunks_exact(narrow).zip(new.data.chunks_exact_mut(wide)) {
+        to[..narrow].copy_from_slice(from);
+        to[narrow..].fill(0.0);
+    }
+    new
 }
 
 /// Gives a convolution `[O, I, k, k]` more input channels, with weights of zero.
@@ -169,10 +191,19 @@ mod tests {
             net.forward(image, coarse.clone()).into_data().try_to_vec::<f32>().unwrap()
         };
         let expected = of(&config, &without_zeros(weights.clone()), image.clone().narrow(1, 0, 4));
-        let found = of(&detailed, &grown, image);
+        let found = of(&detailed, &grown, image.clone());
         let apart = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(apart < 1e-4, "{apart}");
         assert!(expected.iter().any(|z| z.abs() > 0.1));
+        // A wider and deeper stage, at first the same, too.
+        let wider = NetConfig { detail: 9, detail_inner: 5, detail_blocks: 3, ..detailed.clone() };
+        let trained = without_zeros(grown);
+        let expected = of(&detailed, &trained, image.clone());
+        let wide = weights_for(trained.clone(), &wider, 8, path).unwrap();
+        let found = of(&wider, &wide, image.clone());
+        let apart = expected.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-4, "{apart}");
+        assert!(weights_for(trained, &NetConfig { detail: 5, ..detailed.clone() }, 8, path).is_err(), "never narrower");
         // Too narrow to pass the decoder's map on.
         assert!(
             weights_for(weights.clone(), &NetConfig { detail: 2, detail_inner: 1, ..config.clone() }, 7, path).is_err()

@@ -15,3 +15,4 @@ pub mod resnet;
 pub mod store;
 pub mod swin;
 pub mod unet;
+pub mod widen;

@@ -1,9 +1,11 @@
-//! Landforms that craters and random fields lack: blocks and mesas, terraces, ridges and rilles, dunes, knobs (our choice).
+//! Landforms that simple craters and random fields lack: blocks and mesas, terraces, ridges and rilles, dunes, knobs, complex craters (our
+//! choice).
 //!
 //! A network that has seen craters alone takes every cliff for noise and flattens it. These forms are no model of a place. Sizes and slopes
 //! are drawn from wide ranges, in pixels, because a network sees pixels.
 
 mod blocks;
+mod craters;
 mod dunes;
 mod knobs;
 mod levels;
@@ -27,29 +29,34 @@ const PATCHED: f64 = 0.3;
 const TONE: f64 = 0.12;
 
 /// A grid on which forms are drawn, and their random stream.
-struct Canvas<'r> {
-    rng: &'r mut ChaCha8Rng,
-    rows: usize,
-    cols: usize,
+pub(super) struct Canvas<'r> {
+    pub rng: &'r mut ChaCha8Rng,
+    pub rows: usize,
+    pub cols: usize,
 }
 
 impl Canvas<'_> {
-    fn within(&mut self, low: f64, high: f64) -> f32 {
+    pub(crate) fn within(&mut self, low: f64, high: f64) -> f32 {
         within(self.rng, (low, high)) as f32
     }
 
     /// Draws a length between two, all magnitudes alike.
-    fn length(&mut self, low: f64, high: f64) -> f32 {
+    pub(crate) fn length(&mut self, low: f64, high: f64) -> f32 {
         within(self.rng, (low.ln(), high.ln())).exp() as f32
     }
 
-    fn noise(&mut self, wave_px: f32) -> Noise {
+    pub(crate) fn noise(&mut self, wave_px: f32) -> Noise {
         Noise::draw(self.rng, [self.rows, self.cols], wave_px)
+    }
+
+    /// Draws waves that are `stretch` times as long in the direction `angle`, radians from the columns' to the rows'.
+    pub(crate) fn stretched_noise(&mut self, wave_px: f32, stretch: f32, angle: f32) -> Noise {
+        Noise::draw_stretched(self.rng, [self.rows, self.cols], wave_px, (stretch, angle))
     }
 
     /// Draws a mask of patches: 0 to 1, with borders as wide as `border`, in standard deviations of the noise beneath. They cover
     /// between a quarter and nine tenths of the ground in the mean.
-    fn patches(&mut self, border: f32) -> Vec<f32> {
+    pub(crate) fn patches(&mut self, border: f32) -> Vec<f32> {
         let (wave_px, above) = (self.length(60.0, 400.0), self.within(-1.2, 0.6));
         self.noise(wave_px).values().map(|n| smooth_step((n - above) / border)).collect()
     }
@@ -100,6 +107,18 @@ pub(super) fn add(
     }
 }
 
+/// Adds complex craters to heights, metres, of pixels of `pixel_m`. `rng` determines them.
+pub(super) fn add_craters(rng: &mut ChaCha8Rng, heights_m: &mut Vec<f32>, [rows, cols]: [usize; 2], pixel_m: f64) {
+    let mut canvas = Canvas { rng, rows, cols };
+    let pixel_m = pixel_m as f32;
+    heights_m.iter_mut().for_each(|height| *height /= pixel_m);
+    craters::strike(&mut canvas, heights_m);
+    // Old craters are worn: most a little, some much.
+    let worn = 4.0 * canvas.within(0.0, 1.0).powi(3);
+    *heights_m = smooth(std::mem::take(heights_m), [rows, cols], worn);
+    heights_m.iter_mut().for_each(|height| *height *= pixel_m);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,6 +152,23 @@ mod tests {
             assert!(apart < 1e-3, "seed {seed}: {apart}");
         }
         assert!(steep > 45 && toned > 20, "{steep} steep, {toned} toned");
+    }
+
+    #[test]
+    fn complex_craters_change_the_ground_and_keep_its_size() {
+        let mut deepest: f32 = 0.0;
+        for seed in 0..40 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let mut heights = vec![100.0; SIZE[0] * SIZE[1]];
+            add_craters(&mut rng, &mut heights, SIZE, 2.0);
+            assert!(heights.len() == SIZE[0] * SIZE[1] && heights.iter().all(|v| v.is_finite()));
+            let rises = heights.windows(2).enumerate().filter(|(i, _)| (i + 1) % SIZE[1] != 0);
+            // Steps of terraces are the only cliffs.
+            let cliffs = rises.filter(|(_, w)| (w[1] - w[0]).abs() > 2.0).count();
+            assert!(cliffs * 50 < heights.len(), "seed {seed}: {cliffs} pixels steeper than 45 degrees");
+            deepest = deepest.max(100.0 - heights.iter().copied().fold(f32::INFINITY, f32::min));
+        }
+        assert!((10.0..100.0).contains(&deepest), "{deepest}");
     }
 
     #[test]
