@@ -15,6 +15,8 @@ const RADIUS: (f32, f32) = (6.0, 160.0);
 const RIM: (f64, f64) = (0.05, 0.35);
 /// Greatest slope of a wall before smoothing: loose rock stands at some 35 degrees.
 const STEEPEST: f32 = 0.75;
+/// Greatest slope of a terrace's riser over the mean slope of its wall.
+const RISER: f32 = 3.0;
 /// Harmonics of the outline.
 const HARMONICS: usize = 5;
 
@@ -42,8 +44,8 @@ impl Crater {
         let radius = RADIUS.0 / (1.0 - share);
         let floor = canvas.within(0.0, 0.75);
         let deep = canvas.length(0.03, 0.22) * 2.0 * radius;
-        let steepest = STEEPEST * (1.0 - floor) * radius;
         let terraced = canvas.rng.random_bool(0.4);
+        let steepest = STEEPEST * (1.0 - floor) * radius / if terraced { RISER } else { 1.0 };
         let peaked = canvas.rng.random_bool(0.35);
         let uneven = canvas.within(0.0, 0.12);
         Self {
@@ -92,7 +94,7 @@ impl Crater {
 /// Adds craters to heights in pixels. Later ones wipe out earlier ones.
 pub(super) fn strike(canvas: &mut Canvas, heights: &mut [f32]) {
     let number = canvas.length(NUMBER.0, NUMBER.1) as usize;
-    let (rough, noises) = (canvas.within(0.0, 0.06), [8.0, 24.0].map(|wave_px| canvas.noise(wave_px)));
+    let (rough, noises) = (canvas.within(0.0, 0.05), [24.0, 80.0].map(|wave_px| canvas.noise(wave_px)));
     for _ in 0..number {
         let crater = Crater::draw(canvas);
         let noise = &noises[usize::from(crater.radius > 40.0)];
