@@ -63,8 +63,6 @@ fn training_moon() -> SynthOptions {
         blur_px: (0.2, 0.9),
         smooth_ground_px: 2.5,
         landforms: 0.5,
-        complex_craters: 0.35,
-        albedo_features: 0.5,
         coarse_stripes_m: (0.0, 1.5),
         ..SynthOptions::default()
     }
