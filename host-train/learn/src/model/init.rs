@@ -102,7 +102,7 @@ fn grown(old: &Array, mut new: Array) -> Array {
     let fits = old.shape.len() == new.shape.len()
         && old.shape.iter().zip(&new.shape).all(|(old, new)| old <= new)
         && old.shape.iter().skip(2).eq(new.shape.iter().skip(2));
-    if !fits || old.shape == new.shape || old.shape.iter().any(|n| *n == 0) {
+    if !fits || old.shape == new.shape || old.shape.contains(&0) {
         return old.clone();
     }
     let filter = |array: &Array| array.data.len() / array.shape[0];
