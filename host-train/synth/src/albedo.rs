@@ -68,7 +68,7 @@ fn toned_heights(canvas: &mut Canvas, heights_m: &[f32]) -> Vec<f32> {
     let mean = smoothed.iter().map(|h| f64::from(*h)).sum::<f64>() / smoothed.len() as f64;
     let square = smoothed.iter().map(|h| (f64::from(*h) - mean).powi(2)).sum::<f64>() / smoothed.len() as f64;
     let (mean, spread) = (mean as f32, (square.sqrt() as f32).max(f32::MIN_POSITIVE));
-    // Below half of the scenes a level has the border of a lake of sand; the others change smoothly.
+    // In half of the scenes the border is up to as sharp as that of a lake of sand; in the others it is smooth.
     let sharp = if canvas.rng.random() { canvas.length(1.0, 12.0) } else { 1.0 };
     let level = canvas.within(-1.0, 1.0);
     smoothed.iter().map(|h| tone * (0.5 * sharp * ((h - mean) / spread - level)).tanh()).collect()

@@ -31,7 +31,7 @@ pub(super) struct Factors {
     /// Random stream of landforms, if the scene has any.
     pub landforms: Option<ChaCha8Rng>,
     /// Random stream of complex craters, if the scene has any.
-    pub craters: Option<ChaCha8Rng>,
+    pub complex_craters: Option<ChaCha8Rng>,
     /// Random stream of the albedo's features, if the scene has any.
     pub albedo: Option<ChaCha8Rng>,
     /// RMS of the coarse DTM's stripes, metres.
@@ -64,7 +64,7 @@ impl Factors {
             response: Response { exponent, pedestal },
             smooth_px,
             landforms: stream_of(LANDFORM_SEED, options.landforms),
-            craters: stream_of(CRATER_SEED, options.complex_craters),
+            complex_craters: stream_of(CRATER_SEED, options.complex_craters),
             albedo: stream_of(ALBEDO_SEED, options.albedo_features),
             stripes_m,
             stripes: rng,

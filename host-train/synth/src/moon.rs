@@ -196,8 +196,8 @@ impl Moon {
         if let Some(stream) = &mut factors.landforms {
             landform::add(stream, &mut heights_m, &mut log_albedo, [rows, cols], options.pixel_m);
         }
-        if let Some(stream) = &mut factors.craters {
-            landform::add_craters(stream, &mut heights_m, [rows, cols], options.pixel_m);
+        if let Some(stream) = &mut factors.complex_craters {
+            landform::add_complex_craters(stream, &mut heights_m, [rows, cols], options.pixel_m);
         }
         if let Some(stream) = &mut factors.albedo {
             albedo::add(stream, &heights_m, &mut log_albedo, [rows, cols], options.pixel_m);

@@ -50,9 +50,9 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
     weights
 }
 
-/// Returns the weights of another network as those of `config`, which may have more maps of the image and a detail stage, or a wider one. The network
-/// computes the same as before: new maps have zero weights, and the detail stage passes the decoder's last map on. Other weights of the stage
-/// are random, from `seed`. Messages call the weights `path`.
+/// Returns the weights of another network as those of `config`, which may have more maps of the image, and a detail stage or a wider one. The
+/// network computes the same as before: new maps have zero weights, and a new detail stage passes the decoder's last map on. Other weights of
+/// the stage are random, from `seed`. Messages call the weights `path`.
 ///
 /// # Errors
 /// [`Error::Broken`] if they do not fit the configuration.
@@ -116,17 +116,11 @@ fn grown(old: &Array, mut new: Array) -> Array {
 
 /// Gives a convolution `[O, I, k, k]` more input channels, with weights of zero.
 fn widen(array: &mut Array, inputs: usize) {
-    if let [outputs, old, ..] = array.shape[..]
-        && old < inputs
-        && outputs > 0
-        && old > 0
-    {
-        let (filter, area) = (array.data.len() / outputs, array.data.len() / (outputs * old));
-        let wider = |filter: &[f32]| {
-            filter.iter().copied().chain(std::iter::repeat_n(0.0, area * (inputs - old))).collect::<Vec<_>>()
-        };
-        array.data = array.data.chunks_exact(filter).flat_map(wider).collect();
-        array.shape[1] = inputs;
+    if array.shape.len() > 1 && array.shape[1] < inputs {
+        let mut shape = array.shape.clone();
+        shape[1] = inputs;
+        let data = vec![0.0; shape.iter().product()];
+        *array = grown(array, Array { shape, data });
     }
 }
 

@@ -5,7 +5,7 @@
 //! are drawn from wide ranges, in pixels, because a network sees pixels.
 
 mod blocks;
-mod craters;
+mod complex_craters;
 mod dunes;
 mod knobs;
 mod levels;
@@ -108,11 +108,16 @@ pub(super) fn add(
 }
 
 /// Adds complex craters to heights, metres, of pixels of `pixel_m`. `rng` determines them.
-pub(super) fn add_craters(rng: &mut ChaCha8Rng, heights_m: &mut Vec<f32>, [rows, cols]: [usize; 2], pixel_m: f64) {
+pub(super) fn add_complex_craters(
+    rng: &mut ChaCha8Rng,
+    heights_m: &mut Vec<f32>,
+    [rows, cols]: [usize; 2],
+    pixel_m: f64,
+) {
     let mut canvas = Canvas { rng, rows, cols };
     let pixel_m = pixel_m as f32;
     heights_m.iter_mut().for_each(|height| *height /= pixel_m);
-    craters::strike(&mut canvas, heights_m);
+    complex_craters::strike(&mut canvas, heights_m);
     // Old craters are worn: most a little, some much.
     let worn = 0.5 + 4.0 * canvas.within(0.0, 1.0).powi(3);
     *heights_m = smooth(std::mem::take(heights_m), [rows, cols], worn);
@@ -160,7 +165,7 @@ mod tests {
         for seed in 0..40 {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut heights = vec![100.0; SIZE[0] * SIZE[1]];
-            add_craters(&mut rng, &mut heights, SIZE, 2.0);
+            add_complex_craters(&mut rng, &mut heights, SIZE, 2.0);
             assert!(heights.len() == SIZE[0] * SIZE[1] && heights.iter().all(|v| v.is_finite()));
             let rises = heights.windows(2).enumerate().filter(|(i, _)| (i + 1) % SIZE[1] != 0);
             // Walls where craters overlap are the only cliffs.

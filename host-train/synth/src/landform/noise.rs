@@ -97,6 +97,7 @@ mod tests {
         rises.sort_by(f32::total_cmp);
         assert!(rises[1] / rises[0] > 5.0, "{rises:?}");
     }
+
     #[test]
     fn stretched_fields_are_smoother_along_their_angle() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
