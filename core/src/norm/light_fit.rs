@@ -7,7 +7,8 @@
 //! - Both sides of the regression have the same smoothing. Slopes are means over a square cell as wide as a coarse pixel. The coarse DTM
 //!   itself is a mean over a coarse pixel, so brightness is averaged over cell and coarse pixel, one after the other: with a tent.
 //! - An octave is the variation of four cells, two by two, about their mean: a nested analysis of variance. The next octave takes these
-//!   means as cells.
+//!   means as cells. Cells overlap ([`cells`]): one begins at every half cell, so that all ground counts, and a mirrored scene has the
+//!   mirrored light.
 //! - A cell whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope. It is left out (our
 //!   choice). A cell with some dark pixels stays: without it the fit would miss the steepest ground and become too strong.
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
@@ -15,11 +16,12 @@
 //!
 //! The image alone shows the line along which the Sun shines ([`Axis`]), but not from which end.
 
-use crate::mask;
+mod cells;
+
 use crate::norm::Light;
 use crate::norm::shading;
-use crate::part::item;
 use crate::terrain::PixelSize;
+use cells::{COLUMNS, Cell, Places, Rectangle, Strip, mean_of};
 
 /// Octaves of the fit.
 const OCTAVES: usize = 2;
@@ -94,9 +96,6 @@ pub struct LightFit {
     axis: Option<Axis>,
 }
 
-/// Means over a cell: brightness, slope east, slope south.
-type Cell = [f64; 3];
-
 /// Sums of one octave.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -107,20 +106,16 @@ struct Octave {
 }
 
 impl Octave {
-    /// Adds four cells, and returns their mean.
-    fn add(&mut self, cells: &[Cell; 4]) -> Cell {
-        let mut mean = [0.0; 3];
-        for cell in cells {
-            mean.iter_mut().zip(cell).for_each(|(mean, v)| *mean += 0.25 * v);
-        }
+    /// Adds four cells with a weight.
+    fn add(&mut self, cells: &[Cell; 4], weight: f64) {
+        let mean = mean_of(cells);
         for [i, x, y] in cells {
             let [i, x, y] = [i - mean[0], x - mean[1], y - mean[2]];
             for (sum, v) in self.products.iter_mut().zip([i * i, i * x, i * y, x * x, x * y, y * y]) {
-                *sum += v;
+                *sum += weight * v;
             }
         }
-        self.freedom += 3.0;
-        mean
+        self.freedom += 3.0 * weight;
     }
 }
 
@@ -198,8 +193,8 @@ impl LightFit {
         2 * ((0.5 * coarse_px + 0.5) as usize).clamp(2, 128)
     }
 
-    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Remaining rows or columns that
-    /// fill no cell are left out. Does nothing if the maps differ in length.
+    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Less than half a cell at its edges
+    /// is left out. Does nothing if the maps differ in length.
     pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
         self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
     }
@@ -216,17 +211,17 @@ impl LightFit {
         cell_px: usize,
     ) {
         let rows = image.len().checked_div(cols).unwrap_or(0);
-        if coarse_m.len() != image.len() || cell_px < 2 {
+        let (Some(down), Some(across)) = (Places::of(rows, cell_px), Places::of(cols, cell_px)) else { return };
+        if coarse_m.len() != image.len() {
             return;
         }
         let (dark_below, lit_mean) = (shading::dark_below(image, valid), shading::lit_mean(image, valid));
-        let maps = Rectangle { image, coarse_m, valid, rows, cols, pixel, side: cell_px, dark_below, lit_mean };
-        // Tents reach half a cell beyond the cells.
-        let first = cell_px / 2;
-        for top in (first..rows).step_by(4 * cell_px) {
-            for left in (first..cols).step_by(4 * cell_px) {
-                self.block(&maps, top, left);
-            }
+        let maps = Rectangle { image, coarse_m, valid, cols, pixel, half: cell_px / 2, dark_below };
+        let weights = [2, 4].map(|cells| down.share(cells) * across.share(cells));
+        for left in 0..across.count(2) {
+            // At the right edge a strip has fewer columns.
+            let columns = if left < across.count(COLUMNS) { COLUMNS } else { 2 };
+            self.strip(Strip::new(&maps, &down, across.at(left), columns), f64::from(lit_mean), weights);
         }
     }
 
@@ -260,24 +255,28 @@ impl LightFit {
         Self { axis, ..self }
     }
 
-    /// Adds a block of four by four cells, as far as it lies within the rectangle.
-    fn block(&mut self, maps: &Rectangle<'_>, top: usize, left: usize) {
-        let side = maps.side;
-        let mut means = [None; 4];
-        for (i, mean) in means.iter_mut().enumerate() {
-            let (top, left) = (top + i / 2 * 2 * side, left + i % 2 * 2 * side);
-            let cell = |i: usize| maps.cell(top + i / 2 * side, left + i % 2 * side);
-            if let [Some(a), Some(b), Some(c), Some(d)] = core::array::from_fn(cell) {
-                let cells = [a, b, c, d];
-                self.cells += 4.0;
-                self.brightness += 4.0 * f64::from(maps.lit_mean);
-                let [fine, _] = &mut self.octaves;
-                *mean = Some(fine.add(&cells));
+    /// Adds the squares of a strip from top to bottom: those of two by two cells at its left, and those of four by four.
+    fn strip(&mut self, strip: Strip<'_>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
+        // Rows begin at every half cell. Cells of a square are two rows apart, and its halves four.
+        let (mut rows, mut means) = ([[None; COLUMNS]; 3], [[None; 2]; 5]);
+        for row in strip {
+            rows.rotate_left(1);
+            means.rotate_left(1);
+            let ([above, .., newest], [higher, .., lower]) = (&mut rows, &mut means);
+            *newest = row;
+            let square = |[a, b]: [Option<Cell>; 2], [c, d]: [Option<Cell>; 2]| Some([a?, b?, c?, d?]);
+            let ([a, b, c, d], [e, f, g, h]) = (*above, *newest);
+            let squares = [square([a, b], [e, f]), square([c, d], [g, h])];
+            *lower = squares.map(|cells| cells.as_ref().map(mean_of));
+            let [fine, long] = &mut self.octaves;
+            if let [Some(cells), _] = &squares {
+                self.cells += 4.0 * of_fine;
+                self.brightness += 4.0 * of_fine * lit_mean;
+                fine.add(cells, of_fine);
             }
-        }
-        if let [Some(a), Some(b), Some(c), Some(d)] = means {
-            let [_, long] = &mut self.octaves;
-            long.add(&[a, b, c, d]);
+            if let Some(cells) = square(*higher, *lower) {
+                long.add(&cells, of_long);
+            }
         }
     }
 
@@ -360,74 +359,6 @@ impl LightFit {
     fn certain(azimuth_deg: f64, strength: f64, spread: f64) -> Option<LightEstimate> {
         let light = Light::of(azimuth_deg, strength)?;
         Some(LightEstimate { light, log_strength_sd: spread as f32, azimuth_sd_deg: 0.0, trust: 1.0 })
-    }
-}
-
-/// The maps of a rectangle and the side of its cells, pixels.
-struct Rectangle<'a> {
-    image: &'a [f32],
-    coarse_m: &'a [f32],
-    valid: Option<&'a [bool]>,
-    rows: usize,
-    cols: usize,
-    pixel: PixelSize,
-    side: usize,
-    /// Brightness below which a pixel is dark.
-    dark_below: f32,
-    /// Mean brightness of lit ground, to which contrasts relate ([`Shading`](crate::norm::Shading)).
-    lit_mean: f32,
-}
-
-impl Rectangle<'_> {
-    /// Returns a cell; `None` if it or its tent leaves the rectangle, one of its pixels is invalid, or all of them are dark.
-    fn cell(&self, top: usize, left: usize) -> Option<Cell> {
-        let &Rectangle { rows, cols, side, .. } = self;
-        let reach = side - side / 2;
-        if top + side + reach > rows || left + side + reach > cols || top < side / 2 || left < side / 2 {
-            return None;
-        }
-        let [east, south] = self.slopes(top, left)?;
-        Some([self.brightness(top - side / 2, left - side / 2)?, east, south])
-    }
-
-    /// Returns the mean slopes over a cell; `None` if a pixel is invalid, or all are dark.
-    fn slopes(&self, top: usize, left: usize) -> Option<[f64; 2]> {
-        let z = |i: usize| item(self.coarse_m, i);
-        let (mut east, mut south, mut real, mut lit) = (0.0f64, 0.0f64, true, false);
-        for row in top..top + self.side {
-            let (mut along, mut down) = (0.0f32, 0.0f32);
-            for i in row * self.cols + left..row * self.cols + left + self.side {
-                let near = [z(i - 1), z(i + 1), z(i - self.cols), z(i + self.cols)];
-                real &= mask::counts(self.image, self.valid, i) && near.into_iter().all(mask::is_real);
-                lit |= item(self.image, i) >= self.dark_below;
-                along += near[1] - near[0];
-                down += near[3] - near[2];
-            }
-            east += f64::from(along);
-            south += f64::from(down);
-        }
-        let count = 2.0 * (self.side * self.side) as f64;
-        (real && lit).then_some([east / count / self.pixel.col_m, south / count / self.pixel.row_m])
-    }
-
-    /// Returns the mean brightness under a tent of twice a cell's side, over valid pixels.
-    fn brightness(&self, top: usize, left: usize) -> Option<f64> {
-        let width = 2 * self.side;
-        let tent = |i: usize| i.min(width - 1 - i) as f32 + 0.5;
-        let (mut sum, mut weight) = (0.0f64, 0.0f64);
-        for row in 0..width {
-            let (mut of_row, mut counted) = (0.0f32, 0.0f32);
-            for col in 0..width {
-                let i = (top + row) * self.cols + left + col;
-                if mask::counts(self.image, self.valid, i) {
-                    of_row += tent(col) * item(self.image, i);
-                    counted += tent(col);
-                }
-            }
-            sum += f64::from(tent(row)) * f64::from(of_row);
-            weight += f64::from(tent(row)) * f64::from(counted);
-        }
-        (weight > 0.0).then_some(sum / weight)
     }
 }
 

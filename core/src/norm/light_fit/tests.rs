@@ -113,10 +113,15 @@ fn cells_with_invalid_pixels_are_left_out() {
     let valid: Vec<bool> = (0..image.len()).map(|i| i != 20 * COLS + 20).collect();
     image[20 * COLS + 20] = 1e3;
     image[100 * COLS + 100] = f32::NAN;
-    let of = |valid| LightFit::of_tile(&image, &heights, valid, COLS, 2.0, COARSE_PX);
-    // Quads without one of their cells do not count.
-    assert_eq!(of(Some(&valid)).cells, clean.cells - 8.0);
-    assert_eq!(of(None).cells, clean.cells - 4.0);
+    let of = |image: &[f32], valid| LightFit::of_tile(image, &heights, valid, COLS, 2.0, COARSE_PX);
+    // What a masked pixel contains does not matter.
+    let mut other = image.clone();
+    other[20 * COLS + 20] = f32::NAN;
+    assert_eq!(of(&image, Some(&valid)), of(&other, Some(&valid)));
+    // Squares without one of their cells do not count: of overlapping ones, as many as one square's worth about each pixel.
+    assert!((4.0..7.0).contains(&(clean.cells - of(&image, None).cells)));
+    assert!((8.0..14.0).contains(&(clean.cells - of(&image, Some(&valid)).cells)));
+    let of = |valid| of(&image, valid);
     let (found, clean) = (of(Some(&valid)).estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
     assert!((found.light.east - clean.light.east).abs() < 0.03, "{found:?} for {clean:?}");
 }
@@ -230,4 +235,94 @@ fn the_axis_turns_an_unsure_fit_and_leaves_its_end() {
         fit.with_axis(Some(Axis { azimuth_deg: 10.0, sd_deg: 1.0 })).estimate(Some(250.0), None),
         fit.estimate(Some(250.0), None)
     );
+}
+
+/// The fit of a mirrored or transposed scene is the mirrored or transposed fit, whatever remains at the edges.
+#[test]
+fn a_mirrored_scene_has_the_mirrored_light() {
+    let light = Light::of(300.0, 1.0).unwrap();
+    let (image, heights) = scene(light, 7.0);
+    let heights = coarse(&heights);
+    let light = |image: &[f32], heights: &[f32], cols| {
+        LightFit::of_tile(image, heights, None, cols, 2.0, COARSE_PX).estimate(None, None).unwrap().light
+    };
+    let straight = light(&image, &heights, COLS);
+    let turned =
+        |place: fn(usize) -> usize| [&image, &heights].map(|map| (0..map.len()).map(|i| map[place(i)]).collect());
+    let near = |a: f32, b: f32| assert!((a - b).abs() < 1e-4, "{a} and {b}");
+    let [i, z]: [Vec<f32>; 2] = turned(|i| i / COLS * COLS + COLS - 1 - i % COLS);
+    let found = light(&i, &z, COLS);
+    near(found.east, -straight.east);
+    near(found.south, straight.south);
+    let [i, z]: [Vec<f32>; 2] = turned(|i| i % ROWS * COLS + i / ROWS);
+    let found = light(&i, &z, ROWS);
+    near(found.east, straight.south);
+    near(found.south, straight.east);
+}
+
+/// Cells against sums over their pixels, written down plainly; with voids, a mask, and pixels longer than wide.
+#[test]
+fn cells_are_means_under_a_box_and_a_tent() {
+    const SIDE: usize = 12;
+    let noise = |i: usize, k: usize| ((i * 2_654_435_761 + k * 40_503) >> 7 & 0xFFFF) as f32 / 65_536.0;
+    let mut image: Vec<f32> = (0..ROWS * COLS).map(|i| 50.0 + 100.0 * noise(i, 1)).collect();
+    let mut heights: Vec<f32> = (0..ROWS * COLS).map(|i| 30.0 * noise(i, 2)).collect();
+    image[70 * COLS + 30] = f32::NAN;
+    heights[20 * COLS + 90] = f32::NEG_INFINITY;
+    (100..ROWS).for_each(|row| image[row * COLS + 100..(row + 1) * COLS].fill(1.0));
+    let valid: Vec<bool> = (0..image.len()).map(|i| i != 50 * COLS + 77).collect();
+    let pixel = PixelSize { row_m: 3.0, col_m: 2.0 };
+    let plain = |top: usize, left: usize| -> Option<Cell> {
+        let counts = |i: usize| image[i].is_finite() && valid[i];
+        let box_ = (top..top + SIDE).flat_map(|row| (left..left + SIDE).map(move |col| row * COLS + col));
+        let near = |i: usize| [i - 1, i + 1, i - COLS, i + COLS].map(|i| f64::from(heights[i]));
+        if !box_.clone().all(|i| counts(i) && near(i).iter().all(|z| z.is_finite()))
+            || box_.clone().all(|i| image[i] < 5.0)
+        {
+            return None;
+        }
+        let slope = |a: usize, b: usize, step: f64| {
+            box_.clone().map(|i| near(i)[b] - near(i)[a]).sum::<f64>() / (SIDE * SIDE) as f64 / 2.0 / step
+        };
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (row, col) in (0..2 * SIDE).flat_map(|row| (0..2 * SIDE).map(move |col| (row, col))) {
+            let rise = |n: usize| n.min(2 * SIDE - 1 - n) as f64 + 0.5;
+            let i = (top + row - SIDE / 2) * COLS + left + col - SIDE / 2;
+            if counts(i) {
+                sum += rise(row) * rise(col) * f64::from(image[i]);
+                weights += rise(row) * rise(col);
+            }
+        }
+        Some([sum / weights, slope(0, 1, 2.0), slope(2, 3, 3.0)])
+    };
+    let maps = Rectangle {
+        image: &image,
+        coarse_m: &heights,
+        valid: Some(&valid),
+        cols: COLS,
+        pixel,
+        half: SIDE / 2,
+        dark_below: 5.0,
+    };
+    let (down, across) = (Places::of(ROWS, SIDE).unwrap(), Places::of(COLS, SIDE).unwrap());
+    let (mut count, mut left_out) = (0, 0);
+    for left in 0..across.count(COLUMNS) {
+        let strip = Strip::new(&maps, &down, across.at(left), COLUMNS);
+        for (top, row) in strip.enumerate() {
+            for (column, cell) in row.into_iter().enumerate() {
+                let expected = plain(down.at(top), across.at(left + 2 * column));
+                assert_eq!(cell.is_some(), expected.is_some(), "{top} {left} {column}");
+                let (Some(cell), Some(expected)) = (cell, expected) else {
+                    left_out += 1;
+                    continue;
+                };
+                cell.iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-5 * (1.0 + b.abs()), "{a} {b}"));
+                count += 1;
+            }
+        }
+    }
+    // Places of the last cell along each side, and the parts left out about void, infinity, mask and darkness.
+    assert_eq!((down.count(1), across.count(1)), (18, 22));
+    assert_eq!(count + left_out, 18 * 16 * COLUMNS);
+    assert!((60..200).contains(&left_out), "{left_out}");
 }

@@ -207,19 +207,26 @@ fn place(input: &Input) -> Result<&GeoRef> {
     })
 }
 
+/// Returns where parts of a length begin that cover a whole: as few as can, evenly spread.
+fn spread(whole: usize, part: usize) -> Vec<usize> {
+    let gaps = whole.div_ceil(part.max(1)).saturating_sub(1);
+    (0..=gaps).map(|i| (whole - part) * i / gaps.max(1)).collect()
+}
+
 /// Fills the gaps of a map.
 fn close_gap(map: &mut [f32], cols: usize) {
     fill_gaps(map, cols, &mut vec![0; map.len()]).expect("whole rows, and a queue of their length");
 }
 
 impl Band {
-    /// Adds the contrast of the band's image, tile by tile; what is left over at the right and below is left out. Voids have no contrast.
+    /// Adds the contrast of the band's image, tile by tile. Tiles overlap as far as they must to cover the band, and count for its area.
+    /// Voids have no contrast.
     pub(super) fn add_contrast(&self, contrast: &mut Contrast, coarse_px: f32) {
         let tile = Shape::new(TILE_ROWS.min(self.rows), TILE_COLS.min(self.cols));
-        let tops = (0..=self.rows - tile.rows).step_by(tile.rows.max(1));
-        let corners: Vec<(usize, usize)> = tops
-            .flat_map(|top| (0..=self.cols - tile.cols).step_by(tile.cols.max(1)).map(move |left| (top, left)))
-            .collect();
+        let (tops, lefts) = (spread(self.rows, tile.rows), spread(self.cols, tile.cols));
+        let corners: Vec<(usize, usize)> =
+            tops.iter().flat_map(|&top| lefts.iter().map(move |&left| (top, left))).collect();
+        let weight = (self.rows * self.cols) as f64 / (corners.len() * tile.pixels()).max(1) as f64;
         let scratch = || vec![0.0; Photoclinometry::new(tile).scratch_len()];
         let of_tile = |scratch: &mut Vec<f32>, &(top, left): &(usize, usize)| {
             let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
@@ -229,7 +236,7 @@ impl Band {
         };
         let found: Vec<Option<Contrast>> = corners.par_iter().map_init(scratch, of_tile).collect();
         // In order, so that the sum does not depend on the number of threads.
-        found.iter().flatten().for_each(|found| contrast.add(found));
+        found.iter().flatten().for_each(|found| contrast.add_weighted(found, weight));
     }
 
     /// Returns a rectangle of the band.

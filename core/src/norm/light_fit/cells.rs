@@ -1,0 +1,225 @@
+//! Means over the cells of a rectangle: squares with the side of a coarse pixel, of which one begins at every half cell.
+//!
+//! Cells overlap, so each row of the maps is read for several of them. A strip of four columns of cells goes from top to bottom, and keeps
+//! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
+
+use crate::mask::is_real;
+use crate::part::{item, part};
+use crate::terrain::PixelSize;
+
+/// Means over a cell: brightness, slope east, slope south.
+pub(super) type Cell = [f64; 3];
+
+/// Columns of a strip.
+pub(super) const COLUMNS: usize = 4;
+/// Cells that begin along a cell's side.
+const PHASES: usize = 2;
+/// Sums that are added side by side, so that processors with vectors are faster. The result is the same on all.
+const LANES: usize = 8;
+
+/// Returns the mean of four cells.
+pub(super) fn mean_of(cells: &[Cell; 4]) -> Cell {
+    let mut mean = [0.0; 3];
+    for cell in cells {
+        mean.iter_mut().zip(cell).for_each(|(mean, v)| *mean += 0.25 * v);
+    }
+    mean
+}
+
+/// The places of cells along a side of a rectangle: as many as fit with their tents, about its middle.
+pub(super) struct Places {
+    first: usize,
+    step: usize,
+    count: usize,
+}
+
+impl Places {
+    /// Returns the places along `pixels` for cells of a side; `None` if none fits.
+    pub(super) fn of(pixels: usize, side: usize) -> Option<Self> {
+        let step = side / PHASES;
+        let spare = pixels.checked_sub(2 * side).filter(|_| step > 0)?;
+        Some(Self { first: step + spare % step / 2, step, count: spare / step + 1 })
+    }
+
+    /// Returns the first pixel of a cell.
+    pub(super) fn at(&self, place: usize) -> usize {
+        self.first + self.step * place
+    }
+
+    /// Returns the number of places for a square of so many cells.
+    pub(super) fn count(&self, cells: usize) -> usize {
+        self.count.saturating_sub(PHASES * (cells - 1))
+    }
+
+    /// Returns the weight of a square of so many cells: squares overlap, and count for as many as would fill the same ground side by side.
+    pub(super) fn share(&self, cells: usize) -> f64 {
+        let count = self.count(cells).max(1) as f64;
+        (1.0 + (count - 1.0) / (PHASES * cells) as f64) / count
+    }
+}
+
+/// The maps of a rectangle, and half the side of its cells, pixels.
+pub(super) struct Rectangle<'a> {
+    pub(super) image: &'a [f32],
+    pub(super) coarse_m: &'a [f32],
+    pub(super) valid: Option<&'a [bool]>,
+    pub(super) cols: usize,
+    pub(super) pixel: PixelSize,
+    pub(super) half: usize,
+    /// Brightness below which a pixel is dark.
+    pub(super) dark_below: f32,
+}
+
+/// Sums for one column of cells, over as many rows as half a cell has.
+#[derive(Debug, Clone, Copy, Default)]
+struct Half {
+    /// Brightness under the tent across the column: its sum over rows, and the same weighted by the row's distance from the top.
+    bright: [f64; 2],
+    /// The weights of the pixels that counted, likewise.
+    weight: [f64; 2],
+    /// Sums of the differences to either side, east and south, over the cell's columns.
+    rise: [f64; 2],
+    /// Whether all heights and pixels of the cell's columns are valid.
+    real: bool,
+    /// Whether one of its pixels is not dark.
+    lit: bool,
+}
+
+impl Rectangle<'_> {
+    /// Returns the sums over half a cell of rows, for a column of cells whose first pixel is `left`. Above and below the cells only
+    /// brightness counts.
+    fn half(&self, top: usize, left: usize, has_slopes: bool) -> Half {
+        let mut half = Half { real: true, ..Half::default() };
+        for row in 0..self.half {
+            let first = (top + row) * self.cols + left;
+            let (width, from) = (4 * self.half, first - self.half);
+            let mask = self.valid.map(|valid| part(valid, from, width));
+            let from_top = row as f64 + 0.5;
+            let [bright, weight] = tent(part(self.image, from, width), mask).map(f64::from);
+            for ([sum, moment], of_row) in [(&mut half.bright, bright), (&mut half.weight, weight)] {
+                *sum += of_row;
+                *moment += from_top * of_row;
+            }
+            if has_slopes {
+                self.slopes(first, &mut half);
+            }
+        }
+        half
+    }
+
+    /// Adds the differences of heights along a row of a cell's columns.
+    fn slopes(&self, first: usize, half: &mut Half) {
+        let side = 2 * self.half;
+        let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
+        let image = part(self.image, first, side);
+        let (mut down, mut real, mut lit) = ([0.0f32; LANES], true, false);
+        for ((a, b), v) in above.chunks(LANES).zip(below.chunks(LANES)).zip(image.chunks(LANES)) {
+            for (((sum, a), b), v) in down.iter_mut().zip(a).zip(b).zip(v) {
+                *sum += b - a;
+                real &= is_real(*a) & is_real(*b) & is_real(*v);
+                lit |= *v >= self.dark_below;
+            }
+        }
+        let masked = |valid| part(valid, first, side).iter().all(|valid| *valid);
+        // The sum of all differences along a row is that of its ends.
+        let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
+        let [last, before_last, second, before] = ends;
+        half.real &= real && ends.into_iter().all(is_real) && self.valid.is_none_or(masked);
+        half.lit |= lit;
+        let [east, south] = &mut half.rise;
+        *east += f64::from((last - second) + (before_last - before));
+        *south += f64::from(total(down));
+    }
+
+    /// Returns the cell that two half cells of rows contain, with those above and below for its tent; `None` if a pixel is invalid, or all
+    /// are dark.
+    fn cell(&self, [a, b, c, d]: &[Half; 4]) -> Option<Cell> {
+        let half = self.half as f64;
+        // A tent over rows rises by 1 per row up to its middle, and then falls.
+        let tent = |of: fn(&Half) -> [f64; 2]| {
+            let [[_, a], [b, of_b], [c, of_c], [d, of_d]] = [a, b, c, d].map(of);
+            a + (half * b + of_b) + (2.0 * half * c - of_c) + (half * d - of_d)
+        };
+        let (bright, weight) = (tent(|half| half.bright), tent(|half| half.weight));
+        let count = 8.0 * half * half;
+        let [[east_b, south_b], [east_c, south_c]] = [b.rise, c.rise];
+        let slopes = [(east_b + east_c) / count / self.pixel.col_m, (south_b + south_c) / count / self.pixel.row_m];
+        let [east, south] = slopes;
+        (b.real && c.real && (b.lit || c.lit) && weight > 0.0).then_some([bright / weight, east, south])
+    }
+}
+
+/// Returns the sum of a row's valid pixels under a tent over all of them, and the sum of their weights.
+fn tent(pixels: &[f32], valid: Option<&[bool]>) -> [f32; 2] {
+    let width = pixels.len() as f32;
+    let (mut sums, mut weights) = ([0.0f32; LANES], [0.0f32; LANES]);
+    let add = |chunk: usize, lane: usize, (sum, counted): (&mut f32, &mut f32), v: f32, counts: bool| {
+        let from_left = (chunk * LANES + lane) as f32 + 0.5;
+        let weight = if counts { from_left.min(width - from_left) } else { 0.0 };
+        *sum += weight * if counts { v } else { 0.0 };
+        *counted += weight;
+    };
+    for (chunk, values) in pixels.chunks(LANES).enumerate() {
+        let lanes = sums.iter_mut().zip(&mut weights).zip(values).enumerate();
+        match valid {
+            None => lanes.for_each(|(lane, (to, v))| add(chunk, lane, to, *v, is_real(*v))),
+            Some(valid) => {
+                let counts = |lane: usize, v: f32| is_real(v) && item(valid, chunk * LANES + lane);
+                lanes.for_each(|(lane, (to, v))| add(chunk, lane, to, *v, counts(lane, *v)));
+            }
+        }
+    }
+    [total(sums), total(weights)]
+}
+
+fn total(lanes: [f32; LANES]) -> f32 {
+    lanes.into_iter().sum()
+}
+
+/// Four columns of cells, side by side, or fewer; gives row after row, each half a cell below the one before.
+pub(super) struct Strip<'a> {
+    maps: &'a Rectangle<'a>,
+    /// First pixel of the first cell.
+    left: usize,
+    columns: usize,
+    /// First row of the next half cell of rows.
+    top: usize,
+    /// Rows of cells that are left.
+    rows: usize,
+    halves: [[Half; 4]; COLUMNS],
+}
+
+impl<'a> Strip<'a> {
+    pub(super) fn new(maps: &'a Rectangle<'a>, down: &Places, left: usize, columns: usize) -> Self {
+        let top = down.first - maps.half;
+        let mut strip = Self { maps, left, columns, top, rows: down.count, halves: Default::default() };
+        (0..3).for_each(|i| strip.read(i > 0));
+        strip
+    }
+
+    /// Reads half a cell of rows.
+    fn read(&mut self, has_slopes: bool) {
+        let side = 2 * self.maps.half;
+        for (column, halves) in self.halves.iter_mut().enumerate().take(self.columns) {
+            halves.rotate_left(1);
+            let [.., newest] = halves;
+            *newest = self.maps.half(self.top, self.left + side * column, has_slopes);
+        }
+        self.top += self.maps.half;
+    }
+}
+
+impl Iterator for Strip<'_> {
+    type Item = [Option<Cell>; COLUMNS];
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.rows = self.rows.checked_sub(1)?;
+        // The last half cell lies below all cells.
+        self.read(self.rows > 0);
+        let mut row = [None; COLUMNS];
+        for (cell, halves) in row.iter_mut().zip(&self.halves).take(self.columns) {
+            *cell = self.maps.cell(halves);
+        }
+        Some(row)
+    }
+}
