@@ -9,8 +9,10 @@
 //! - An octave is the variation of four cells, two by two, about their mean: a nested analysis of variance. The next octave takes these
 //!   means as cells. Cells overlap ([`cells`]): one begins at every half cell, so that all ground counts, and a mirrored scene has the
 //!   mirrored light.
-//! - A cell whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope. It is left out (our
-//!   choice). A cell with some dark pixels stays: without it the fit would miss the steepest ground and become too strong.
+//! - A square of half a cell's side whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope.
+//!   Cells with such a square under their tent are left out (our choice: where half of a scene is dark, azimuths of 80 synthetic scenes err
+//!   by 6 degrees rms, and by 32 if only cells go that are dark throughout). A cell with some dark pixels stays: without it the fit would miss
+//!   the steepest ground and become too strong.
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
 //!

@@ -51,4 +51,33 @@ mod tests {
         let good = strengths.iter().filter(|s| (0.7..1.4).contains(*s)).count();
         assert!(good >= 20, "{good} of 24 within 0.7 to 1.4: {strengths:.2?}");
     }
+
+    /// Scenes of ten coarse pixels a side have few cells. All of their ground must count: a fit without the ground at their right and lower
+    /// edges has a median azimuth error of 9.5 degrees, and is three times less sure than it says.
+    #[test]
+    fn the_light_is_found_in_small_scenes() {
+        let options = SynthOptions { rows: 200, cols: 200, ..SynthOptions::default() };
+        let moon = Moon::new(77, options).unwrap();
+        let (mut azimuths, mut strengths, mut in_sd) = (vec![], vec![], vec![]);
+        for index in 0..80 {
+            let tile = moon.tile(index);
+            let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
+            let fit = LightFit::of_tile(&tile.image, &tile.coarse_m, None, tile.cols, tile.pixel_m, coarse_px);
+            let found = fit.estimate(None, None).unwrap();
+            let truth = Light::from_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg).unwrap();
+            let error = (found.light.azimuth_deg() - tile.sun_azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
+            azimuths.push(error.abs());
+            in_sd.push(error / f64::from(found.azimuth_sd_deg));
+            strengths.push(f64::from(found.light.strength() / truth.strength()).ln());
+        }
+        let rms = |v: &[f64]| (v.iter().map(|v| v * v).sum::<f64>() / v.len() as f64).sqrt();
+        azimuths.sort_by(f64::total_cmp);
+        let (median, sds, log_strength) = (azimuths[azimuths.len() / 2], rms(&in_sd), rms(&strengths));
+        eprintln!(
+            "azimuth error: median {median:.1} degrees, rms {sds:.2} standard deviations; log strength: rms {log_strength:.3}"
+        );
+        assert!(median < 7.5, "{median}");
+        assert!((0.6..1.4).contains(&sds), "{sds}");
+        assert!(log_strength < 0.4, "{log_strength}");
+    }
 }

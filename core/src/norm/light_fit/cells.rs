@@ -3,7 +3,7 @@
 //! Cells overlap, so each row of the maps is read for several of them. A strip of four columns of cells goes from top to bottom, and keeps
 //! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
 
-use crate::mask::is_real;
+use crate::mask::{self, is_real};
 use crate::part::{item, part};
 use crate::terrain::PixelSize;
 
@@ -81,8 +81,8 @@ struct Half {
     rise: [f64; 2],
     /// Whether all heights and pixels of the cell's columns are valid.
     real: bool,
-    /// Whether one of its pixels is not dark.
-    lit: bool,
+    /// Whether one pixel is not dark, in each quarter of the tent's width: half a cell.
+    lit: [bool; 4],
 }
 
 impl Rectangle<'_> {
@@ -100,6 +100,10 @@ impl Rectangle<'_> {
                 *sum += of_row;
                 *moment += from_top * of_row;
             }
+            for (quarter, lit) in half.lit.iter_mut().enumerate() {
+                let from = from + quarter * self.half;
+                *lit |= (from..from + self.half).any(|i| !self.is_dark(i));
+            }
             if has_slopes {
                 self.slopes(first, &mut half);
             }
@@ -107,17 +111,21 @@ impl Rectangle<'_> {
         half
     }
 
+    /// Returns whether a pixel is valid and dark.
+    fn is_dark(&self, i: usize) -> bool {
+        mask::counts(self.image, self.valid, i) && item(self.image, i) < self.dark_below
+    }
+
     /// Adds the differences of heights along a row of a cell's columns.
     fn slopes(&self, first: usize, half: &mut Half) {
         let side = 2 * self.half;
         let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
         let image = part(self.image, first, side);
-        let (mut down, mut real, mut lit) = ([0.0f32; LANES], true, false);
+        let (mut down, mut real) = ([0.0f32; LANES], true);
         for ((a, b), v) in above.chunks(LANES).zip(below.chunks(LANES)).zip(image.chunks(LANES)) {
             for (((sum, a), b), v) in down.iter_mut().zip(a).zip(b).zip(v) {
                 *sum += b - a;
                 real &= is_real(*a) & is_real(*b) & is_real(*v);
-                lit |= *v >= self.dark_below;
             }
         }
         let masked = |valid| part(valid, first, side).iter().all(|valid| *valid);
@@ -125,14 +133,13 @@ impl Rectangle<'_> {
         let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
         let [last, before_last, second, before] = ends;
         half.real &= real && ends.into_iter().all(is_real) && self.valid.is_none_or(masked);
-        half.lit |= lit;
         let [east, south] = &mut half.rise;
         *east += f64::from((last - second) + (before_last - before));
         *south += f64::from(total(down));
     }
 
-    /// Returns the cell that two half cells of rows contain, with those above and below for its tent; `None` if a pixel is invalid, or all
-    /// are dark.
+    /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if one of its pixels is invalid,
+    /// or one of the sixteen squares under its tent lies in shadow.
     fn cell(&self, [a, b, c, d]: &[Half; 4]) -> Option<Cell> {
         let half = self.half as f64;
         // A tent over rows rises by 1 per row up to its middle, and then falls.
@@ -141,11 +148,12 @@ impl Rectangle<'_> {
             a + (half * b + of_b) + (2.0 * half * c - of_c) + (half * d - of_d)
         };
         let (bright, weight) = (tent(|half| half.bright), tent(|half| half.weight));
+        let lit = [a, b, c, d].iter().all(|half| half.lit == [true; 4]);
         let count = 8.0 * half * half;
         let [[east_b, south_b], [east_c, south_c]] = [b.rise, c.rise];
         let slopes = [(east_b + east_c) / count / self.pixel.col_m, (south_b + south_c) / count / self.pixel.row_m];
         let [east, south] = slopes;
-        (b.real && c.real && (b.lit || c.lit) && weight > 0.0).then_some([bright / weight, east, south])
+        (b.real && c.real && lit && weight > 0.0).then_some([bright / weight, east, south])
     }
 }
 

@@ -276,9 +276,17 @@ fn cells_are_means_under_a_box_and_a_tent() {
         let counts = |i: usize| image[i].is_finite() && valid[i];
         let box_ = (top..top + SIDE).flat_map(|row| (left..left + SIDE).map(move |col| row * COLS + col));
         let near = |i: usize| [i - 1, i + 1, i - COLS, i + COLS].map(|i| f64::from(heights[i]));
-        if !box_.clone().all(|i| counts(i) && near(i).iter().all(|z| z.is_finite()))
-            || box_.clone().all(|i| image[i] < 5.0)
-        {
+        if !box_.clone().all(|i| counts(i) && near(i).iter().all(|z| z.is_finite())) {
+            return None;
+        }
+        // Sixteen squares under the tent.
+        let half = SIDE / 2;
+        let dark = |square: usize| {
+            let (top, left) = (top - half + square / 4 * half, left - half + square % 4 * half);
+            let pixels = (top..top + half).flat_map(|row| (left..left + half).map(move |col| row * COLS + col));
+            pixels.into_iter().all(|i| counts(i) && image[i] < 5.0)
+        };
+        if (0..16).any(dark) {
             return None;
         }
         let slope = |a: usize, b: usize, step: f64| {
