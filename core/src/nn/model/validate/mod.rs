@@ -34,10 +34,10 @@ fn check(model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
     work.spend(2 * model.raw.bytes().len())?;
     model.check_tensors(work)?;
     model.check_inputs()?;
-    for index in 0..model.operators.len() {
+    for (index, record) in model.operators.iter().enumerate() {
         work.spend(work::OPERATOR + TENSOR_READS * work::TENSOR)?;
         let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
-        let operator = Operator::decode(&model.operators[index]).map_err(refuse)?;
+        let operator = Operator::decode(record).map_err(refuse)?;
         model.check_operator(work, &operator).map_err(refuse)?;
         let prepared = model.prepared(&operator);
         model.scratch_bytes = model.scratch_bytes.max(prepared.scratch_bytes());
