@@ -10,9 +10,9 @@
 //!   means as cells. Cells overlap ([`cells`]): one begins at every half cell, so that all ground counts, and a mirrored scene has the
 //!   mirrored light.
 //! - A square of half a cell's side whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope.
-//!   Cells with such a square under their tent are left out (our choice: where half of a scene is dark, azimuths of 80 synthetic scenes err
-//!   by 6 degrees rms, and by 32 if only cells go that are dark throughout). A cell with some dark pixels stays: without it the fit would miss
-//!   the steepest ground and become too strong.
+//!   Cells with such a square under their tent are left out (our choice: if only cells go that are dark throughout, a shadow over half of an
+//!   image spoils the light of the other half). A cell with some dark pixels stays: without it the fit would miss the steepest ground and
+//!   become too strong.
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
 //!
@@ -23,7 +23,7 @@ mod cells;
 use crate::norm::Light;
 use crate::norm::shading;
 use crate::terrain::PixelSize;
-use cells::{COLUMNS, Cell, Places, Rectangle, Strip, mean_of};
+use cells::{COLUMNS, Cell, CellColumns, Places, Rectangle, mean_of};
 
 /// Octaves of the fit.
 const OCTAVES: usize = 2;
@@ -221,9 +221,9 @@ impl LightFit {
         let maps = Rectangle { image, coarse_m, valid, cols, pixel, half: cell_px / 2, dark_below };
         let weights = [2, 4].map(|cells| down.share(cells) * across.share(cells));
         for left in 0..across.count(2) {
-            // At the right edge a strip has fewer columns.
+            // At the right edge there are fewer columns.
             let columns = if left < across.count(COLUMNS) { COLUMNS } else { 2 };
-            self.strip(Strip::new(&maps, &down, across.at(left), columns), f64::from(lit_mean), weights);
+            self.add_columns(CellColumns::new(&maps, &down, across.at(left), columns), f64::from(lit_mean), weights);
         }
     }
 
@@ -257,11 +257,11 @@ impl LightFit {
         Self { axis, ..self }
     }
 
-    /// Adds the squares of a strip from top to bottom: those of two by two cells at its left, and those of four by four.
-    fn strip(&mut self, strip: Strip<'_>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
+    /// Adds the squares of some columns of cells from top to bottom: those of two by two cells at the left, and those of four by four.
+    fn add_columns(&mut self, columns: CellColumns<'_>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
         // Rows begin at every half cell. Cells of a square are two rows apart, and its halves four.
         let (mut rows, mut means) = ([[None; COLUMNS]; 3], [[None; 2]; 5]);
-        for row in strip {
+        for row in columns {
             rows.rotate_left(1);
             means.rotate_left(1);
             let ([above, .., newest], [higher, .., lower]) = (&mut rows, &mut means);

@@ -53,7 +53,7 @@ mod tests {
     }
 
     /// Scenes of ten coarse pixels a side have few cells. All of their ground must count: a fit without the ground at their right and lower
-    /// edges has a median azimuth error of 9.5 degrees, and is three times less sure than it says.
+    /// edges has a median azimuth error of 9.5 degrees, and errs 3.6 times as much as it says.
     #[test]
     fn the_light_is_found_in_small_scenes() {
         let options = SynthOptions { rows: 200, cols: 200, ..SynthOptions::default() };

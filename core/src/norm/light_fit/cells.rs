@@ -1,6 +1,6 @@
 //! Means over the cells of a rectangle: squares with the side of a coarse pixel, of which one begins at every half cell.
 //!
-//! Cells overlap, so each row of the maps is read for several of them. A strip of four columns of cells goes from top to bottom, and keeps
+//! Cells overlap, so each row of the maps is read for several of them. Four columns of cells are read from top to bottom, and keep
 //! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
 
 use crate::mask::{self, is_real};
@@ -10,9 +10,9 @@ use crate::terrain::PixelSize;
 /// Means over a cell: brightness, slope east, slope south.
 pub(super) type Cell = [f64; 3];
 
-/// Columns of a strip.
+/// Columns of cells that are read together: as wide as the widest square.
 pub(super) const COLUMNS: usize = 4;
-/// Cells that begin along a cell's side.
+/// Cells that begin along a cell's side: one at every half cell.
 const PHASES: usize = 2;
 /// Sums that are added side by side, so that processors with vectors are faster. The result is the same on all.
 const LANES: usize = 8;
@@ -72,7 +72,7 @@ pub(super) struct Rectangle<'a> {
 
 /// Sums for one column of cells, over as many rows as half a cell has.
 #[derive(Debug, Clone, Copy, Default)]
-struct Half {
+struct HalfCell {
     /// Brightness under the tent across the column: its sum over rows, and the same weighted by the row's distance from the top.
     bright: [f64; 2],
     /// The weights of the pixels that counted, likewise.
@@ -88,8 +88,8 @@ struct Half {
 impl Rectangle<'_> {
     /// Returns the sums over half a cell of rows, for a column of cells whose first pixel is `left`. Above and below the cells only
     /// brightness counts.
-    fn half(&self, top: usize, left: usize, has_slopes: bool) -> Half {
-        let mut half = Half { real: true, ..Half::default() };
+    fn half(&self, top: usize, left: usize, has_slopes: bool) -> HalfCell {
+        let mut half = HalfCell { real: true, ..HalfCell::default() };
         for row in 0..self.half {
             let first = (top + row) * self.cols + left;
             let (width, from) = (4 * self.half, first - self.half);
@@ -117,7 +117,7 @@ impl Rectangle<'_> {
     }
 
     /// Adds the differences of heights along a row of a cell's columns.
-    fn slopes(&self, first: usize, half: &mut Half) {
+    fn slopes(&self, first: usize, half: &mut HalfCell) {
         let side = 2 * self.half;
         let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
         let image = part(self.image, first, side);
@@ -140,10 +140,10 @@ impl Rectangle<'_> {
 
     /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if one of its pixels is invalid,
     /// or one of the sixteen squares under its tent lies in shadow.
-    fn cell(&self, [a, b, c, d]: &[Half; 4]) -> Option<Cell> {
+    fn cell(&self, [a, b, c, d]: &[HalfCell; 4]) -> Option<Cell> {
         let half = self.half as f64;
         // A tent over rows rises by 1 per row up to its middle, and then falls.
-        let tent = |of: fn(&Half) -> [f64; 2]| {
+        let tent = |of: fn(&HalfCell) -> [f64; 2]| {
             let [[_, a], [b, of_b], [c, of_c], [d, of_d]] = [a, b, c, d].map(of);
             a + (half * b + of_b) + (2.0 * half * c - of_c) + (half * d - of_d)
         };
@@ -185,7 +185,7 @@ fn total(lanes: [f32; LANES]) -> f32 {
 }
 
 /// Four columns of cells, side by side, or fewer; gives row after row, each half a cell below the one before.
-pub(super) struct Strip<'a> {
+pub(super) struct CellColumns<'a> {
     maps: &'a Rectangle<'a>,
     /// First pixel of the first cell.
     left: usize,
@@ -194,15 +194,15 @@ pub(super) struct Strip<'a> {
     top: usize,
     /// Rows of cells that are left.
     rows: usize,
-    halves: [[Half; 4]; COLUMNS],
+    halves: [[HalfCell; 4]; COLUMNS],
 }
 
-impl<'a> Strip<'a> {
+impl<'a> CellColumns<'a> {
     pub(super) fn new(maps: &'a Rectangle<'a>, down: &Places, left: usize, columns: usize) -> Self {
         let top = down.first - maps.half;
-        let mut strip = Self { maps, left, columns, top, rows: down.count, halves: Default::default() };
-        (0..3).for_each(|i| strip.read(i > 0));
-        strip
+        let mut new = Self { maps, left, columns, top, rows: down.count, halves: Default::default() };
+        (0..3).for_each(|i| new.read(i > 0));
+        new
     }
 
     /// Reads half a cell of rows.
@@ -217,7 +217,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-impl Iterator for Strip<'_> {
+impl Iterator for CellColumns<'_> {
     type Item = [Option<Cell>; COLUMNS];
 
     fn next(&mut self) -> Option<Self::Item> {

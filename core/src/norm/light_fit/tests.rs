@@ -118,7 +118,7 @@ fn cells_with_invalid_pixels_are_left_out() {
     let mut other = image.clone();
     other[20 * COLS + 20] = f32::NAN;
     assert_eq!(of(&image, Some(&valid)), of(&other, Some(&valid)));
-    // Squares without one of their cells do not count: of overlapping ones, as many as one square's worth about each pixel.
+    // Squares without one of their cells do not count. The overlapping squares about a pixel count for little more than one.
     assert!((4.0..7.0).contains(&(clean.cells - of(&image, None).cells)));
     assert!((8.0..14.0).contains(&(clean.cells - of(&image, Some(&valid)).cells)));
     let of = |valid| of(&image, valid);
@@ -315,8 +315,8 @@ fn cells_are_means_under_a_box_and_a_tent() {
     let (down, across) = (Places::of(ROWS, SIDE).unwrap(), Places::of(COLS, SIDE).unwrap());
     let (mut count, mut left_out) = (0, 0);
     for left in 0..across.count(COLUMNS) {
-        let strip = Strip::new(&maps, &down, across.at(left), COLUMNS);
-        for (top, row) in strip.enumerate() {
+        let columns = CellColumns::new(&maps, &down, across.at(left), COLUMNS);
+        for (top, row) in columns.enumerate() {
             for (column, cell) in row.into_iter().enumerate() {
                 let expected = plain(down.at(top), across.at(left + 2 * column));
                 assert_eq!(cell.is_some(), expected.is_some(), "{top} {left} {column}");
@@ -329,7 +329,7 @@ fn cells_are_means_under_a_box_and_a_tent() {
             }
         }
     }
-    // Places of the last cell along each side, and the parts left out about void, infinity, mask and darkness.
+    // The numbers of places along both sides. Cells about the void, the infinite height, the masked pixel and in the dark are left out.
     assert_eq!((down.count(1), across.count(1)), (18, 22));
     assert_eq!(count + left_out, 18 * 16 * COLUMNS);
     assert!((60..200).contains(&left_out), "{left_out}");

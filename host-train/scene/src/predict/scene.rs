@@ -207,7 +207,7 @@ fn place(input: &Input) -> Result<&GeoRef> {
     })
 }
 
-/// Returns where parts of a length begin that cover a whole: as few as can, evenly spread.
+/// Returns where parts of a length begin that cover a whole: as few as can, evenly spread, so that a mirrored image is divided alike.
 fn spread(whole: usize, part: usize) -> Vec<usize> {
     let gaps = whole.div_ceil(part.max(1)).saturating_sub(1);
     (0..=gaps).map(|i| (whole - part) * i / gaps.max(1)).collect()
