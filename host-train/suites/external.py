@@ -198,6 +198,27 @@ def real(folder, out):
              "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis and "
              "Cerberus have a guessed scale: only ratios count.")
     write(out, "real", about, scenes)
+    unrelated(out, scenes)
+
+
+def unrelated(out, real):
+    """Coarse DTMs of the real scenes under images of other ground: their own image mirrored, and those of the other scenes."""
+    out, scenes = out.resolve(), []
+    opened = {}
+    for scene in real:
+        with rasterio.open(scene["image"]) as file:
+            opened[scene["name"]] = file.read(1, masked=True).astype("f8").filled(np.nan), file.transform, file.crs
+    for scene in real:
+        image, transform, crs = opened[scene["name"]]
+        images = {"down": image[::-1], "across": image[:, ::-1], "both": image[::-1, ::-1]}
+        for other, (map_, *_) in opened.items():
+            if other != scene["name"]:
+                beyond = [(0, max(0, wanted - found)) for wanted, found in zip(image.shape, map_.shape)]
+                images[other] = np.pad(map_, beyond, mode="symmetric")[: image.shape[0], : image.shape[1]]
+        for how, map_ in images.items():
+            name = f"{scene['name']}-{how}"
+            scenes.append({**scene, "name": name, "kind": scene["name"], "image": save(out / f"{name}_image.tif", map_, transform, crs)})
+    write(out, "unrelated", "The real scenes under images of other ground: what a method adds is wrong.", scenes)
 
 
 def main():

@@ -61,6 +61,9 @@ pub struct Lighting {
     pub source: LightSource,
     /// Share of the relief found under this light that is kept, 0 to 1 ([`LightEstimate::trust`]). Only networks of weighed maps use it.
     pub trust: f32,
+    /// Probability that brightness follows the slopes of the coarse DTM at all ([`LightEstimate::related`]); 0 for an assumed light of unknown
+    /// azimuth. [`Self::settle`] uses it, after networks of weighed maps.
+    pub related: f32,
     /// Standard deviation of the logarithm of the light's strength.
     pub log_strength_sd: f32,
     /// Standard deviation of the light's azimuth, degrees; 0 for a known azimuth, 180 for an assumed one.
@@ -96,6 +99,7 @@ impl Lighting {
         light: Light { east: 1.0, south: 1.0 },
         source: LightSource::NotAsked,
         trust: 0.0,
+        related: 1.0,
         log_strength_sd: 0.0,
         azimuth_sd_deg: 180.0,
     };
@@ -103,7 +107,7 @@ impl Lighting {
     /// Makes a given light, without uncertainty.
     #[must_use]
     pub fn given(light: Light) -> Self {
-        Self { light, source: LightSource::Given, trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 }
+        Self { light, source: LightSource::Given, trust: 1.0, related: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 }
     }
 
     /// Returns whether [`Self::decide`] reads the fit.
@@ -135,8 +139,8 @@ impl Lighting {
     }
 
     fn fitted(found: LightEstimate) -> Self {
-        let LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust } = found;
-        Self { light, source: LightSource::Fitted, trust, log_strength_sd, azimuth_sd_deg }
+        let LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related } = found;
+        Self { light, source: LightSource::Fitted, trust, related, log_strength_sd, azimuth_sd_deg }
     }
 
     /// Returns the assumed light. Its azimuth may be known, and its strength never is.
@@ -144,7 +148,25 @@ impl Lighting {
         let known = azimuth_deg.is_some_and(f64::is_finite);
         let (trust, azimuth_sd_deg) = if known { (1.0, 0.0) } else { (0.0, 180.0) };
         let (light, source) = (Light::assumed(azimuth_deg), LightSource::Assumed);
-        Self { light, source, trust, log_strength_sd: ASSUMED_SPREAD, azimuth_sd_deg }
+        Self { light, source, trust, related: trust, log_strength_sd: ASSUMED_SPREAD, azimuth_sd_deg }
+    }
+
+    /// Moves heights that were found under this light towards the coarse DTM, as far as it is likely that the image does not show its ground:
+    /// the mean of both, weighted by their probabilities (our choice). Does nothing where [`Self::related`] is 1. Heights beyond the shorter
+    /// slice are kept.
+    pub fn settle(&self, heights_m: &mut [f32], coarse_m: &[f32]) {
+        if self.related < 1.0 {
+            for (z, coarse) in heights_m.iter_mut().zip(coarse_m) {
+                *z = coarse + self.related * (*z - coarse);
+            }
+        }
+    }
+
+    /// Returns the light as the fit would state it.
+    #[must_use]
+    pub fn estimate(&self) -> LightEstimate {
+        let Self { light, trust, related, log_strength_sd, azimuth_sd_deg, .. } = *self;
+        LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related }
     }
 
     /// Returns the mirroring that brings the Sun into the north-west quadrant; none for networks that know any light.
@@ -218,6 +240,23 @@ mod tests {
                 assert_eq!(found.light, Light::assumed(sun.azimuth_deg));
             }
         }
+    }
+
+    /// Heights under a light that may be none are the mean of both cases.
+    #[test]
+    fn heights_settle_on_the_coarse_dtm_as_the_light_gets_doubtful() {
+        let (coarse_m, found_m) = ([10.0, 20.0], [14.0, 18.0]);
+        for (related, expected) in [(1.0, found_m), (0.25, [11.0, 19.5]), (0.0, coarse_m)] {
+            let mut heights_m = found_m;
+            Lighting { related, ..Lighting::given(Light { east: 1.0, south: 0.0 }) }.settle(&mut heights_m, &coarse_m);
+            assert_eq!(heights_m, expected, "{related}");
+        }
+        let mut heights_m = found_m;
+        Lighting::decide(Illumination::Weighed, KnownSun::default(), &LightFit::default())
+            .settle(&mut heights_m, &coarse_m);
+        assert_eq!(heights_m, coarse_m, "an assumed azimuth shows nothing");
+        let told = Lighting::decide(Illumination::Weighed, sun(Some(120.0), None), &LightFit::default());
+        assert_eq!(told.related, 1.0, "where the Sun is told, relief has its sign");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::intensity::IntensityRange;
-use crate::norm::{ElevationScale, LightEstimate, LightFit, Mirror, NormError};
+use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
 use crate::part::item;
 use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, MAPS, Photoclinometry, SLOPED_MAPS, Weight};
 use crate::tile::Shape;
@@ -247,8 +247,7 @@ impl<'t, 's> TileMaps<'t, 's> {
             let input = GuideInput { image, coarse_m, valid, mirror, coarse_px, weight };
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
             let expected = rules.illumination.is_weighed().then(|| {
-                let Lighting { light, trust, log_strength_sd, azimuth_sd_deg, .. } = lighting;
-                let light = LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust };
+                let light = lighting.estimate();
                 ExpectedErrors::of_share(guide.share(), &light, (tile.pixel_m, coarse_px), guide.dark_below())
             });
             let sloped = rules.illumination == Illumination::Sloped;

@@ -45,7 +45,8 @@ impl Runner<'_, '_> {
             .map_err(TileError::Run)
     }
 
-    /// Writes the heights of the finished tile in metres above the sphere (Eq. 8), row-major; `scale` is that of [`Begun`].
+    /// Writes the heights of the finished tile in metres above the sphere (Eq. 8), row-major; `scale` is that of [`Begun`]. They are the
+    /// network's: what a strip does next, [`Anchor`](crate::norm::Anchor) and [`Lighting::settle`](super::Lighting::settle), needs the coarse DTM.
     ///
     /// # Errors
     /// [`RunError::State`] before the tile is done, [`RunError::TileSize`].

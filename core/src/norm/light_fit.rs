@@ -58,6 +58,10 @@ pub struct LightEstimate {
     /// cosine between the true and the fitted direction, erf(s / sqrt 2)^2 / (1 + t^2), with s the strength in standard deviations and t
     /// the standard deviation of the azimuth in radians. The first factor is the expected sign.
     pub trust: f32,
+    /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1; 1 for a known azimuth. It is low where the image is of
+    /// other ground, is misplaced, or shows albedo alone: then a fit finds a light by chance. Our choice: as likely as not before the fit is
+    /// seen; the Bayes factor of a light of the expected strength and any azimuth against none, with the formal variance of the fit.
+    pub related: f32,
 }
 
 /// The line along which the Sun shines, as the image alone shows it.
@@ -145,6 +149,26 @@ impl Information {
     fn strength(&self, [x, y]: [f64; 2]) -> (f64, f64) {
         let precision = square(self.precision, [x, y]);
         ((self.vector[0] * x + self.vector[1] * y) / precision, 1.0 / precision)
+    }
+
+    /// Returns the probability that there is a light at all, if that is as likely as not before: its components are both 0, or have a
+    /// Gaussian distribution about 0 with the covariance S, that of lights of the expected strength, along an axis if one is known. With the
+    /// precision P and the best light v, the odds are `exp(v' P (P + S^-1)^-1 P v / 2) / sqrt(det(I + S P))`.
+    fn related(&self, axis: Option<Axis>) -> f64 {
+        let [x, y] = axis.map_or([1.0, 0.0], |axis| direction(axis.azimuth_deg));
+        // Parts of the expected square of the strength along the axis and across it: half of it each without an axis, and otherwise the mean
+        // square of the sine of a Gaussian angle across.
+        let turn = axis.map_or(f64::INFINITY, |axis| axis.sd_deg.to_radians());
+        let across = -0.5 * libm::expm1(-2.0 * turn * turn);
+        let [along, across] = [1.0 - across, across].map(|part| part * EXPECTED_STRENGTH * EXPECTED_STRENGTH);
+        let prior = [x * x / along + y * y / across, x * y / along - x * y / across, y * y / along + x * x / across];
+        let [b, c] = self.vector.map(|v| VARIANCE_FACTOR * v);
+        let mut both = Self { precision: self.precision.map(|v| VARIANCE_FACTOR * v), vector: [b, c] };
+        both.precision.iter_mut().zip(prior).for_each(|(sum, v)| *sum += v);
+        let Some((light, _)) = both.solve() else { return 0.0 };
+        let [xx, xy, yy] = both.precision;
+        let log_odds = 0.5 * (b * light[0] + c * light[1] - libm::log(along * across * (xx * yy - xy * xy)));
+        1.0 / (1.0 + libm::exp(-log_odds))
     }
 
     /// Adds the axis: a light of this strength has no component across it, within the axis' uncertainty.
@@ -333,6 +357,7 @@ impl LightFit {
             return Some(LightEstimate {
                 azimuth_sd_deg: azimuth_sd.to_degrees().min(180.0) as f32,
                 trust: (sign * sign / (1.0 + azimuth_sd * azimuth_sd)) as f32,
+                related: known.related(self.axis) as f32,
                 ..Self::drawn(azimuth, fitted, expected)?
             });
         };
@@ -360,7 +385,7 @@ impl LightFit {
 
     fn certain(azimuth_deg: f64, strength: f64, spread: f64) -> Option<LightEstimate> {
         let light = Light::of(azimuth_deg, strength)?;
-        Some(LightEstimate { light, log_strength_sd: spread as f32, azimuth_sd_deg: 0.0, trust: 1.0 })
+        Some(LightEstimate { light, log_strength_sd: spread as f32, azimuth_sd_deg: 0.0, trust: 1.0, related: 1.0 })
     }
 }
 

@@ -53,8 +53,8 @@ impl Origin {
 /// The errors that a tile's heights and slopes are expected to have: what the image leaves open ([`Share`]), what the light's uncertainty
 /// adds, and what the coarse DTM does not hold. All are standard deviations.
 ///
-/// Of the slopes' variance S in an octave, the image explains the part e of the best linear estimate. If it is kept with the trust T, and the
-/// logarithm of the light's strength and its azimuth (radians) have the standard deviations s and a, the open part is
+/// Of the slopes' variance S in an octave, the image explains the part e of the best linear estimate. If it is kept with the trust T (times
+/// [`LightEstimate::related`]), and the logarithm of the light's strength and its azimuth (radians) have the standard deviations s and a, the open part is
 ///
 /// ```text
 /// S (1 - T e (1 - s^2 - a^2))
@@ -99,7 +99,7 @@ impl ExpectedErrors {
     pub fn of_share(share: &Share, light: &LightEstimate, (pixel_m, coarse_px): (f32, f32), dark_below: f32) -> Self {
         let azimuth_sd = light.azimuth_sd_deg.to_radians();
         let spoiled = (light.log_strength_sd * light.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
-        let trust = light.trust * (1.0 - spoiled);
+        let trust = light.trust * light.related * (1.0 - spoiled);
         let with = |trust| open(share, trust, (pixel_m, coarse_px));
         Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below }
     }
@@ -170,7 +170,8 @@ mod tests {
     use crate::norm::Light;
 
     const LIGHT: Light = Light { east: 2.0, south: 0.0 };
-    const SURE: LightEstimate = LightEstimate { light: LIGHT, trust: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
+    const SURE: LightEstimate =
+        LightEstimate { light: LIGHT, trust: 1.0, related: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
     const SIZES: (f32, f32) = (2.0, 30.0);
 
     /// The share of ground whose slopes have the variance `slope_variance` in the octave of 4 to 8 pixels alone.

@@ -355,7 +355,8 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
-    /// Recovers a finished tile's heights in metres, and gives them the long waves of the coarse DTM.
+    /// Recovers a finished tile's heights in metres, gives them the long waves of the coarse DTM, and settles them on it if the light is
+    /// doubtful.
     fn bring_back(&mut self, scale: &TileScale) {
         if let Err(error) = self.runner.heights(scale, self.image) {
             return self.fault(Some(error));
@@ -368,6 +369,9 @@ impl<'a, 'm> Strip<'a, 'm> {
             let anchor = Anchor::new(self.plan.settings.coarse_px);
             // The plan guarantees the lengths.
             let _ = anchor.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
+        }
+        if self.runner.model().illumination().is_weighed() {
+            self.plan.settings.light.settle(self.image, self.coarse_m);
         }
         self.at.phase = Phase::Made;
     }

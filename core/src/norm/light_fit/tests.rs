@@ -61,9 +61,10 @@ proptest! {
         let error = libm::hypot(f64::from(found.light.east - light.east), f64::from(found.light.south - light.south));
         prop_assert!(error < 0.06 * strength, "{found:?} for {light:?}");
         prop_assert!(found.trust > 0.95 && found.azimuth_sd_deg < 10.0, "{found:?}");
+        prop_assert!(found.related > 0.99, "{found:?}");
         let known = fit.estimate(Some(azimuth), None).unwrap();
         prop_assert!((f64::from(known.light.strength()) - strength).abs() < 0.06 * strength);
-        prop_assert!((known.trust, known.azimuth_sd_deg) == (1.0, 0.0));
+        prop_assert!((known.trust, known.related, known.azimuth_sd_deg) == (1.0, 1.0, 0.0));
         prop_assert!(fit.estimate(Some(azimuth + 180.0), None).is_none());
     }
 
@@ -91,6 +92,33 @@ fn brightness_that_ignores_slope_is_not_trusted() {
     let image: Vec<f32> = (0..ROWS * COLS).map(noise).collect();
     let found = fit(&image, &heights).estimate(None, None).unwrap();
     assert!(found.trust < 0.6 && found.azimuth_sd_deg > 25.0, "{found:?}");
+    assert!(found.related < 0.1, "{found:?}");
+}
+
+/// The Bayes factor against its integral: the likelihood of a light, averaged over lights of the expected distribution, over that of none.
+#[test]
+fn the_probability_of_a_light_is_that_of_bayes() {
+    let fits = [([9.0, 2.0, 5.0], [1.0, -2.0]), ([40.0, -10.0, 60.0], [30.0, 9.0]), ([0.3, 0.0, 0.1], [0.1, 0.4])];
+    let axes = [None, Some(Axis { azimuth_deg: 70.0, sd_deg: 15.0 }), Some(Axis { azimuth_deg: 150.0, sd_deg: 300.0 })];
+    for ((precision, vector), axis) in fits.into_iter().flat_map(|fit| axes.map(|axis| (fit, axis))) {
+        let turn = axis.map_or(1e3, |axis| axis.sd_deg.to_radians());
+        let share = 0.5 - 0.5 * (-2.0 * turn * turn).exp();
+        let [of_along, of_across] = [1.0 - share, share].map(|share| share * EXPECTED_STRENGTH * EXPECTED_STRENGTH);
+        let [east, south] = direction(axis.map_or(0.0, |axis| axis.azimuth_deg));
+        let formal = precision.map(|v| VARIANCE_FACTOR * v);
+        let [b, c] = vector.map(|v| VARIANCE_FACTOR * v);
+        let (step, mut sum) = (EXPECTED_STRENGTH / 40.0, 0.0);
+        for (i, j) in (-240..=240).flat_map(|i| (-240..=240).map(move |j| (i, j))) {
+            let (x, y) = (f64::from(i) * step, f64::from(j) * step);
+            let (along, across) = (x * east + y * south, x * south - y * east);
+            let expected = along * along / of_along + across * across / of_across;
+            let log_likelihood = x * b + y * c - 0.5 * square(formal, [x, y]);
+            sum += step * step * (log_likelihood - 0.5 * expected).exp();
+        }
+        let odds = sum / (core::f64::consts::TAU * (of_along * of_across).sqrt());
+        let found = Information { precision, vector }.related(axis);
+        assert!((found - odds / (1.0 + odds)).abs() < 1e-3, "{axis:?}: {found} for {}", odds / (1.0 + odds));
+    }
 }
 
 /// A long wave of brightness, as albedo and a turning Sun make it, does not move the fit.

@@ -152,10 +152,11 @@ pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally)
     text
 }
 
-/// Returns a light in words: azimuth, strength, the elevation of a Sun of that strength, their uncertainty and origin, and the trust.
+/// Returns a light in words: azimuth, strength, the elevation of a Sun of that strength, their uncertainty and origin, the trust, and
+/// where it is not certain the probability that the image shows the ground of the coarse DTM.
 #[must_use]
 pub fn light_text(lighting: &Lighting) -> String {
-    let Lighting { light, source, trust, log_strength_sd, azimuth_sd_deg } = *lighting;
+    let Lighting { light, source, trust, related, log_strength_sd, azimuth_sd_deg } = *lighting;
     let (azimuth, strength, elevation) = (light.azimuth_deg(), light.strength(), light.elevation_deg());
     let origin = match source {
         LightSource::NotAsked => return "not used by the network".into(),
@@ -170,5 +171,11 @@ pub fn light_text(lighting: &Lighting) -> String {
         _ => format!("azimuth {azimuth:.0} deg"),
     };
     let strength = format!("strength {strength:.2}, uncertain by a factor of {:.2}", log_strength_sd.exp());
-    format!("{azimuth}, {strength}, as of a Sun {elevation:.0} deg high; trust {trust:.2}; {origin}")
+    let related = match source {
+        LightSource::Fitted if related < 0.995 => {
+            format!("brightness follows the coarse DTM with probability {related:.2}; ")
+        }
+        _ => String::new(),
+    };
+    format!("{azimuth}, {strength}, as of a Sun {elevation:.0} deg high; trust {trust:.2}; {related}{origin}")
 }

@@ -76,6 +76,11 @@ fn a_user_reads_the_light_and_how_sure_it_is() {
             light.strength()
         )
     );
+    let doubtful = light_text(&Lighting { related: 0.42, ..fitted });
+    assert!(
+        doubtful.ends_with("trust 0.85; brightness follows the coarse DTM with probability 0.42; fitted"),
+        "{doubtful}"
+    );
     let given = light_text(&Lighting::given(light));
     assert!(given.starts_with("azimuth 300 deg, strength") && given.ends_with("trust 1.00; given"), "{given}");
     let assumed = light_text(&Lighting::decide(Illumination::Weighed, KnownSun::default(), &Default::default()));

@@ -129,6 +129,8 @@ pub struct LightRecord {
     pub elevation_deg: f64,
     /// Expected share of relief that has the right direction, 0 to 1.
     pub trust: f32,
+    /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1. Heights move towards the coarse DTM's as it falls.
+    pub related: f32,
     /// Whether the azimuth is from the image's file.
     pub azimuth_from_file: bool,
     /// Whether the elevation is from the image's file.
@@ -141,7 +143,7 @@ impl LightRecord {
     /// Makes the record of a light; `None` if the network takes none.
     #[must_use]
     pub fn new(lighting: &Lighting, change: Option<Change>, sun: &KnownFrom) -> Option<Self> {
-        let Lighting { light, source, trust, log_strength_sd, azimuth_sd_deg } = *lighting;
+        let Lighting { light, source, trust, related, log_strength_sd, azimuth_sd_deg } = *lighting;
         let source = match source {
             LightSource::NotAsked => return None,
             LightSource::Given => "given",
@@ -156,6 +158,7 @@ impl LightRecord {
             log_strength_sd,
             elevation_deg: light.elevation_deg(),
             trust,
+            related,
             azimuth_from_file: sun.azimuth_from_file,
             elevation_from_file: sun.elevation_from_file,
             change,

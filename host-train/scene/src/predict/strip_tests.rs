@@ -181,6 +181,25 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
     assert!(of_image > 100_000, "{of_image}");
 }
 
+/// Where brightness may have nothing to do with the coarse DTM, flight and ground settle on it alike.
+#[test]
+fn a_strip_under_a_doubtful_light_is_that_of_the_ground() {
+    let (model, mut pair) = (nano(), pair(300, 330));
+    // Most of the image is of other ground: its own, upside down.
+    let turned: Vec<f32> = pair.0.samples.chunks(330).rev().flatten().copied().collect();
+    pair.0.samples.iter_mut().zip(turned).for_each(|(v, other)| *v = 0.3 * *v + 0.7 * other);
+    let scene = scene(&pair);
+    let options = Options::default();
+    let settings = settings(&scene, &model, &options, 300);
+    assert!((0.02..0.98).contains(&settings.light.related), "{:?}", settings.light);
+    let made = predict(&scene, &model, &options, &mut silent).unwrap();
+    let ((found, ..), _) = line_by_line(&scene, &model, settings, u64::MAX);
+    assert_same(&found, &made.dtm.samples, "doubtful light");
+    let believed = StripSettings { light: Lighting { related: 1.0, ..settings.light }, ..settings };
+    let ((other, ..), _) = line_by_line(&scene, &model, believed, u64::MAX);
+    assert!(found.iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.1), "settled");
+}
+
 #[test]
 fn posts_row_by_row_are_the_resampled_coarse_dtm() {
     let (image, coarse) = pair(600, 701);

@@ -156,6 +156,9 @@ impl<'a> TileWorker<'a> {
                 .apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums)
                 .map_err(|e| Error::input(e.to_string()))?;
         }
+        if self.rules.input.illumination.is_weighed() {
+            self.rules.light.of(window).settle(&mut heights_m, coarse_m);
+        }
         Ok(heights_m)
     }
 

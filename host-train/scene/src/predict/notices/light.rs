@@ -11,6 +11,9 @@ const TRUST_MIN: f32 = 0.9;
 const AZIMUTH_SDS: f64 = 3.0;
 const AZIMUTH_DEG: f64 = 20.0;
 
+/// Least probability that brightness follows the coarse DTM without a warning.
+const RELATED_MIN: f32 = 0.5;
+
 /// A scene whose share of relief is smaller hardly shows its relief. Of the synthetic scenes of the test, with strong albedo among them, none
 /// has less than 0.2 (`cargo test -p elunar-scene --lib notices -- --nocapture`).
 const RELIEF_MIN: f32 = 0.1;
@@ -38,6 +41,18 @@ pub(super) fn contradiction(survey: &Survey, sun: &KnownFrom, lighting: &Lightin
         "{whose} is {told_deg:.0} deg, but image and coarse DTM show a Sun at {fitted_deg:.0} +- {sd_deg:.0} deg, trust {:.2}: {instead}",
         fit.trust
     ))
+}
+
+/// Warns if brightness hardly follows the slopes of the coarse DTM, and no azimuth is known: heights stay near the coarse DTM's then.
+pub(super) fn unrelated(image: &str, coarse: &str, lighting: &Lighting) -> Option<String> {
+    let doubtful = lighting.source == LightSource::Fitted && lighting.related < RELATED_MIN;
+    doubtful.then(|| {
+        let probability = lighting.related;
+        format!(
+            "{image}: its brightness hardly follows the slopes of {coarse} (probability {probability:.2}), so heights stay near the coarse DTM's: \
+             is it the same ground, well placed? If so, say --sun-azimuth"
+        )
+    })
 }
 
 /// Returns the share of the image's contrast that is relief under a light ([`elunar_core::photoclinometry::Share`]); `None` if the direction

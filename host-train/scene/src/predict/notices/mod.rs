@@ -41,8 +41,10 @@ pub fn notices(
     let of_scale = scale::suspected(name, &scene.coarse_name, scene.coarse_px);
     let of_image = image::suspected(name, &survey.brightness);
     // Neither under a wrong light nor in a clipped image does anything look like relief: the cause is told, not the effect.
-    let little = || light::little_relief(name, survey, lighting).filter(|_| of_image.is_empty());
-    let of_light = light::contradiction(survey, sun, lighting).or_else(little);
+    let little = || light::little_relief(name, survey, lighting);
+    let unrelated = || light::unrelated(name, &scene.coarse_name, lighting);
+    let of_light = light::contradiction(survey, sun, lighting)
+        .or_else(|| unrelated().or_else(little).filter(|_| of_image.is_empty()));
     let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_scale).chain(of_image);
     Ok(found.chain(of_light).collect())
 }

@@ -120,6 +120,20 @@ fn an_image_without_relief_is_told() {
 }
 
 #[test]
+fn an_image_of_other_ground_is_told() {
+    let (made, other) = (made(2, SynthOptions::default()), made(5, SynthOptions::default()));
+    let mut coarse = other.coarse_raster();
+    coarse.georef = made.coarse_raster().georef;
+    let scene = scene(made.image_raster(), coarse);
+    let text = the_one(&scene, &KnownFrom::default());
+    assert!(text.starts_with("i.tif: its brightness hardly follows the slopes of c.tif (probability 0."), "{text}");
+    assert!(text.ends_with("If so, say --sun-azimuth"), "{text}");
+    // Where the Sun is told, the relief has its sign, whatever the coarse DTM is.
+    let (found, ..) = warned(&scene, &told(made.sun_azimuth_deg, made.sun_elevation_deg));
+    assert!(!found.iter().any(|text| text.contains("hardly follows")), "{found:?}");
+}
+
+#[test]
 fn clipped_images_are_told() {
     let made = made(2, SynthOptions::default());
     let sun = told(made.sun_azimuth_deg, made.sun_elevation_deg);
