@@ -158,6 +158,9 @@ fn training_tiles_are_served_tiles() {
                 // Scale recovery agrees, too.
                 let mut heights_m: Vec<f32> = (0..TILE_ROWS * TILE_COLS).map(answer).collect();
                 sample.scale.recover(SHAPE, &mut heights_m);
+                if illumination.is_weighed() {
+                    made.tally.light.settle(&mut heights_m, &tile.coarse_m);
+                }
                 assert_same(&made.dtm.samples, &heights_m, &format!("{what}: heights"));
                 mirrored += usize::from(!sample.scale.mirror.is_none());
                 compared += 1;
