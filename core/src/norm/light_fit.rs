@@ -60,7 +60,8 @@ pub struct LightEstimate {
     pub trust: f32,
     /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1; 1 for a known azimuth. It is low where the image is of
     /// other ground, is misplaced, or shows albedo alone: then a fit finds a light by chance. Our choice: as likely as not before the fit is
-    /// seen; the Bayes factor of a light of the expected strength and any azimuth against none, with the formal variance of the fit.
+    /// seen; the Bayes factor of a light of the expected strength, along the image's [`Axis`] if it shows one, against none; with the formal
+    /// variance of the fit.
     pub related: f32,
 }
 

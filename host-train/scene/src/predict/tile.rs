@@ -6,7 +6,7 @@ use super::network::TileNetwork;
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
-use elunar_core::nn::{InputRules, TileInput, TileLight};
+use elunar_core::nn::{InputRules, Lighting, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
@@ -102,10 +102,11 @@ impl<'a> TileWorker<'a> {
             return Ok(Outcome::Empty);
         };
         let weights = self.weights(&valid, window);
-        match self.maps(&image, &coarse_m, window)? {
+        let light = self.rules.light.of(window);
+        match self.maps(&image, &coarse_m, window, light)? {
             Some(tile) => {
                 let errors = tile.expected.unwrap_or(ExpectedErrors::UNKNOWN);
-                let heights_m = self.predicted(tile, &coarse_m, window)?;
+                let heights_m = self.predicted(tile, &coarse_m, window, light)?;
                 Ok(Outcome::Predicted { maps: self.result(heights_m, &image, &errors), weights })
             }
             None => {
@@ -125,9 +126,9 @@ impl<'a> TileWorker<'a> {
     }
 
     /// Prepares a tile; `None` for one without contrast or relief.
-    fn maps(&mut self, image: &[f32], coarse_m: &[f32], window: Window) -> Result<Option<Maps>> {
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], window: Window, light: Lighting) -> Result<Option<Maps>> {
         let Rules { input, pixel_m, coarse_px, .. } = self.rules;
-        let light = TileLight::Scene(self.rules.light.of(window));
+        let light = TileLight::Scene(light);
         // Filled pixels count in the ranges. They hold values of valid neighbours, so they hardly widen a range and need no clamping.
         let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
         match Maps::new(&input, window.shape(), &tile, &mut self.scratch) {
@@ -138,7 +139,7 @@ impl<'a> TileWorker<'a> {
     }
 
     /// Returns the heights of a normalised tile, metres.
-    fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window) -> Result<Vec<f32>> {
+    fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window, light: Lighting) -> Result<Vec<f32>> {
         let Maps { image, coarse, scale, .. } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
@@ -157,7 +158,7 @@ impl<'a> TileWorker<'a> {
                 .map_err(|e| Error::input(e.to_string()))?;
         }
         if self.rules.input.illumination.is_weighed() {
-            self.rules.light.of(window).settle(&mut heights_m, coarse_m);
+            light.settle(&mut heights_m, coarse_m);
         }
         Ok(heights_m)
     }
