@@ -26,9 +26,10 @@ kills() { ELUNAR_KILLS="${ELUNAR_KILLS:-50}" ignored --package host-train --test
 
 races() { ELUNAR_RACES="${ELUNAR_RACES:-20}" ignored --package host-train --test kills many_races; }
 
+# `cargo miri` keeps the environment that it compiled with: what may change goes by its flags.
 miri() {
-    MIRIFLAGS="-Zmiri-permissive-provenance -Zmiri-tree-borrows" cargo +nightly miri test --locked --package elunar-provoke \
-        --target-dir "${CARGO_TARGET_DIR:-target}/miri" --test small_programs -- --nocapture
+    MIRIFLAGS="-Zmiri-permissive-provenance -Zmiri-tree-borrows ${ELUNAR_PART:+-Zmiri-env-set=ELUNAR_PART=$ELUNAR_PART}" \
+        cargo +nightly miri test --locked --package elunar-provoke --target-dir "${CARGO_TARGET_DIR:-target}/miri" --test small_programs -- --nocapture
 }
 
 fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
