@@ -150,9 +150,29 @@ fn prepared_tiles_follow_their_options() {
     bench.made(&["prepare", "--list", "scenes/list.csv", "--out", "listed"]);
     let data = ["train", "--data", "plain", "--validation", "synth", "--steps", "1", "--out", "run"];
     let out = bench.run(&[&data[..], &["--batch", "1", "--validation-tiles", "1"]].concat());
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success() && text.contains("training: 2 tiles\n"), "{text}");
     let text = bench.refused(&["train", "--data", "plain", "--out", "another"]);
     assert!(text.contains("tiles for validation expected"), "{text}");
+}
+
+#[test]
+fn training_says_which_images_give_no_tile() {
+    let bench = bench();
+    bench.made(&["synth", "--out", "scenes", "--scenes", "1", "--seed", "2", "--rows", "520", "--cols", "320"]);
+    bench.made(&["synth", "--out", "low", "--scenes", "1", "--seed", "2", "--rows", "255", "--cols", "320"]);
+    for kind in ["image", "coarse", "truth"] {
+        let low = bench.path(&format!("low/scene_0000_{kind}.tif"));
+        std::fs::rename(low, bench.path(&format!("scenes/low_{kind}.tif"))).unwrap();
+    }
+    let data = ["train", "--data", "scenes", "--validation", "scenes", "--steps", "1", "--out", "run"];
+    let out = bench.run(&[&data[..], &["--batch", "1", "--validation-tiles", "1"]].concat());
+    let text = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{text}");
+    for what in ["training", "validation"] {
+        let unused = format!("scenes/low_image.tif: no 256x320 pixels of image, DTM and coarse DTM are valid; {what} ");
+        assert!(text.contains(&format!("{what}: 2 tiles\n")) && text.contains(&unused), "{text}");
+    }
 }
 
 #[test]

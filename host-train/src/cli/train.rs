@@ -1,5 +1,6 @@
 //! `host-train train`: train a network.
 
+use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -10,7 +11,7 @@ use elunar_net::config::{NetConfig, Preset, Switches, TruthRange, config_of, tra
 use elunar_net::published;
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result, atomic_write};
-use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
+use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -92,6 +93,8 @@ pub fn run(args: Args) -> Result<()> {
         record.recipe.crop[1],
         record.backend.name()
     );
+    say(&*run.training, "training");
+    say(&*run.validation, "validation");
     let begun = Instant::now();
     if args.profile {
         stopwatch::start();
@@ -109,6 +112,19 @@ pub fn run(args: Args) -> Result<()> {
         "stopped after step {}; go on with: host-train train --out {at} --resume",
         outcome.steps
     )))
+}
+
+/// Says how many tiles a source has, and which images give none.
+fn say(source: &dyn TileSource, what: &str) {
+    if let Some(count) = source.count() {
+        eprintln!("{what}: {count} tiles");
+    }
+    for image in source.unused() {
+        eprintln!(
+            "WARNING: {}: no {TILE_ROWS}x{TILE_COLS} pixels of image, DTM and coarse DTM are valid; {what} does not use it",
+            image.display()
+        );
+    }
 }
 
 fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {

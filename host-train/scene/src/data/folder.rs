@@ -59,6 +59,8 @@ pub struct FolderSource {
     scenes: Vec<Scene>,
     /// Scene, first row and first column of each tile.
     tiles: Vec<(usize, usize, usize)>,
+    /// Images without a whole valid tile.
+    unused: Vec<PathBuf>,
 }
 
 impl FolderSource {
@@ -67,10 +69,11 @@ impl FolderSource {
     /// # Errors
     /// If files are missing or unreadable, do not overlap, or hold no whole valid tile.
     pub fn open(folder: &Path) -> Result<Self> {
-        let scenes: Result<Vec<Scene>> = triples(folder)?.iter().map(Scene::read).collect();
-        let scenes = scenes?;
-        let mut tiles = Vec::new();
-        for (index, scene) in scenes.iter().enumerate() {
+        let triples = triples(folder)?;
+        let scenes: Vec<Scene> = triples.iter().map(Scene::read).collect::<Result<_>>()?;
+        let (mut tiles, mut unused) = (Vec::new(), Vec::new());
+        for (index, (scene, triple)) in scenes.iter().zip(triples).enumerate() {
+            let before = tiles.len();
             for row in (0..(scene.image.rows + 1).saturating_sub(TILE_ROWS)).step_by(TILE_ROWS) {
                 for col in (0..(scene.image.cols + 1).saturating_sub(TILE_COLS)).step_by(TILE_COLS) {
                     let whole = scene.tile(row, col);
@@ -79,22 +82,15 @@ impl FolderSource {
                     }
                 }
             }
+            if tiles.len() == before {
+                unused.push(triple.image);
+            }
         }
         if tiles.is_empty() {
             let what = format!("expected a scene with {TILE_ROWS}x{TILE_COLS} valid pixels, found none");
             return Err(Error::input(format!("{}: {what}", folder.display())));
         }
-        Ok(Self { scenes, tiles })
-    }
-
-    /// Returns the number of different tiles.
-    pub fn len(&self) -> usize {
-        self.tiles.len()
-    }
-
-    /// Returns whether the source has no tile. A source that `open` returned has at least one.
-    pub fn is_empty(&self) -> bool {
-        self.tiles.is_empty()
+        Ok(Self { scenes, tiles, unused })
     }
 }
 
@@ -102,6 +98,14 @@ impl TileSource for FolderSource {
     fn tile(&self, index: u64) -> Result<RawTile> {
         let (scene, row, col) = self.tiles[(index % self.tiles.len() as u64) as usize];
         Ok(self.scenes[scene].tile(row, col))
+    }
+
+    fn count(&self) -> Option<usize> {
+        Some(self.tiles.len())
+    }
+
+    fn unused(&self) -> &[PathBuf] {
+        &self.unused
     }
 }
 

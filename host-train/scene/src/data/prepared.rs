@@ -46,16 +46,6 @@ impl PreparedSource {
         let order = Mutex::new((0, order(0, tiles.len())));
         Ok(Self { shards, tiles, order })
     }
-
-    /// Returns the number of different tiles.
-    pub fn len(&self) -> usize {
-        self.tiles.len()
-    }
-
-    /// Returns whether the source has no tile. A source that `open` returned has at least one.
-    pub fn is_empty(&self) -> bool {
-        self.tiles.is_empty()
-    }
 }
 
 impl TileSource for PreparedSource {
@@ -71,6 +61,10 @@ impl TileSource for PreparedSource {
         };
         let (shard, tile) = self.tiles[place];
         self.shards[shard].tile(tile)
+    }
+
+    fn count(&self) -> Option<usize> {
+        Some(self.tiles.len())
     }
 }
 

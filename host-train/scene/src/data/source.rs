@@ -16,6 +16,16 @@ pub trait TileSource: Send + Sync {
     /// # Errors
     /// If the tile cannot be made or read.
     fn tile(&self, index: u64) -> Result<RawTile>;
+
+    /// Returns the number of different tiles; `None` if they never end.
+    fn count(&self) -> Option<usize> {
+        None
+    }
+
+    /// Returns the images that give no tile.
+    fn unused(&self) -> &[PathBuf] {
+        &[]
+    }
 }
 
 /// Description of a source of tiles.
