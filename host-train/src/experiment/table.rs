@@ -80,16 +80,30 @@ pub fn markdown(comparison: &Comparison) -> String {
     )
 }
 
-/// Draws the validations of all runs over their steps, by slope, because all networks have its unit in common.
+/// Draws the validations of all runs over their steps, by slope, because all networks have its unit in common. The coarse DTM's error stands beside
+/// them, once for all runs with the same validation tiles.
 ///
 /// # Errors
 /// If a run's journal cannot be read or the picture cannot be written.
 pub fn curves(comparison: &Comparison, out: &Path) -> Result<()> {
-    let series = comparison.trained.iter().map(|one| {
+    let (mut series, mut coarse): (Vec<Series>, Vec<Series>) = (Vec::new(), Vec::new());
+    for one in &comparison.trained {
         let name = one.experiment.name.clone();
-        Ok(Series { points: History::read(&out.join(&name).join(TRAINING))?.slope_deg, name })
-    });
-    let series: Vec<Series> = series.collect::<Result<_>>()?;
+        let history = History::read(&out.join(&name).join(TRAINING))?;
+        series.push(Series { points: history.slope_deg, name });
+        let of_coarse = Series { points: history.coarse_slope_deg, name: "coarse DTM".into() };
+        match coarse.iter_mut().find(|known| level(known) == level(&of_coarse)) {
+            Some(known) if known.points.len() >= of_coarse.points.len() => {}
+            Some(known) => *known = of_coarse,
+            None => coarse.push(of_coarse),
+        }
+    }
+    series.extend(coarse);
     let chart = Chart { title: "Validation", x: "step", y: "mean |slope error|, degrees", log_y: true };
     draw(&out.join(CURVES), &chart, &series)
+}
+
+/// Returns the value that a curve begins with, as bits.
+fn level(series: &Series) -> Option<u64> {
+    series.points.first().map(|(_, y)| y.to_bits())
 }

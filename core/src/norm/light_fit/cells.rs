@@ -14,6 +14,9 @@ pub(super) type Cell = [f64; 3];
 pub(super) const COLUMNS: usize = 4;
 /// Cells that begin along a cell's side: one at every half cell.
 const PHASES: usize = 2;
+/// Greatest share of a cell's pixels of the image that may be invalid, as one over this number: scattered dead or saturated pixels, or the edge of
+/// a void (our choice).
+const INVALID_SHARE: u32 = 8;
 /// Sums that are added side by side, so that processors with vectors are faster. The result is the same on all.
 const LANES: usize = 8;
 
@@ -79,10 +82,13 @@ struct HalfCell {
     weight: [f64; 2],
     /// Sums of the differences to either side, east and south, over the cell's columns.
     rise: [f64; 2],
-    /// Whether all heights and pixels of the cell's columns are valid.
+    /// Whether all heights of the cell's columns are valid.
     real: bool,
-    /// Whether one pixel is not dark, in each quarter of the tent's width: half a cell.
+    /// Number of invalid pixels of the image in the cell's columns.
+    invalid: u32,
+    /// Whether a pixel is lit, and whether one is dark, in each quarter of the tent's width: half a cell.
     lit: [bool; 4],
+    dark: [bool; 4],
 }
 
 impl Rectangle<'_> {
@@ -100,9 +106,16 @@ impl Rectangle<'_> {
                 *sum += of_row;
                 *moment += from_top * of_row;
             }
-            for (quarter, lit) in half.lit.iter_mut().enumerate() {
+            for (quarter, (lit, dark)) in half.lit.iter_mut().zip(&mut half.dark).enumerate() {
                 let from = from + quarter * self.half;
-                *lit |= (from..from + self.half).any(|i| !self.is_dark(i));
+                let mut pixels = (from..from + self.half).filter(|&i| mask::counts(self.image, self.valid, i));
+                // Most squares show at once that they are lit.
+                *lit = *lit
+                    || pixels.any(|i| {
+                        let is_dark = item(self.image, i) < self.dark_below;
+                        *dark |= is_dark;
+                        !is_dark
+                    });
             }
             if has_slopes {
                 self.slopes(first, &mut half);
@@ -111,35 +124,36 @@ impl Rectangle<'_> {
         half
     }
 
-    /// Returns whether a pixel is valid and dark.
-    fn is_dark(&self, i: usize) -> bool {
-        mask::counts(self.image, self.valid, i) && item(self.image, i) < self.dark_below
-    }
-
-    /// Adds the differences of heights along a row of a cell's columns.
+    /// Adds the differences of heights along a row of a cell's columns, and counts the image's invalid pixels.
     fn slopes(&self, first: usize, half: &mut HalfCell) {
         let side = 2 * self.half;
         let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
         let image = part(self.image, first, side);
         let (mut down, mut real) = ([0.0f32; LANES], true);
-        for ((a, b), v) in above.chunks(LANES).zip(below.chunks(LANES)).zip(image.chunks(LANES)) {
-            for (((sum, a), b), v) in down.iter_mut().zip(a).zip(b).zip(v) {
+        for (a, b) in above.chunks(LANES).zip(below.chunks(LANES)) {
+            for ((sum, a), b) in down.iter_mut().zip(a).zip(b) {
                 *sum += b - a;
-                real &= is_real(*a) & is_real(*b) & is_real(*v);
+                real &= is_real(*a) & is_real(*b);
             }
         }
-        let masked = |valid| part(valid, first, side).iter().all(|valid| *valid);
+        half.invalid += match self.valid {
+            None => image.iter().map(|v| u32::from(!is_real(*v))).sum::<u32>(),
+            Some(valid) => {
+                let pairs = image.iter().zip(part(valid, first, side));
+                pairs.map(|(v, valid)| u32::from(!(is_real(*v) & *valid))).sum()
+            }
+        };
         // The sum of all differences along a row is that of its ends.
         let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
         let [last, before_last, second, before] = ends;
-        half.real &= real && ends.into_iter().all(is_real) && self.valid.is_none_or(masked);
+        half.real &= real && ends.into_iter().all(is_real);
         let [east, south] = &mut half.rise;
         *east += f64::from((last - second) + (before_last - before));
         *south += f64::from(total(down));
     }
 
-    /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if one of its pixels is invalid,
-    /// or one of the sixteen squares under its tent lies in shadow.
+    /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if a height is invalid, too many
+    /// pixels of its image are ([`INVALID_SHARE`]), or one of the sixteen squares under its tent lies in shadow.
     fn cell(&self, [a, b, c, d]: &[HalfCell; 4]) -> Option<Cell> {
         let half = self.half as f64;
         // A tent over rows rises by 1 per row up to its middle, and then falls.
@@ -148,12 +162,15 @@ impl Rectangle<'_> {
             a + (half * b + of_b) + (2.0 * half * c - of_c) + (half * d - of_d)
         };
         let (bright, weight) = (tent(|half| half.bright), tent(|half| half.weight));
-        let lit = [a, b, c, d].iter().all(|half| half.lit == [true; 4]);
+        let is_shadow = |half: &HalfCell| half.lit.iter().zip(half.dark).any(|(lit, dark)| dark && !lit);
+        let shadow = [a, b, c, d].into_iter().any(is_shadow);
+        let side = 2 * self.half as u32;
+        let seen = INVALID_SHARE * (b.invalid + c.invalid) <= side * side;
         let count = 8.0 * half * half;
         let [[east_b, south_b], [east_c, south_c]] = [b.rise, c.rise];
         let slopes = [(east_b + east_c) / count / self.pixel.col_m, (south_b + south_c) / count / self.pixel.row_m];
         let [east, south] = slopes;
-        (b.real && c.real && lit && weight > 0.0).then_some([bright / weight, east, south])
+        (b.real && c.real && seen && !shadow && weight > 0.0).then_some([bright / weight, east, south])
     }
 }
 

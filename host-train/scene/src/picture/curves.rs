@@ -27,7 +27,7 @@ pub struct Chart<'a> {
     pub x: &'a str,
     /// Name of y, with its unit.
     pub y: &'a str,
-    /// Whether y is logarithmic. Points with y ≤ 0 are then left out.
+    /// Whether y is logarithmic; points with y ≤ 0 are then left out. An axis within one power of ten would have no number, and is linear.
     pub log_y: bool,
 }
 
@@ -98,9 +98,11 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
             .y_label_area_size(64);
         area.fill(&WHITE).map_err(|e| e.to_string()).and_then(|()| {
             let margin = 0.05 * (y.end - y.start).max(1e-9 * y.end.abs()).max(f64::MIN_POSITIVE);
-            let (log_y, y) = ((y.start / 1.1..y.end * 1.1).log_scale(), y.start - margin..y.end + margin);
+            let wide = y.start / 1.1..y.end * 1.1;
+            let is_log_y = chart.log_y && wide.start.log10().floor() < wide.end.log10().floor();
+            let (log_y, y) = (wide.log_scale(), y.start - margin..y.end + margin);
             let text = |e: DrawingAreaErrorKind<_>| e.to_string();
-            match (log_x, chart.log_y) {
+            match (log_x, is_log_y) {
                 (false, false) => fill(builder.build_cartesian_2d(x, y).map_err(text)?, chart, &series, log_x),
                 (false, true) => fill(builder.build_cartesian_2d(x, log_y).map_err(text)?, chart, &series, log_x),
                 (true, false) => {

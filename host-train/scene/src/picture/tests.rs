@@ -85,3 +85,14 @@ fn wrong_sizes_are_refused() {
     assert!(stretch(&[0.0; 5], 2, 3).is_err());
     assert!(error_map(&[0.0; 5], usize::MAX, 2).is_err());
 }
+
+#[test]
+fn a_logarithmic_axis_without_a_power_of_ten_is_linear() {
+    let same = |high: f64| {
+        let series = [Series { name: "a".into(), points: vec![(0.0, 2.0), (1.0, high)] }];
+        let chart = |log_y| Chart { title: "t", x: "x", y: "y", log_y };
+        plot(&chart(true), &series).unwrap() == plot(&chart(false), &series).unwrap()
+    };
+    assert!(same(5.0));
+    assert!(!same(20.0));
+}

@@ -101,11 +101,16 @@ impl Brightness {
         (self.highest.value, self.share(self.highest.pixels))
     }
 
+    /// Returns the mean; 0 without pixels.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.sum / self.pixels.max(1) as f64
+    }
+
     /// Returns the standard deviation as a share of the mean; infinite if the mean is not positive.
     #[must_use]
     pub fn contrast(&self) -> f64 {
-        let pixels = self.pixels.max(1) as f64;
-        let mean = self.sum / pixels;
+        let (pixels, mean) = (self.pixels.max(1) as f64, self.mean());
         if mean > 0.0 { (self.squares / pixels - mean * mean).max(0.0).sqrt() / mean } else { f64::INFINITY }
     }
 

@@ -9,7 +9,7 @@ const CLIPPED: f64 = 0.2;
 /// none has less than 0.02.
 const CONSTANT: f64 = 5e-3;
 
-/// Warns of clipped and of nearly constant images.
+/// Warns of clipped and of nearly constant images, and of values that are no brightness.
 pub(super) fn suspected(name: &str, brightness: &Brightness) -> Vec<String> {
     if brightness.pixels == 0 {
         return vec![];
@@ -19,6 +19,12 @@ pub(super) fn suspected(name: &str, brightness: &Brightness) -> Vec<String> {
         let contrast = percent(contrast);
         return vec![format!("{name}: nearly constant, brightness varies by {contrast}: it shows no relief")];
     }
+    let mean = brightness.mean();
+    let no_brightness = (mean <= 0.0).then(|| {
+        // No minus before a zero.
+        let mean = mean + 0.0;
+        format!("{name}: mean {mean:.3}, expected above 0: not a brightness? Contrast is brightness over its mean, so this image shows none")
+    });
     let ends = [("lowest", brightness.lowest()), ("highest", brightness.highest())];
     let clipped = ends.into_iter().filter(|(_, (_, share))| *share > CLIPPED);
     let warning = |(which, (value, share)): (&str, (f32, f64))| {
@@ -28,5 +34,5 @@ pub(super) fn suspected(name: &str, brightness: &Brightness) -> Vec<String> {
             "{name}: {share} of its pixels have the {which} value, {value}: clipped, or voids? If voids, say --image-nodata {value}"
         )
     };
-    clipped.map(warning).collect()
+    no_brightness.into_iter().chain(clipped.map(warning)).collect()
 }

@@ -120,6 +120,16 @@ fn an_image_without_relief_is_told() {
 }
 
 #[test]
+fn values_that_are_no_brightness_are_told() {
+    let made = made(2, SynthOptions::default());
+    let sun = told(made.sun_azimuth_deg, made.sun_elevation_deg);
+    let mut image = made.image_raster();
+    image.samples.iter_mut().for_each(|v| *v = -*v);
+    let text = the_one(&scene(image, made.coarse_raster()), &sun);
+    assert!(text.starts_with("i.tif: mean -") && text.contains("expected above 0"), "{text}");
+}
+
+#[test]
 fn an_image_of_other_ground_is_told() {
     let (made, other) = (made(2, SynthOptions::default()), made(5, SynthOptions::default()));
     let mut coarse = other.coarse_raster();
