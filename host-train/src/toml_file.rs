@@ -1,6 +1,6 @@
 //! Settings in TOML files. An error is one line with file, line and reason.
 
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, otherwise as [`parse`].
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    parse(path, &std::fs::read_to_string(path).map_err(Error::io(path))?)
+    parse(path, &read::text(path, read::MOST_SETTINGS_BYTES)?)
 }
 
 /// Parses `text`, the contents of `path`.

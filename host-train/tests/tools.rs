@@ -192,7 +192,7 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let cases: [(&[&str], &str); 20] = [
         (&["hillshade", "left.tif", "-o", "left.tif"], "must not overwrite an input"),
         (&["hillshade", "left.tif", "-o", "x.jpg"], "x.jpg: a name ending in .tif or .tiff or .png"),
-        (&["hillshade", "left.tif", "-o", "no/x.tif"], "no/x.tif: No such file"),
+        (&["hillshade", "left.tif", "-o", "no/x.tif"], "no/x.tif: the folder no expected, none found"),
         (&["hillshade", "left.tif", "-o", "x.tif", "--altitude", "91"], "--altitude: 0 to 90"),
         (&["hillshade", "left.tif", "-o", "x.tif", "--z-factor", "0"], "--z-factor above 0"),
         (&["hillshade", "missing.tif", "-o", "x.tif"], "missing.tif: No such file"),
@@ -201,7 +201,10 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
         (&["diff", "left.tif", "north.tif", "-o", "x.tif"], "north.tif: valid samples overlapping left.tif"),
         (&["diff", "left.tif", "empty.tif", "-o", "x.tif"], "empty.tif: valid samples overlapping left.tif"),
         (&["diff", "left.tif", "right.tif", "--picture", "right.tif"], "must not overwrite"),
-        (&["diff", "left.tif", "right.tif", "--picture", "x.png", "-o", "no/x.tif"], "no/x.tif: No such file"),
+        (
+            &["diff", "left.tif", "right.tif", "--picture", "x.png", "-o", "no/x.tif"],
+            "no/x.tif: the folder no expected, none found",
+        ),
         (&["mosaic", "left.tif", "north.tif", "-o", "x.tif"], "north.tif: the reference system of left.tif"),
         (&["mosaic", "left.tif", "nowhere.tif", "-o", "x.tif"], "nowhere.tif: a raster with a geotransform"),
         (&["mosaic", "empty.tif", "-o", "x.tif"], "empty.tif: a valid height on the mosaic's grid expected"),

@@ -66,7 +66,6 @@ fn code_of_system(kind: ErrorKind) -> u8 {
         | ErrorKind::IsADirectory
         | ErrorKind::InvalidFilename
         | ErrorKind::ReadOnlyFilesystem
-        | ErrorKind::FileTooLarge
         | ErrorKind::InvalidInput
         | ErrorKind::InvalidData
         | ErrorKind::UnexpectedEof
@@ -80,9 +79,13 @@ fn code_of_system(kind: ErrorKind) -> u8 {
 /// Reads the command line, or ends the program: with 0 behind `--help` and `--version`, otherwise with [`USAGE`].
 pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
     parsed.unwrap_or_else(|error| {
-        let said = error.print();
+        let said = error.print().and_then(|()| std::io::stdout().flush());
         let code = match said {
             Err(why) if why.kind() == ErrorKind::BrokenPipe => BROKEN_PIPE,
+            Err(why) if error.exit_code() == 0 => {
+                line(format_args!("standard output: {why}"));
+                TRY_AGAIN
+            }
             _ if error.exit_code() == 0 => 0,
             _ => USAGE,
         };
@@ -154,6 +157,7 @@ mod tests {
             (Error::busy("a.tif", "process 7"), 75),
             (io(ErrorKind::NotFound), 65),
             (io(ErrorKind::UnexpectedEof), 65),
+            (io(ErrorKind::FileTooLarge), 75),
             (io(ErrorKind::PermissionDenied), 65),
             (io(ErrorKind::StorageFull), 75),
             (io(ErrorKind::QuotaExceeded), 75),

@@ -143,7 +143,7 @@ fn a_batch_that_is_stopped_or_killed_goes_on() {
         let mut child = command(bench.folder.path(), &["batch", "--manifest", "m.jsonl"]);
         let child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let start = Instant::now();
-        while std::fs::metadata(bench.at("out/s0.tif.part")).map_or(0, |found| found.len()) <= 32 {
+        while std::fs::metadata(bench.at("out/s0.tif.part")).map_or(0, |found| found.len()) <= 48 {
             assert!(start.elapsed() < Duration::from_secs(120), "no rows");
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -108,7 +108,7 @@ fn one_signal_stops_at_a_safe_point_and_two_end_at_once() {
         let mut child = elunar(at, &[&predict[..], &["--threads", "1", "-o", "dtm.tif"]].concat());
         let child = child.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let start = Instant::now();
-        while std::fs::metadata(at.join("dtm.tif.part")).map_or(0, |found| found.len()) <= 32 {
+        while std::fs::metadata(at.join("dtm.tif.part")).map_or(0, |found| found.len()) <= 48 {
             assert!(start.elapsed() < Duration::from_secs(120), "no rows");
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -10,7 +10,7 @@ use elunar_core::tile::{Shape, TILE};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::digest::sha256_hex;
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;
@@ -46,7 +46,7 @@ pub struct FloatModel {
 /// # Errors
 /// If the file cannot be read, is broken, has no configuration, or its tensors do not fit it.
 pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read::bytes(path, read::MOST_BYTES)?;
     let hash = sha256_hex(&bytes);
     let weights = Weights::from_bytes(path, &bytes)?;
     let config = config_of(&weights, path)?;

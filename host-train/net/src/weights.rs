@@ -1,6 +1,6 @@
 //! Named float tensors as in a file. The Burn network, the checker and the exporter exchange weights in this form.
 
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -29,7 +29,7 @@ impl Weights {
     /// # Errors
     /// [`Error::Io`] if unreadable, [`Error::Broken`] if the format is violated, [`Error::Unsupported`] for other sample types.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let bytes = read::bytes(path, read::MOST_BYTES)?;
         Self::from_bytes(path, &bytes)
     }
 

@@ -39,12 +39,15 @@ pub fn sha256_of_text(text: &str) -> String {
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn sha256_of_raster(path: &Path) -> Result<String> {
-    let hashes: Vec<String> = files(path)?.iter().map(|file| sha256(file)).collect::<Result<_>>()?;
+    let hashes: Vec<String> = files_of_raster(path)?.iter().map(|file| sha256(file)).collect::<Result<_>>()?;
     Ok(hashes.join("+"))
 }
 
 /// Returns the files of a raster: one, or a PDS3 label and the image that it describes.
-fn files(path: &Path) -> Result<Vec<PathBuf>> {
+///
+/// # Errors
+/// [`Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
+pub fn files_of_raster(path: &Path) -> Result<Vec<PathBuf>> {
     let label = match Format::of(path)? {
         Format::Pds3 => path.to_path_buf(),
         Format::Unknown(_) => match pds3::label_beside(path)? {

@@ -14,6 +14,7 @@ pub mod output;
 pub mod pds3;
 mod projection;
 pub mod quantile;
+pub mod read;
 pub mod resample;
 pub mod source;
 pub mod stated;

@@ -5,7 +5,7 @@ use crate::suite::method::Usage;
 use crate::toml_file::at_line;
 use elunar_learn::train::recipe::Recipe;
 use elunar_net::config::{NetConfig, Preset};
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
 use elunar_scene::evaluate::CoAlignment;
 use elunar_synth::SynthOptions;
@@ -99,7 +99,7 @@ impl Experiment {
     }
 
     fn derived(path: &Path, depth: usize) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read::text(path, read::MOST_SETTINGS_BYTES)?;
         let broken = |what: String| Error::broken(path, what);
         let table = DeTable::parse(&text).map_err(|e| {
             let message = e.message().split_whitespace().collect::<Vec<_>>().join(" ");

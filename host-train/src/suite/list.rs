@@ -2,7 +2,7 @@
 
 use crate::toml_file;
 use elunar_net::digest::sha256_hex;
-use elunar_raster::{Crs, Error, Result};
+use elunar_raster::{Crs, Error, Result, read};
 use elunar_synth::SynthOptions;
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -96,7 +96,7 @@ impl List {
     /// # Errors
     /// [`Error::Io`] if the list cannot be read, [`Error::Broken`] with the entry that is wrong.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(path, &std::fs::read_to_string(path).map_err(Error::io(path))?)
+        Self::parse(path, &read::text(path, read::MOST_SETTINGS_BYTES)?)
     }
 
     /// Returns the SHA-256 of the list's content.

@@ -25,10 +25,10 @@ pub struct Args {
     #[arg(long, value_name = "K/N", default_value = "1/1")]
     pub chunk: PartOf,
     /// Number of images at a time; 0 takes as many as the machine offers.
-    #[arg(long, value_name = "J", default_value_t = 1)]
+    #[arg(long, value_name = "J", default_value_t = 1, value_parser = super::output::threads)]
     pub jobs: usize,
     /// Threads for each image.
-    #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=4096))]
+    #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]
     pub threads: u64,
     /// Folder for the rows of unfinished DTMs, such as a disk of this machine [default: beside each DTM].
     #[arg(long, value_name = "DIR")]

@@ -72,7 +72,8 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     let Some(target) = &args.output else { return Err(Error::usage("--output: a path expected, none found")) };
-    let _owner = output::take(target, &args.images.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let inputs: Vec<&Path> = args.images.iter().chain(&args.table).map(PathBuf::as_path).collect();
+    let _owner = output::take(target, &inputs)?;
     let rows = match &args.table {
         Some(table) => of_table(table)?,
         None => of_images(&args.images)?,

@@ -4,7 +4,7 @@ use super::output;
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
-use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, source};
+use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, read, source};
 use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
 use elunar_scene::progress;
 use std::path::{Path, PathBuf};
@@ -68,7 +68,8 @@ pub fn run(args: Args) -> Result<()> {
         None => args.dems.clone(),
     };
     output::extension(&args.output, &["tif", "tiff"])?;
-    let _owner = output::take(&args.output, &paths.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    let inputs: Vec<&Path> = paths.iter().chain(&args.dem_list).map(PathBuf::as_path).collect();
+    let _owner = output::take(&args.output, &inputs)?;
     if !(0.0..=100.0).contains(&args.weights_blur_sigma) {
         let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
         return Err(Error::usage(what));
@@ -129,7 +130,7 @@ fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Resul
 }
 
 fn listed(list: &Path) -> Result<Vec<PathBuf>> {
-    let text = std::fs::read_to_string(list).map_err(Error::io(list))?;
+    let text = read::text(list, read::MOST_BYTES)?;
     let paths: Vec<PathBuf> = text.lines().map(str::trim).filter(|l| !l.is_empty()).map(PathBuf::from).collect();
     if paths.is_empty() {
         return Err(Error::usage(format!("{}: one DTM a line expected, none found", list.display())));

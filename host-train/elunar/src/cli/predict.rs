@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = metres, requires = "uncertainty")]
     pub coarse_sigma: Option<f32>,
     /// Number of threads; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = output::threads)]
     pub threads: usize,
     /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
@@ -303,8 +303,10 @@ impl Watch {
 fn take(args: &Args) -> Result<(Owner, Vec<Owner>)> {
     check_sun(args.known_sun())?;
     let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
-    let owner = output::take_dtm(&args.output, &inputs)?;
-    Ok((owner, output::take_all(&args.uncertainty, &[&inputs[..], &[&args.output]].concat())?))
+    if let Some(path) = &args.uncertainty {
+        output::extension(path, &["tif", "tiff"])?;
+    }
+    output::take_dtm(&args.output, &args.uncertainty, &inputs)
 }
 
 /// What a run works with: the opened inputs and the identity of the job.

@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
     /// Number of threads, each with its own tiles; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = output::threads)]
     pub threads: usize,
     /// Write cost (and errors) by step, as a table or a picture.
     #[arg(long, value_name = "CURVE.csv|CURVE.png")]
@@ -103,8 +103,7 @@ pub fn run(args: Args) -> Result<()> {
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
-    let owner = output::take_dtm(&args.output, &inputs)?;
-    let _owners = output::take_all(&args.curve, &[&inputs[..], &[&args.output]].concat())?;
+    let (owner, _owners) = output::take_dtm(&args.output, &args.curve, &inputs)?;
     let image = Statements { srs: args.image_srs.clone(), unit: None };
     let image = Input::stated(&args.image, image, args.image_nodata)?;
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };

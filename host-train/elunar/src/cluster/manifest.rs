@@ -1,7 +1,7 @@
 //! A manifest: JSON lines, one an image. All lines are checked before anything starts.
 
 use super::item::Item;
-use elunar_raster::{Error, Result, folder_of};
+use elunar_raster::{Error, Result, folder_of, read};
 use elunar_scene::predict::span::PartOf;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ impl Manifest {
     /// # Errors
     /// [`Error::Io`] if it cannot be read; [`Error::Broken`] with line and field if a line is wrong, or has the name or output of another.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read::text(path, read::MOST_BYTES)?;
         let mut items = vec![];
         let (mut ids, mut outputs) = (HashMap::new(), HashMap::new());
         for (line, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {

@@ -3,7 +3,7 @@
 use super::item::Item;
 use super::manifest::Manifest;
 use super::outcome::{Outcome, Verdict};
-use elunar_raster::{Error, Result};
+use elunar_raster::{Result, read};
 use elunar_scene::predict::identity::has_its_sum;
 use elunar_scene::predict::sum_path;
 use serde::Serialize;
@@ -40,7 +40,7 @@ pub struct Status<'a> {
 pub fn read_logs(logs: &[PathBuf]) -> Result<Vec<Outcome>> {
     let mut attempts: Vec<Outcome> = vec![];
     for log in logs {
-        let text = std::fs::read(log).map_err(Error::io(log))?;
+        let text = read::bytes(log, read::MOST_BYTES)?;
         attempts.extend(String::from_utf8_lossy(&text).lines().filter_map(|line| serde_json::from_str(line).ok()));
     }
     attempts.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));

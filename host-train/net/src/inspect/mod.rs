@@ -8,7 +8,7 @@ pub use network::{model as plan_text, tensors};
 
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use model::Plan;
 use std::path::Path;
 
@@ -24,7 +24,7 @@ pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<P
         let what = "expected a model (.eld), the only kind of file that has a plan";
         return Err(Error::input(format!("{}: {what}", path.display())));
     }
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read::bytes(path, read::MOST_BYTES)?;
     let model = elunar_core::nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
     let mut plan = Plan::of(&model);
     if let Some((kernel, tiles)) = time {

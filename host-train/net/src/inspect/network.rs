@@ -3,7 +3,7 @@
 use super::model::{OperatorLine, Plan};
 use crate::digest::sha256_hex;
 use crate::weights::Weights;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Result, read};
 use std::path::Path;
 
 /// Describes the tensors of a safetensors file: weights, a golden case, or neither.
@@ -11,7 +11,7 @@ use std::path::Path;
 /// # Errors
 /// If the file cannot be read, or is broken.
 pub fn tensors(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(Error::io(path))?;
+    let bytes = read::bytes(path, read::MOST_BYTES)?;
     let weights = Weights::from_bytes(path, &bytes)?;
     let count: usize = weights.tensors.values().map(|a| a.data.len()).sum();
     let is_golden = weights.tensors.contains_key("input.image") && weights.metadata.contains_key("loss_terms");

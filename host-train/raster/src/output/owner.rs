@@ -41,9 +41,14 @@ impl Owner {
     /// Takes a file that will be written: `dtm.tif.lock` is the lock of `dtm.tif`. Whether the file may be replaced is checked, too.
     ///
     /// # Errors
-    /// [`Error::Busy`] if another process owns it; as [`check_target`]; [`Error::Io`] if the folder cannot be written.
+    /// [`Error::Busy`] if another process owns it; [`Error::Usage`] if there is no such folder; as [`check_target`]; [`Error::Io`] if the folder
+    /// cannot be written.
     pub fn of_file(output: &Path) -> Result<Self> {
         check_target(output)?;
+        if !folder_of(output).is_dir() {
+            let folder = folder_of(output).display();
+            return Err(Error::usage(format!("{}: the folder {folder} expected, none found", output.display())));
+        }
         let mut name = output.file_name().unwrap_or_default().to_os_string();
         name.push(SUFFIX);
         Self::take(output, output.with_file_name(name))
@@ -131,9 +136,16 @@ fn remove_unfinished(folder: &Path) {
     }
 }
 
-/// Removes claims whose processes were killed before they could make them locks.
+/// Removes claims whose processes were killed before they could make them locks. One without a word in it is judged by its age.
 fn remove_dead_claims(folder: &Path, here: &Record) {
+    let empty_and_old = |found: std::fs::Metadata| {
+        found.len() == 0 && found.modified().is_ok_and(|changed| is_old(changed, std::time::SystemTime::now()))
+    };
     for path in nameless(folder, SUFFIX) {
+        if std::fs::symlink_metadata(&path).is_ok_and(empty_and_old) {
+            let _ = std::fs::remove_file(path);
+            continue;
+        }
         let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
         // Without its kernel's lock, nothing is known of a claim from another name space.
         let known = |record: &Record| record.namespace == here.namespace || record.boot != here.boot;
@@ -402,13 +414,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let here = Record::here();
         let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
-        let [dead, alive, other] =
-            [".tmpA1b2C3.lock", ".tmpA1b2C4.lock", ".tmpA1b2C5.lock"].map(|n| folder.path().join(n));
-        for (path, text) in [(&dead, killed.text()), (&alive, here.text()), (&other, "x".into())] {
+        let [dead, alive, other, empty, young] =
+            [3, 4, 5, 6, 7].map(|k| folder.path().join(format!(".tmpA1b2C{k}.lock")));
+        let none = String::new;
+        let texts = [killed.text(), here.text(), "x".into(), none(), none()];
+        for (path, text) in [&dead, &alive, &other, &empty, &young].into_iter().zip(texts) {
             std::fs::write(path, text).unwrap();
         }
+        grow_old(&empty, 70);
         drop(Owner::of_file(&folder.path().join("dtm.tif")).unwrap());
-        assert!(!dead.exists() && alive.exists() && other.exists());
+        assert!(!dead.exists() && alive.exists() && other.exists() && !empty.exists() && young.exists());
     }
 
     #[test]

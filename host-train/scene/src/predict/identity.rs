@@ -2,7 +2,7 @@
 
 use super::output::sum_path;
 use elunar_raster::content::{sha256, sha256_of_raster, sha256_of_text};
-use elunar_raster::{Result, geotiff};
+use elunar_raster::{Result, geotiff, read};
 use std::path::Path;
 
 /// Metadata item of a DTM with the identity of its job.
@@ -53,10 +53,13 @@ impl Identity {
     }
 }
 
+/// Most bytes of a file with one sum and one name.
+const MOST_SUM_BYTES: u64 = 1 << 16;
+
 /// Returns whether a file's bytes have the SHA-256 that lies beside it.
 #[must_use]
 pub fn has_its_sum(path: &Path) -> bool {
-    let known = std::fs::read_to_string(sum_path(path)).unwrap_or_default();
+    let known = read::text(&sum_path(path), MOST_SUM_BYTES).unwrap_or_default();
     let known = known.split_whitespace().next().unwrap_or_default();
     !known.is_empty() && sha256(path).is_ok_and(|found| found == known)
 }

@@ -121,9 +121,21 @@ fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
     picture::write_png(path, picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?)
 }
 
-/// Returns the path of the hillshade: `dtm_hillshade.png` beside `dtm.tif`.
+/// Returns the path of the hillshade: `dtm_hillshade.png` beside `dtm.tif`. Another ending stays in the name, so that no two DTMs share one.
 #[must_use]
 pub fn hillshade_path(output: &Path) -> PathBuf {
-    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
-    output.with_file_name(format!("{stem}_hillshade.png"))
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{}_hillshade.png", name.strip_suffix(".tif").unwrap_or(&name)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_dtm_has_a_hillshade_of_its_own() {
+        let shades = ["a.tif", "a.tiff", "a.TIF", "a.b.tif"].map(|name| hillshade_path(&Path::new("x").join(name)));
+        let names = ["a_hillshade.png", "a.tiff_hillshade.png", "a.TIF_hillshade.png", "a.b_hillshade.png"];
+        assert_eq!(shades, names.map(|name| Path::new("x").join(name)));
+    }
 }

@@ -8,8 +8,10 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Number of bytes before the first row: the job's SHA-256.
-const HEADER_BYTES: u64 = 32;
+/// What the file begins with. Anything else is somebody's, and stays.
+const MAGIC: [u8; 16] = *b"elunar part 1\n\0\0";
+/// Number of bytes before the first row: the magic and the job's SHA-256.
+const HEADER_BYTES: u64 = 16 + 32;
 
 /// File of the finished rows, beside the output: `dtm.tif.part` for `dtm.tif`.
 pub struct Part {
@@ -32,17 +34,20 @@ impl Part {
     /// the rows may still have the file open ([`elunar_raster::output::Owner::is_successor`]).
     ///
     /// # Errors
-    /// [`Error::Usage`] if a link or no regular file lies there; [`Error::Io`] if the file cannot be created or read.
+    /// [`Error::Usage`] if a link, no regular file or another file lies there; [`Error::Io`] if the file cannot be created or read.
     pub fn open_at(path: PathBuf, job: &str, cols: usize, copied: bool) -> Result<Self> {
         if copied && path.exists() {
             // A link is refused here.
             let mut old = open_growing(&path)?;
+            check_ours(&path, &mut old)?;
             let mut copy = Staged::create(&path)?;
             old.rewind().and_then(|()| std::io::copy(&mut old, copy.file())).map_err(Error::io(&path))?;
             copy.publish()?;
         }
         let id = Self::id(job, cols);
         let mut file = open_growing(&path)?;
+        check_ours(&path, &mut file)?;
+        file.rewind().map_err(Error::io(&path))?;
         let mut start = || -> std::io::Result<usize> {
             let (mut found, row_bytes) = ([0; HEADER_BYTES as usize], 4 * cols as u64);
             let same = file.read_exact(&mut found).is_ok() && found[..] == id[..];
@@ -72,8 +77,8 @@ impl Part {
         Ok(())
     }
 
-    fn id(job: &str, cols: usize) -> impl std::ops::Deref<Target = [u8]> {
-        Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize()
+    fn id(job: &str, cols: usize) -> Vec<u8> {
+        [&MAGIC[..], &Sha256::new().chain_update(job).chain_update(cols.to_le_bytes()).finalize()].concat()
     }
 
     /// Returns the number of whole rows on disk.
@@ -131,6 +136,17 @@ impl Part {
         drop(file);
         std::fs::remove_file(&path).map_err(Error::io(&path))
     }
+}
+
+/// Refuses a file that no run of this program began. One that was killed at once may have left a part of the magic, a power cut zeros.
+fn check_ours(path: &Path, file: &mut File) -> Result<()> {
+    let mut found = Vec::new();
+    file.rewind().and_then(|()| file.take(MAGIC.len() as u64).read_to_end(&mut found)).map_err(Error::io(path))?;
+    if MAGIC.starts_with(&found) || found.iter().all(|byte| *byte == 0) {
+        return Ok(());
+    }
+    let what = "rows of an unfinished run expected, another file found; remove it, or name another output";
+    Err(Error::usage(format!("{}: {what}", path.display())))
 }
 
 /// Returns the path of the rows of `output`: `dtm.tif.part` beside `dtm.tif`. In another folder, the name holds the hash of the output's whole
@@ -223,12 +239,23 @@ mod tests {
     }
 
     #[test]
-    fn a_foreign_or_cut_file_is_no_job() {
+    fn a_cut_file_is_no_job_and_a_foreign_one_stays() {
         let folder = tempfile::tempdir().unwrap();
-        let output = folder.path().join("dtm.tif");
-        for bytes in [&b"short"[..], &[9; 500]] {
-            std::fs::write(folder.path().join("dtm.tif.part"), bytes).unwrap();
+        let (output, part) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.part"));
+        for bytes in [&b""[..], b"elunar p", &MAGIC, &[0; 500]] {
+            std::fs::write(&part, bytes).unwrap();
             assert_eq!(Part::open(&output, "a", 3).unwrap().rows(), 0);
+        }
+        for bytes in [&b"short"[..], &[9; 500]] {
+            std::fs::write(&part, bytes).unwrap();
+            for copied in [false, true] {
+                let error = Part::open_at(part.clone(), "a", 3, copied).err().unwrap();
+                assert!(
+                    matches!(&error, Error::Usage(_)) && error.to_string().contains("another file found"),
+                    "{error}"
+                );
+            }
+            assert_eq!(std::fs::read(&part).unwrap(), bytes);
         }
     }
 }

@@ -4,7 +4,7 @@ use super::survey::Survey;
 use crate::interrupt;
 use elunar_net::digest::sha256_hex;
 use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ pub fn shared_survey(path: &Path, job: &str, make: impl FnOnce() -> Result<Surve
 
 /// Reads the survey of a job; `None` for anything else.
 fn read(path: &Path, job: &str) -> Option<Survey> {
-    let bytes = std::fs::read(path).ok()?;
+    let bytes = read::bytes(path, read::MOST_BYTES).ok()?;
     let mut lines = bytes.splitn(4, |&byte| byte == b'\n');
     let mut is = |expected: &str| lines.next() == Some(expected.as_bytes());
     if !(is(MAGIC) && is(job)) {

@@ -2,7 +2,7 @@
 
 use crate::predict::sun::{check_azimuth, check_elevation};
 use crate::table::Rows;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ const COLUMNS: [&str; 6] = ["image", "dtm", "coarse", "site", "sun_azimuth_deg",
 /// # Errors
 /// [`Error::Io`] if the list cannot be read, [`Error::Broken`] with the line that is wrong.
 pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+    let text = read::text(path, read::MOST_BYTES)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut rows = Rows::new(path, text.as_bytes(), usize::MAX);
     let head = rows.next()?.ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
