@@ -49,7 +49,8 @@ fn jobs() -> Vec<Job> {
         let split = |text: &str| text.split_whitespace().map(|word| &*word.to_string().leak()).collect::<Vec<_>>();
         Job { name, words: split(&format!("{name} {words}")), other: split(other), resume: None }
     };
-    let small = "--start-from small.safetensors --steps 8 --batch 1 --crop 32 32 --crops-per-tile 8 --pool 1";
+    let small =
+        "--start-from small.safetensors --steps 8 --batch 1 --crop 32 32 --crops-per-tile 8 --pool 1 --balanced false";
     let often = "--validation-tiles 1 --validate-every 4 --checkpoint-every 2 --out out";
     let mut train = job("train", &format!("{small} {often}"), "--seed 9");
     train.resume = Some(("run.json", vec!["train", "--out", "out", "--resume"]));
@@ -247,6 +248,13 @@ fn a_few_kills_and_races() {
         kill(&shell, job, 4, &mut state);
         race(&shell, job, 2, &mut state);
     }
+}
+
+/// A campaign that runs seldom would not notice that one of its commands is refused.
+#[test]
+fn every_command_of_the_campaign_runs() {
+    let shell = bench();
+    jobs().iter().for_each(|job| kill(&shell, job, 0, &mut 7));
 }
 
 #[test]

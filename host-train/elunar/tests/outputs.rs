@@ -201,7 +201,11 @@ fn inputs_are_never_written_under_any_name_of_an_output() {
         std::fs::write(bench.at(name), &coarse).unwrap();
         // Another spelling of the same place.
         let spelled = format!("s/../{name}");
-        unharmed(name, &with_coarse(&bench, &spelled));
+        let words = with_coarse(&bench, &spelled);
+        let part = [&words[..], &["--part", "1/2"]].concat();
+        let text = refused(at, &part);
+        assert!(text.contains("an output must not overwrite an input"), "{name}: {text}");
+        unharmed(name, &words);
     }
     // The image of a label, the table of a manifest.
     let label = "PDS_VERSION_ID = PDS3\r\n^IMAGE = \"dtm.tif\"\r\nOBJECT = IMAGE\r\nLINES = 2\r\nLINE_SAMPLES = 2\r\n\

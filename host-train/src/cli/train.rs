@@ -1,5 +1,6 @@
 //! `host-train train`: train a network.
 
+use crate::toml_file;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
@@ -13,6 +14,7 @@ use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
+use elunar_synth::SynthOptions;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -56,6 +58,9 @@ pub struct Start {
     /// synth].
     #[arg(long, value_name = "DIR|synth")]
     pub validation: Option<PathBuf>,
+    /// Options of the synthetic Moon that differ from those of the training Moon (keys of `SynthOptions`).
+    #[arg(long, value_name = "MOON.toml")]
+    pub moon: Option<PathBuf>,
     /// Seed of weights, data and cropping [default: 0].
     #[arg(long)]
     pub seed: Option<u64>,
@@ -194,6 +199,21 @@ fn in_range_of(network: NetConfig, data: &DataSpec) -> Result<NetConfig> {
     Ok(network)
 }
 
+/// Returns the synthetic Moon with the options that a file states.
+fn on_moon(data: DataSpec, path: &Path) -> Result<DataSpec> {
+    let DataSpec::Synth { seed, options } = data else {
+        return Err(Error::usage("--moon: expected with the synthetic Moon alone, --data names a folder"));
+    };
+    // Alone they are read first, so that an error has its line.
+    toml_file::read::<SynthOptions>(path)?;
+    let wrong = |e: &dyn std::fmt::Display| Error::broken(path, e.to_string());
+    let mut all = toml::Table::try_from(&options).map_err(|e| wrong(&e))?;
+    all.extend(toml_file::read::<toml::Table>(path)?);
+    let options: SynthOptions = all.try_into().map_err(|e: toml::de::Error| wrong(&e))?;
+    options.validate().map_err(|e| e.about(&path.display().to_string()))?;
+    Ok(DataSpec::Synth { seed, options })
+}
+
 /// Makes a new run from the options.
 ///
 /// # Errors
@@ -207,6 +227,10 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
         _ => trained_network(preset),
     };
     let data = DataSpec::parse(start.data, seed, Split::Train)?;
+    let data = match &start.moon {
+        Some(path) => on_moon(data, path)?,
+        None => data,
+    };
     let mut network = start.switches.apply(network)?;
     if loaded.is_none() && start.switches.nr.is_none() {
         network = in_range_of(network, &data)?;
@@ -262,6 +286,34 @@ mod tests {
         assert_eq!(in_range_of(nano.clone(), &data).unwrap(), nano);
         let moon = DataSpec::parse(None, 0, Split::Train).unwrap();
         assert_eq!(in_range_of(paper.clone(), &moon).unwrap(), paper);
+    }
+
+    #[test]
+    fn a_moon_has_the_options_of_its_file_and_the_others_of_the_training_moon() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("moon.toml");
+        let plain = DataSpec::parse(None, 7, Split::Train).unwrap();
+        let DataSpec::Synth { options, .. } = plain.clone() else { panic!("no Moon") };
+        let of = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            on_moon(plain.clone(), &path)
+        };
+        assert_eq!(of("").unwrap(), plain);
+        let wide = SynthOptions { complex_craters: 0.25, also_pixel_m: vec![4.0], ..options };
+        let found = of("complex_craters = 0.25\nalso_pixel_m = [4]").unwrap();
+        assert_eq!(found, DataSpec::Synth { seed: 7, options: wide });
+        assert_ne!(found, plain);
+        for (text, expected) in
+            [("craters = 1", "line 1"), ("relief = 3", "line 1"), ("complex_craters = 2", "moon.toml")]
+        {
+            let error = of(text).unwrap_err().to_string();
+            assert!(error.contains("moon.toml") && error.contains(expected), "{error}");
+        }
+        let elsewhere = DataSpec::Folder { path: folder.path().into() };
+        assert!(on_moon(elsewhere, &path).unwrap_err().to_string().contains("--data names a folder"));
+        // The one that is at hand.
+        let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/models/wide-moon.toml");
+        assert_ne!(on_moon(plain.clone(), Path::new(shipped)).unwrap(), plain);
     }
 
     #[test]

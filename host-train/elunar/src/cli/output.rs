@@ -39,13 +39,22 @@ pub fn take_dtm<'a>(
     further: impl IntoIterator<Item = &'a PathBuf>,
     inputs: &[&Path],
 ) -> Result<(Owner, Vec<Owner>)> {
-    extension(output, &["tif", "tiff"])?;
-    let beside = files_of_dtm(output);
-    keep_apart(&beside, inputs)?;
-    beside.iter().try_for_each(|file| check_target(file))?;
+    let beside = check_dtm(output, inputs)?;
     let owner = Owner::of_file(output)?;
     let others: Vec<&Path> = inputs.iter().copied().chain(beside.iter().map(PathBuf::as_path)).collect();
     Ok((owner, take_all(further, &others)?))
+}
+
+/// Checks the name of a DTM to write, and all that lies beside it. Returns the files that are written for it.
+///
+/// # Errors
+/// [`Error::Usage`] if its name is not that of a TIFF, a file would replace an input, or what lies there must not be replaced.
+pub fn check_dtm(output: &Path, inputs: &[&Path]) -> Result<Vec<PathBuf>> {
+    extension(output, &["tif", "tiff"])?;
+    let written = [files(output), vec![sum_path(output), survey_path(output), hillshade_path(output)]].concat();
+    keep_apart(&written, inputs)?;
+    written.iter().try_for_each(|file| check_target(file))?;
+    Ok(written)
 }
 
 /// Returns the files that a command writes for an output: it, its lock, and rows of an unfinished run.
@@ -57,11 +66,6 @@ fn files(output: &Path) -> Vec<PathBuf> {
         output.with_file_name(name)
     };
     vec![output.into(), beside(".lock"), beside(".part")]
-}
-
-/// Returns the files that a command writes for a DTM.
-fn files_of_dtm(output: &Path) -> Vec<PathBuf> {
-    [files(output), vec![sum_path(output), survey_path(output), hillshade_path(output)]].concat()
 }
 
 /// Refuses files to write of which one is an input, or the image that an input's label describes.

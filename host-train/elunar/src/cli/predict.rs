@@ -201,7 +201,9 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
 fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
     check_sun(args.known_sun())?;
     let output = rows_path(&args.output, part_of);
-    let owner = output::take(&output, &[&args.image, &args.coarse, &args.model])?;
+    let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
+    output::check_dtm(&args.output, &inputs)?;
+    let owner = output::take(&output, &inputs)?;
     let task = Task::new(args, open)?;
     let tiling = task.options.tiling(&task.scene, task.model.tile())?;
     let rows = part_of.rows(&tiling, task.scene.rows);
