@@ -7,7 +7,7 @@ use std::path::Path;
 /// Reads a file.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be read, otherwise as [`parse`].
+/// As [`read::text`] and [`parse`].
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     parse(path, &read::text(path, read::MOST_SETTINGS_BYTES)?)
 }
