@@ -62,7 +62,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=6))]
     pub coarser_scales: u32,
     /// Number of threads; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = elunar::cli::output::threads)]
+    #[arg(long, default_value_t = 0, value_parser = elunar::cli::threads::number)]
     pub threads: usize,
     /// Write the scenes' files and stop.
     #[arg(long)]

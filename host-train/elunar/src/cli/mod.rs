@@ -19,6 +19,7 @@ pub mod render;
 pub mod sfs;
 pub mod status;
 pub mod synth;
+pub mod threads;
 
 use clap::{Parser, Subcommand};
 use elunar_raster::Result;

@@ -90,20 +90,6 @@ fn place(path: &Path) -> PathBuf {
     path.canonicalize().or_else(|_: std::io::Error| in_folder()).unwrap_or_else(|_: std::io::Error| path.into())
 }
 
-/// Most threads that a user may ask for (our choice).
-const MOST_THREADS: usize = 1024;
-
-/// Reads a number of threads.
-///
-/// # Errors
-/// A text of what was expected.
-pub fn threads(text: &str) -> std::result::Result<usize, String> {
-    match text.parse() {
-        Ok(threads @ 0..=MOST_THREADS) => Ok(threads),
-        _ => Err(format!("a number from 0 to {MOST_THREADS} expected")),
-    }
-}
-
 /// Returns which of the extensions (lower case) the output's name has.
 ///
 /// # Errors

@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = metres, requires = "uncertainty")]
     pub coarse_sigma: Option<f32>,
     /// Number of threads; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = output::threads)]
+    #[arg(long, default_value_t = 0, value_parser = super::threads::number)]
     pub threads: usize,
     /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]

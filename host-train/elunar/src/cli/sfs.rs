@@ -63,7 +63,7 @@ pub struct Args {
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
     /// Number of threads, each with its own tiles; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = output::threads)]
+    #[arg(long, default_value_t = 0, value_parser = super::threads::number)]
     pub threads: usize,
     /// Write cost (and errors) by step, as a table or a picture.
     #[arg(long, value_name = "CURVE.csv|CURVE.png")]
