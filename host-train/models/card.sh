@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the figures of the shipped `nano` anew, and writes them into its card, docs/accuracy.md and the README:
+# Makes the figures of the shipped `nano` and `ground` anew, and writes them into its card, docs/accuracy.md and the README:
 #
 #   host-train/models/card.sh DATA OUT
 #
@@ -14,6 +14,7 @@ mkdir -p "$2"
 out="$(realpath "$2")"
 cd "$here/.."
 nano=host-train/models/nano.eld
+models=(--model "nano=$nano" --model ground=host-train/models/ground.eld)
 run() { if [ -n "${PROGRAM:-}" ]; then "$PROGRAM" "$@"; else cargo run --release --quiet --package host-train -- "$@"; fi; }
 # $1: a part's name, the rest: its command. Runs it unless it is done.
 part() {
@@ -22,10 +23,10 @@ part() {
     "${@:2}" >"$out/$1.txt" 2>&1 || { tail -3 "$out/$1.txt" >&2; exit 1; }
     touch "$out/$1.done"
 }
-# $1: a suite of scenes with a known Sun, the rest: options. Scores nano with the Sun told and fitted.
+# $1: a suite of scenes with a known Sun. Scores the models with the Sun told and fitted.
 both() {
-    part "$1" run suite --suite "$out/lists/$1.toml" --model "nano=$nano" --out "$out/$1"
-    part "$1-hide" run suite --suite "$out/lists/$1.toml" --hide-sun --model "nano=$nano" --out "$out/$1-hide"
+    part "$1" run suite --suite "$out/lists/$1.toml" "${models[@]}" --out "$out/$1"
+    part "$1-hide" run suite --suite "$out/lists/$1.toml" --hide-sun "${models[@]}" --out "$out/$1-hide"
 }
 # $1: name of an image and its coarse DTM with truth, $2: their folder. Scores heights and expected errors.
 sure() {
@@ -43,7 +44,8 @@ all_sure() {
     done
 }
 part lists python3 "$here/suites/external.py" "$data" "$out/lists"
-part real run suite --real "$data/real" --model "nano=$nano" --linear-own --out "$out/real"
+part real run suite --real "$data/real" "${models[@]}" --linear-own --out "$out/real"
+part real-azimuth run suite --suite "$out/lists/real-azimuth.toml" "${models[@]}" --out "$out/real-azimuth"
 for list in apollo15 independent stereolunar; do both "$list"; done
 part nac run suite --suite "$out/lists/nac.toml" --model "nano=$nano" --out "$out/nac"
 part real-sfs "$here/suites/sfs.sh" "$out/real-sfs" --real "$data/real"
@@ -52,8 +54,8 @@ part real-against run suite --real "$data/real" --model "nano=$nano" --against "
     --out "$out/real-against"
 for list in held-out landforms limits; do part "sfs-$list" "$here/suites/sfs.sh" "$out/sfs-$list" "$here/suites/$list.toml"; done
 part suite run suite --against "sfs=$out/sfs-held-out/sfs" --linear-bound --model float=host-train/models/nano.safetensors --model "int8=$nano" \
-    --out "$out/suite"
-part landforms run suite --suite "$here/suites/landforms.toml" --against "sfs=$out/sfs-landforms/sfs" --linear-bound --model "nano=$nano" \
+    --model ground=host-train/models/ground.eld --out "$out/suite"
+part landforms run suite --suite "$here/suites/landforms.toml" --against "sfs=$out/sfs-landforms/sfs" --linear-bound "${models[@]}" \
     --out "$out/landforms"
 part limits run suite --suite "$here/suites/limits.toml" --against "sfs=$out/sfs-limits/sfs" --model "nano=$nano" --out "$out/limits"
 part sure all_sure

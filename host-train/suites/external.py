@@ -124,6 +124,9 @@ REAL = {
     "mars_cerberus_hirise": ("image_scale_guessed.tif", "truth_dtm_scale_guessed.tif", 1, 20),
     "mars_gale_hirise_1m": ("image_1m.tif", "truth_dtm_1m.tif", 2, 25),
 }
+# Azimuths of the light that the truths show: the fit of the light (`predict`) with the truth in place of the coarse DTM. Windows of the pole's
+# mosaic have no single one.
+AZIMUTHS = {"moon_aristarchus_cp_wac": 256, "mars_noctis_hirise": 308, "mars_cerberus_hirise": 297, "mars_gale_hirise_1m": 319}
 # Windows of the image of the Moon's north pole, each under one Sun: first row and column.
 POLE = "moon_wac_lola_north_pole", "image_1600m.tif", "truth_dtm_1600m.tif", 20
 WINDOWS, SIDE = [(0, 0), (127, 508), (508, 127), (508, 508)], 254
@@ -198,6 +201,8 @@ def real(folder, out):
              "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis and "
              "Cerberus have a guessed scale: only ratios count.")
     write(out, "real", about, scenes)
+    told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
+    write(out, "real-azimuth", about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth"), told)
     unrelated(out, scenes)
 
 
