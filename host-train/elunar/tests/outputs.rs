@@ -159,6 +159,11 @@ fn nothing_but_a_regular_file_is_replaced() {
             assert!(text.contains(&expected), "{words:?}: {text}");
         }
     }
+    // As an image, a FIFO would wait for a writer.
+    for (input, kind) in [("fifo.tif", "FIFO"), ("folder.tif", "folder"), ("/dev/null", "device")] {
+        let text = error(&elunar(at, &["hillshade", input, "-o", "new.tif"]).output().unwrap(), 65);
+        assert!(text.contains(&format!("{input}: a file expected, found a {kind}")), "{text}");
+    }
     let nano = PathBuf::from(MODELS).join("nano.safetensors").display().to_string();
     let text = refused(at, &["export", "--weights", &nano, "-o", "/dev/null"]);
     assert!(text.contains("a device found"), "{text}");

@@ -1,6 +1,7 @@
 //! File formats, recognised by the first bytes.
 
 use super::{npy, pds3};
+use crate::output::kind_of;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Read;
@@ -71,10 +72,13 @@ fn is_cube(text: &[u8]) -> bool {
 /// # Errors
 /// As [`Format::of`].
 pub fn head(path: &Path) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    if file.metadata().map_err(Error::io(path))?.is_dir() {
-        return Err(Error::input(format!("{}: a file expected, found a folder", path.display())));
+    // Looked at before it is opened: a FIFO without a writer would wait for ever, and no raster is read from front to back.
+    let found = std::fs::metadata(path).map_err(Error::io(path))?;
+    if !found.is_file() {
+        let kind = kind_of(found.file_type());
+        return Err(Error::input(format!("{}: a file expected, found a {kind}", path.display())));
     }
+    let file = File::open(path).map_err(Error::io(path))?;
     let mut head = Vec::new();
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
     if head.is_empty() {

@@ -13,4 +13,5 @@ pub use growing::open_growing;
 pub use owner::Owner;
 pub use record::host_name;
 pub use target::check_target;
+pub(crate) use target::kind_of;
 pub use whole::{Staged, atomic_write};

@@ -21,11 +21,12 @@ pub(super) fn check_regular(path: &Path, found: &Metadata) -> Result<()> {
     if found.is_file() {
         return Ok(());
     }
-    let kind = kind(found.file_type());
+    let kind = kind_of(found.file_type());
     Err(Error::usage(format!("{}: a regular file or nothing expected, a {kind} found", path.display())))
 }
 
-fn kind(found: FileType) -> &'static str {
+/// Names what is no regular file.
+pub(crate) fn kind_of(found: FileType) -> &'static str {
     if found.is_dir() {
         return "folder";
     }
