@@ -123,7 +123,7 @@ fn the_archives_products_go_in_and_a_hillshade_comes_out() {
 
     assert!(site.0.made(&["inspect", "ORTHO_2M.IMG"]).contains("300"));
     assert!(site.0.made(&["inspect", "SLDEM2015_FLOAT.LBL"]).contains("m"));
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.eld");
     let model = model.to_str().unwrap();
     let predict = |image, coarse, output| {
         let sun = ["--sun-azimuth", "315"];
