@@ -45,6 +45,20 @@ fn a_model_and_another_programs_dtms_end_in_tables_and_on_a_page() {
     assert!(page.matches("data:image/png").count() == 2 && page.contains("oracle"));
 }
 
+/// A comparison at a coarser resolution smooths errors, but hillshades show truth and DTMs as they are.
+#[test]
+fn hillshades_are_not_smoothed() {
+    let shell = Shell::new();
+    let drawn = |name: &str, list: String| {
+        std::fs::write(shell.path("list.toml"), list).unwrap();
+        shell.made(&["suite", "--suite", "list.toml", "--out", name]);
+        ["relief", "errors"].map(|what| std::fs::read(shell.path(&format!("{name}/pictures/a_{what}.png"))).unwrap())
+    };
+    let [relief, errors] = drawn("fine", LIST.into());
+    let [coarser_relief, coarser_errors] = drawn("coarser", format!("{LIST}truth_resolution_m = 40\n"));
+    assert!(relief == coarser_relief && errors != coarser_errors);
+}
+
 #[test]
 fn mistakes_are_named() {
     let shell = Shell::new();

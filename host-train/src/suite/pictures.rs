@@ -14,7 +14,8 @@ pub const PICTURES: &str = "pictures";
 /// Width of a panel, pixels, and number of panels per row.
 const PANEL: (u32, usize) = (320, 4);
 
-/// Draws a scene. Returns file (relative to `out`) and caption of every sheet.
+/// Draws a scene: truth and DTMs as they are, errors at the resolution of the comparison. Returns file (relative to `out`) and caption of every
+/// sheet.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -28,7 +29,7 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
     ];
     let mut errors = vec![];
     for scored in &comparison.scored {
-        views.push(Panel::new(&scored.name, shade(&scored.placed)?));
+        views.push(Panel::new(&scored.name, shade(&scored.as_it_is)?));
         let rmse = format!("{}: RMSE {:.2} m", scored.name, scored.scores.rmse_m);
         errors.push(Panel::new(rmse, error_map(&scored.error_m.samples, scored.error_m.rows, scored.error_m.cols)?));
     }
