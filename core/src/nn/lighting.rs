@@ -43,6 +43,9 @@ pub enum LightSource {
 /// | given | | | known angles are kept, the rest is fitted | `Fitted` |
 /// | either | | | [`Light::assumed`], if the fit finds no light | `Assumed` |
 ///
+/// A known azimuth is kept whatever the image shows, but the probability that the image shows the ground of the coarse DTM under it is not
+/// ([`Self::related`]): where brightness falls towards the Sun it is near 0.
+///
 /// "given" stands for every guided [`Illumination`].
 ///
 /// Where the fit finds no light, one is assumed and the caller learns it ([`LightSource::Assumed`]; our choice). The coarse DTM of such
@@ -64,6 +67,8 @@ pub struct Lighting {
     /// Probability that brightness follows the slopes of the coarse DTM at all ([`LightEstimate::related`]); 0 for an assumed light of unknown
     /// azimuth. [`Self::settle`] uses it, after networks of weighed maps.
     pub related: f32,
+    /// Share of the contrast of long waves that is relief ([`LightEstimate::long_share`]). Only networks of weighed maps use it.
+    pub long_share: Option<f32>,
     /// Standard deviation of the logarithm of the light's strength.
     pub log_strength_sd: f32,
     /// Standard deviation of the light's azimuth, degrees; 0 for a known azimuth, 180 for an assumed one.
@@ -100,6 +105,7 @@ impl Lighting {
         source: LightSource::NotAsked,
         trust: 0.0,
         related: 1.0,
+        long_share: None,
         log_strength_sd: 0.0,
         azimuth_sd_deg: 180.0,
     };
@@ -107,7 +113,15 @@ impl Lighting {
     /// Makes a given light, without uncertainty.
     #[must_use]
     pub fn given(light: Light) -> Self {
-        Self { light, source: LightSource::Given, trust: 1.0, related: 1.0, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 }
+        Self {
+            light,
+            source: LightSource::Given,
+            trust: 1.0,
+            related: 1.0,
+            long_share: None,
+            log_strength_sd: 0.0,
+            azimuth_sd_deg: 0.0,
+        }
     }
 
     /// Returns whether [`Self::decide`] reads the fit.
@@ -139,8 +153,8 @@ impl Lighting {
     }
 
     fn fitted(found: LightEstimate) -> Self {
-        let LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related } = found;
-        Self { light, source: LightSource::Fitted, trust, related, log_strength_sd, azimuth_sd_deg }
+        let LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related, long_share } = found;
+        Self { light, source: LightSource::Fitted, trust, related, long_share, log_strength_sd, azimuth_sd_deg }
     }
 
     /// Returns the assumed light. Its azimuth may be known, and its strength never is.
@@ -148,7 +162,7 @@ impl Lighting {
         let known = azimuth_deg.is_some_and(f64::is_finite);
         let (trust, azimuth_sd_deg) = if known { (1.0, 0.0) } else { (0.0, 180.0) };
         let (light, source) = (Light::assumed(azimuth_deg), LightSource::Assumed);
-        Self { light, source, trust, related: trust, log_strength_sd: ASSUMED_SPREAD, azimuth_sd_deg }
+        Self { light, source, trust, related: trust, long_share: None, log_strength_sd: ASSUMED_SPREAD, azimuth_sd_deg }
     }
 
     /// Moves heights that were found under this light towards the coarse DTM, as far as it is likely that the image does not show its ground:
@@ -165,8 +179,8 @@ impl Lighting {
     /// Returns the light as the fit would state it.
     #[must_use]
     pub fn estimate(&self) -> LightEstimate {
-        let Self { light, trust, related, log_strength_sd, azimuth_sd_deg, .. } = *self;
-        LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related }
+        let Self { light, trust, related, long_share, log_strength_sd, azimuth_sd_deg, .. } = *self;
+        LightEstimate { light, log_strength_sd, azimuth_sd_deg, trust, related, long_share }
     }
 
     /// Returns the mirroring that brings the Sun into the north-west quadrant; none for networks that know any light.
@@ -224,7 +238,7 @@ mod tests {
             (I::Given, sun(None, Some(40.0)), dark, Assumed),
             (I::Given, sun(None, None), dark, Assumed),
             // With the Sun on the other side the image shows no light.
-            (I::Given, sun(Some(300.0), None), seen, Assumed),
+            (I::Given, sun(Some(300.0), None), seen, Fitted),
             // These are not angles of a Sun that lights the ground.
             (I::Northwest, sun(Some(f64::NAN), None), seen, Assumed),
             (I::Given, sun(Some(120.0), Some(-2.0)), seen, Assumed),
@@ -256,7 +270,9 @@ mod tests {
             .settle(&mut heights_m, &coarse_m);
         assert_eq!(heights_m, coarse_m, "an assumed azimuth shows nothing");
         let told = Lighting::decide(Illumination::Weighed, sun(Some(120.0), None), &LightFit::default());
-        assert_eq!(told.related, 1.0, "where the Sun is told, relief has its sign");
+        assert_eq!(told.related, 1.0, "nothing speaks against a Sun that is told");
+        let against = Lighting::decide(Illumination::Weighed, sun(Some(300.0), Some(30.0)), &fit(120.0));
+        assert!(against.related < 1e-3, "a Sun on the other side: {against:?}");
     }
 
     #[test]

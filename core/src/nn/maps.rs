@@ -120,13 +120,11 @@ impl TileInput<'_> {
         let fit = if Lighting::wants_fit(illumination, sun) {
             let pixel_m = f64::from(self.pixel_m);
             let fit = LightFit::of_tile(self.image, self.coarse_m, self.valid, shape.cols, pixel_m, self.coarse_px);
-            let axis = match (illumination, sun.azimuth_deg) {
-                (guided, None) if guided.is_guided() => {
-                    Contrast::of_image(self.image, self.valid, (shape, self.coarse_px), scratch).ok()
-                }
-                _ => None,
+            let contrast = match illumination.is_guided() {
+                true => Contrast::of_image(self.image, self.valid, (shape, self.coarse_px), scratch).ok(),
+                false => None,
             };
-            fit.with_axis(axis.and_then(|contrast| contrast.axis()))
+            fit.with_axis(contrast.and_then(|contrast| contrast.axis()))
         } else {
             LightFit::default()
         };
@@ -240,7 +238,7 @@ impl<'t, 's> TileMaps<'t, 's> {
         let weight = match rules.illumination {
             Illumination::Any | Illumination::Northwest => None,
             Illumination::Given => Some(Weight::Plain),
-            Illumination::Weighed | Illumination::Sloped => Some(Weight::Trust(lighting.trust)),
+            Illumination::Weighed | Illumination::Sloped => Some(Weight::Trust { trust: lighting.trust, long_share: lighting.long_share }),
         };
         if let Some(weight) = weight {
             let plan = Photoclinometry::new(shape);

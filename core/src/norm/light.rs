@@ -29,9 +29,9 @@ pub struct Light {
 }
 
 /// Smallest strength for which contrast depends on slopes: even a Sun at 80 degrees has 0.13.
-const STRENGTH_MIN: f64 = 0.05;
+pub(super) const STRENGTH_MIN: f64 = 0.05;
 /// Largest strength; beyond it most ground would be in shadow. A Sun at 3 degrees has 17.
-const STRENGTH_MAX: f64 = 20.0;
+pub(super) const STRENGTH_MAX: f64 = 20.0;
 /// The assumed Sun where its angles are unknown: in the north-west, at the middle elevation of the paper's training images (our choice).
 const ASSUMED_AZIMUTH_DEG: f64 = 315.0;
 const ASSUMED_ELEVATION_DEG: f64 = 40.0;

@@ -18,12 +18,18 @@
 //!
 //! The image alone shows the line along which the Sun shines ([`Axis`]), but not from which end.
 
+mod axis;
 mod cells;
+mod strength;
 
-use crate::norm::Light;
+pub use axis::Axis;
+pub(crate) use axis::WHOLE;
+
+use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
 use crate::norm::shading;
 use crate::terrain::PixelSize;
 use cells::{COLUMNS, Cell, CellColumns, Places, Rectangle, mean_of};
+use strength::{Expected, Strength};
 
 /// Octaves of the fit.
 const OCTAVES: usize = 2;
@@ -34,9 +40,6 @@ const FREEDOM_MIN: f64 = 3.0;
 const VARIANCE_FACTOR: f64 = 4.0;
 /// Share of the brightness's variance that is never taken for explained.
 const UNEXPLAINED_MIN: f64 = 1e-4;
-/// Standard deviation of the logarithm of a fitted strength beyond its noise: long waves show another strength than short ones (our choice;
-/// 0.13 over synthetic scenes, 0.3 over real ones).
-const FITTED_SPREAD: f64 = 0.2;
 /// Standard deviation of the logarithm of the strength for a Sun of known elevation: images are often not linear in radiance, and the ground
 /// does not always follow the Lunar-Lambert law (our choice; with 0.3 ray-traced images in 8 bits become worse than the coarse DTM).
 const TOLD_SPREAD: f64 = 0.6;
@@ -44,6 +47,12 @@ const TOLD_SPREAD: f64 = 0.6;
 /// 8 and 50 (our choice).
 const EXPECTED_STRENGTH: f64 = 1.8;
 const EXPECTED_SPREAD: f64 = 0.9;
+/// Standard deviation of the logarithm of the strength that the image's contrast implies, by the share of it that has the light's direction (our
+/// choice: over 150 real and changed real scenes it errs by a factor of 1.8).
+const SHARE_SPREAD: f64 = 0.6;
+/// Probability, before the fit is seen, that an image shows the ground of the coarse DTM; and if the caller tells its Sun (our choice).
+const RELATED: f64 = 0.5;
+const RELATED_TOLD: f64 = 0.9;
 
 /// A light and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,21 +67,14 @@ pub struct LightEstimate {
     /// cosine between the true and the fitted direction, erf(s / sqrt 2)^2 / (1 + t^2), with s the strength in standard deviations and t
     /// the standard deviation of the azimuth in radians. The first factor is the expected sign.
     pub trust: f32,
-    /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1; 1 for a known azimuth. It is low where the image is of
+    /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1. It is low where the image is of
     /// other ground, is misplaced, or shows albedo alone: then a fit finds a light by chance. Our choice: as likely as not before the fit is
-    /// seen; the Bayes factor of a light of the expected strength, along the image's [`Axis`] if it shows one, against none; with the formal
-    /// variance of the fit.
+    /// seen, nine to one if the azimuth is known; the Bayes factor of a light of the expected strength, along the image's [`Axis`] or the known
+    /// azimuth, against none; with the formal variance of the fit.
     pub related: f32,
-}
-
-/// The line along which the Sun shines, as the image alone shows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Axis {
-    /// Azimuth of one of its ends, degrees clockwise from up, 0 to 180.
-    pub azimuth_deg: f64,
-    /// Standard deviation, degrees.
-    pub sd_deg: f64,
+    /// Share of the contrast that is relief under this light in the waves of the fit, 2 to 8 coarse pixels, 0 to 1: what its strength explains there.
+    /// `None` without a fit.
+    pub long_share: Option<f32>,
 }
 
 /// A fit of the light to the parts of a scene added so far. The memory is fixed.
@@ -169,7 +171,8 @@ impl Information {
         let Some((light, _)) = both.solve() else { return 0.0 };
         let [xx, xy, yy] = both.precision;
         let log_odds = 0.5 * (b * light[0] + c * light[1] - libm::log(along * across * (xx * yy - xy * xy)));
-        1.0 / (1.0 + libm::exp(-log_odds))
+        let odds = libm::exp(log_odds) * RELATED / (1.0 - RELATED);
+        1.0 / (1.0 + 1.0 / odds)
     }
 
     /// Adds the axis: a light of this strength has no component across it, within the axis' uncertainty.
@@ -330,65 +333,89 @@ impl LightFit {
         (sum.precision[0] > 0.0).then_some(sum)
     }
 
+    /// Returns the square of the strength that a light from a direction would have if it explained all of the contrast; `None` without slopes
+    /// along it, or without contrast.
+    fn whole_contrast(&self, along: [f64; 2]) -> Option<f64> {
+        let mean = self.brightness / self.cells;
+        let (mut sum, mut freedom) = (0.0, 0.0);
+        for octave in self.octaves.iter().filter(|octave| octave.freedom >= FREEDOM_MIN) {
+            let [ii, _, _, xx, xy, yy] = octave.products;
+            let ratio = ii / (mean * mean) / square([xx, xy, yy], along);
+            if ratio > 0.0 && ratio.is_finite() {
+                sum += octave.freedom * libm::log(ratio);
+                freedom += octave.freedom;
+            }
+        }
+        (freedom > 0.0).then(|| libm::exp(sum / freedom))
+    }
+
     /// Returns the light, with its uncertainty, from the known angles of the Sun (azimuth clockwise from up, elevation, degrees). Unknown
-    /// angles are fitted. The strength is the mean of the fitted one and of the one that the elevation implies: a mean of logarithms, since
-    /// strengths are factors, weighted by inverse variances (our choice). For a Sun of unknown elevation, a strength of 1.8 is expected,
-    /// with a wide spread.
+    /// angles are fitted. The strength joins the fitted one and the one that the elevation implies ([`Strength`]). For a Sun of unknown elevation,
+    /// a strength of 1.8 is expected, with a wide spread. For a known azimuth the strength that the image's contrast implies counts as
+    /// well, if an [`Axis`] is stated: where the fit is unsure, a wrong one would make the relief of the whole scene too high.
     ///
     /// `None` if the light is unknown: an angle is not one of a Sun above the horizon; or azimuth or strength must be fitted, and brightness
-    /// does not depend on slope, or falls towards the Sun.
+    /// does not depend on slope; or the azimuth must be, and brightness falls towards the Sun.
     #[must_use]
     pub fn estimate(&self, azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> Option<LightEstimate> {
         let told = match elevation_deg {
             Some(elevation) => Some(f64::from(Light::from_sun(azimuth_deg.unwrap_or(0.0), elevation)?.strength())),
             None => None,
         };
-        let expected = told.map_or((EXPECTED_STRENGTH, EXPECTED_SPREAD), |strength| (strength, TOLD_SPREAD));
-        let information = self.information();
-        let Some(azimuth) = azimuth_deg else {
-            let known = information?;
-            let (light, covariance) = self.axis.map_or(known, |axis| known.along(axis)).solve()?;
-            let strength = libm::hypot(light[0], light[1]);
-            let along = [light[0] / strength, light[1] / strength];
-            let across = square(covariance, [-along[1], along[0]]);
-            let variance = square(covariance, along);
-            // The formal variance of the strength (our choice): with the larger one weak lights are drawn too far to the expected strength.
-            let fitted = (strength, variance / VARIANCE_FACTOR);
-            let azimuth_sd = libm::sqrt(across) / strength;
-            let sign = libm::erf(strength / libm::sqrt(2.0 * variance));
-            let azimuth = libm::atan2(-along[0], along[1]).to_degrees();
-            return Some(LightEstimate {
-                azimuth_sd_deg: azimuth_sd.to_degrees().min(180.0) as f32,
-                trust: (sign * sign / (1.0 + azimuth_sd * azimuth_sd)) as f32,
-                related: known.related(self.axis) as f32,
-                ..Self::drawn(azimuth, fitted, expected)?
-            });
-        };
-        let along = direction(azimuth);
-        let fitted = information.map(|known| known.strength(along));
-        match (fitted.filter(|(strength, _)| *strength > 0.0), told) {
-            (Some(fitted), _) => Self::drawn(azimuth, fitted, expected),
-            (None, Some(strength)) => Self::certain(azimuth, strength, TOLD_SPREAD),
-            (None, None) => None,
+        let (strength, spread) = told.map_or((EXPECTED_STRENGTH, EXPECTED_SPREAD), |strength| (strength, TOLD_SPREAD));
+        let expected = Expected::new(strength, spread);
+        match (azimuth_deg, self.information()) {
+            (Some(azimuth), None) if told.is_some() => self.certain(azimuth, Strength::new(expected, None)),
+            (Some(azimuth), Some(known)) => self.told(azimuth, &known, expected),
+            (None, Some(known)) => self.found(&known, expected),
+            (_, None) => None,
         }
     }
 
-    /// Returns the light of a known azimuth, its strength between a fitted one (with its variance) and an expected one (with its spread).
-    fn drawn(
-        azimuth_deg: f64,
-        (fitted, variance): (f64, f64),
-        (expected, spread): (f64, f64),
-    ) -> Option<LightEstimate> {
-        let of_expected = 1.0 / (spread * spread);
-        let of_fitted = 1.0 / (variance / (fitted * fitted) + FITTED_SPREAD * FITTED_SPREAD);
-        let weight = of_expected + of_fitted;
-        let mean = (of_expected * libm::log(expected) + of_fitted * libm::log(fitted)) / weight;
-        Self::certain(azimuth_deg, libm::exp(mean), libm::sqrt(1.0 / weight))
+    /// Returns the light of an unknown azimuth.
+    fn found(&self, known: &Information, expected: Expected) -> Option<LightEstimate> {
+        let (light, covariance) = self.axis.map_or(*known, |axis| known.along(axis)).solve()?;
+        let strength = libm::hypot(light[0], light[1]);
+        let along = [light[0] / strength, light[1] / strength];
+        let across = square(covariance, [-along[1], along[0]]);
+        let variance = square(covariance, along);
+        let azimuth_sd = libm::sqrt(across) / strength;
+        let sign = libm::erf(strength / libm::sqrt(2.0 * variance));
+        let azimuth = libm::atan2(-along[0], along[1]).to_degrees();
+        // The formal variance of the strength (our choice): with the larger one weak lights are drawn too far to the expected strength.
+        let joined = Strength::new(expected, Some((strength, variance / VARIANCE_FACTOR)));
+        Some(LightEstimate {
+            azimuth_sd_deg: azimuth_sd.to_degrees().min(180.0) as f32,
+            trust: (sign * sign / (1.0 + azimuth_sd * azimuth_sd)) as f32,
+            related: known.related(self.axis) as f32,
+            ..self.certain(azimuth, joined)?
+        })
     }
 
-    fn certain(azimuth_deg: f64, strength: f64, spread: f64) -> Option<LightEstimate> {
-        let light = Light::of(azimuth_deg, strength)?;
-        Some(LightEstimate { light, log_strength_sd: spread as f32, azimuth_sd_deg: 0.0, trust: 1.0, related: 1.0 })
+    /// Returns the light of a known azimuth.
+    fn told(&self, azimuth_deg: f64, known: &Information, expected: Expected) -> Option<LightEstimate> {
+        let along = direction(azimuth_deg);
+        let implied = self.axis.zip(self.whole_contrast(along)).map(|(axis, whole)| {
+            let strength = libm::sqrt(axis.share(azimuth_deg) * whole);
+            Expected::new(strength.clamp(STRENGTH_MIN, STRENGTH_MAX), SHARE_SPREAD)
+        });
+        let expected = implied.map_or(expected, |implied| expected.and(implied));
+        let (strength, variance) = known.strength(along);
+        self.certain(azimuth_deg, Strength::new(expected, Some((strength, variance / VARIANCE_FACTOR))))
+    }
+
+    /// Returns a light of this azimuth and strength.
+    fn certain(&self, azimuth_deg: f64, strength: Strength) -> Option<LightEstimate> {
+        let light = Light::of(azimuth_deg, libm::exp(strength.log).clamp(STRENGTH_MIN, STRENGTH_MAX))?;
+        let explained = |whole: f64| (libm::exp(2.0 * strength.log) / (whole * WHOLE)).min(1.0) as f32;
+        Some(LightEstimate {
+            light,
+            log_strength_sd: strength.spread as f32,
+            azimuth_sd_deg: 0.0,
+            trust: 1.0,
+            related: strength.probability(RELATED_TOLD) as f32,
+            long_share: self.whole_contrast(direction(azimuth_deg)).map(explained),
+        })
     }
 }
 

@@ -37,8 +37,14 @@ pub struct GuideInput<'t> {
 pub enum Weight {
     /// All of it.
     Plain,
-    /// This share, 0 to 1, which is the trust in the light; and of each octave what is relief ([`Share`]).
-    Trust(f32),
+    /// This share, 0 to 1, which is the trust in the light; and of each octave what is relief ([`Share`]), in long waves no more than
+    /// `long_share` ([`Share::limited`]).
+    Trust {
+        /// [`crate::norm::LightEstimate::trust`].
+        trust: f32,
+        /// [`crate::norm::LightEstimate::long_share`].
+        long_share: Option<f32>,
+    },
 }
 
 /// A tile's image and coarse DTM in the network's form, computed pixel by pixel.
@@ -110,15 +116,15 @@ impl<'t, 's> Guide<'t, 's> {
         };
         let (share, trust) = match weight {
             Weight::Plain => (Share::WHOLE, 1.0),
-            Weight::Trust(trust) => {
+            Weight::Trust { trust, long_share } => {
                 let contrast = plan.contrast((&brightness, &coarse), (&shading, light), coarse_px, scratch)?;
-                (contrast.share(light), trust)
+                (contrast.share(light).limited(long_share, coarse_px), trust)
             }
         };
         // Slopes as far as they are likely, and what they leave open.
         let (kept, uncertainty) = match weight {
             Weight::Plain => (1.0, 1.0 / light.strength()),
-            Weight::Trust(trust) => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
+            Weight::Trust { trust, .. } => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
         };
         let relief = plan.relief((brightness, coarse), (&shading, light), coarse_px, (&share, trust), scratch)?;
         let direction = Photoclinometry::direction(light);

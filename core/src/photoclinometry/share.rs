@@ -14,16 +14,13 @@
 
 use super::{Photoclinometry, SMOOTHNESS};
 use crate::mask;
-use crate::norm::{Axis, Light, NormError, Shading};
+use crate::norm::{Axis, Light, NormError, Shading, WHOLE};
 use crate::part::{item, put};
 use crate::tile::Shape;
 use core::f32::consts::PI;
 
 /// Number of octaves: wavelengths from 2 to 512 pixels. Longer waves count with the last one.
 pub const OCTAVES: usize = 8;
-/// The share of ground without albedo. Shading is not quite linear, and ground has directions of its own (our choice,
-/// near 0.72, the best of 0.72, 0.8, 0.9 and 1 on real scenes).
-const WHOLE: f32 = 0.75;
 /// Smallest share, and so the largest weight of slopes: such an octave adds nothing visible.
 const SHARE_MIN: f32 = 0.015;
 /// Number of waves that the octave before is worth, as the expectation of a share (our choice). Long octaves have few waves.
@@ -53,8 +50,6 @@ pub struct Contrast {
     tiles: f64,
 }
 
-/// Standard deviation of the axis of relief alone, degrees (our choice: on eight real images with a DTM it errs by 2 to 10 degrees).
-const AXIS_SD_DEG: f64 = 6.0;
 /// Octaves that show the axis: waves of 4 to 64 pixels. Shorter waves are noise, longer ones are few.
 const AXIS_OCTAVES: core::ops::Range<usize> = 1..5;
 /// Smallest number of waves of such an octave.
@@ -126,7 +121,7 @@ impl Contrast {
             if found.is_finite() {
                 expected = (waves * found + EXPECTED_WAVES * expected) / (waves + EXPECTED_WAVES);
             }
-            put(&mut share.octaves, index, (expected / WHOLE).clamp(SHARE_MIN, 1.0));
+            put(&mut share.octaves, index, (expected / WHOLE as f32).clamp(SHARE_MIN, 1.0));
             put(&mut share.variances, index, (power.total / self.tiles) as f32);
         }
         share
@@ -151,7 +146,7 @@ impl Contrast {
         }
         // A wave along the rows (direction 0) is lit from the east or the west.
         let azimuth_deg = 0.5 * libm::atan2(sin, cos).to_degrees() + 90.0;
-        Some(Axis { azimuth_deg, sd_deg: AXIS_SD_DEG / length.min(1.0) })
+        Some(Axis::new(azimuth_deg, length))
     }
 }
 
@@ -195,6 +190,21 @@ impl Share {
             of_relief += share * variance;
         }
         if sum > 0.0 { of_relief / sum } else { 0.0 }
+    }
+
+    /// Limits the shares of long waves to the one that the fit of the light has found in waves of 2 to 8 coarse pixels
+    /// ([`crate::norm::LightEstimate::long_share`]): albedo with a direction of its own looks like relief, but does not follow the coarse DTM. It
+    /// holds in full from 2 coarse pixels on, and not at all one octave below; between them the logarithm is interpolated (our choice).
+    #[must_use]
+    pub fn limited(mut self, long_share: Option<f32>, coarse_px: f32) -> Self {
+        let Some(long_share) = long_share else { return self };
+        let first = libm::log2f(coarse_px.max(1.0));
+        for (index, share) in self.octaves.iter_mut().enumerate() {
+            let part = (index as f32 - first + 1.0).clamp(0.0, 1.0);
+            let limit = libm::powf(*share, 1.0 - part) * libm::powf(long_share.max(SHARE_MIN), part);
+            *share = share.min(limit);
+        }
+        self
     }
 
     /// Returns the weight of slopes in an octave.
@@ -265,7 +275,7 @@ mod tests {
     fn smoothness_is_the_noise_between_octaves() {
         // All of it, half of it, then none.
         let mut octaves = [power(0.0); OCTAVES];
-        (octaves[0], octaves[1]) = (power(WHOLE.into()), power(0.5 * f64::from(WHOLE)));
+        (octaves[0], octaves[1]) = (power(WHOLE), power(0.5 * WHOLE));
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
         let at = |wavelength: f32| share.smoothness((2.0 * PI / wavelength).powi(2));
         assert!((share.octave(0) - 1.0).abs() < 1e-3 && (share.octave(1) - 0.5).abs() < 1e-3);
@@ -281,7 +291,7 @@ mod tests {
 
     #[test]
     fn few_waves_follow_the_octave_before() {
-        let mut octaves = [power(0.8 * f64::from(WHOLE)); OCTAVES];
+        let mut octaves = [power(0.8 * WHOLE); OCTAVES];
         octaves[3] = Power { waves: 2.0, ..power(-1.0) };
         octaves[4] = Power::default();
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
@@ -308,6 +318,21 @@ mod tests {
     }
 
     #[test]
+    fn long_waves_are_no_more_relief_than_the_fit_says() {
+        let share = Share::WHOLE.limited(Some(0.2), 16.0);
+        let expected = [1.0, 1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.2];
+        assert!(share.octaves.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{share:?}");
+        // Halfway between two octaves: the geometric mean.
+        let share = Share::WHOLE.limited(Some(0.25), 16.0 * core::f32::consts::SQRT_2);
+        assert!((share.octave(4) - 0.5).abs() < 1e-6 && share.octave(5) == 0.25, "{share:?}");
+        // It lowers shares alone.
+        let low = Share { octaves: [0.1; OCTAVES], ..Share::WHOLE };
+        assert_eq!(low.limited(Some(0.9), 16.0), low);
+        assert_eq!(low.limited(None, 16.0), low);
+        assert_eq!(Share::WHOLE.limited(Some(0.0), f32::NAN).octave(0), SHARE_MIN);
+    }
+
+    #[test]
     fn the_axis_is_that_of_the_waves() {
         for azimuth in [1.0f64, 40.0, 90.0, 130.0, 179.0] {
             // The direction of waves, clockwise from the rows' direction.
@@ -318,7 +343,7 @@ mod tests {
             assert!((axis.azimuth_deg - azimuth).abs() < 1e-9 && (axis.sd_deg - 10.0).abs() < 1e-9, "{axis:?}");
             let lit = Light::of(azimuth + 180.0, 1.0).unwrap();
             let across = Light::of(azimuth + 90.0, 1.0).unwrap();
-            assert!((contrast.share(lit).octave(2) - 0.6 / WHOLE).abs() < 1e-3);
+            assert!((contrast.share(lit).octave(2) - 0.6 / WHOLE as f32).abs() < 1e-3);
             assert_eq!(contrast.share(across).octave(2), SHARE_MIN);
         }
         assert_eq!(Contrast::default().axis(), None);

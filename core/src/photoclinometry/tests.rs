@@ -168,7 +168,7 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let short = plan.relief((dark, level), (&shading, light), 30.0, PLAIN, &mut scratch[1..]);
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
-    let (mirror, weight) = (Mirror::default(), Weight::Trust(1.0));
+    let (mirror, weight) = (Mirror::default(), Weight::Trust { trust: 1.0, long_share: None });
     let tile = GuideInput { image: &image, coarse_m: &image, valid: None, mirror, coarse_px: 30.0, weight };
     assert!(matches!(Guide::new(&plan, tile, &scale, light, &mut scratch), Err(NormError::Length(_))));
     for (i, n, expected) in [(-1, 5, 1), (5, 5, 3), (8, 5, 0), (-30, 2, 0), (3, 1, 0)] {
@@ -361,7 +361,7 @@ fn slopes_are_those_of_the_heights_and_the_light_is_named() {
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     for mirror in [Mirror::default(), Mirror { rows: true, cols: false }] {
         let mut scratch = vec![0.0; plan.scratch_len()];
-        let (valid, weight) = (None, Weight::Trust(0.8));
+        let (valid, weight) = (None, Weight::Trust { trust: 0.8, long_share: None });
         let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid, mirror, coarse_px: 12.0, weight };
         let guide = Guide::new(&plan, tile, &scale, light, &mut scratch).unwrap();
         let (mut maps, mut plain) = (vec![0.0; SLOPED_MAPS * image.len()], vec![0.0; MAPS * image.len()]);

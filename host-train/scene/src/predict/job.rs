@@ -156,12 +156,15 @@ pub fn summary(output: &Path, scene: &Scene, finished: &Finished, tally: &Tally)
 /// where it is not certain the probability that the image shows the ground of the coarse DTM.
 #[must_use]
 pub fn light_text(lighting: &Lighting) -> String {
-    let Lighting { light, source, trust, related, log_strength_sd, azimuth_sd_deg } = *lighting;
+    let Lighting { light, source, trust, related, log_strength_sd, azimuth_sd_deg, .. } = *lighting;
     let (azimuth, strength, elevation) = (light.azimuth_deg(), light.strength(), light.elevation_deg());
     let origin = match source {
         LightSource::NotAsked => return "not used by the network".into(),
         LightSource::Given => "given",
         LightSource::Fitted => "fitted",
+        LightSource::Assumed if azimuth_sd_deg == 0.0 => {
+            "strength assumed, as neither the Sun's elevation is known nor the scene shows it: give --sun-elevation"
+        }
         LightSource::Assumed => {
             "assumed, as neither the Sun is known nor the scene shows it: give --sun-azimuth and --sun-elevation"
         }
@@ -172,7 +175,7 @@ pub fn light_text(lighting: &Lighting) -> String {
     };
     let strength = format!("strength {strength:.2}, uncertain by a factor of {:.2}", log_strength_sd.exp());
     let related = match source {
-        LightSource::Fitted if related < 0.995 => {
+        LightSource::Fitted | LightSource::Given if related < 0.995 => {
             format!("brightness follows the coarse DTM with probability {related:.2}; ")
         }
         _ => String::new(),

@@ -131,6 +131,8 @@ pub struct LightRecord {
     pub trust: f32,
     /// Probability that brightness follows the slopes of the coarse DTM at all, 0 to 1. Heights move towards the coarse DTM's as it falls.
     pub related: f32,
+    /// Share of the contrast of waves of 2 to 8 coarse pixels that is relief under this light, 0 to 1; `None` if the scene shows no slopes.
+    pub long_share: Option<f32>,
     /// Whether the azimuth is from the image's file.
     pub azimuth_from_file: bool,
     /// Whether the elevation is from the image's file.
@@ -143,7 +145,7 @@ impl LightRecord {
     /// Makes the record of a light; `None` if the network takes none.
     #[must_use]
     pub fn new(lighting: &Lighting, change: Option<Change>, sun: &KnownFrom) -> Option<Self> {
-        let Lighting { light, source, trust, related, log_strength_sd, azimuth_sd_deg } = *lighting;
+        let Lighting { light, source, trust, related, long_share, log_strength_sd, azimuth_sd_deg } = *lighting;
         let source = match source {
             LightSource::NotAsked => return None,
             LightSource::Given => "given",
@@ -159,6 +161,7 @@ impl LightRecord {
             elevation_deg: light.elevation_deg(),
             trust,
             related,
+            long_share,
             azimuth_from_file: sun.azimuth_from_file,
             elevation_from_file: sun.elevation_from_file,
             change,

@@ -126,8 +126,8 @@ fn metres_come_out_as_by_way_of_buffers() {
 #[test]
 fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
     guided(Illumination::Given, Weight::Plain);
-    guided(Illumination::Weighed, Weight::Trust(1.0));
-    guided(Illumination::Sloped, Weight::Trust(1.0));
+    guided(Illumination::Weighed, Weight::Trust { trust: 1.0, long_share: None });
+    guided(Illumination::Sloped, Weight::Trust { trust: 1.0, long_share: None });
 }
 
 /// Compares a model's heights with those of a network that is given the maps of a guide.

@@ -43,14 +43,19 @@ pub(super) fn contradiction(survey: &Survey, sun: &KnownFrom, lighting: &Lightin
     ))
 }
 
-/// Warns if brightness hardly follows the slopes of the coarse DTM, and no azimuth is known: heights stay near the coarse DTM's then.
+/// Warns if brightness hardly follows the slopes of the coarse DTM: heights stay near the coarse DTM's then.
 pub(super) fn unrelated(image: &str, coarse: &str, lighting: &Lighting) -> Option<String> {
-    let doubtful = lighting.source == LightSource::Fitted && lighting.related < RELATED_MIN;
-    doubtful.then(|| {
+    let seen = matches!(lighting.source, LightSource::Fitted | LightSource::Given);
+    (seen && lighting.related < RELATED_MIN).then(|| {
         let probability = lighting.related;
+        let told = if lighting.azimuth_sd_deg == 0.0 {
+            "is it the same ground, well placed, and the Sun's azimuth clockwise from the grid's up?"
+        } else {
+            "is it the same ground, well placed? If so, say --sun-azimuth"
+        };
         format!(
             "{image}: its brightness hardly follows the slopes of {coarse} (probability {probability:.2}), so heights stay near the coarse DTM's: \
-             is it the same ground, well placed? If so, say --sun-azimuth"
+             {told}"
         )
     })
 }
