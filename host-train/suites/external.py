@@ -123,10 +123,15 @@ REAL = {
     "mars_noctis_hirise": ("image_17.5m.tif", "truth_dtm_17.5m_scale_guessed.tif", 1, 20),
     "mars_cerberus_hirise": ("image_scale_guessed.tif", "truth_dtm_scale_guessed.tif", 1, 20),
     "mars_gale_hirise_1m": ("image_1m.tif", "truth_dtm_1m.tif", 2, 25),
+    "mars_candor_hirise": ("image_42.26m.tif", "truth_dtm_42.26m_height_scale_guessed.tif", 1, 20),
+    "mars_gale_hrsc": ("image_333m.tif", "truth_dtm_667m.tif", 2, 20),
 }
+# Sets whose image has 0 where it is void.
+ZERO_IS_VOID = ("mars_candor_hirise", "mars_gale_hrsc")
 # Azimuths of the light that the truths show: the fit of the light (`predict`) with the truth in place of the coarse DTM. Windows of the pole's
 # mosaic have no single one.
-AZIMUTHS = {"moon_aristarchus_cp_wac": 256, "mars_noctis_hirise": 308, "mars_cerberus_hirise": 297, "mars_gale_hirise_1m": 319}
+AZIMUTHS = {"moon_aristarchus_cp_wac": 256, "mars_noctis_hirise": 308, "mars_cerberus_hirise": 297, "mars_gale_hirise_1m": 319,
+            "mars_candor_hirise": 303, "mars_gale_hrsc": 280}
 # Windows of the image of the Moon's north pole, each under one Sun: first row and column.
 POLE = "moon_wac_lola_north_pole", "image_1600m.tif", "truth_dtm_1600m.tif", 20
 WINDOWS, SIDE = [(0, 0), (127, 508), (508, 127), (508, 508)], 254
@@ -182,6 +187,8 @@ def real(folder, out):
     for name, (image, truth, shrink, coarse_px) in REAL.items():
         if (folder / name).is_dir():
             (image, of_image, crs), (truth, of_truth, other) = opened(folder / name / image), opened(folder / name / truth)
+            if name in ZERO_IS_VOID:
+                image[image == 0] = np.nan
             places = of_image * rasterio.Affine.scale(shrink), of_truth
             scenes.append(real_scene(out, name, name.split("_")[0].title(), means(image, shrink, 0.5), truth, places, crs or other or moon,
                                      coarse_px))
@@ -198,8 +205,8 @@ def real(folder, out):
     else:
         print(f"SKIPPED: {folder / name}: not there")
     about = ("Real images with DTMs of stereo or altimetry; the Sun is not told. The coarse DTM is the truth averaged over 20 or 25 pixels of "
-             "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis and "
-             "Cerberus have a guessed scale: only ratios count.")
+             "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis, "
+             "Cerberus and Candor have a guessed scale: only ratios count.")
     write(out, "real", about, scenes)
     told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
     write(out, "real-azimuth", about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth"), told)

@@ -15,6 +15,8 @@ struct Set {
     shrink: usize,
     /// Side of the coarse DTM's pixels, in averaged pixels of the image.
     coarse_px: usize,
+    /// Whether pixels of the image that are 0 are void.
+    zero_is_void: bool,
     /// Prefix of the scenes' names, and upper left corners of square windows; none: the whole image.
     windows: Option<(&'static str, &'static [(usize, usize)])>,
 }
@@ -24,11 +26,13 @@ const POLE: &[(usize, usize)] = &[(0, 0), (127, 508), (508, 127), (508, 508)];
 /// Side of a window, pixels.
 const WINDOW_PX: usize = 254;
 /// The data sets.
-const SETS: [Set; 5] = [
+const SETS: [Set; 7] = [
     set("moon_aristarchus_cp_wac", "Moon", ["image_iof_214m.tif", "truth_dtm_214m.tif"]),
     set("mars_noctis_hirise", "Mars", ["image_17.5m.tif", "truth_dtm_17.5m_scale_guessed.tif"]),
     set("mars_cerberus_hirise", "Mars", ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"]),
     Set { shrink: 2, coarse_px: 25, ..set("mars_gale_hirise_1m", "Mars", ["image_1m.tif", "truth_dtm_1m.tif"]) },
+    Set { zero_is_void: true, ..set("mars_candor_hirise", "Mars", ["image_42.26m.tif", "truth_dtm_42.26m_height_scale_guessed.tif"]) },
+    Set { zero_is_void: true, shrink: 2, ..set("mars_gale_hrsc", "Mars", ["image_333m.tif", "truth_dtm_667m.tif"]) },
     Set {
         windows: Some(("north_pole", POLE)),
         ..set("moon_wac_lola_north_pole", "Moon, north pole", ["image_1600m.tif", "truth_dtm_1600m.tif"])
@@ -39,11 +43,11 @@ const RESOLUTION_PX: f64 = 2.0 / 0.18739;
 /// A coarse pixel needs this share of valid heights, a pixel of the image this share of valid pixels.
 const LEAST_VALID: [f64; 2] = [0.3, 0.5];
 const ABOUT: &str = "Real images with DTMs of stereo or altimetry; the Sun is not told. The coarse DTM is the truth averaged over 20 or 25 \
-    pixels of the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis and \
-    Cerberus have a guessed scale: only ratios count.";
+    pixels of the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis, \
+    Cerberus and Candor have a guessed scale: only ratios count.";
 
 const fn set(folder: &'static str, kind: &'static str, [image, truth]: [&'static str; 2]) -> Set {
-    Set { folder, kind, image, truth, shrink: 1, coarse_px: 20, windows: None }
+    Set { folder, kind, image, truth, shrink: 1, coarse_px: 20, zero_is_void: false, windows: None }
 }
 
 /// Makes the scenes of the data sets in `data`, writes their images, coarse DTMs and truths into `out`, and returns their list and the folders
@@ -85,6 +89,9 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
     }
     truth.georef = Some(GeoRef { crs: of_image.crs.clone(), ..of_truth });
     image.georef = Some(of_image);
+    if set.zero_is_void {
+        image.samples.iter_mut().filter(|v| **v == 0.0).for_each(|v| *v = f32::NAN);
+    }
     if set.shrink > 1 {
         image = means(&image, set.folder, set.shrink, LEAST_VALID[1])?;
     }
@@ -199,7 +206,7 @@ mod tests {
         });
         let out = folder.path().join("out");
         let (list, skipped) = real(folder.path(), &out).unwrap();
-        assert_eq!((list.scene.len(), skipped.len()), (1, 4));
+        assert_eq!((list.scene.len(), skipped.len()), (1, 6));
         assert!(skipped[0].ends_with("moon_aristarchus_cp_wac"), "{skipped:?}");
         let scene = TestScene::make(&list.scene[0]).unwrap();
         assert_eq!((scene.raw_image.rows, scene.raw_image.cols, scene.raw_image.samples[1]), (55, 80, 7.5));
