@@ -3,7 +3,7 @@
 mod common;
 
 use common::{elunar, made};
-use elunar_raster::geotiff::{WriteOptions, read, write};
+use elunar_raster::geotiff::{WriteOptions, read, read_item, write};
 use std::path::{Path, PathBuf};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
@@ -38,6 +38,41 @@ fn an_image_and_a_coarse_dtm_become_a_dtm_with_smaller_slope_errors() {
     let slope = |candidate: usize| scores["candidates"][candidate]["slope_mae_deg"].as_f64().unwrap();
     assert!(slope(0) < 0.8 * slope(1), "{text}");
     assert!(made(at, &["inspect", &nano]).starts_with(&nano));
+}
+
+/// A coarse DTM that covers a part is told in text and JSON. The options of a DTM are words.
+#[test]
+fn what_a_dtm_lacks_and_was_made_with_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
+    let mut coarse = read(at.join("s/scene_0000_coarse.tif")).unwrap();
+    let cols = coarse.cols;
+    coarse.samples.iter_mut().enumerate().filter(|(i, _)| i % cols > cols / 2).for_each(|(_, z)| *z = f32::NAN);
+    write(&at.join("half.tif"), &coarse, &WriteOptions::heights("half")).unwrap();
+    let nano = model("nano.eld");
+    let files = ["--image", "s/scene_0000_image.tif", "--coarse", "half.tif", "--model", &nano, "-o", "dtm.tif"];
+    let more = ["--json", "--image-nodata=-5", "--coarse-srs", "IAU_2015:30110", "--image-srs", "IAU_2015:30110"];
+    let out = elunar(at, &[&["predict"], &files[..], &more].concat());
+    let (text, said) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {said}"));
+    let share = found["coarse_covers"].as_f64().unwrap();
+    assert!((0.4..0.65).contains(&share), "{share}");
+    let warning = format!("half.tif: covers {:.1} % of the valid pixels of s/scene_0000_image.tif", 100.0 * share);
+    assert!(said.contains(&format!("WARNING: {warning}")), "{said}");
+    assert!(
+        found["warnings"].as_array().unwrap().iter().any(|one| one.as_str().unwrap().starts_with(&warning)),
+        "{text}"
+    );
+    let options = read_item(&at.join("dtm.tif"), "OPTIONS").unwrap().unwrap();
+    let is_word = |word: &str| word.split_once('=').is_some_and(|(name, value)| !name.is_empty() && !value.is_empty());
+    assert!(options.split(' ').all(is_word) && options.contains("image_nodata=-5 "), "{options}");
+    let start = "overlap_px=100 blend=dem-mosaic anchor=yes expected_errors=no image_srs=equirectangular,";
+    assert!(options.starts_with(start) || options.contains(" sun_azimuth_deg="), "{options}");
+    for item in ["OPTIONS", "MODEL", "LIGHT", "IMAGE", "COARSE_DTM", "SOFTWARE", "VERTICAL_REFERENCE"] {
+        let text = read_item(&at.join("dtm.tif"), item).unwrap().unwrap();
+        assert!(!["Some(", "None", "{", "::", "\""].iter().any(|form| text.contains(form)), "{item}: {text}");
+    }
 }
 
 #[test]
