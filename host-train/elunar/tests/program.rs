@@ -76,6 +76,35 @@ fn what_a_dtm_lacks_and_was_made_with_is_said() {
 }
 
 #[test]
+fn scores_are_stated_at_the_pixel_and_at_the_truths_resolution() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
+    let files = ["evaluate", "--dtm", "s/scene_0000_coarse.tif", "--truth", "s/scene_0000_truth.tif"];
+    let told = [&files[..], &["--truth-resolution-m", "40"]].concat();
+    let of = |words: &[&str]| -> serde_json::Value {
+        let text = made(at, &[words, &["--json"]].concat());
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["candidates"][0].clone()
+    };
+    let (alone, both) = (of(&files), of(&told));
+    let slopes = |scores: &serde_json::Value| scores["slope_mae_deg"].as_f64().unwrap();
+    assert_eq!((&alone["at_resolution"], &alone["at_pixel"]), (&serde_json::Value::Null, &both["at_pixel"]));
+    assert_eq!((slopes(&alone), slopes(&both)), (slopes(&alone["at_pixel"]), slopes(&both["at_resolution"])));
+    assert!(slopes(&both["at_resolution"]) < 0.9 * slopes(&both["at_pixel"]), "{both}");
+    let text = made(at, &told);
+    let line = text.lines().find(|line| line.starts_with("slope MAE")).unwrap();
+    for at in ["at_pixel", "at_resolution"] {
+        assert!(line.contains(&format!("{:.3}", slopes(&both[at]))), "{line}");
+    }
+    assert!(text.contains("at the pixel") && text.contains("at 40.0 m"), "{text}");
+    assert!(made(at, &files).contains("with --truth-resolution-m also at what the truth resolves"));
+    for wrong in ["1e300", "0", "-1", "NaN", "inf", "1e-300"] {
+        let text = refused(at, &[&files[..], &["--truth-resolution-m", wrong]].concat());
+        assert!(text.contains("resolution of the truth: metres from 0.001 to "), "{wrong}: {text}");
+    }
+}
+
+#[test]
 fn float_weights_are_exported_but_not_run() {
     let folder = tempfile::tempdir().unwrap();
     let nano = model("nano.safetensors");
