@@ -147,7 +147,7 @@ const EVALUATE_KIB: usize = 1 << 20;
 #[test]
 fn evaluate_keeps_its_memory_whatever_the_scene() {
     let folder = tempfile::tempdir().unwrap();
-    let side = 4200;
+    let side = 4100;
     let transform = [0.0, 2.0, 0.0, 0.0, 0.0, -2.0];
     let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
     let wave = |i: usize| ((i / side) as f32 * 0.05).sin() * 9.0 + ((i % side) as f32 * 0.03).cos() * 4.0;

@@ -148,7 +148,7 @@ const SHORTEST_M: f64 = 1e-3;
 fn check_resolution(resolution_m: Option<f64>, longest_m: f64) -> Result<()> {
     match resolution_m {
         Some(found) if !(SHORTEST_M..=longest_m).contains(&found) => Err(Error::usage(format!(
-            "resolution of the truth: metres from {SHORTEST_M} to {longest_m:.1}, the truth's longer side, expected, {found} found"
+            "resolution of the truth: metres from {SHORTEST_M} to {longest_m:.1}, the truth's longer side, expected, {found:?} found"
         ))),
         _ => Ok(()),
     }
