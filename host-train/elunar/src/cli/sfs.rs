@@ -11,7 +11,7 @@ use elunar_scene::predict::job::{Files, fill, finish, summary};
 use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
 use elunar_scene::predict::{Input, Part, Scene, part_path};
-use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
+use elunar_scene::sfs::{Journal, Settings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
 /// Options of `sfs`.
@@ -122,9 +122,7 @@ pub fn run(args: Args) -> Result<()> {
     let angles = if args.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
     let settings = args.settings(both_angles(angles, &image.name)?, side_m);
     settings.light()?;
-    for warning in notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())? {
-        eprintln!("WARNING: {warning}");
-    }
+    warn(notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())?);
     let journal = Journal::new(&scene, &image, truth)?;
     let identity = args.identity(&settings)?;
     let part = Part::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
@@ -139,9 +137,7 @@ pub fn run(args: Args) -> Result<()> {
     let from = (settings.description(), light);
     let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;
     part.remove()?;
-    if let Some(warning) = notice_of_heights(&args.output.display().to_string(), &scene, &finished) {
-        eprintln!("WARNING: {warning}");
-    }
+    warn(notice_of_heights(&args.output.display().to_string(), &scene, &finished));
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -153,14 +149,23 @@ pub fn run(args: Args) -> Result<()> {
     }
     println!("{}", summary(&args.output, &scene, &finished, &tally));
     println!("light: {}", from.1);
-    if let Some((median, mean, largest)) = seconds_per_tile(&tiles) {
+    say_times(&tiles);
+    Ok(())
+}
+
+fn warn(warnings: impl IntoIterator<Item = String>) {
+    warnings.into_iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+}
+
+/// Says how long tiles took.
+fn say_times(tiles: &[TileLog]) {
+    if let Some((median, mean, largest)) = seconds_per_tile(tiles) {
         let done = tiles.iter().filter(|tile| tile.converged()).count();
         println!(
             "seconds per tile, one thread: median {median:.2}, mean {mean:.2}, largest {largest:.2}; {done} of {} converged",
             tiles.len()
         );
     }
-    Ok(())
 }
 
 /// Returns azimuth and elevation of the Sun, degrees, which must both be known.
