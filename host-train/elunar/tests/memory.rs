@@ -2,8 +2,8 @@
 
 #![cfg(unix)]
 
-use elunar_raster::geotiff::read;
-use elunar_raster::{GeoRef, Raster};
+use elunar_raster::geotiff::{WriteOptions, read, write};
+use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -14,11 +14,16 @@ const LIMIT_KIB: usize = 288 << 10;
 const SIDE: usize = 4096;
 
 fn elunar(folder: &Path, words: &[&str]) -> Output {
-    let limit = format!("ulimit -v {LIMIT_KIB} || exit 99; exec \"$@\"");
+    elunar_within(LIMIT_KIB, folder, words)
+}
+
+/// Runs the program within an address space of so many KiB.
+fn elunar_within(limit_kib: usize, folder: &Path, words: &[&str]) -> Output {
+    let limit = format!("ulimit -v {limit_kib} || exit 99; exec \"$@\"");
     let mut shell = Command::new("sh");
     shell.current_dir(folder).args(["-c", &limit, "sh", env!("CARGO_BIN_EXE_elunar")]).args(words);
     // glibc reserves 128 MiB of addresses for every thread's own heap, used or not.
-    shell.env("MALLOC_ARENA_MAX", "1").output().unwrap()
+    shell.env("MALLOC_ARENA_MAX", "1").env("RAYON_NUM_THREADS", "2").output().unwrap()
 }
 
 /// A ZSTD frame of `count` bytes of zero: blocks of 128 KiB, four bytes each.
@@ -133,4 +138,36 @@ fn predict_keeps_its_memory_whatever_the_files_claim() {
         assert!(out.status.code() == Some(65) && text.lines().count() == 1, "{:?} {text}", out.status);
         assert!(text.starts_with("ERROR: bomb.tif: not supported: strips of 32768 x 32768 pixels"), "{text}");
     }
+}
+
+/// Address space of `evaluate`, KiB.
+const EVALUATE_KIB: usize = 1 << 20;
+
+/// Two DTMs of more pixels than are transformed whole. As whole rasters with their spectra they take more than 2 GB.
+#[test]
+fn evaluate_keeps_its_memory_whatever_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let side = 4100;
+    let transform = [0.0, 2.0, 0.0, 0.0, 0.0, -2.0];
+    let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let wave = |i: usize| ((i / side) as f32 * 0.05).sin() * 9.0 + ((i % side) as f32 * 0.03).cos() * 4.0;
+    for (name, factor) in [("truth.tif", 1.0), ("dtm.tif", 0.5)] {
+        let samples = (0..side * side).map(|i| factor * wave(i)).collect();
+        let raster = Raster { rows: side, cols: side, samples, georef: Some(georef.clone()) };
+        write(&folder.path().join(name), &raster, &WriteOptions::heights("waves")).unwrap();
+    }
+    let words = ["evaluate", "--dtm", "dtm.tif", "--truth", "truth.tif", "--json"];
+    let out = elunar_within(EVALUATE_KIB, folder.path(), &words);
+    if out.status.code() == Some(99) {
+        return elunar_testing::skipped("evaluate_keeps_its_memory_whatever_the_scene", "no ulimit -v here");
+    }
+    assert!(out.status.success(), "{:?} {}", out.status, String::from_utf8_lossy(&out.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let found = &found["candidates"][0];
+    // Half of waves of 9 and 4 m, and the waves themselves, of 251 and 419 m.
+    let rms = (0.5_f64 * (4.5 * 4.5 + 2.0 * 2.0)).sqrt();
+    assert!((found["rmse_m"].as_f64().unwrap() / rms - 1.0).abs() < 0.01, "{found}");
+    let octaves = found["octaves"].as_array().unwrap();
+    let gain = octaves.iter().find(|octave| octave["longest_m"].as_f64().unwrap() > 300.0).unwrap();
+    assert!((gain["gain"].as_f64().unwrap() - 0.5).abs() < 0.01, "{found}");
 }

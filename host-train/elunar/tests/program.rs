@@ -3,7 +3,7 @@
 mod common;
 
 use common::{elunar, made};
-use elunar_raster::geotiff::{WriteOptions, read, write};
+use elunar_raster::geotiff::{WriteOptions, read, read_item, write};
 use std::path::{Path, PathBuf};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
@@ -38,6 +38,70 @@ fn an_image_and_a_coarse_dtm_become_a_dtm_with_smaller_slope_errors() {
     let slope = |candidate: usize| scores["candidates"][candidate]["slope_mae_deg"].as_f64().unwrap();
     assert!(slope(0) < 0.8 * slope(1), "{text}");
     assert!(made(at, &["inspect", &nano]).starts_with(&nano));
+}
+
+/// A coarse DTM that covers a part is told in text and JSON. The options of a DTM are words.
+#[test]
+fn what_a_dtm_lacks_and_was_made_with_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
+    let mut coarse = read(at.join("s/scene_0000_coarse.tif")).unwrap();
+    let cols = coarse.cols;
+    coarse.samples.iter_mut().enumerate().filter(|(i, _)| i % cols > cols / 2).for_each(|(_, z)| *z = f32::NAN);
+    write(&at.join("half.tif"), &coarse, &WriteOptions::heights("half")).unwrap();
+    let nano = model("nano.eld");
+    let files = ["--image", "s/scene_0000_image.tif", "--coarse", "half.tif", "--model", &nano, "-o", "dtm.tif"];
+    let more = ["--json", "--image-nodata=-5", "--coarse-srs", "IAU_2015:30110", "--image-srs", "IAU_2015:30110"];
+    let out = elunar(at, &[&["predict"], &files[..], &more].concat());
+    let (text, said) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {said}"));
+    let share = found["coarse_covers"].as_f64().unwrap();
+    assert!((0.4..0.65).contains(&share), "{share}");
+    let warning = format!("half.tif: covers {:.1} % of the valid pixels of s/scene_0000_image.tif", 100.0 * share);
+    assert!(said.contains(&format!("WARNING: {warning}")), "{said}");
+    assert!(
+        found["warnings"].as_array().unwrap().iter().any(|one| one.as_str().unwrap().starts_with(&warning)),
+        "{text}"
+    );
+    let options = read_item(&at.join("dtm.tif"), "OPTIONS").unwrap().unwrap();
+    let is_word = |word: &str| word.split_once('=').is_some_and(|(name, value)| !name.is_empty() && !value.is_empty());
+    assert!(options.split(' ').all(is_word) && options.ends_with(" image_nodata=-5"), "{options}");
+    assert!(options.starts_with("overlap_px=100 blend=dem-mosaic anchor=yes sun_azimuth_deg="), "{options}");
+    assert!(options.contains(" expected_errors=no image_srs=equirectangular,lat_0_deg,lon_0_deg,"), "{options}");
+    for item in ["OPTIONS", "MODEL", "LIGHT", "IMAGE", "COARSE_DTM", "SOFTWARE", "VERTICAL_REFERENCE"] {
+        let text = read_item(&at.join("dtm.tif"), item).unwrap().unwrap();
+        assert!(!["Some(", "None", "{", "::", "\""].iter().any(|form| text.contains(form)), "{item}: {text}");
+    }
+}
+
+#[test]
+fn scores_are_stated_at_the_pixel_and_at_the_truths_resolution() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "256", "--cols", "320", "--seed", "5"]);
+    let files = ["evaluate", "--dtm", "s/scene_0000_coarse.tif", "--truth", "s/scene_0000_truth.tif"];
+    let told = [&files[..], &["--truth-resolution-m", "40"]].concat();
+    let of = |words: &[&str]| -> serde_json::Value {
+        let text = made(at, &[words, &["--json"]].concat());
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["candidates"][0].clone()
+    };
+    let (alone, both) = (of(&files), of(&told));
+    let slopes = |scores: &serde_json::Value| scores["slope_mae_deg"].as_f64().unwrap();
+    assert_eq!((&alone["at_resolution"], &alone["at_pixel"]), (&serde_json::Value::Null, &both["at_pixel"]));
+    assert_eq!((slopes(&alone), slopes(&both)), (slopes(&alone["at_pixel"]), slopes(&both["at_resolution"])));
+    assert!(slopes(&both["at_resolution"]) < 0.9 * slopes(&both["at_pixel"]), "{both}");
+    let text = made(at, &told);
+    let line = text.lines().find(|line| line.starts_with("slope MAE")).unwrap();
+    for at in ["at_pixel", "at_resolution"] {
+        assert!(line.contains(&format!("{:.3}", slopes(&both[at]))), "{line}");
+    }
+    assert!(text.contains("at the pixel") && text.contains("at 40.0 m"), "{text}");
+    assert!(made(at, &files).contains("with --truth-resolution-m also at what the truth resolves"));
+    for wrong in ["1e300", "0", "-1", "NaN", "inf", "1e-300"] {
+        let text = refused(at, &[&files[..], &["--truth-resolution-m", wrong]].concat());
+        assert!(text.contains("resolution of the truth: metres from 0.001 to "), "{wrong}: {text}");
+    }
 }
 
 #[test]
@@ -164,7 +228,9 @@ fn a_nodata_value_is_asked_for_and_makes_voids() {
     assert!(text.contains("exactly -9999") && text.contains("say --coarse-nodata -9999"), "{text}");
     assert_eq!(found["pixels_void"], 0);
     let (found, text) = json(folder.path(), &predict(&["--json", "--coarse", "c.tif", "--coarse-nodata", "-9999"]));
-    assert!(!text.contains("WARNING"), "{text}");
+    // Beside voids there is no height.
+    let warnings: Vec<&str> = text.lines().filter(|line| line.contains("WARNING")).collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("c.tif: covers 78.5 % of the valid pixels"), "{text}");
     let void = found["pixels_void"].as_u64().unwrap();
     let dtm = read(at("dtm.tif")).unwrap();
     assert!(void > 1000 && void as usize == 256 * 320 - dtm.valid_count(), "{found}");

@@ -1,10 +1,10 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
 use super::output;
-use elunar_raster::align::Named;
+use elunar_raster::align::Interpolation;
 use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{
-    Candidate, Details, Expected, calibration, compare, json, octaves_picture, short_names, table,
+    Details, Expected, Maps, NamedSource, Summary, calibration, json, octaves_picture, short_names, table,
 };
 use elunar_scene::picture;
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ pub struct Args {
     /// Coarse DTM that the prediction started from. It is compared with the truth, too.
     #[arg(long, value_name = "C.tif")]
     pub coarse: Option<PathBuf>,
-    /// Wavelength that the truth resolves, metres: waves of this length are halved in all DTMs before they are compared [default: all DTMs as
-    /// they are].
+    /// Wavelength that the truth resolves, metres: also compare all DTMs after waves of this length are halved in them [default: as they are
+    /// alone].
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub truth_resolution_m: Option<f64>,
     /// Print JSON instead of a table.
@@ -57,32 +57,34 @@ pub fn run(args: Args) -> Result<()> {
     inputs.extend([&args.coarse, &args.uncertainty].into_iter().flatten().map(PathBuf::as_path));
     let pictures = [&args.error_map, &args.reliability, &args.spectra];
     let _owners = output::take_all(pictures.into_iter().flatten(), &inputs)?;
-    let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
-    let coarse = args.coarse.as_deref().map(source::read).transpose()?;
-    let name = |path: &PathBuf| path.display().to_string();
-    let (truth_name, dtm_name) = (name(&args.truth), name(&args.dtm));
-    let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();
-    let expected = args.uncertainty.as_deref().map(|path| Expected::read(path, Named::new(&dtm_name, &dtm)));
-    let expected = expected.transpose()?;
-    let mut candidates = vec![Candidate::fine(&dtm_name, &dtm)];
-    candidates.extend(coarse.as_ref().map(|coarse| Candidate::coarse(&coarse_name, coarse)));
-    let comparison = compare(Named::new(&truth_name, &truth), &candidates, args.truth_resolution_m)?;
-    let calibration = expected.as_ref().map(|expected| calibration(&comparison, expected)).transpose()?;
-    let details = Details { calibration, ..Details::of(&comparison) };
-    if let (Some(path), Some(scored)) = (&args.error_map, comparison.scored.first()) {
-        let error = &scored.error_m;
-        picture::write_png(path, picture::error_map(&error.samples, error.rows, error.cols)?)?;
+    let (truth, dtm) = (open(&args.truth)?, open(&args.dtm)?);
+    let expected = args.uncertainty.as_deref().map(|path| Expected::open(path, (&dtm.0, dtm.1.info()))).transpose()?;
+    let mut candidates = vec![(dtm, Interpolation::Bilinear)];
+    if let Some(coarse) = &args.coarse {
+        candidates.push((open(coarse)?, Interpolation::Bicubic));
     }
+    let maps = Maps::new(truth, candidates, args.truth_resolution_m)?;
+    let summary = Summary::of(&maps)?;
+    let view = maps.at_resolution()?;
+    let calibration = expected.as_ref().map(|expected| calibration(&view, expected)).transpose()?;
+    if let Some(path) = &args.error_map {
+        picture::write_png(path, view.error_map()?)?;
+    }
+    let details = Details { calibration, spectra: view.spectra()? };
     if let (Some(path), Some(found)) = (&args.reliability, &details.calibration) {
         picture::write_png(path, found.picture()?)?;
     }
     if let Some(path) = &args.spectra {
-        picture::write_png(path, octaves_picture(&short_names(&comparison), &details.spectra)?)?;
+        picture::write_png(path, octaves_picture(&short_names(&summary), &details.spectra)?)?;
     }
     if args.json {
-        println!("{}", json(&comparison, &details));
+        println!("{}", json(summary, &details));
     } else {
-        print!("{}", table(&comparison, &details));
+        print!("{}", table(summary, &details));
     }
     Ok(())
+}
+
+fn open(path: &Path) -> Result<NamedSource> {
+    Ok((path.display().to_string(), source::open(path)?.into()))
 }

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Shifts each track over the DTM in steps of half a pixel. Reports the shift x, y of the track along the map's axes that has the \
-smallest standard deviation of DTM minus track (no mean removed, divided by points - 1), that deviation, and what is left of it \
-without the median. Cuts a table into tracks where its times pause. Leaves out rows with a flag other than 0. Finds the columns \
+smallest standard deviation of DTM minus track about its median, and the median: a constant offset does not move it. Beside it \
+the shift with the smallest deviation of the paper's Eq. 18 (nothing removed, divided by points - 1). Cuts a table into tracks where its times pause. Leaves out rows with a flag other than 0. Finds the columns \
 by the heading (LOLA RDR PointPerRow; or lon,lat,radius_km; or lon,lat,height_m), or by names as for the Ames Stereo Pipeline.
 
 Example:
@@ -144,7 +144,7 @@ mod tests {
         let names: Vec<&str> = report.tracks.iter().map(|track| track.name.as_str()).collect();
         assert_eq!(names, ["t.csv#1", "t.csv#2", "t.csv#3"]);
         for track in &report.tracks[..2] {
-            let fit = track.fit.unwrap();
+            let fit = track.fit.unwrap().median_removed;
             assert!((fit.x_m - 4.0).abs() < 1e-3 && fit.y_m.abs() < 1e-3 && fit.std_m < 0.01, "{fit:?}");
         }
         assert_eq!(report.tracks[2].fit, None);

@@ -20,6 +20,7 @@ pub mod sfs;
 pub mod status;
 pub mod synth;
 pub mod threads;
+pub mod words;
 
 use clap::{Parser, Subcommand};
 use elunar_raster::Result;

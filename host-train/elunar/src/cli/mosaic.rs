@@ -121,9 +121,13 @@ fn open(path: &Path) -> Result<Input> {
 /// Reprojects the DTMs to another system. All get pixels of one size: the stated one, or the first DTM's.
 fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<Input>> {
     let mut seen = Vec::with_capacity(inputs.len());
+    // All lie near the first, so that grids agree across the seam of longitudes.
+    let mut near_x = None;
     for Input { name, source } in inputs {
-        let source = Reprojected::new(source.into(), &name, crs, spacing, Interpolation::Bilinear)?;
-        spacing = spacing.or_else(|| source.info().georef.as_ref().map(|georef| georef.transform[1]));
+        let source = Reprojected::new(source.into(), &name, crs, (spacing, near_x), Interpolation::Bilinear)?;
+        let place = source.info().georef.as_ref().map(|georef| georef.transform);
+        spacing = spacing.or_else(|| place.map(|place| place[1]));
+        near_x = near_x.or_else(|| place.map(|place| place[0]));
         seen.push(Input { name, source: Box::new(source) });
     }
     Ok(seen)

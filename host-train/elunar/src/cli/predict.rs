@@ -1,6 +1,6 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
-use super::output;
+use super::{output, words};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::content::sha256_of_raster;
 use elunar_raster::output::Owner;
@@ -9,10 +9,10 @@ use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::mosaic::Blend;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
-use elunar_scene::predict::identity::Identity;
+use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary};
 use elunar_scene::predict::network::Model;
-use elunar_scene::predict::notices::{check_exchange, notices, share_of_relief};
+use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, Record};
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
 use elunar_scene::predict::span::{PartOf, Span};
@@ -423,6 +423,10 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
     let mut watch = Watch::new();
     let finished = finish(read, scene, (&model, &stored, &task.identity), files, owner)?;
     let phases = Phases { write_s: watch.lap_s(), ..found.phases };
+    let mut warnings = found.warnings;
+    let beyond = notice_of_heights(&args.output.display().to_string(), scene, &finished);
+    beyond.iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+    warnings.extend(beyond);
     let mut text = summary(&args.output, scene, &finished, tally) + sun.origin_of(&light) + &changes;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
@@ -451,10 +455,11 @@ fn write(args: &Args, task: &Task, read: ReadRows, tally: &Tally, found: Found, 
         highest_m: finished.high_m,
         pixels_valid: finished.pixels_valid,
         pixels_void: scene.rows * scene.cols - finished.pixels_valid,
+        coarse_covers: found.survey.coverage(),
         tiles: tally.into(),
         light: LightRecord::new(&light, change, sun),
         share_of_relief: share_of_relief(&found.survey, &light),
-        warnings: found.warnings,
+        warnings,
         seconds: found.start.elapsed().as_secs_f64(),
         phases,
     };
@@ -498,11 +503,27 @@ fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
 
 /// Returns what identifies this job. With a changed input, model or option, the job starts anew.
 fn identity(args: &Args, options: &Options, model: &str) -> Result<Identity> {
-    // The result is the same for every number of threads.
-    let options = Options { threads: 0, ..*options };
-    let nodata = (args.image_nodata, args.coarse_nodata);
-    let stated = (&args.image_srs, &args.coarse_srs, args.coarse_unit, nodata, args.coarse_sigma);
     let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_raster(path), Ok);
     let image = known(&args.image_sha256, &args.image)?;
-    Ok(Identity::new(image, known(&args.coarse_sha256, &args.coarse)?, model, format!("{stated:?} {options:?}")))
+    Ok(Identity::new(image, known(&args.coarse_sha256, &args.coarse)?, model, in_words(args, options)))
+}
+
+/// Returns the options that change the result. The number of threads does not.
+fn in_words(args: &Args, options: &Options) -> String {
+    let yes = |yes: bool| Some(if yes { "yes" } else { "no" }.to_string());
+    let number = |value: Option<f64>| value.map(|value| value.to_string());
+    identity::words([
+        ("overlap_px", Some(options.overlap_px.to_string())),
+        ("blend", words::name(&options.blend)),
+        ("anchor", yes(options.anchor)),
+        ("sun_azimuth_deg", number(options.sun.azimuth_deg)),
+        ("sun_elevation_deg", number(options.sun.elevation_deg)),
+        ("expected_errors", yes(options.expected_errors)),
+        ("image_srs", args.image_srs.as_ref().map(words::srs)),
+        ("coarse_srs", args.coarse_srs.as_ref().map(words::srs)),
+        ("coarse_unit", args.coarse_unit.as_ref().and_then(words::name)),
+        ("image_nodata", number(args.image_nodata)),
+        ("coarse_nodata", number(args.coarse_nodata)),
+        ("coarse_sigma_m", args.coarse_sigma.map(|sigma_m| sigma_m.to_string())),
+    ])
 }

@@ -1,17 +1,17 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
-use super::output;
+use super::{output, words};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
-use elunar_scene::predict::identity::Identity;
+use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary};
-use elunar_scene::predict::notices::{check_exchange, notices};
+use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
 use elunar_scene::predict::{Input, Part, Scene, part_path};
-use elunar_scene::sfs::{Journal, Settings, curve, json, seconds_per_tile, solve_rows, write_curve};
+use elunar_scene::sfs::{Journal, Settings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
 /// Options of `sfs`.
@@ -122,9 +122,7 @@ pub fn run(args: Args) -> Result<()> {
     let angles = if args.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
     let settings = args.settings(both_angles(angles, &image.name)?, side_m);
     settings.light()?;
-    for warning in notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())? {
-        eprintln!("WARNING: {warning}");
-    }
+    warn(notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())?);
     let journal = Journal::new(&scene, &image, truth)?;
     let identity = args.identity(&settings)?;
     let part = Part::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
@@ -139,6 +137,7 @@ pub fn run(args: Args) -> Result<()> {
     let from = (settings.description(), light);
     let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;
     part.remove()?;
+    warn(notice_of_heights(&args.output.display().to_string(), &scene, &finished));
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -150,14 +149,23 @@ pub fn run(args: Args) -> Result<()> {
     }
     println!("{}", summary(&args.output, &scene, &finished, &tally));
     println!("light: {}", from.1);
-    if let Some((median, mean, largest)) = seconds_per_tile(&tiles) {
+    say_times(&tiles);
+    Ok(())
+}
+
+fn warn(warnings: impl IntoIterator<Item = String>) {
+    warnings.into_iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+}
+
+/// Says how long tiles took.
+fn say_times(tiles: &[TileLog]) {
+    if let Some((median, mean, largest)) = seconds_per_tile(tiles) {
         let done = tiles.iter().filter(|tile| tile.converged()).count();
         println!(
             "seconds per tile, one thread: median {median:.2}, mean {mean:.2}, largest {largest:.2}; {done} of {} converged",
             tiles.len()
         );
     }
-    Ok(())
 }
 
 /// Returns azimuth and elevation of the Sun, degrees, which must both be known.
@@ -200,10 +208,26 @@ impl Args {
 
     /// Returns what identifies this job.
     fn identity(&self, settings: &Settings) -> Result<Identity> {
-        let settings = Settings { threads: 0, ..*settings };
-        let nodata = (self.image_nodata, self.coarse_nodata);
-        let stated = (&self.image_srs, &self.coarse_srs, self.coarse_unit, nodata);
-        Identity::of(&self.image, &self.coarse, "shape from shading", format!("{stated:?} {settings:?}"))
+        let number = |value: Option<f64>| value.map(|value| value.to_string());
+        let options = identity::words([
+            ("sun_azimuth_deg", number(Some(settings.sun_azimuth_deg))),
+            ("sun_elevation_deg", number(Some(settings.sun_elevation_deg))),
+            ("smoothness_weight_m", number(Some(settings.smoothness_weight_m))),
+            ("dem_constraint_weight_per_m", number(Some(settings.dem_constraint_weight_per_m))),
+            ("shadow_threshold", number(Some(settings.shadow_threshold))),
+            ("levels", Some(settings.levels.to_string())),
+            ("iterations", Some(settings.iterations.to_string())),
+            ("tolerance", number(Some(settings.tolerance))),
+            ("tile_px", Some(format!("{}x{}", settings.tile.0, settings.tile.1))),
+            ("overlap_px", Some(settings.overlap_px.to_string())),
+            ("blend", words::name(&settings.blend)),
+            ("image_srs", self.image_srs.as_ref().map(words::srs)),
+            ("coarse_srs", self.coarse_srs.as_ref().map(words::srs)),
+            ("coarse_unit", self.coarse_unit.as_ref().and_then(words::name)),
+            ("image_nodata", number(self.image_nodata)),
+            ("coarse_nodata", number(self.coarse_nodata)),
+        ]);
+        Identity::of(&self.image, &self.coarse, "shape from shading", options)
     }
 }
 

@@ -15,7 +15,8 @@ pub struct Reprojected {
 
 impl Reprojected {
     /// Puts `source` into the system `crs`, with pixels of `spacing` map units; `None` takes the ground size of the source's pixels.
-    /// Messages call the source `name`.
+    /// Messages call the source `name`. Of the values of x of a meridian, those near `near_x` are taken, if it is stated. Bilinear
+    /// interpolation reaches up to the source's edges.
     ///
     /// # Errors
     /// [`Error::Input`] if a system is not supported, the spheres differ, the source has no georeference, or the spacing is not positive.
@@ -23,7 +24,7 @@ impl Reprojected {
         source: Arc<dyn Source>,
         name: &str,
         crs: &Crs,
-        spacing: Option<f64>,
+        (spacing, near_x): (Option<f64>, Option<f64>),
         interpolation: Interpolation,
     ) -> Result<Self> {
         let Info { rows, cols, georef, .. } = source.info();
@@ -47,8 +48,10 @@ impl Reprojected {
             let (lon_deg, lat_deg) = from.inverse(x, y);
             to.forward(lon_deg, lat_deg)
         };
+        let nearest = |x: f64, to_x: f64| to.period().map_or(x, |period| x - period * ((x - to_x) / period).round());
         let middle = place(*rows as f64 / 2.0, *cols as f64 / 2.0).0;
-        let near = |x: f64| to.period().map_or(x, |period| x - period * ((x - middle) / period).round());
+        let middle = near_x.map_or(middle, |near_x| nearest(middle, near_x));
+        let near = |x: f64| nearest(x, middle);
         let all = lattice(rows + 1, cols + 1).map(|(row, col)| place(row, col));
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for (x, y) in all.map(|(x, y)| (near(x), y)).filter(|(x, y)| x.is_finite() && y.is_finite()) {
@@ -63,7 +66,7 @@ impl Reprojected {
         let georef = GeoRef { transform: [west, step, 0.0, north, 0.0, -step], crs: crs.clone() };
         let (rows, cols) = (count(north - low[1]), count(high[0] - west));
         let info = Info { rows, cols, georef: Some(georef), ..source.info().clone() };
-        let onto = Onto::new(source, name, &info, &crs.summary(), interpolation)?;
+        let onto = Onto::new(source, name, &info, &crs.summary(), interpolation)?.to_edges();
         Ok(Self { info, onto })
     }
 }
@@ -117,7 +120,7 @@ mod tests {
             || plane(Crs::moon_equirectangular(20.0, 30.0), 150, 120, [5000.0, 60.0, 0.0, 600_000.0, 0.0, -60.0]);
         for (text, spacing) in [("IAU_2015:30100", None), ("IAU_2015:30115", Some(50.0)), ("IAU_2015:30110", None)] {
             let crs = Crs::parse(text).unwrap();
-            let seen = Reprojected::new(source(), "dem", &crs, spacing, Interpolation::Bilinear).unwrap();
+            let seen = Reprojected::new(source(), "dem", &crs, (spacing, None), Interpolation::Bilinear).unwrap();
             let (found, projection) = (read_all(&seen).unwrap(), Projection::of(&crs).unwrap());
             let georef = found.georef.as_ref().unwrap();
             assert!(found.valid_count() * 10 > found.rows * found.cols * 8, "{text}: {}", found.valid_count());
@@ -128,9 +131,42 @@ mod tests {
                 let (lon_deg, lat_deg) = projection.inverse(x, y);
                 // With a central meridian of 180, 30 degrees appears as -330.
                 let expected = height((lon_deg + 180.0).rem_euclid(360.0) - 180.0, lat_deg);
-                // Heights of thousands of metres as f32, interpolated on a plane in degrees.
-                assert!((f64::from(*z) - expected).abs() < 2e-3, "{text}: {z} {expected}");
+                let (x, y) =
+                    Projection::of(&source().info().georef.as_ref().unwrap().crs).unwrap().forward(lon_deg, lat_deg);
+                let (col, row) = ((x - 5000.0) / 60.0 - 0.5, (600_000.0 - y) / 60.0 - 0.5);
+                let between = (0.0..=119.0).contains(&col) && (0.0..=149.0).contains(&row);
+                // Heights of thousands of metres as f32, interpolated on a plane in degrees; half a pixel up to the edges.
+                let limit = if between { 2e-3 } else { 1.0 };
+                assert!((f64::from(*z) - expected).abs() < limit, "{text}: {z} {expected}");
             }
+        }
+    }
+
+    /// Neighbours on both sides of 180 degrees, in another system: every pixel of the whole is one of theirs.
+    #[test]
+    fn neighbours_leave_no_gap() {
+        let crs = || Crs::moon_equirectangular(0.0, 0.0);
+        let half = Projection::of(&crs()).unwrap().period().unwrap() / 2.0;
+        let source = |cols: usize, x: f64| plane(crs(), 30, cols, [x, 60.0, 0.0, 700.0, 0.0, -60.0]);
+        let (whole, west, east) = (source(80, half - 2400.0), source(40, half - 2400.0), source(40, -half));
+        for (text, spacing) in [("IAU_2015:30100", 0.0017), ("+proj=eqc +lat_ts=40 +lon_0=170 +R=1737400", 47.0)] {
+            let crs = Crs::parse(text).unwrap();
+            let seen = |source: &Arc<dyn Source>, near_x| {
+                Reprojected::new(source.clone(), "dem", &crs, (Some(spacing), near_x), Interpolation::Bilinear).unwrap()
+            };
+            let whole = read_all(&seen(&whole, None)).unwrap();
+            let t = whole.georef.as_ref().unwrap().transform;
+            let mut found = vec![false; whole.samples.len()];
+            for part in [&west, &east].map(|source| read_all(&seen(source, Some(t[0]))).unwrap()) {
+                let place = part.georef.unwrap().transform;
+                let [row, col] = [(t[3] - place[3]) / spacing, (place[0] - t[0]) / spacing].map(f64::round);
+                for (i, _) in part.samples.iter().enumerate().filter(|(_, z)| z.is_finite()) {
+                    let (row, col) = (row + (i / part.cols) as f64, col + (i % part.cols) as f64);
+                    found[row as usize * whole.cols + col as usize] = true;
+                }
+            }
+            let missing = whole.samples.iter().zip(&found).filter(|(z, found)| z.is_finite() && !**found).count();
+            assert!(missing == 0 && whole.valid_count() > 2000, "{text}: {missing} of {}", whole.valid_count());
         }
     }
 
@@ -139,7 +175,10 @@ mod tests {
         let source = plane(Crs::moon_polar(true), 20, 20, [0.0, 60.0, 0.0, 0.0, 0.0, -60.0]);
         let refused = |crs: &str, spacing| {
             let crs = Crs::parse(crs).unwrap();
-            Reprojected::new(source.clone(), "dem", &crs, spacing, Interpolation::Bilinear).err().unwrap().to_string()
+            Reprojected::new(source.clone(), "dem", &crs, (spacing, None), Interpolation::Bilinear)
+                .err()
+                .unwrap()
+                .to_string()
         };
         assert!(refused("IAU_2015:30100", Some(0.0)).contains("dem: a positive pixel size expected, 0 found"));
         assert!(refused("IAU_2015:49910", None).contains("dem"), "another sphere");

@@ -17,6 +17,8 @@ pub(super) struct Piece {
     pub(super) cols: usize,
     /// Positions this close to a sample count as on the sample.
     pub(super) snap_px: f64,
+    /// How far beyond the outermost centres the outermost sample holds, pixels; bilinear interpolation only.
+    pub(super) edge_px: f64,
 }
 
 impl Sampler {
@@ -38,14 +40,15 @@ impl Sampler {
 }
 
 impl Piece {
-    /// Interpolates bilinearly. NaN outside the outermost pixel centres (except for rounding), and where a sample with weight is invalid.
+    /// Interpolates bilinearly. NaN outside the outermost pixel centres (except for rounding, and up to the edge if wanted), and where a sample with weight is invalid.
     fn bilinear(&self, r: f64, c: f64) -> f32 {
         // Positions on the grid take their sample exactly, so that a shift by whole pixels loses no edge to rounding.
         let snap = |v: f64| if (v - v.round()).abs() <= self.snap_px { v.round() } else { v };
-        let (r, c) = (snap(r), snap(c));
-        if !(r >= 0.0 && c >= 0.0 && r <= self.rows as f64 - 1.0 && c <= self.cols as f64 - 1.0) {
-            return f32::NAN;
-        }
+        let within = |v: f64, count: usize| {
+            let (v, last) = (snap(v), count as f64 - 1.0);
+            (v >= -self.edge_px && v <= last + self.edge_px).then(|| v.clamp(0.0, last))
+        };
+        let (Some(r), Some(c)) = (within(r, self.rows), within(c, self.cols)) else { return f32::NAN };
         let (row, col) = (r.floor(), c.floor());
         let (fr, fc) = (r - row, c - col);
         let (row, col) = (row as usize, col as usize);

@@ -45,6 +45,13 @@ impl Onto {
         Ok(Self { source, plan })
     }
 
+    /// Lets bilinear interpolation reach up to the source's edges, where the outermost samples hold: then neighbours leave no gap.
+    #[must_use]
+    pub fn to_edges(mut self) -> Self {
+        self.plan.edge_px = EDGE_PX;
+        self
+    }
+
     /// Returns the window of the source, on its own grid, under a target of these rows and columns, with a margin of three samples. Parts
     /// beyond the seam of a source around the sphere are left out. `None` if nothing is under it.
     #[must_use]
@@ -73,6 +80,9 @@ impl Onto {
     }
 }
 
+/// Half a pixel, and what rounding of corners leaves between neighbours.
+const EDGE_PX: f64 = 0.55;
+
 /// How a source is resampled on a target.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
@@ -82,6 +92,7 @@ pub(super) struct Plan {
     size: (usize, usize),
     cyclic: bool,
     same_grid: bool,
+    edge_px: f64,
 }
 
 impl Plan {
@@ -95,7 +106,7 @@ impl Plan {
         let map = Map::between(to, from)
             .ok_or_else(|| Error::input(format!("{source_name}: transform {:?} has no inverse", from.0.transform)))?;
         let same_grid = from.1 == to.1 && is_identity(&map, to.1);
-        Ok(Self { map, interpolation, size: from.1, cyclic: is_cyclic(from), same_grid })
+        Ok(Self { map, interpolation, size: from.1, cyclic: is_cyclic(from), same_grid, edge_px: 0.0 })
     }
 
     /// Reads the samples of `window` of the target.
@@ -183,7 +194,8 @@ impl Plan {
         let snap_px = if matches!(self.map, Map::Affine(_)) { SAME_GRID_PX } else { ROUNDING_PX };
         let first = col.rem_euclid(around as isize) as usize;
         if first + cols <= around {
-            return Ok(Piece { samples: source.read(Window { row, col: first, rows, cols })?, rows, cols, snap_px });
+            let samples = source.read(Window { row, col: first, rows, cols })?;
+            return Ok(Piece { samples, rows, cols, snap_px, edge_px: self.edge_px });
         }
         let mut samples = vec![f32::NAN; rows * cols];
         let mut done = 0;
@@ -196,7 +208,7 @@ impl Plan {
             }
             done += width;
         }
-        Ok(Piece { samples, rows, cols, snap_px })
+        Ok(Piece { samples, rows, cols, snap_px, edge_px: self.edge_px })
     }
 
     /// Refuses grids that share no point, before any other work.

@@ -25,22 +25,23 @@ fn every_band_comes_back_bit_for_bit() {
         let (path, raster) = (folder.path().join("a.tif"), heights(rows, cols));
         three(&path, &raster, 300);
         for (band, factor) in [1.0, 2.0, -1.0].into_iter().enumerate() {
-            let back = read_band(&path, band).unwrap();
+            let back = crate::source::read_all(open_band(&path, band).unwrap().as_ref()).unwrap();
             let expected: Vec<f32> = raster.samples.iter().map(|v| factor * v).collect();
             assert!(same_bits(&back.samples, &expected), "{rows} x {cols}, band {band}");
             assert_eq!(back.georef, raster.georef);
         }
     }
     let path = folder.path().join("a.tif");
-    let error = read_band(&path, 3).unwrap_err().to_string();
+    let error = open_band(&path, 3).err().unwrap().to_string();
     assert!(error.contains("3 bands found, band 4 expected"), "{error}");
     let error = read(&path).unwrap_err().to_string();
     assert!(error.contains("3 bands found, one expected"), "{error}");
     // A file of one band has a first band.
     let single = folder.path().join("b.tif");
     write(&single, &heights(20, 30), &WriteOptions::heights("h")).unwrap();
-    assert!(same_bits(&read_band(&single, 0).unwrap().samples, &heights(20, 30).samples));
-    assert!(read_band(&single, 1).is_err());
+    let first = crate::source::read_all(open_band(&single, 0).unwrap().as_ref()).unwrap();
+    assert!(same_bits(&first.samples, &heights(20, 30).samples));
+    assert!(open_band(&single, 1).is_err());
 }
 
 #[test]

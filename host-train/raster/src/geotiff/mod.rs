@@ -32,7 +32,7 @@ mod mutation_tests;
 mod tests;
 
 pub(super) use read::open_with;
-pub use read::{open, read, read_band, read_item};
+pub use read::{open, open_band, read, read_item};
 pub use write::{BandText, Compression, SampleType, WriteOptions, write};
 pub use writer::Writer;
 

@@ -53,15 +53,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<Raster> {
     source::read_all(&GeoTiff::open(path.as_ref(), 0, None)?)
 }
 
-/// Reads all samples of a band, counted from 0, as [`read`] does. Several bands must be stored one after the other (planar), as [`Writer`]
-/// does. Scale and offset are those of the first band.
+/// Opens a band, counted from 0, as [`open`] does. Several bands must be stored one after the other (planar), as [`Writer`] does. Scale and
+/// offset are those of the first band.
 ///
 /// [`Writer`]: super::Writer
 ///
 /// # Errors
-/// As [`read`]. [`Error::Unsupported`] if the file has no such band.
-pub fn read_band(path: impl AsRef<Path>, band: usize) -> Result<Raster> {
-    source::read_all(&GeoTiff::open_band(path.as_ref(), Some(band), 0, None)?)
+/// As [`open`]. [`Error::Unsupported`] if the file has no such band.
+pub fn open_band(path: &Path, band: usize) -> Result<Box<dyn Source>> {
+    Ok(Box::new(GeoTiff::open_band(path, Some(band), CACHE_BYTES, None)?))
 }
 
 /// Returns the text of a metadata item of a GeoTIFF; `None` if the file does not have it.

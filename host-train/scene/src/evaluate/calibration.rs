@@ -1,12 +1,12 @@
 //! Whether errors are as large as expected: coverage of expected standard deviations, and reliability.
 
-use super::Comparison;
+use super::View;
 use super::expected::{Expected, ORIGINS};
 use crate::picture::{Chart, Series, plot};
 use elunar_core::grid::GridView;
 use elunar_core::photoclinometry::Origin;
-use elunar_core::terrain::gradient;
-use elunar_raster::align::Named;
+use elunar_core::terrain::{PixelSize, gradient};
+use elunar_core::tile::Window;
 use elunar_raster::{Error, Result};
 use image::RgbImage;
 use serde_json::{Value, json};
@@ -73,41 +73,61 @@ pub struct Calibration {
     pub slopes: [Coverage; 5],
 }
 
-/// Compares the errors of the first candidate of `comparison` with the expected ones. Pixels without an expected error do not count.
+/// Compares the errors of the first candidate with the expected ones. Pixels without an expected error do not count.
 ///
-/// Expected errors are those of the DTM's own grid. If the comparison has a resolution, the errors compared are those of smoothed heights.
+/// Expected errors are those of the DTM's own grid. If the view has a resolution, the errors compared are those of smoothed heights.
 ///
 /// # Errors
-/// If the expected errors cannot be brought onto the grid of the comparison.
-pub fn calibration(comparison: &Comparison, expected: &Expected) -> Result<Calibration> {
-    let truth = &comparison.truth_m;
-    let first = comparison.scored.first().ok_or_else(|| Error::input("evaluate: a DTM expected, none found"))?;
-    let expected = expected.onto(Named::new(&comparison.truth, truth))?;
-    let limits = std::array::from_fn(|k| two_sided(nominal(k)));
-    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("evaluate: {e}"));
-    let error = GridView::new(&first.error_m.samples, truth.rows, truth.cols).map_err(misfit)?;
-    let (mut heights, mut slopes) = ([Coverage::default(); 5], [Coverage::default(); 5]);
-    for (i, height_m) in first.error_m.samples.iter().enumerate() {
-        let code = expected.origins.samples[i];
-        if !code.is_finite() || !height_m.is_finite() {
-            continue;
-        }
-        let origin = code as usize;
-        let (sd_m, sd) = (f64::from(expected.heights_m.samples[i]), f64::from(expected.slopes.samples[i]));
-        if sd_m.is_finite() {
-            heights[origin].push(f64::from(*height_m), sd_m, &limits);
-        }
-        // The gradient is linear: that of the error is the error of the gradient.
-        if let Some((east, south)) =
-            gradient(error, i / truth.cols, i % truth.cols, comparison.pixel).filter(|_| sd.is_finite())
-        {
-            [east, south].iter().for_each(|e| slopes[origin].push(*e, sd, &limits));
-        }
-    }
-    Ok(Calibration { name: expected.name, heights, slopes })
+/// If the expected errors cannot be brought onto the truth's grid, or a file cannot be read.
+pub fn calibration(view: &View<'_>, expected: &Expected) -> Result<Calibration> {
+    let maps = view.maps;
+    let placed = expected.onto(maps.truth().info(), maps.truth_name())?;
+    let (pixel, limits) = (maps.pixel(), std::array::from_fn(|k| two_sided(nominal(k))));
+    let empty = [Coverage::default(); 5];
+    let mut found = Calibration { name: expected.name.clone(), heights: empty, slopes: empty };
+    view.each_band(&mut |band| {
+        let [Some(truth), Some(dtm)] = [band.maps.first(), band.maps.get(1)] else {
+            return Err(Error::input("evaluate: a DTM expected, none found"));
+        };
+        let error_m: Vec<f32> = dtm.iter().zip(truth).map(|(z, t)| z - t).collect();
+        let (first, rows) = (band.inner.start * band.cols, band.inner.len());
+        let window = Window { row: band.row + band.inner.start, col: 0, rows, cols: band.cols };
+        let expected = placed.read(window)?;
+        found.add(&error_m, (band.cols, first), &expected, pixel, &limits)
+    })?;
+    Ok(found)
 }
 
 impl Calibration {
+    /// Adds errors of a map of `cols` columns from sample `first` on, with what was expected there.
+    fn add(
+        &mut self,
+        error_m: &[f32],
+        (cols, first): (usize, usize),
+        [heights_m, slopes, origins]: &[Vec<f32>; 3],
+        pixel: PixelSize,
+        limits: &[f64; NOMINAL],
+    ) -> Result<()> {
+        let misfit = |e: elunar_core::error::LengthError| Error::input(format!("evaluate: {e}"));
+        let error = GridView::new(error_m, error_m.len() / cols.max(1), cols).map_err(misfit)?;
+        for (k, code) in origins.iter().enumerate() {
+            let i = first + k;
+            if !code.is_finite() || !error_m[i].is_finite() {
+                continue;
+            }
+            let origin = *code as usize;
+            let (sd_m, sd) = (f64::from(heights_m[k]), f64::from(slopes[k]));
+            if sd_m.is_finite() {
+                self.heights[origin].push(f64::from(error_m[i]), sd_m, limits);
+            }
+            // The gradient is linear: that of the error is the error of the gradient.
+            if let Some((east, south)) = gradient(error, i / cols, i % cols, pixel).filter(|_| sd.is_finite()) {
+                [east, south].iter().for_each(|e| self.slopes[origin].push(*e, sd, limits));
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the coverage of all heights and of all slopes.
     #[must_use]
     pub fn all(&self) -> [Coverage; 2] {
@@ -223,9 +243,12 @@ fn two_sided(probability: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::{Candidate, compare};
+    use crate::evaluate::Maps;
+    use elunar_raster::align::Interpolation;
+    use elunar_raster::source::{InMemory, Source};
     use elunar_raster::{Crs, GeoRef, Raster};
     use rand::{Rng, SeedableRng};
+    use std::sync::Arc;
 
     const ROWS: usize = 300;
     const COLS: usize = 400;
@@ -252,14 +275,16 @@ mod tests {
         let slope = 12.0_f32.sqrt() / 16.0;
         let mut heights_m = raster(|i| factor * sd_m(i));
         heights_m.samples[..COLS].fill(f32::NAN);
+        let source = |raster: Raster| -> Arc<dyn Source> { Arc::new(InMemory::new(raster, None, "memory")) };
         let expected = Expected {
             name: "errors.tif".into(),
-            heights_m,
-            slopes: raster(|i| factor * slope * sd_m(i)),
-            origins: raster(|i| if i % COLS < COLS / 2 { 0.0 } else { 2.0 }),
+            heights_m: source(heights_m),
+            slopes: source(raster(|i| factor * slope * sd_m(i))),
+            origins: source(raster(|i| if i % COLS < COLS / 2 { 0.0 } else { 2.0 })),
         };
-        let found = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], None).unwrap();
-        calibration(&found, &expected).unwrap()
+        let dtm = (("d".into(), source(dtm)), Interpolation::Bilinear);
+        let maps = Maps::new(("t".into(), source(truth)), vec![dtm], None).unwrap();
+        calibration(&maps.as_they_are().unwrap(), &expected).unwrap()
     }
 
     #[test]

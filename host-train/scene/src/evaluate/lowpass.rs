@@ -1,6 +1,7 @@
 //! Separates long and short waves of a map with voids. The coarse DTM has the long waves; only an image can add the short ones.
 
 use elunar_raster::Raster;
+use rayon::prelude::*;
 
 /// Standard deviation of a Gaussian over the wavelength that it halves: exp(-2 π² σ² / λ²) = 1/2.
 const SIGMA_PER_WAVELENGTH: f64 = 0.187_390_625_129_277_6; // √(ln 2 / 2) / π
@@ -38,16 +39,24 @@ impl LowPass {
     /// samples. Where a sample is not finite, the result is NaN.
     #[must_use]
     pub fn apply(&self, map: &Raster) -> (Vec<f32>, Vec<f64>) {
-        let (rows, cols) = (map.rows, map.cols);
-        // Heights may be thousands of metres. Sums of differences from a base keep their precision.
         let base = map.samples.iter().find(|v| v.is_finite()).copied().map_or(0.0, f64::from);
-        let valid: Vec<f64> = map.samples.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
+        self.smooth(&map.samples, (map.rows, map.cols), base)
+    }
+
+    /// Does what [`Self::apply`] does. Heights may be thousands of metres: sums of differences from `base` keep their precision.
+    pub(super) fn smooth(&self, map: &[f32], (rows, cols): (usize, usize), base: f64) -> (Vec<f32>, Vec<f64>) {
+        let valid: Vec<f64> = map.iter().map(|v| f64::from(u8::from(v.is_finite()))).collect();
         let value = |v: &f32| if v.is_finite() { f64::from(*v) - base } else { 0.0 };
-        let values: Vec<f64> = map.samples.iter().map(value).collect();
+        let values: Vec<f64> = map.iter().map(value).collect();
         let [sum, weight] =
             [values, valid].map(|field| down(&self.down, &across(&self.across, &field, cols), rows, cols));
-        let smooth = |i: usize| if map.samples[i].is_finite() { (base + sum[i] / weight[i]) as f32 } else { f32::NAN };
-        ((0..map.samples.len()).map(smooth).collect(), weight)
+        let smooth = |i: usize| if map[i].is_finite() { (base + sum[i] / weight[i]) as f32 } else { f32::NAN };
+        ((0..map.len()).map(smooth).collect(), weight)
+    }
+
+    /// Returns how many rows and columns away a sample still counts.
+    pub(super) fn reach(&self) -> (usize, usize) {
+        (self.down.len() - 1, self.across.len() - 1)
     }
 }
 
@@ -62,22 +71,21 @@ pub fn high_pass(map: &Raster, wavelength_m: f64, pixel_m: (f64, f64)) -> Vec<f3
 
 fn across(kernel: &[f64], field: &[f64], cols: usize) -> Vec<f64> {
     let mut out = vec![0.0; field.len()];
-    for (line, out) in field.chunks_exact(cols).zip(out.chunks_exact_mut(cols)) {
+    field.par_chunks_exact(cols).zip(out.par_chunks_exact_mut(cols)).for_each(|(line, out)| {
         for (k, tap) in kernel.iter().enumerate().take(cols) {
             out[k..].iter_mut().zip(line).for_each(|(o, v)| *o += tap * v);
             if k > 0 {
                 out.iter_mut().zip(&line[k..]).for_each(|(o, v)| *o += tap * v);
             }
         }
-    }
+    });
     out
 }
 
 fn down(kernel: &[f64], field: &[f64], rows: usize, cols: usize) -> Vec<f64> {
     let mut out = vec![0.0; field.len()];
-    for row in 0..rows {
-        let out = &mut out[row * cols..][..cols];
-        for (k, tap) in kernel.iter().enumerate() {
+    out.par_chunks_exact_mut(cols).enumerate().for_each(|(row, out)| {
+        for (k, tap) in kernel.iter().enumerate().take(rows) {
             let mut add = |from: usize| out.iter_mut().zip(&field[from * cols..]).for_each(|(o, v)| *o += tap * v);
             if row + k < rows {
                 add(row + k);
@@ -86,7 +94,7 @@ fn down(kernel: &[f64], field: &[f64], rows: usize, cols: usize) -> Vec<f64> {
                 add(row - k);
             }
         }
-    }
+    });
     out
 }
 

@@ -8,7 +8,9 @@ mod expected;
 mod fill;
 pub mod linear;
 pub mod lowpass;
+mod maps;
 mod octaves;
+mod quantiles;
 mod registration;
 mod relief;
 mod report;
@@ -19,10 +21,11 @@ pub use calibration::{Calibration, Coverage, calibration};
 pub use coalign::CoAlignment;
 pub use details::Details;
 pub use expected::Expected;
+pub use maps::{Maps, NamedSource, View};
 pub use octaves::{HalfCoherence, Octave, half_coherence};
 pub use registration::Registration;
 pub use relief::{Light, ReliefScores, Side, relief};
-pub use report::{json, short_names, table};
+pub use report::{Both, Summary, json, short_names, table};
 pub use scores::{PERCENTILES, Scores};
 pub use spectral::{Spectral, octaves_picture, spectral};
 
@@ -95,13 +98,9 @@ pub struct Comparison {
 /// the comparison, by a Gaussian that halves waves of this length.
 ///
 /// # Errors
-/// [`Error::Input`] if a raster has no place, reference systems differ, no pixel is common to all, or the resolution is not above 0.
+/// [`Error::Input`] if a raster has no place, reference systems differ or no pixel is common to all, [`Error::Usage`] if the resolution does
+/// not fit the truth.
 pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>) -> Result<Comparison> {
-    if let Some(found) = resolution_m.filter(|m| !(*m > 0.0 && m.is_finite())) {
-        return Err(Error::usage(format!(
-            "resolution of the truth: a number of metres above 0 expected, {found} found"
-        )));
-    }
     let mut placed = Vec::with_capacity(candidates.len());
     for candidate in candidates {
         placed.push(onto(candidate.dtm, truth, candidate.interpolation)?);
@@ -113,12 +112,12 @@ pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>
     let common_pixels = common.iter().filter(|&&c| c).count();
     if common_pixels == 0 {
         let names: Vec<&str> = candidates.iter().map(|c| c.dtm.name).collect();
-        let what =
-            format!("{}: pixels that are valid there and in {} expected, none found", truth.name, names.join(" and "));
-        return Err(Error::input(what));
+        return Err(nothing_common(truth.name, &names));
     }
     let (row_m, col_m) =
         truth.raster.pixel_m().ok_or_else(|| Error::input(format!("{}: pixel size in metres unknown", truth.name)))?;
+    let (height_m, width_m) = (truth.raster.rows as f64 * row_m, truth.raster.cols as f64 * col_m);
+    check_resolution(resolution_m, height_m.max(width_m))?;
     let pixel = PixelSize { row_m, col_m };
     let filter = resolution_m.map(|wavelength_m| LowPass::new(wavelength_m, (row_m, col_m)));
     let resolved = |map: &Raster| {
@@ -140,6 +139,24 @@ pub fn compare(truth: Named, candidates: &[Candidate], resolution_m: Option<f64>
     let scored = scored.collect::<Result<_>>()?;
     let (truth, truth_pixels) = (truth.name.into(), truth.raster.valid_count());
     Ok(Comparison { truth, truth_pixels, common_pixels, pixel, resolution_m, truth_m, scored })
+}
+
+/// Shortest resolution that a truth may have, metres. No grid is finer.
+const SHORTEST_M: f64 = 1e-3;
+
+/// Refuses a resolution that no truth has whose longer side is `longest_m` metres.
+fn check_resolution(resolution_m: Option<f64>, longest_m: f64) -> Result<()> {
+    match resolution_m {
+        Some(found) if !(SHORTEST_M..=longest_m).contains(&found) => Err(Error::usage(format!(
+            "resolution of the truth: metres from {SHORTEST_M} to {longest_m:.1}, the truth's longer side, expected, {found:?} found"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn nothing_common(truth: &str, candidates: &[&str]) -> Error {
+    let names = candidates.join(" and ");
+    Error::input(format!("{truth}: pixels that are valid there and in {names} expected, none found"))
 }
 
 fn masked(raster: &Raster, keep: &[bool]) -> Raster {
@@ -204,8 +221,9 @@ mod tests {
             table(&coarse, &Details::default()).contains("at a resolution of 20.0 m")
                 && json(&coarse, &Details::default()).contains("\"resolution_m\": 20.0")
         );
-        for wrong in [0.0, -3.0, f64::NAN] {
-            assert!(at(Some(wrong)).unwrap_err().to_string().contains("above 0 expected"), "{wrong}");
+        for wrong in [0.0, -3.0, f64::NAN, f64::INFINITY, 1e300, 1e-300, 161.0] {
+            let text = at(Some(wrong)).unwrap_err().to_string();
+            assert!(text.contains("metres from 0.001 to 160.0, the truth's longer side, expected"), "{wrong}: {text}");
         }
     }
 

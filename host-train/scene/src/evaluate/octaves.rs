@@ -60,7 +60,7 @@ pub(super) fn octaves(spectrum: &CrossSpectrum, pixel: PixelSize, resolution_m: 
         let octave = short(wavelength_m);
         if octave >= 0.0 && (octave as usize) < count {
             let (n, truth, candidate, cross) = &mut sums[octave as usize];
-            *n += 1;
+            *n += spectrum.blocks;
             *truth += wave.truth;
             *candidate += wave.candidate;
             *cross += wave.cross.re;

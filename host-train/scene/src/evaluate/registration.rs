@@ -133,7 +133,8 @@ fn deviations(spectrum: &CrossSpectrum, weight: &dyn Fn(&Wave) -> f64, offset: (
         let cross = turned(&wave, offset).re;
         let rest = (wave.candidate + gain * (gain * wave.truth - 2.0 * cross)).max(0.0);
         for (axis, k) in [TAU * wave.frequency.0, TAU * wave.frequency.1].into_iter().enumerate() {
-            squares[axis] += (w * k).powi(2) * wave.truth * rest;
+            // Both powers are sums over the blocks; the product of two blocks counts for nothing.
+            squares[axis] += (w * k).powi(2) * wave.truth * rest / spectrum.blocks as f64;
             curvatures[axis] += w * gain * k * k * wave.truth;
         }
     }

@@ -3,8 +3,9 @@
 use super::cross_spectrum::CrossSpectrum;
 use super::octaves::{HalfCoherence, Octave, half_coherence, octaves};
 use super::registration::{Registration, registration};
-use super::{Comparison, Scored};
+use super::{Comparison, Scored, View};
 use crate::picture::{Chart, Series, plot_log_x};
+use elunar_core::terrain::PixelSize;
 use elunar_raster::Result;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
@@ -24,18 +25,41 @@ pub struct Spectral {
     pub registration: Option<Registration>,
 }
 
-/// Compares a candidate of [`super::compare`] with the truth, wave by wave. `None` if the box of the common pixels is narrower than 16 pixels,
-/// larger than 100 million pixels, or less than half of it is valid.
+/// Compares a candidate of [`super::compare`] with the truth, wave by wave. `None` if the box of the common pixels is narrower than 16 pixels
+/// or less than half of it is valid. A box of more than 2^24 pixels is compared block by block.
 #[must_use]
 pub fn spectral(comparison: &Comparison, scored: &Scored) -> Option<Spectral> {
     let spectrum = CrossSpectrum::of(&comparison.truth_m, &scored.placed)?;
-    let octaves = octaves(&spectrum, comparison.pixel, comparison.resolution_m);
-    let half_coherence = half_coherence(&octaves);
-    let resolved_m = half_coherence.map_or(0.0, |half| half.wavelength_m);
-    Some(Spectral { half_coherence, registration: registration(&spectrum, comparison.pixel, resolved_m), octaves })
+    Some(Spectral::of(&spectrum, comparison.pixel, comparison.resolution_m))
+}
+
+impl View<'_> {
+    /// Compares every candidate with the truth, wave by wave, as [`spectral`] does.
+    ///
+    /// # Errors
+    /// Errors of reading are passed on.
+    pub fn spectra(&self) -> Result<Vec<Option<Spectral>>> {
+        let maps = self.maps;
+        let of_candidate = |k: usize| {
+            let mut read = |window| {
+                let mut maps = self.read(window)?;
+                Ok([std::mem::take(&mut maps[0]), std::mem::take(&mut maps[k])])
+            };
+            let spectrum = CrossSpectrum::read(&mut read, maps.bounds())?;
+            Ok(spectrum.map(|spectrum| Spectral::of(&spectrum, maps.pixel(), self.resolution_m())))
+        };
+        (1..=maps.names().count()).map(of_candidate).collect()
+    }
 }
 
 impl Spectral {
+    fn of(spectrum: &CrossSpectrum, pixel: PixelSize, resolution_m: Option<f64>) -> Self {
+        let octaves = octaves(spectrum, pixel, resolution_m);
+        let half_coherence = half_coherence(&octaves);
+        let resolved_m = half_coherence.map_or(0.0, |half| half.wavelength_m);
+        Self { half_coherence, registration: registration(spectrum, pixel, resolved_m), octaves }
+    }
+
     /// Adds the figures to the object of a candidate.
     pub(super) fn add_to(&self, object: &mut Value) {
         object["octaves"] = json!(self.octaves);

@@ -11,6 +11,9 @@ use std::str::FromStr;
 /// Greatest length of a line, bytes. Lines of these tables have a few hundred bytes.
 const MOST_LINE_BYTES: usize = 1 << 16;
 
+/// No body has a height farther from its sphere, metres (our choice). Beyond it the row is wrong, or in another unit.
+const FARTHEST_M: f64 = 1e6;
+
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Role {
@@ -118,7 +121,8 @@ pub fn is_heading(line: &str) -> bool {
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Unsupported`] without a known heading. [`Error::Broken`], with the line, for a value
-/// that is not a number, a bad position, or a radius that differs from the sphere's by more than a tenth.
+/// that is not a number, a bad position, a height of more than a million metres, or a radius that differs from the sphere's by more than a
+/// tenth.
 pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
     let file = File::open(path).map_err(Error::io(path))?;
     parse(path, file, format, sphere_m)
@@ -193,7 +197,7 @@ fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Resu
             Role::LatDeg => point.lat_deg = cell.number()?,
             Role::RadiusKm => point.height_m = cell.height_m(1000.0, sphere_m)?,
             Role::RadiusM => point.height_m = cell.height_m(1.0, sphere_m)?,
-            Role::HeightM => point.height_m = cell.number()?,
+            Role::HeightM => point.height_m = cell.above_datum_m()?,
             Role::Time => point.time_s = Some(cell.time_s()?),
             Role::Flag => {}
         }
@@ -231,6 +235,13 @@ impl Cell<'_> {
             return Err(format!("a radius about {sphere_m} m in column {column} expected, found {radius_m} m"));
         }
         Ok(radius_m - sphere_m)
+    }
+
+    /// Reads the cell as a height above the sphere, metres.
+    fn above_datum_m(&self) -> std::result::Result<f64, String> {
+        Some(self.number()?)
+            .filter(|height_m| height_m.abs() <= FARTHEST_M)
+            .ok_or_else(|| self.refuse("a height of at most 1,000,000 m above or below the sphere"))
     }
 
     fn time_s(&self) -> std::result::Result<f64, String> {
@@ -332,6 +343,11 @@ mod tests {
             ("lon,lat,height_m\n1,2\n", "line 2: column 3 expected, found 2 columns"),
             ("lon,lat,height_m\n1,2,x\n", "line 2: a number in column 3 expected, found \"x\""),
             ("lon,lat,height_m\n1,2,nan\n", "found \"nan\""),
+            (
+                "lon,lat,height_m\n1,2,3\n1,2,-1e9\n",
+                "line 3: a height of at most 1,000,000 m above or below the sphere in column 3",
+            ),
+            ("lon,lat,height_m\n1,2,1e300\n", "line 2: a height of at most"),
             ("lon,lat,height_m\n1,91,0\n", "found 1 and 91"),
             ("lon,lat,height_m,time\n1,2,0,noon\n", "found \"noon\""),
         ];

@@ -2,14 +2,19 @@
 
 use super::track::Point;
 use elunar_core::tile::Window;
+use elunar_raster::quantile::quantile;
 use elunar_raster::source::Source;
 use elunar_raster::{Error, GeoRef, Projection, Result};
+use std::ops::Range;
 
 /// Steps per pixel of the search. The paper moves by half a pixel.
 const STEPS_PER_PX: usize = 2;
 
 /// Greatest shift along one axis, either way, in steps. It is enough for 20 m at 0.2 m per pixel.
 const MOST_STEPS: usize = 200;
+
+/// Most differences in memory at once, those of some shifts: 32 MiB.
+const MOST_ERRORS: usize = 1 << 22;
 
 /// A DTM prepared for the comparison with tracks.
 pub struct Ground<'a> {
@@ -22,24 +27,34 @@ pub struct Ground<'a> {
     metres: (f64, f64),
 }
 
-/// The fit of a track.
+/// The fit of a track, by two measures. A constant offset between DTM and track, a difference of datum, moves the shift of the first
+/// measure and not that of the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
     /// Points compared: those with a valid height under every shift, so that all shifts are compared on the same points.
     pub points: usize,
-    /// Standard deviation of DTM minus track as Eq. 18 has it (no mean removed, divided by points − 1), metres, at the best shift.
-    pub std_m: f64,
-    /// The same standard deviation without a shift, metres.
-    pub std_unshifted_m: f64,
-    /// Best shift of the track along the map's x, metres.
+    /// Without a shift.
+    pub unshifted: Shifted,
+    /// At the shift with the smallest deviation about the median. This is the answer.
+    pub median_removed: Shifted,
+    /// At the shift with the smallest deviation of Eq. 18, as in the paper.
+    pub eq_18: Shifted,
+}
+
+/// A track over a DTM at one shift.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Shifted {
+    /// Shift of the track along the map's x, metres.
     pub x_m: f64,
-    /// Best shift of the track along the map's y, metres.
+    /// Shift of the track along the map's y, metres.
     pub y_m: f64,
-    /// Median of DTM minus track at the best shift, metres.
+    /// Standard deviation of DTM minus track as Eq. 18 has it (no mean removed, divided by points − 1), metres.
+    pub std_m: f64,
+    /// Median of DTM minus track, metres.
     pub median_m: f64,
-    /// Standard deviation at the best shift after the median is subtracted, metres.
+    /// The standard deviation after the median is subtracted, metres.
     pub std_median_removed_m: f64,
-    /// True if the best shift lies at the limit of the search. A better shift may lie beyond.
+    /// True if the shift lies at the limit of the search. A better shift may lie beyond.
     pub at_edge: bool,
 }
 
@@ -84,51 +99,58 @@ impl<'a> Ground<'a> {
         self.projection.radius_m()
     }
 
-    /// Finds the best shift of a track. Returns `None` with fewer than `least` comparable points.
+    /// Finds the best shifts of a track. Returns `None` with fewer than `least` comparable points.
     ///
     /// # Errors
     /// If the DTM cannot be read.
     pub fn fit(&self, track: &[Point], least: usize) -> Result<Option<Fit>> {
-        let mut squares = vec![0.0; self.shifts()];
+        let all = 0..self.shifts();
         let mut used = Vec::new();
         for point in track {
-            let Some((window, row, col)) = self.patch(point) else { continue };
-            let patch = self.dtm.read(window)?;
-            if let Some(errors) = self.errors(&patch, window, row, col, point.height_m) {
-                squares.iter_mut().zip(&errors).for_each(|(sum, e)| *sum += e * e);
+            if self.errors(point, all.clone())?.is_some() {
                 used.push(*point);
             }
         }
-        if used.len() < least.max(2) {
+        let points = used.len();
+        if points < least.max(2) {
             return Ok(None);
         }
-        let Some(best) = self.best(&squares) else { return Ok(None) };
-        let mut errors = Vec::with_capacity(used.len());
-        for point in &used {
-            let Some((window, row, col)) = self.patch(point) else { continue };
-            errors.extend(self.errors(&self.dtm.read(window)?, window, row, col, point.height_m).map(|all| all[best]));
+        let mut fit: Option<Fit> = None;
+        for first in all.clone().step_by((MOST_ERRORS / points).max(1)) {
+            let shifts = first..(first + (MOST_ERRORS / points).max(1)).min(all.end);
+            let mut by_point = Vec::with_capacity(points);
+            for point in &used {
+                by_point.push(self.errors(point, shifts.clone())?.unwrap_or_default());
+            }
+            for shift in shifts.clone() {
+                let errors = by_point.iter().filter_map(|errors| errors.get(shift - shifts.start).copied()).collect();
+                let next = self.shifted(shift, errors);
+                let fit = fit.get_or_insert(Fit { points, unshifted: next, median_removed: next, eq_18: next });
+                if shift == all.end / 2 {
+                    fit.unshifted = next;
+                }
+                keep(&mut fit.median_removed, next, |at| at.std_median_removed_m);
+                keep(&mut fit.eq_18, next, |at| at.std_m);
+            }
         }
-        Ok(Some(self.fitted(&squares, best, errors)))
+        Ok(fit)
     }
 
-    fn fitted(&self, squares: &[f64], best: usize, mut errors: Vec<f64>) -> Fit {
-        let points = errors.len();
-        let degrees = points as f64 - 1.0;
-        errors.sort_by(f64::total_cmp);
-        let median_m = 0.5 * (errors[(points - 1) / 2] + errors[points / 2]);
-        let about_median: f64 = errors.iter().map(|e| (e - median_m).powi(2)).sum();
-        let (down, right) = self.steps(best);
+    /// Returns the figures of the differences at a shift.
+    fn shifted(&self, shift: usize, mut errors: Vec<f64>) -> Shifted {
+        let degrees = errors.len() as f64 - 1.0;
+        let median_m = quantile(&mut errors, 0.5).unwrap_or(f64::NAN);
+        let deviation = |about: f64| (errors.iter().map(|e| (e - about).powi(2)).sum::<f64>() / degrees).sqrt();
+        let (down, right) = self.steps(shift);
         let (rows, cols) = (down as f64 / STEPS_PER_PX as f64, right as f64 / STEPS_PER_PX as f64);
         let t = &self.georef.transform;
         let at_limit = |steps: isize, reach: usize| reach > 0 && steps.unsigned_abs() == reach;
-        Fit {
-            points,
-            std_m: (squares[best] / degrees).sqrt(),
-            std_unshifted_m: (squares[squares.len() / 2] / degrees).sqrt(),
+        Shifted {
             x_m: (cols * t[1] + rows * t[2]) * self.metres.0,
             y_m: (cols * t[4] + rows * t[5]) * self.metres.1,
+            std_m: deviation(0.0),
             median_m,
-            std_median_removed_m: (about_median / degrees).sqrt(),
+            std_median_removed_m: deviation(median_m),
             at_edge: at_limit(down, self.reach.0) || at_limit(right, self.reach.1),
         }
     }
@@ -143,24 +165,15 @@ impl<'a> Ground<'a> {
         ((index / across) as isize - self.reach.0 as isize, (index % across) as isize - self.reach.1 as isize)
     }
 
-    /// Returns the shift with the smallest sum. Among equal sums, the shortest shift is returned.
-    fn best(&self, squares: &[f64]) -> Option<usize> {
-        let length = |index: usize| {
-            let (down, right) = self.steps(index);
-            down * down + right * right
-        };
-        (0..squares.len()).min_by(|&a, &b| squares[a].total_cmp(&squares[b]).then(length(a).cmp(&length(b))))
-    }
-
     /// Returns the window of the DTM that all shifts of a point reach, and the point's row and column in it; `None` beyond the edge.
     fn patch(&self, point: &Point) -> Option<(Window, f64, f64)> {
         let info = self.dtm.info();
         let reach = [self.reach.0, self.reach.1].map(|steps| steps as f64 / STEPS_PER_PX as f64);
-        // Geographic maps keep their longitudes. Longitudes of tracks and maps may differ by 360 degrees.
-        let turns = if self.georef.crs.is_projected() { &[0.0][..] } else { &[0.0, 360.0, -360.0] };
-        turns.iter().find_map(|turn| {
-            let (x, y) = self.projection.forward(point.lon_deg + turn, point.lat_deg);
-            let (row, col) = pixel(&self.georef.transform, x, y)?;
+        // A meridian has several values of x, in degrees as in metres.
+        let period = self.projection.period().unwrap_or(0.0);
+        [0.0, period, -period].iter().find_map(|turn| {
+            let (x, y) = self.projection.forward(point.lon_deg, point.lat_deg);
+            let (row, col) = pixel(&self.georef.transform, x + turn, y)?;
             let (top, left) = ((row - reach[0]).floor(), (col - reach[1]).floor());
             let (bottom, right) = ((row + reach[0]).ceil(), (col + reach[1]).ceil());
             let inside = top >= 0.0 && left >= 0.0 && bottom < info.rows as f64 && right < info.cols as f64;
@@ -171,20 +184,25 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// Returns DTM minus height under every shift, metres; `None` if the DTM has a gap under any of them.
-    fn errors(&self, patch: &[f32], window: Window, row: f64, col: f64, height_m: f64) -> Option<Vec<f64>> {
-        let shifts = self.shifts();
-        let mut errors = Vec::with_capacity(shifts);
-        for index in 0..shifts {
-            let (down, right) = self.steps(index);
+    /// Returns DTM minus a point's height under some shifts, metres; `None` if the DTM has a gap under any of them, or ends before.
+    fn errors(&self, point: &Point, shifts: Range<usize>) -> Result<Option<Vec<f64>>> {
+        let Some((window, row, col)) = self.patch(point) else { return Ok(None) };
+        let patch = self.dtm.read(window)?;
+        let error = |shift: usize| {
+            let (down, right) = self.steps(shift);
             let (r, c) = (row + down as f64 / STEPS_PER_PX as f64, col + right as f64 / STEPS_PER_PX as f64);
-            let error = bilinear(patch, window, r, c) - height_m;
-            if !error.is_finite() {
-                return None;
-            }
-            errors.push(error);
-        }
-        Some(errors)
+            Some(bilinear(&patch, window, r, c) - point.height_m).filter(|error| error.is_finite())
+        };
+        Ok(shifts.map(error).collect())
+    }
+}
+
+/// Replaces `best` by a shift of a smaller figure, or of the same figure if it is shorter.
+fn keep(best: &mut Shifted, next: Shifted, figure: fn(&Shifted) -> f64) {
+    let length = |at: &Shifted| at.x_m.hypot(at.y_m);
+    let order = figure(&next).total_cmp(&figure(best)).then(length(&next).total_cmp(&length(best)));
+    if order.is_lt() {
+        *best = next;
     }
 }
 

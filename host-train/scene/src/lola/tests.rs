@@ -2,7 +2,7 @@
 
 use super::csv;
 use super::report::{ComparedTrack, Report, json, table};
-use super::shift::{Fit, Ground};
+use super::shift::{Fit, Ground, Shifted};
 use super::track::Point;
 use elunar_raster::source::{self, InMemory};
 use elunar_raster::{Crs, GeoRef, Projection, Raster, geotiff};
@@ -56,9 +56,12 @@ fn planted_shifts_are_found() {
             let track = track(&georef, 200, 140, unit, moved, 0.0);
             let fit = fit(raster, &track, 20.0).unwrap();
             // The error of bilinear interpolation is some millimetres on this terrain. Spots lie within a millimetre of half pixels.
-            assert!((fit.x_m - moved.0).abs() < 1e-3 && (fit.y_m - moved.1).abs() < 1e-3, "{moved:?}: {fit:?}");
-            assert!(fit.std_m < 0.02 && fit.std_median_removed_m <= fit.std_m && !fit.at_edge, "{fit:?}");
-            assert!(moved == (0.0, 0.0) || fit.std_unshifted_m > 1.0, "{fit:?}");
+            for at in [fit.median_removed, fit.eq_18] {
+                assert!((at.x_m - moved.0).abs() < 1e-3 && (at.y_m - moved.1).abs() < 1e-3, "{moved:?}: {fit:?}");
+                assert!(at.std_m < 0.02 && at.std_median_removed_m <= at.std_m && !at.at_edge, "{fit:?}");
+            }
+            let Shifted { std_m, std_median_removed_m, .. } = fit.unshifted;
+            assert!(moved == (0.0, 0.0) || std_m > 1.0 && std_median_removed_m > 1.0, "{fit:?}");
             // Some points near the edge cannot be moved by every shift.
             assert!(fit.points >= 100 && fit.points <= 150, "{fit:?}");
         }
@@ -76,9 +79,10 @@ fn the_deviation_is_that_of_eq_18() {
     assert_eq!(fit.points, 150);
     let expected = (75.0 * (0.75f64.powi(2) + 2.25f64.powi(2)) / (n - 1.0)).sqrt();
     let about_median = (150.0 * 1.5f64.powi(2) / (n - 1.0)).sqrt();
-    assert!((fit.std_m - expected).abs() < 0.02 && fit.std_m == fit.std_unshifted_m, "{fit:?} {expected}");
-    assert!((fit.median_m - 0.75).abs() < 0.02 && (fit.std_median_removed_m - about_median).abs() < 0.02, "{fit:?}");
-    assert!(!fit.at_edge);
+    let Shifted { std_m, median_m, std_median_removed_m, at_edge, .. } = fit.eq_18;
+    assert!((std_m - expected).abs() < 0.02, "{fit:?} {expected}");
+    assert!((median_m - 0.75).abs() < 0.02 && (std_median_removed_m - about_median).abs() < 0.02, "{fit:?}");
+    assert!(!at_edge && [fit.unshifted, fit.median_removed] == [fit.eq_18; 2], "{fit:?}");
 }
 
 #[test]
@@ -86,9 +90,61 @@ fn an_offset_is_the_medians_and_the_search_has_an_edge() {
     let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
     let above = track(&georef, 200, 140, 1.0, (3.0, 2.0), -0.05);
     let offset = fit(raster.clone(), &above, 10.0).unwrap();
-    assert!((offset.median_m - 0.05).abs() < 0.01 && offset.std_median_removed_m < 0.02, "{offset:?}");
+    let Shifted { median_m, std_median_removed_m, .. } = offset.median_removed;
+    assert!((median_m - 0.05).abs() < 0.01 && std_median_removed_m < 0.02, "{offset:?}");
     let far = track(&georef, 200, 140, 1.0, (9.0, 0.0), 0.0);
-    assert!(fit(raster, &far, 4.0).unwrap().at_edge);
+    let far = fit(raster, &far, 4.0).unwrap();
+    assert!(far.median_removed.at_edge && far.eq_18.at_edge);
+}
+
+/// A track 5 m above its DTM lies where it lies. By Eq. 18 it moves to ground that is 5 m higher.
+#[test]
+fn a_constant_offset_does_not_move_the_answer() {
+    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    for (moved, above) in [((0.0, 0.0), 5.0), ((3.0, -6.0), 5.0), ((3.0, -6.0), -40.0)] {
+        let track = track(&georef, 200, 140, 1.0, moved, above);
+        let Fit { median_removed: found, eq_18, unshifted, .. } = fit(raster.clone(), &track, 12.0).unwrap();
+        assert_eq!((found.x_m, found.y_m), moved, "{above}");
+        assert!((found.median_m + above).abs() < 0.02 && found.std_median_removed_m < 0.02, "{found:?}");
+        assert!((eq_18.x_m, eq_18.y_m) != moved && eq_18.std_m < found.std_m, "{eq_18:?} {found:?}");
+        assert!(eq_18.std_median_removed_m > found.std_median_removed_m && unshifted.std_m > 4.0);
+    }
+}
+
+/// The shared folder's track: DTM + 5 m, not shifted.
+#[test]
+fn the_shared_track_stays() {
+    let Some(folder) = elunar_testing::shared_folder().map(|folder| folder.join("files/user")) else { return };
+    if !folder.is_dir() {
+        return elunar_testing::skipped("the_shared_track_stays", "no files/user in the reference data");
+    }
+    let dtm = source::open(&folder.join("lola_dtm.tif")).unwrap();
+    let ground = Ground::new(&*dtm, "d.tif", 20.0).unwrap();
+    let table = csv::read(&folder.join("lola_bias5m.csv"), None, ground.sphere_m()).unwrap();
+    let found = ground.fit(&table.points, 10).unwrap().unwrap().median_removed;
+    assert_eq!((found.x_m, found.y_m), (0.0, 0.0));
+    assert!((found.median_m + 5.0).abs() < 0.1 && (found.std_m - 5.0).abs() < 0.1, "{found:?}");
+}
+
+/// A DTM across 180 degrees has values of x beyond half a turn.
+#[test]
+fn a_map_across_the_seam_is_found() {
+    let crs = Crs::moon_equirectangular(0.0, 0.0);
+    let period = Projection::of(&crs).unwrap().period().unwrap();
+    let (mut raster, georef) = dtm(crs, 200, 140, 1.0);
+    let here = fit(raster.clone(), &track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0), 8.0).unwrap();
+    let turned =
+        GeoRef { transform: georef.transform.map(|v| if v == 5000.0 { 0.5 * period - 180.0 } else { v }), ..georef };
+    raster.georef = Some(turned.clone());
+    let mut track = track(&turned, 200, 140, 1.0, (0.0, 0.0), 0.0);
+    assert!(track.iter().any(|p| p.lon_deg < 0.0) && track.iter().any(|p| p.lon_deg > 0.0));
+    track.iter_mut().zip(0..).for_each(|(p, i)| {
+        let row = 20.0 + f64::from(i) * 160.0 / 150.0;
+        p.height_m = height(5000.0 + 2.0 * (70.5 + 0.2 * row), 2000.0 - 2.0 * (row + 0.5));
+    });
+    let across = fit(raster, &track, 8.0).unwrap();
+    assert_eq!(across.points, here.points);
+    assert!(across.median_removed.std_m < 0.02, "{across:?}");
 }
 
 #[test]
@@ -125,29 +181,29 @@ fn what_cannot_be_searched_is_refused() {
 
 #[test]
 fn reports_hold_every_track() {
-    let fit = Fit {
-        points: 12,
-        std_m: 1.5,
-        std_unshifted_m: 4.0,
-        x_m: -3.0,
-        y_m: 2.0,
+    let shifted = |x_m: f64, std_m: f64, at_edge| Shifted {
+        x_m,
+        y_m: -0.0,
+        std_m,
         median_m: 0.5,
         std_median_removed_m: 1.25,
-        at_edge: true,
+        at_edge,
     };
+    let (unshifted, median_removed) = (shifted(0.0, 4.0, false), shifted(-3.0, 2.0, true));
+    let fit = Fit { points: 12, unshifted, median_removed, eq_18: shifted(7.5, 1.5, false) };
     let compared = ComparedTrack { name: "a.csv#1".into(), points: 20, fit: Some(fit) };
     let skipped = ComparedTrack { name: "a.csv#2".into(), points: 3, fit: None };
     let report = Report { dtm: "d.tif".into(), tracks: vec![compared, skipped], flagged: 7 };
     let text = table(&report);
-    assert!(
-        text.contains("d.tif: 1 of 2 tracks compared, 7 flagged rows") && text.contains("at the search's edge"),
-        "{text}"
-    );
+    assert!(text.contains("d.tif: 1 of 2 tracks compared, 7 flagged rows"), "{text}");
+    assert!(text.contains("  the shift at the search's edge") && !text.contains("-0.00"), "{text}");
     assert!(text.lines().last().unwrap().starts_with("mean") && text.contains("3 too few"), "{text}");
     let json = json(&report);
     assert_eq!(json["tracks"][0]["shift_x_m"], -3.0);
     assert_eq!(json["tracks"][1]["judged"], false);
-    assert_eq!(json["mean"]["std_median_removed_m"], 1.25);
+    assert_eq!((&json["tracks"][0]["std_m"], &json["tracks"][0]["eq_18"]["shift_x_m"]), (&2.0.into(), &7.5.into()));
+    let means = ["std_median_removed_m", "std_unshifted_m", "std_m", "eq_18_std_m"].map(|name| &json["mean"][name]);
+    assert_eq!(means.map(|mean| mean.as_f64().unwrap()), [1.25, 4.0, 2.0, 1.5]);
 }
 
 /// The definition in numpy, on rough terrain: every shift is tried, bilinear, with the same points for all.
@@ -164,11 +220,12 @@ def at(r, c):
 n = 9
 keep = (r > n/2 + 1) & (c > n/2 + 1) & (r < z.shape[0] - n/2 - 2) & (c < z.shape[1] - n/2 - 2)
 r, c, h = r[keep], c[keep], h[keep]
-best = min((np.sqrt(((at(r + i/2, c + j/2) - h)**2).sum() / (len(h) - 1)), i, j) for i in range(-n, n+1) for j in range(-n, n+1))
-s, i, j = best
-e = at(r + i/2, c + j/2) - h
-m = np.median(e)
-print(len(h), s, j/2 * d.transform.a, i/2 * d.transform.e, m, np.sqrt(((e - m)**2).sum() / (len(h) - 1)))
+def figures(i, j):
+    e = at(r + i/2, c + j/2) - h
+    m = np.median(e)
+    return [np.sqrt((v**2).sum() / (len(h) - 1)) for v in (e, e - m)] + [m, j/2 * d.transform.a, i/2 * d.transform.e]
+all = [figures(i, j) for i in range(-n, n+1) for j in range(-n, n+1)]
+print(len(h), *min(all, key=lambda f: f[0]), *min(all, key=lambda f: f[1]))
 ";
 
 #[test]
@@ -196,9 +253,10 @@ fn a_twin_in_numpy_agrees() {
     let ground = Ground::new(&*source, "d.tif", 9.0).unwrap();
     let table = csv::read(&folder.path().join("t.csv"), None, ground.sphere_m()).unwrap();
     let fit = ground.fit(&table.points, 10).unwrap().unwrap();
-    let found = [fit.points as f64, fit.std_m, fit.x_m, fit.y_m, fit.median_m, fit.std_median_removed_m];
+    let figures = |at: Shifted| vec![at.std_m, at.std_median_removed_m, at.median_m, at.x_m, at.y_m];
+    let found = [vec![fit.points as f64], figures(fit.eq_18), figures(fit.median_removed)].concat();
+    assert_eq!(expected.len(), found.len());
     for (found, expected) in found.iter().zip(&expected) {
         assert!((found - expected).abs() < 1e-4, "{fit:?}, numpy {expected:?}");
     }
-    assert_eq!(expected.len(), 6);
 }

@@ -1,10 +1,12 @@
 //! The grid of a mosaic. It contains all its DTMs.
 
+use super::meridian::{Range, narrowest, period, turns};
 use elunar_raster::source::{Info, Source};
 use elunar_raster::{Error, GeoRef, GeoTransform, Result};
 
-/// Corners closer than this to a whole pixel count as whole, because writers differ in the last digits of a transform.
-const WHOLE_PX: f64 = 1e-3;
+/// Pixels closer than this to those of a grid lie on it: writers round the corners of tiles, to five decimals of a degree and fewer (our
+/// choice).
+pub(super) const ON_GRID_PX: f64 = 0.1;
 
 /// Largest mosaic, pixels. Its sums take 20 bytes per pixel.
 const LARGEST_PX: f64 = 2e9;
@@ -35,11 +37,16 @@ pub struct Grid {
     pub cols: usize,
     /// Georeference; the transform is north-up.
     pub georef: GeoRef,
+    /// Period of x, map units, if DTMs are moved by whole periods to meet the grid.
+    period: Option<f64>,
 }
 
 impl Grid {
     /// Returns the grid that `dem_mosaic` makes. Spacing and reference system are the first DTM's. The extent covers all DTMs, or the part
-    /// of the window that a DTM reaches. The corner lies on a whole pixel of the first DTM only if the outer edges do.
+    /// of the window that a DTM reaches. The corner lies on a whole pixel of the first DTM only if the outer edges nearly do.
+    ///
+    /// Maps around the body have several values of x for a meridian. If DTMs lie on both sides of such a seam, the mosaic is the narrowest
+    /// that contains all, and never wider than once around.
     ///
     /// # Errors
     /// [`Error::Input`] if a DTM has no georeference, is rotated, or has another reference system than the first; if the spacing is not
@@ -55,24 +62,21 @@ impl Grid {
             Some(step) => (step, -step),
             None => (t[1], t[5]),
         };
-        let mut box_of_all = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let mut extents = Vec::with_capacity(inputs.len());
         for input in inputs {
             let georef = placed(&input.name, input.source.info())?;
             same_system(&first.name, place, &input.name, georef)?;
-            let [west, south, east, north] = extent(input.source.info(), &georef.transform);
-            let [w, s, e, n] = box_of_all;
-            box_of_all = [w.min(west), s.min(south), e.max(east), n.max(north)];
+            extents.push(extent(input.source.info(), &georef.transform));
         }
-        let [west, south, east, north] = match options.window {
-            Some(window) => cut(box_of_all, window)?,
-            None => box_of_all,
-        };
+        let Reach { bounds: [west, south, east, north], period } = Reach::of(&extents, place, options.window)?;
         // Snapped to whole pixels of the first DTM if almost there.
         let snap = |at: f64, origin: f64, step: f64| {
             let px = (at - origin) / step;
-            if (px - px.round()).abs() < WHOLE_PX { origin + px.round() * step } else { at }
+            if (px - px.round()).abs() < ON_GRID_PX { origin + px.round() * step } else { at }
         };
-        let (x0, y0) = (snap(west, t[0], col_step), snap(north, t[3], row_step));
+        let turn = turns([t[0], extents[0][2]], [west, east], period).first().copied().unwrap_or(0.0);
+        let origin = t[0] + turn * period.unwrap_or(0.0);
+        let (x0, y0) = (snap(west, origin, col_step), snap(north, t[3], row_step));
         let (cols, rows) = (((east - x0) / col_step).round().max(1.0), ((south - y0) / row_step).round().max(1.0));
         if rows * cols > LARGEST_PX {
             return Err(Error::input(format!(
@@ -80,11 +84,23 @@ impl Grid {
             )));
         }
         let georef = GeoRef { transform: [x0, col_step, 0.0, y0, 0.0, row_step], crs: place.crs.clone() };
-        Ok(Self { rows: rows as usize, cols: cols as usize, georef })
+        Ok(Self { rows: rows as usize, cols: cols as usize, georef, period })
     }
-}
 
-impl Grid {
+    /// Returns the transforms under which a DTM meets this grid: its own, or moved by whole periods of x.
+    pub(super) fn places(&self, info: &Info) -> Vec<GeoTransform> {
+        let Some(own) = info.georef.as_ref().map(|georef| georef.transform) else { return vec![] };
+        let [west, _, east, _] = extent(info, &own);
+        let t = &self.georef.transform;
+        let within = [t[0], t[0] + self.cols as f64 * t[1]];
+        let moved = |turn: f64| {
+            let mut place = own;
+            place[0] += turn * self.period.unwrap_or(0.0);
+            place
+        };
+        turns([west, east], within, self.period).into_iter().map(moved).collect()
+    }
+
     /// Returns the grid of these rows alone.
     #[must_use]
     pub fn rows(&self, rows: std::ops::Range<usize>) -> Self {
@@ -116,12 +132,50 @@ fn extent(info: &Info, t: &GeoTransform) -> [f64; 4] {
     [t[0], t[3] + info.rows as f64 * t[5], t[0] + info.cols as f64 * t[1], t[3]]
 }
 
-fn cut(all: [f64; 4], window: [f64; 4]) -> Result<[f64; 4]> {
+/// The region of a mosaic.
+struct Reach {
+    /// West, south, east and north limits.
+    bounds: [f64; 4],
+    /// Period of x, if DTMs are to be moved by whole periods.
+    period: Option<f64>,
+}
+
+impl Reach {
+    /// Returns the region that holds DTMs of these extents, or its part within a window.
+    fn of(extents: &[[f64; 4]], place: &GeoRef, window: Option<[f64; 4]>) -> Result<Self> {
+        let all = extents.iter().fold([f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY], |a, b| {
+            [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+        });
+        let ranges: Vec<Range> = extents.iter().map(|e| [e[0], e[2]]).collect();
+        let around = period(&place.crs);
+        if let Some(window) = window {
+            // The places of a meridian are those within the window, unless that holds some twice.
+            let period = around.filter(|period| window[2] - window[0] <= *period);
+            return Ok(Self { bounds: cut(all, &ranges, period, window)?, period });
+        }
+        let slack = 0.5 * place.transform[1];
+        if let Some(period) = around
+            && let Some([west, east]) = narrowest(&ranges, period, slack)
+            && east - west < all[2] - all[0] - slack
+        {
+            return Ok(Self { bounds: [west, all[1], east, all[3]], period: Some(period) });
+        }
+        Ok(Self { bounds: all, period: None })
+    }
+}
+
+fn cut(all: [f64; 4], ranges: &[Range], period: Option<f64>, window: [f64; 4]) -> Result<[f64; 4]> {
     let [west, south, east, north] = window;
     if !(west < east && south < north) {
         return Err(Error::usage(format!("--t_projwin: xmin < xmax and ymin < ymax expected, {window:?} found")));
     }
-    let cut = [west.max(all[0]), south.max(all[1]), east.min(all[2]), north.min(all[3])];
+    let places = ranges.iter().flat_map(|range| {
+        let moved = |turn: f64| range.map(|x| x + turn * period.unwrap_or(0.0));
+        turns(*range, [west, east], period).into_iter().map(moved)
+    });
+    let within = places.map(|[low, high]| [low.max(west), high.min(east)]).filter(|[low, high]| low < high);
+    let [low, high] = within.fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    let cut = [low, south.max(all[1]), high, north.min(all[3])];
     if !(cut[0] < cut[2] && cut[1] < cut[3]) {
         return Err(Error::usage(format!("--t_projwin: a part of {all:?} expected, {window:?} found")));
     }

@@ -1,14 +1,18 @@
 //! The weighted mean of whole DTMs on different grids.
 
-use super::grid::{Grid, Input};
+use super::grid::{Grid, Input, ON_GRID_PX};
 use super::weights::{WeightRules, grassfire};
 use elunar_core::tile::Window;
 use elunar_raster::resample::PixelMap;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, GeoTransform, Result};
 use rayon::prelude::*;
 
 /// Positions closer than this, in pixels, to a row or column of pixel centres lie on it. Then no neighbour beyond it is read.
-const ON_GRID_PX: f64 = 1e-3;
+const ON_CENTRE_PX: f64 = 1e-3;
+
+/// A DTM reaches so far beyond the centres of its outermost pixels: half a pixel, and what rounding of corners leaves between two tiles. So
+/// neighbours join without a gap. There the outermost height holds.
+const EDGE_PX: f64 = 0.55;
 
 /// Rules for joining DTMs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -23,8 +27,9 @@ pub struct JoinRules {
 /// Joins the DTMs on `grid`, earlier ones first. Heights are row-major, NaN where no DTM has one. A part of a mosaic's grid
 /// ([`Grid::rows`]) gives the same values as the whole mosaic there, so that a large mosaic can be made band by band.
 ///
-/// Each DTM is weighted on its own grid and sampled at the mosaic's pixel centres. Where its own pixels coincide, samples are taken
-/// unchanged, otherwise bilinearly. If one of the four neighbours has no weight, the pixel gets nothing (`dem_mosaic`).
+/// Each DTM is weighted on its own grid and sampled at the mosaic's pixel centres. Where its own pixels nearly coincide, samples are taken
+/// unchanged, otherwise bilinearly. If one of the four neighbours has no weight, the pixel gets nothing (`dem_mosaic`). Up to its edges a
+/// DTM has its outermost heights (our choice), so that neighbours leave no gap.
 ///
 /// # Errors
 /// [`Error::Input`] if a DTM's transform has no inverse. Errors of reading the DTMs are passed on.
@@ -33,8 +38,10 @@ pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>
     let frame = if rules.priority_px > 0 { Frame::around(inputs, grid, rules) } else { Frame::of(grid) };
     let mut sums = Sums::new(frame.rows * frame.cols);
     let mut room = vec![f64::INFINITY; if rules.priority_px > 0 { frame.rows * frame.cols } else { 0 }];
-    for input in inputs {
-        if let Some(part) = Part::read(input, grid, &frame, rules)? {
+    for (input, place) in
+        inputs.iter().flat_map(|input| grid.places(input.source.info()).into_iter().map(move |p| (input, p)))
+    {
+        if let Some(part) = Part::read((input, place), grid, &frame, rules)? {
             if rules.priority_px > 0 {
                 part.add_with_priority(&frame, rules, &mut room, &mut sums);
             } else {
@@ -65,9 +72,8 @@ impl Frame {
         let reach = f64::from(2 * rules.reach_px() + rules.priority_px);
         let (mut low, mut high) = ([0.0_f64; 2], [grid.rows as f64, grid.cols as f64]);
         let t = grid.georef.transform;
-        for input in inputs {
-            let info = input.source.info();
-            let Some(from) = info.georef.as_ref().map(|georef| georef.transform) else { continue };
+        let places = inputs.iter().map(|input| input.source.info());
+        for (info, from) in places.flat_map(|info| grid.places(info).into_iter().map(move |from| (info, from))) {
             let corners =
                 [(from[3], from[0]), (from[3] + info.rows as f64 * from[5], from[0] + info.cols as f64 * from[1])];
             for (y, x) in corners {
@@ -92,6 +98,19 @@ impl JoinRules {
     fn reach_px(&self) -> u32 {
         self.weights.farthest_px() + self.weights.taps() as u32
     }
+}
+
+/// Returns the map of a DTM of `rows` x `cols` that lies nearly on the mosaic's grid as if it lay on it: along each axis alone.
+fn on_grid(map: PixelMap, rows: usize, cols: usize) -> PixelMap {
+    let axis = |start: f64, step: f64, count: usize| {
+        let last = count as f64 - 1.0;
+        let ends = [-start / step, (last - start) / step];
+        let whole = ends.iter().all(|at| (at - at.round()).abs() < ON_GRID_PX);
+        if whole && ends[1].round() - ends[0].round() == last { (-ends[0].round(), 1.0) } else { (start, step) }
+    };
+    let (row0, row_per_row) = axis(map.row0, map.row_per_row, rows);
+    let (col0, col_per_col) = axis(map.col0, map.col_per_col, cols);
+    PixelMap { row0, row_per_row, col0, col_per_col, ..map }
 }
 
 struct Sums {
@@ -121,11 +140,17 @@ struct Part {
 }
 
 impl Part {
-    /// Returns `None` if the DTM does not reach the frame.
-    fn read(input: &Input, grid: &Grid, frame: &Frame, rules: &JoinRules) -> Result<Option<Self>> {
+    /// Returns `None` if the DTM, at this place, does not reach the frame.
+    fn read(
+        (input, place): (&Input, GeoTransform),
+        grid: &Grid,
+        frame: &Frame,
+        rules: &JoinRules,
+    ) -> Result<Option<Self>> {
         let info = input.source.info();
-        let map = info.georef.as_ref().and_then(|from| PixelMap::between(&grid.georef.transform, &from.transform));
+        let map = PixelMap::between(&grid.georef.transform, &place);
         let map = map.ok_or_else(|| Error::input(format!("{}: an invertible geotransform expected", input.name)))?;
+        let map = on_grid(map, info.rows, info.cols);
         let map = PixelMap {
             row0: map.row0 - frame.above as f64 * map.row_per_row,
             col0: map.col0 - frame.left as f64 * map.col_per_col,
@@ -157,11 +182,12 @@ impl Part {
     /// Returns height and weight at a pixel of the frame; `None` off the DTM and where a neighbour has no weight.
     fn at(&self, row: usize, col: usize) -> Option<(f64, f64)> {
         let (r, c) = self.map.apply(row as f64, col as f64);
-        let snap = |v: f64| if (v - v.round()).abs() < ON_GRID_PX { v.round() } else { v };
-        let (r, c) = (snap(r), snap(c));
-        if !(r >= 0.0 && c >= 0.0 && r <= self.rows as f64 - 1.0 && c <= self.cols as f64 - 1.0) {
-            return None;
-        }
+        let snap = |v: f64| if (v - v.round()).abs() < ON_CENTRE_PX { v.round() } else { v };
+        let within = |v: f64, count: usize| {
+            let last = count as f64 - 1.0;
+            (v >= -EDGE_PX && v <= last + EDGE_PX).then(|| snap(v).clamp(0.0, last))
+        };
+        let (r, c) = (within(r, self.rows)?, within(c, self.cols)?);
         let index = |r: f64, c: f64| r as usize * self.cols + c as usize;
         let (fr, fc) = (r.fract(), c.fract());
         let corners = [
@@ -217,5 +243,7 @@ impl Part {
     }
 }
 
+#[cfg(test)]
+mod seam_tests;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@
 mod blend;
 mod grid;
 mod join;
+mod meridian;
 mod overlap;
 mod weights;
 

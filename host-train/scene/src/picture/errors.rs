@@ -19,13 +19,48 @@ const LEGEND_PX: u32 = 22;
 /// # Errors
 /// [`elunar_raster::Error::Input`] if there are not `rows · cols` samples.
 pub fn error_map(error_m: &[f32], rows: usize, cols: usize) -> Result<RgbImage> {
-    let (width, height) = check_size(error_m.len(), rows, cols)?;
-    let mut picture = RgbImage::from_pixel(width, height + LEGEND_PX, Rgb([255; 3]));
-    for (k, error) in error_m.iter().enumerate() {
-        picture.put_pixel((k % cols) as u32, (k / cols) as u32, Rgb(class_colour(*error)));
+    check_size(error_m.len(), rows, cols)?;
+    let mut map = ErrorMap::new(rows, cols)?;
+    map.add(error_m);
+    Ok(map.finish())
+}
+
+/// An error map that is drawn row by row.
+pub struct ErrorMap {
+    picture: RgbImage,
+    cols: usize,
+    drawn: usize,
+}
+
+impl ErrorMap {
+    /// Starts a map.
+    ///
+    /// # Errors
+    /// [`elunar_raster::Error::Usage`] if it is too large for a picture.
+    pub fn new(rows: usize, cols: usize) -> Result<Self> {
+        let (width, height) = check_size(rows.saturating_mul(cols), rows, cols)?;
+        Ok(Self { picture: RgbImage::from_pixel(width, height + LEGEND_PX, Rgb([255; 3])), cols, drawn: 0 })
     }
-    legend(&mut picture, height);
-    Ok(picture)
+
+    /// Draws the next errors, row by row. Those beyond the map are left out.
+    pub fn add(&mut self, error_m: &[f32]) {
+        let height = self.picture.height() - LEGEND_PX;
+        for error in error_m {
+            let (col, row) = ((self.drawn % self.cols) as u32, (self.drawn / self.cols) as u32);
+            if row < height {
+                self.picture.put_pixel(col, row, Rgb(class_colour(*error)));
+            }
+            self.drawn += 1;
+        }
+    }
+
+    /// Draws the legend.
+    #[must_use]
+    pub fn finish(mut self) -> RgbImage {
+        let height = self.picture.height() - LEGEND_PX;
+        legend(&mut self.picture, height);
+        self.picture
+    }
 }
 
 fn class_colour(error_m: f32) -> [u8; 3] {

@@ -13,7 +13,7 @@ mod text;
 
 pub use bars::{Bars, bars};
 pub use curves::{Chart, Series, curves, plot, plot_log_x};
-pub use errors::error_map;
+pub use errors::{ErrorMap, error_map};
 pub use grey::{grey, hillshade, stretch};
 pub use histogram::histogram;
 pub use relief::relief;

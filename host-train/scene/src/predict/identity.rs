@@ -8,6 +8,14 @@ use std::path::Path;
 /// Metadata item of a DTM with the identity of its job.
 pub const JOB_ITEM: &str = "JOB_SHA256";
 
+/// Returns options as `name=value` words with blanks between. Options without a value are left out; a blank in a value becomes `_`.
+#[must_use]
+pub fn words<'a>(options: impl IntoIterator<Item = (&'a str, Option<String>)>) -> String {
+    let word =
+        |(name, value): (&str, Option<String>)| Some(format!("{name}={}", value?.replace(char::is_whitespace, "_")));
+    options.into_iter().filter_map(word).collect::<Vec<_>>().join(" ")
+}
+
 /// The identity of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
@@ -15,7 +23,7 @@ pub struct Identity {
     pub image_sha256: String,
     /// SHA-256 of the coarse DTM's files.
     pub coarse_sha256: String,
-    /// The options that change the result, in words.
+    /// The options that change the result: `name=value`, with blanks between ([`words`]).
     pub options: String,
     /// SHA-256 of all of this, the program's version and the model.
     pub job: String,

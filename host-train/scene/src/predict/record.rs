@@ -36,6 +36,8 @@ pub struct Record {
     pub pixels_valid: usize,
     /// Pixels without a height: image or coarse DTM is invalid there.
     pub pixels_void: usize,
+    /// Share of the image's valid pixels that the coarse DTM covers, 0 to 1, of the rows that were surveyed.
+    pub coarse_covers: Option<f64>,
     /// Number of tiles, by their result.
     pub tiles: Tiles,
     /// The light; `None` if the network takes none.

@@ -165,7 +165,7 @@ impl Scene {
     /// If a file cannot be read.
     pub fn survey(&self) -> Result<Survey> {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
-        let mut brightness = Brightness::default();
+        let (mut brightness, mut covered_pixels) = (Brightness::default(), 0);
         let mut contrast = Contrast::default();
         let mut parts = Parts::new(self.coarse_px);
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
@@ -176,7 +176,10 @@ impl Scene {
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let band = self.band(first, rows)?;
             let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
-            range = valid.fold(range, |(low, high), (&z, _)| (low.min(z), high.max(z)));
+            range = valid.fold(range, |(low, high), (&z, _)| {
+                covered_pixels += 1;
+                (low.min(z), high.max(z))
+            });
             brightness.add(&band.image);
             let of_parts = || {
                 band.add_contrast(&mut contrast, self.coarse_px);
@@ -191,6 +194,7 @@ impl Scene {
             contrast,
             parts,
             brightness,
+            covered_pixels,
             lowest_m: range.0,
             highest_m: range.1,
             extent_m: (rows as f64 * row_m).max(self.cols as f64 * col_m),

@@ -18,6 +18,8 @@ pub struct Survey {
     pub parts: Parts,
     /// Brightness of the image.
     pub brightness: Brightness,
+    /// Valid pixels of the image with a height of the coarse DTM.
+    pub covered_pixels: u64,
     /// Lowest valid height of the coarse DTM, metres; infinite without one.
     pub lowest_m: f32,
     /// Highest valid height of the coarse DTM, metres; negative infinity without one.
@@ -27,6 +29,14 @@ pub struct Survey {
 }
 
 impl Survey {
+    /// Returns the share of the image's valid pixels that have a height of the coarse DTM, of the rows that were read; `None` without a valid
+    /// pixel.
+    #[must_use]
+    pub fn coverage(&self) -> Option<f64> {
+        let pixels = self.brightness.pixels;
+        (pixels > 0).then(|| self.covered_pixels as f64 / pixels as f64)
+    }
+
     /// Returns the scene's light for a network that expects `illumination`. Unknown parts of the Sun's direction are those of the fit.
     #[must_use]
     pub fn lighting(&self, illumination: Illumination, sun: KnownSun) -> Lighting {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// First line of the file. The job and the SHA-256 of the survey follow, a line each, then the survey as MessagePack.
-const MAGIC: &str = "elunar survey 1";
+const MAGIC: &str = "elunar survey 2";
 /// Time between two looks for the survey that another run makes.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 

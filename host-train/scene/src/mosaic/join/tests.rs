@@ -54,7 +54,8 @@ def bilinear(z, w, rows, cols, r0, c0, sr, sc):
         for j, x in enumerate(c):
             if abs(y - round(y)) < 1e-3: y = round(y)
             if abs(x - round(x)) < 1e-3: x = round(x)
-            if y < 0 or x < 0 or y > z.shape[0] - 1 or x > z.shape[1] - 1: continue
+            if y < -0.55 or x < -0.55 or y > z.shape[0] - 0.45 or x > z.shape[1] - 0.45: continue
+            y, x = min(max(y, 0), z.shape[0] - 1), min(max(x, 0), z.shape[1] - 1)
             y0, y1, x0, x1 = int(np.floor(y)), int(np.ceil(y)), int(np.floor(x)), int(np.ceil(x))
             n = [(y0, x0), (y0, x1), (y1, x0), (y1, x1)]
             if min(w[k] for k in n) <= 0: continue

@@ -1,14 +1,14 @@
 //! Heights that are not metres, or not heights.
 
 use super::super::{Scene, Survey};
-use super::percent;
+use super::{body, percent};
 use elunar_core::tile::Window;
-use elunar_raster::{MOON_RADIUS_M, Result};
+use elunar_raster::Result;
 
-/// No height of the Moon is farther from its sphere, metres: they reach from -9.2 to 10.8 km.
-const FARTHEST_M: f32 = 12_000.0;
-/// A body of this radius is the Moon, within so many metres.
-const SAME_BODY_M: f64 = 2_000.0;
+/// Share of the image's valid pixels with a height below which a coarse DTM covers too little.
+const COVERED: f64 = 0.9;
+/// Heights of the Moon are within so many kilometres of its sphere.
+const FARTHEST_KM: f32 = 12.0;
 /// Relief over extent below which heights are more likely kilometres read as metres. It is 0.06 degrees from end to end; the Moon's
 /// flattest maria have a degree or two.
 const FLATTEST: f64 = 1e-3;
@@ -81,7 +81,16 @@ pub(super) fn are_kilometres(survey: &Survey) -> bool {
     let Survey { lowest_m, highest_m, extent_m, .. } = *survey;
     let relief_m = highest_m - lowest_m;
     let farthest = lowest_m.abs().max(highest_m.abs());
-    relief_m > 0.0 && f64::from(relief_m) < FLATTEST * extent_m && farthest < FARTHEST_M / 1000.0
+    relief_m > 0.0 && f64::from(relief_m) < FLATTEST * extent_m && farthest < FARTHEST_KM
+}
+
+/// Warns of a coarse DTM that covers only a part of the image.
+pub(super) fn coverage(scene: &Scene, survey: &Survey) -> Option<String> {
+    let share = survey.coverage()?;
+    (share < COVERED).then(|| {
+        let (coarse, image, share) = (&scene.coarse_name, &scene.image.name, percent(share));
+        format!("{coarse}: covers {share} of the valid pixels of {image}: the DTM is void in the others")
+    })
 }
 
 /// Warns of voids without a nodata value, of heights that the Moon does not have, and of kilometres.
@@ -98,15 +107,9 @@ pub(super) fn suspected(scene: &Scene, survey: &Survey, unit_stated: bool) -> Re
         };
         found.push(format!("{name}: {found_as}: voids? If so, say --coarse-nodata {value}"));
     }
-    let radius_m = scene.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
-    let on_the_moon = (radius_m - MOON_RADIUS_M).abs() < SAME_BODY_M;
-    if let Some((low, high)) = heights.range(plateau.map(|(value, _)| value))
-        && on_the_moon
-        && low.abs().max(high.abs()) > FARTHEST_M
-    {
-        found.push(format!(
-            "{name}: heights from {low} to {high} m, but the Moon's are between -9,200 and 10,800 m: radii, another unit, or voids without a nodata value?"
-        ));
+    let range = heights.range(plateau.map(|(value, _)| value));
+    if let Some(what) = range.and_then(|range| body::beyond(scene.georef.crs.sphere_radius_m(), range)) {
+        found.push(format!("{name}: {what}: radii, another unit, or voids without a nodata value?"));
     }
     if !unit_stated && are_kilometres(survey) {
         let (relief_m, extent_m) = (survey.highest_m - survey.lowest_m, survey.extent_m);

@@ -2,6 +2,7 @@
 //!
 //! All limits are our choice, wide enough that ordinary scenes have no warning: a false alarm is worse than a miss.
 
+mod body;
 mod coarse;
 mod exchange;
 mod image;
@@ -14,6 +15,7 @@ mod tests;
 pub use exchange::check_exchange;
 pub use light::share_of_relief;
 
+use super::job::Finished;
 use super::sun::KnownFrom;
 use super::{Scene, Survey};
 use elunar_net::illumination::Lighting;
@@ -36,6 +38,7 @@ pub fn notices(
         return Ok(vec![]);
     }
     let name = &scene.image.name;
+    let of_coverage = coarse::coverage(scene, survey);
     let of_exchange = exchange::suspected(scene, unit_stated);
     let of_coarse = coarse::suspected(scene, survey, unit_stated)?;
     let of_scale = scale::suspected(name, &scene.coarse_name, scene.coarse_px);
@@ -45,8 +48,24 @@ pub fn notices(
     let unrelated = || light::unrelated(name, &scene.coarse_name, lighting);
     let of_light = light::contradiction(survey, sun, lighting)
         .or_else(|| unrelated().or_else(little).filter(|_| of_image.is_empty()));
-    let found = sun.refused.iter().cloned().chain(of_exchange).chain(of_coarse).chain(of_scale).chain(of_image);
+    let found = sun
+        .refused
+        .iter()
+        .cloned()
+        .chain(of_coverage)
+        .chain(of_exchange)
+        .chain(of_coarse)
+        .chain(of_scale)
+        .chain(of_image);
     Ok(found.chain(of_light).collect())
+}
+
+/// Returns the warning about a finished DTM that has heights which its body does not have. `output` is its name.
+#[must_use]
+pub fn notice_of_heights(output: &str, scene: &Scene, finished: &Finished) -> Option<String> {
+    let range = (finished.low_m, finished.high_m);
+    let what = body::beyond(scene.georef.crs.sphere_radius_m(), range)?;
+    Some(format!("{output}: {what}: is the Sun right, and are the coarse DTM's heights metres above the sphere?"))
 }
 
 /// Returns a share in percent, for messages.

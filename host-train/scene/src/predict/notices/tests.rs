@@ -1,9 +1,10 @@
 //! Ordinary scenes have no warning, and each warning has its cause.
 
+use super::super::job::Finished;
 use super::super::sun::KnownFrom;
 use super::super::{Input, Scene, Survey};
 use super::light::share_of_relief;
-use super::{check_exchange, notices};
+use super::{check_exchange, notice_of_heights, notices};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::source::InMemory;
@@ -206,6 +207,51 @@ fn heights_that_the_moon_does_not_have_are_told() {
     // As level, but 2 km below the sphere: not kilometres.
     let found = changed(&|_, _, z| z / 1000.0 - 2000.0);
     assert!(!found.iter().any(|text| text.contains("kilometres")), "{found:?}");
+}
+
+#[test]
+fn a_coarse_dtm_of_a_part_of_the_image_is_told_with_its_share() {
+    let made = made(2, SynthOptions::default());
+    let sun = told(made.sun_azimuth_deg, made.sun_elevation_deg);
+    let covered_to = |share: f64, of_image: f64| {
+        let (mut image, mut coarse) = (made.image_raster(), made.coarse_raster());
+        let cols = coarse.cols;
+        let beyond = |i: usize, cols: usize, share: f64| (i % cols) as f64 >= share * cols as f64;
+        coarse.samples.iter_mut().enumerate().filter(|(i, _)| beyond(*i, cols, share)).for_each(|(_, z)| *z = f32::NAN);
+        image
+            .samples
+            .iter_mut()
+            .enumerate()
+            .filter(|(i, _)| beyond(*i, COLS, of_image))
+            .for_each(|(_, v)| *v = f32::NAN);
+        let (found, survey, _) = warned(&scene(image, coarse), &sun);
+        (found.into_iter().filter(|text| text.contains("covers")).collect::<Vec<_>>(), survey.coverage().unwrap())
+    };
+    let (found, share) = covered_to(0.4, 1.0);
+    assert!((share - 0.4).abs() < 0.06, "{share}");
+    assert_eq!(
+        found,
+        [format!("c.tif: covers {:.1} % of the valid pixels of i.tif: the DTM is void in the others", 100.0 * share)]
+    );
+    let (found, share) = covered_to(1.0, 1.0);
+    assert!(found.is_empty() && share > 0.99, "{share} {found:?}");
+    // Where the image is void, too, nothing is missing.
+    let (found, share) = covered_to(0.5, 0.4);
+    assert!(found.is_empty() && share > 0.9, "{share} {found:?}");
+}
+
+#[test]
+fn heights_of_the_output_that_the_moon_does_not_have_are_told() {
+    let made = made(2, SynthOptions::default());
+    let scene = scene(made.image_raster(), made.coarse_raster());
+    let of = |low_m: f32, high_m: f32| {
+        notice_of_heights("dtm.tif", &scene, &Finished { low_m, high_m, pixels_valid: 1, origins: None })
+    };
+    let text = of(-18_000.0, 300.0).unwrap();
+    assert!(text.starts_with("dtm.tif: heights from -18000 to 300 m, but the Moon's are between"), "{text}");
+    assert!(of(-300.0, 18_000.0).is_some() && of(-9_100.0, 10_700.0).is_none());
+    // Without a height there is nothing to say.
+    assert_eq!(of(f32::INFINITY, f32::NEG_INFINITY), None);
 }
 
 #[test]

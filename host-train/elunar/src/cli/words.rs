@@ -1,0 +1,31 @@
+//! Options in plain words, for the metadata of outputs.
+
+use clap::ValueEnum;
+use elunar_raster::Crs;
+use elunar_raster::content::sha256_of_text;
+
+/// Returns the name of a value as on the command line.
+pub fn name<T: ValueEnum>(value: &T) -> Option<String> {
+    value.to_possible_value().map(|value| value.get_name().to_string())
+}
+
+/// Returns a reference system as one word: its summary, and the start of a SHA-256 of all its keys, which the summary does not hold.
+#[must_use]
+pub fn srs(crs: &Crs) -> String {
+    // Only a hash sees the keys' own form.
+    let keys = sha256_of_text(&format!("{crs:?}"));
+    format!("{};keys:{}", crs.summary().replace(", ", ","), &keys[..16])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_scene::mosaic::Blend;
+
+    #[test]
+    fn values_are_words() {
+        assert_eq!(name(&Blend::DemMosaic).unwrap(), "dem-mosaic");
+        let [a, b] = ["IAU_2015:30110", "IAU_2015:30100"].map(|text| srs(&Crs::parse(text).unwrap()));
+        assert!(a != b && a.contains("equirectangular,") && a.contains(";keys:"), "{a} {b}");
+    }
+}
