@@ -9,7 +9,9 @@ mod cache;
 mod handle;
 mod ifd;
 mod layout;
+mod lengths;
 mod metadata;
+mod overlaid;
 mod place;
 mod plain;
 mod pyramid;
@@ -26,6 +28,8 @@ mod chunk_tests;
 mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
+#[cfg(test)]
+mod length_tests;
 #[cfg(test)]
 mod mutation_tests;
 #[cfg(test)]
