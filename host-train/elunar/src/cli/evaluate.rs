@@ -1,8 +1,9 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
+use super::input::read_heights;
 use super::output;
+use elunar_raster::Result;
 use elunar_raster::align::Named;
-use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{
     Candidate, Details, Expected, calibration, compare, json, octaves_picture, short_names, table,
 };
@@ -57,8 +58,8 @@ pub fn run(args: Args) -> Result<()> {
     inputs.extend([&args.coarse, &args.uncertainty].into_iter().flatten().map(PathBuf::as_path));
     let pictures = [&args.error_map, &args.reliability, &args.spectra];
     let _owners = output::take_all(pictures.into_iter().flatten(), &inputs)?;
-    let (truth, dtm) = (source::read(&args.truth)?, source::read(&args.dtm)?);
-    let coarse = args.coarse.as_deref().map(source::read).transpose()?;
+    let (truth, dtm) = (read_heights(&args.truth)?, read_heights(&args.dtm)?);
+    let coarse = args.coarse.as_deref().map(read_heights).transpose()?;
     let name = |path: &PathBuf| path.display().to_string();
     let (truth_name, dtm_name) = (name(&args.truth), name(&args.dtm));
     let coarse_name = args.coarse.as_ref().map(name).unwrap_or_default();
