@@ -25,8 +25,9 @@ pub fn open_with(path: &Path, stated: Statements, nodata: Option<f64>) -> Result
     match heights.info().unit.as_deref() {
         None | Some("m") => Ok(heights),
         Some(found) => {
-            let mend = format!("gdal_edit.py -units m {name} says metres, --coarse-unit does of a coarse DTM");
-            Err(Error::input(format!("{name}: heights in {} expected, found {found:?} ({mend})", unit::KNOWN)))
+            let known = unit::KNOWN;
+            let mend = "mend it with gdal_edit.py -units m FILE.tif, or state --coarse-unit of a coarse DTM";
+            Err(Error::input(format!("{name}: heights in {known} expected, found {found:?}; {mend}")))
         }
     }
 }
@@ -64,7 +65,10 @@ mod tests {
         }
         for unit in ["degree", "W/m2", "fathom"] {
             let text = stated(unit, None).unwrap_err();
-            assert!(text.contains(&format!("or US survey foot expected, found {unit:?} (gdal_edit.py")), "{text}");
+            assert!(
+                text.contains(&format!("or US survey foot expected, found {unit:?}; mend it with gdal_edit.py")),
+                "{text}"
+            );
             assert_eq!(stated(unit, Some(HeightUnit::Ft)), Ok(304.8), "the user knows better");
         }
         assert_eq!(stated("", Some(HeightUnit::UsFt)), Ok(304.800_6));

@@ -2,37 +2,39 @@
 //!
 //! A file names some of them (nodata values). Others no height and no brightness can be: from [`MOST`] on.
 
-use half::f16;
 use std::ops::RangeInclusive;
 
 /// No sample is this far from zero: what is, is void (our choice). The farthest heights of a body in metres have eight digits; programs
 /// write voids of 3e38 and more, which rounding, a scale or a unit may change a little.
 const MOST: f64 = 1e30;
 
-/// Floats this many times the precision of `f32` from a nodata value equal it, as in GDAL (`ARE_REAL_EQUAL`): files hold the value rounded to
+/// Floats this far from a nodata value equal it, relative to the sum of both, as in GDAL (`ARE_REAL_EQUAL`): files hold the value rounded to
 /// `f32`, or converted from `f32`, and its text rounded once more.
 const SAME: f64 = 2.0 * f32::EPSILON as f64;
+
+/// The same for floats of 16 bits: one step, since GDAL cuts digits off when it writes them.
+const SAME_F16: f64 = 0.5 / 1024.0;
 
 /// Nodata values of one type of samples.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Nodata {
     values: Vec<f64>,
+    /// Greatest difference of floats that are equal, relative to their sum.
+    same: f64,
 }
 
 impl Nodata {
     /// Makes the nodata values of integers within `range`. As in GDAL, a value beyond it equals no sample, and a fraction is cut off.
     pub(crate) fn of_integers(values: impl IntoIterator<Item = f64>, range: &RangeInclusive<f64>) -> Self {
-        Self { values: values.into_iter().filter(|v| range.contains(v)).map(f64::trunc).collect() }
+        Self { values: values.into_iter().filter(|v| range.contains(v)).map(f64::trunc).collect(), same: 0.0 }
     }
 
-    /// Makes the nodata values of floats of so many bits, which hold them rounded.
+    /// Makes the nodata values of floats of so many bits.
     pub(crate) fn of_floats(values: impl IntoIterator<Item = f64>, bits: u32) -> Self {
-        let rounded = |value: f64| match bits {
-            16 => f16::from_f64(value).to_f64(),
-            32 => f64::from(value as f32),
-            _ => value,
-        };
-        Self { values: values.into_iter().map(rounded).collect() }
+        // Samples of 32 bits hold the value rounded.
+        let stored = |value: f64| if bits == 32 { f64::from(value as f32) } else { value };
+        let same = if bits == 16 { SAME_F16 } else { SAME };
+        Self { values: values.into_iter().map(stored).collect(), same }
     }
 
     /// Returns whether an integer is a nodata value.
@@ -42,7 +44,7 @@ impl Nodata {
 
     /// Returns whether a float is a nodata value, or cannot be a measurement.
     pub(crate) fn has_float(&self, stored: f64) -> bool {
-        let same = |&value: &f64| stored == value || (stored - value).abs() < SAME * (stored + value).abs();
+        let same = |&value: &f64| stored == value || (stored - value).abs() < self.same * (stored + value).abs();
         !is_sample(stored) || self.values.iter().any(same)
     }
 }
@@ -137,7 +139,7 @@ mod tests {
             nodata.has_float(-2e30) && nodata.has_float(1e30) && !nodata.has_float(9e29) && nodata.has_float(f64::NAN)
         );
         let half = Nodata::of_floats([-9999.0], 16);
-        assert!(half.has_float(-10000.0) && !half.has_float(-9992.0));
+        assert!(half.has_float(-10000.0) && half.has_float(-9992.0) && !half.has_float(-9984.0));
         let zero = Nodata::of_floats([0.0], 32);
         assert!(zero.has_float(-0.0) && !zero.has_float(1e-40));
         assert!(sample(1e30).is_nan() && sample(-1.5) == -1.5);

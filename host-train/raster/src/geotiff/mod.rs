@@ -36,6 +36,8 @@ mod mutation_tests;
 mod nodata_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unit_tests;
 
 pub(super) use read::open_with;
 pub use read::{open, read, read_band, read_item};

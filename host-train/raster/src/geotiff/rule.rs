@@ -11,7 +11,8 @@ use elunar_core::mask::is_real_i16;
 use tiff::decoder::DecodingResult;
 use tiff::tags::Tag;
 
-/// GeoKey of the unit of heights (OGC 19-008).
+/// GeoKeys of the vertical reference system and of the unit of heights (OGC 19-008).
+const VERTICAL_SYSTEM: u16 = 4096;
 const VERTICAL_UNIT: u16 = 4099;
 
 /// NoData values, scale and offset.
@@ -102,10 +103,14 @@ impl Rule {
     }
 }
 
-/// Returns the unit of heights that the GeoKeys name.
+/// Returns the unit of heights that the GeoKeys name, as far as it is known not to be the metre.
 fn vertical_unit(georef: &GeoRef) -> Option<String> {
-    let mut keys = georef.crs.directory.as_chunks::<4>().0.iter().skip(1);
-    keys.find(|[key, tag, ..]| (*key, *tag) == (VERTICAL_UNIT, 0)).map(|[.., code]| unit::of_code(*code))
+    let code = |wanted: u16| {
+        let mut keys = georef.crs.directory.as_chunks::<4>().0.iter().skip(1);
+        keys.find(|[key, tag, ..]| (*key, *tag) == (wanted, 0)).map(|[.., code]| *code)
+    };
+    let of_system = || code(VERTICAL_SYSTEM).and_then(unit::of_vertical_system).map(str::to_owned);
+    code(VERTICAL_UNIT).map(unit::of_code).or_else(of_system)
 }
 
 fn number(file: &Handle, name: &str, text: &str) -> Result<f64> {

@@ -12,7 +12,9 @@ pub(super) fn describe(source: &dyn Source) -> Result<String> {
     let mut text = format!("raster of {rows} x {cols} pixels (rows x columns)\nformat: {format}\n");
     text += &match (unit.as_deref(), unit_in_file.as_deref()) {
         (Some(unit), Some(in_file)) if unit != in_file => format!("unit: {unit}; the file says {in_file:?}\n"),
-        (Some("m"), _) | (None, _) => format!("unit: {}\n", unit.as_deref().unwrap_or("not stated")),
+        (None, Some(in_file)) => format!("unit: not stated; the file says {in_file:?}\n"),
+        (None, None) => "unit: not stated\n".into(),
+        (Some("m"), _) => "unit: m\n".into(),
         (Some(unit), _) => format!("unit: {unit}, no known length: refused as heights\n"),
     };
     text += &warnings.iter().map(|warning| format!("warning: {warning}\n")).collect::<String>();
