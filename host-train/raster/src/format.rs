@@ -85,6 +85,7 @@ pub fn head(path: &Path) -> Result<Vec<u8>> {
     if let Some((scheme, address)) = address(path) {
         let what = format!("{scheme}://{address}: a file on this machine expected, found an address; this fetches it");
         let name = address.rsplit('/').next().unwrap_or_default().split(['?', '#']).next().unwrap_or_default();
+        let name = if name.is_empty() { "OUT.tif" } else { name };
         return Err(Error::input(format!("{what}: gdal_translate /vsicurl/{scheme}://{address} {name}")));
     }
     // Looked at before it is opened: a FIFO without a writer would wait for ever, and no raster is read from front to back.

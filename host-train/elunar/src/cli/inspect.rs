@@ -2,7 +2,7 @@
 
 use crate::picture::arena;
 use elunar_net::inspect::plan_text;
-use elunar_raster::{Error, Result};
+use elunar_raster::Result;
 use elunar_scene::{inspect, picture};
 use std::path::PathBuf;
 

@@ -191,6 +191,9 @@ impl Directory {
 
 /// Reads `length` bytes; `None` if the file ends before.
 fn read_at(file: &mut (impl Read + Seek), at: u64, length: usize) -> Result<Option<Vec<u8>>> {
+    if i64::try_from(at).is_err() {
+        return Ok(None);
+    }
     file.seek(SeekFrom::Start(at))?;
     let mut bytes = vec![];
     file.take(length as u64).read_to_end(&mut bytes)?;

@@ -48,8 +48,8 @@ impl Rule {
             match (item.role.as_str(), item.name.as_str()) {
                 ("", "SUN_AZIMUTH_DEG") => sun.azimuth_deg = angle(&item.text),
                 ("", "SUN_ELEVATION_DEG") => sun.elevation_deg = angle(&item.text),
-                ("scale", _) => scale = number(file, "band scale", &item.text)?,
-                ("offset", _) => offset = number(file, "band offset", &item.text)?,
+                ("scale", _) => scale = finite(file, "band scale", &item.text)?,
+                ("offset", _) => offset = finite(file, "band offset", &item.text)?,
                 ("unittype", _) => of_band = Some(item.text.trim().to_string()).filter(|unit| !unit.is_empty()),
                 _ => {}
             }
@@ -115,4 +115,14 @@ fn vertical_unit(georef: &GeoRef) -> Option<String> {
 
 fn number(file: &Handle, name: &str, text: &str) -> Result<f64> {
     nodata::number(text).ok_or_else(|| file.broken(format!("{name} is {text:?}, a number expected")))
+}
+
+/// Reads a number that converts samples. With another one all samples would be void.
+fn finite(file: &Handle, name: &str, text: &str) -> Result<f64> {
+    let value = number(file, name, text)?;
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(file.broken(format!("{name} is {text:?}, a finite number expected")))
+    }
 }

@@ -5,6 +5,24 @@ use crate::{heights, source};
 use elunar_testing::rasterio as gdal;
 
 #[test]
+fn a_scale_that_is_no_number_is_refused() {
+    let folder = scratch();
+    let script = "
+for name, scale, offset in (('scale.tif', float('nan'), 0), ('offset.tif', 1, float('inf'))):
+    with rasterio.open(name, 'w', driver='GTiff', width=2, height=1, count=1, dtype='float32') as d:
+        d.write(np.ones((1, 1, 2), 'f4'))
+        d.scales, d.offsets = (scale,), (offset,)
+";
+    if gdal(script, folder.path()).is_none() {
+        return;
+    }
+    for name in ["scale", "offset"] {
+        let text = heights::open(&folder.path().join(name).with_extension("tif")).err().expect("refused").to_string();
+        assert!(text.contains(&format!("band {name} is")) && text.ends_with("a finite number expected"), "{text}");
+    }
+}
+
+#[test]
 fn units_of_bands_and_of_vertical_systems_are_gdals() {
     let folder = scratch();
     let script = "

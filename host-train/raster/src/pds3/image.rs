@@ -232,7 +232,8 @@ fn layout(image: &Block, start: u64) -> std::result::Result<Layout, Refusal> {
     if let Some(item) = image.find("ENCODING_TYPE")? {
         // Kaguya's images say how they were packed on their way to the ground: DCT_DECOMPRESSED.
         let packing = item.value.text().unwrap_or("?").to_owned();
-        if !packing.to_ascii_uppercase().ends_with("DECOMPRESSED") {
+        let plain = ["DECOMPRESSED", "UNCOMPRESSED"];
+        if !plain.iter().any(|word| packing.to_ascii_uppercase().ends_with(word)) {
             return Err(Refusal::Unsupported(format!("samples packed as {packing}; plain samples expected")));
         }
     }

@@ -52,12 +52,12 @@ impl Block {
         here.chain(self.blocks.iter().flat_map(Self::empty)).collect()
     }
 
-    /// Returns the item of `key` (in capitals) in this block itself. Words for "no value" count as none.
+    /// Returns the item of `key` (in capitals) in this block itself. Words for "no value" count as none, and so does an empty keyword.
     ///
     /// # Errors
     /// [`Defect`] if the key is stated twice, with different values.
     pub fn find(&self, key: &str) -> Result<Option<&Item>, Defect> {
-        let mut stated = self.items.iter().filter(|item| item.key == key);
+        let mut stated = self.items.iter().filter(|item| item.key == key && item.value.kind != Kind::Empty);
         let first = stated.next();
         if let (Some(first), Some(other)) = (first, stated.find(|item| Some(&item.value) != first.map(|f| &f.value))) {
             let what = format!("one value of {key} expected, found another one than in line {}", first.line);

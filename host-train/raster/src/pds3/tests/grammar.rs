@@ -55,6 +55,7 @@ fn a_keyword_may_have_no_value() {
     assert_eq!(empty, [("A", 1), ("B", 2), ("E", 8), ("D", 6)]);
     assert!(label.find("A").unwrap().is_none() && label.items[0].value.is_absent());
     assert_eq!(label.items[0].value.to_string(), "");
+    assert_eq!(Block::parse(b"A =\nA = 5\nEND").unwrap().find("A").unwrap().unwrap().value.number(), Some(5.0));
     // A value may stand on the next line.
     assert_eq!(Block::parse(b"A =\n B\nC = 2\nEND").unwrap().items[0].value.text(), Some("B"));
 }
