@@ -73,7 +73,7 @@ mod tests {
         write(&path, &raster(2, vec![1.0, 2.0, 3.0, f32::NAN]), &WriteOptions::heights("t")).unwrap();
         let valid = || source::read(&path).map(|raster| raster.samples.iter().map(|v| !v.is_nan()).collect::<Vec<_>>());
         assert_eq!(valid().unwrap(), [true, true, true, false]);
-        assert_eq!(files_of_raster(&path).unwrap(), [path.clone()]);
+        assert_eq!(files_of_raster(&path).unwrap().len(), 1);
         let bytes = WriteOptions::image(SampleType::U8, "mask");
         write(&mask, &raster(2, vec![255.0, 0.0, 1.0, 255.0]), &bytes).unwrap();
         assert_eq!(valid().unwrap(), [true, false, true, false]);

@@ -139,8 +139,7 @@ fn what_no_height_can_be_is_void_without_a_nodata_value() {
     let folder = scratch();
     let path = folder.path().join("a.tif");
     let mut raster = heights(4, 5);
-    for (at, value) in [(0, -3.399_999_95e38), (1, -1e32), (2, 1.701_41e38), (3, 1e30), (4, -9e29), (5, f32::INFINITY)]
-    {
+    for (at, value) in [(0, -3.4e38), (1, -1e32), (2, 1.701_41e38), (3, 1e30), (4, -9e29), (5, f32::INFINITY)] {
         raster.samples[at] = value;
     }
     write(&path, &raster, &WriteOptions::heights("t")).unwrap();
