@@ -238,7 +238,9 @@ impl<'t, 's> TileMaps<'t, 's> {
         let weight = match rules.illumination {
             Illumination::Any | Illumination::Northwest => None,
             Illumination::Given => Some(Weight::Plain),
-            Illumination::Weighed | Illumination::Sloped => Some(Weight::Trust { trust: lighting.trust, long_share: lighting.long_share }),
+            Illumination::Weighed | Illumination::Sloped => {
+                Some(Weight::Trust { trust: lighting.trust, long_share: lighting.long_share })
+            }
         };
         if let Some(weight) = weight {
             let plan = Photoclinometry::new(shape);

@@ -170,8 +170,14 @@ mod tests {
     use crate::norm::Light;
 
     const LIGHT: Light = Light { east: 2.0, south: 0.0 };
-    const SURE: LightEstimate =
-        LightEstimate { light: LIGHT, trust: 1.0, related: 1.0, long_share: None, log_strength_sd: 0.0, azimuth_sd_deg: 0.0 };
+    const SURE: LightEstimate = LightEstimate {
+        light: LIGHT,
+        trust: 1.0,
+        related: 1.0,
+        long_share: None,
+        log_strength_sd: 0.0,
+        azimuth_sd_deg: 0.0,
+    };
     const SIZES: (f32, f32) = (2.0, 30.0);
 
     /// The share of ground whose slopes have the variance `slope_variance` in the octave of 4 to 8 pixels alone.

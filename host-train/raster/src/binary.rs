@@ -1,8 +1,9 @@
 //! Raw samples in a file, row after row, as in PDS3 images and `.npy` files behind their headers.
 
+use super::nodata::{self, Nodata};
 use super::source::{Info, Source, check_window};
 use crate::{Error, Result};
-use elunar_core::mask::{FLOAT_SPECIAL_MAX, is_real_i16};
+use elunar_core::mask::is_real_i16;
 use elunar_core::tile::Window;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -32,8 +33,10 @@ impl Sample {
         }
     }
 
-    pub(super) fn is_float(self) -> bool {
-        matches!(self, Self::F32 | Self::F64)
+    /// Returns the range of integers; `None` for floats.
+    fn range(self) -> Option<std::ops::RangeInclusive<f64>> {
+        let signed = matches!(self, Self::I8 | Self::I16 | Self::I32);
+        (!matches!(self, Self::F32 | Self::F64)).then(|| nodata::range_of(signed, 8 * self.bytes() as u32))
     }
 
     pub(super) fn name(self) -> &'static str {
@@ -76,35 +79,32 @@ impl Layout {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Meaning {
     /// Stored numbers that mean "no measurement", in addition to the special pixels of every format.
-    pub(super) missing: Vec<f64>,
+    missing: Nodata,
     /// Sample = stored * scale + offset.
     pub(super) scale: f64,
     pub(super) offset: f64,
 }
 
-impl Default for Meaning {
-    fn default() -> Self {
-        Self { missing: Vec::new(), scale: 1.0, offset: 0.0 }
-    }
-}
-
 impl Meaning {
-    /// Adds a stored number that means "no measurement"; real samples of 32 bits hold it rounded.
-    pub(super) fn also_missing(&mut self, nodata: Option<f64>, sample: Sample) {
-        self.missing.extend(nodata.map(|v| if sample == Sample::F32 { f64::from(v as f32) } else { v }));
+    /// Makes the meaning of samples that are stored as `sample`. Those that equal one of `missing` mean "no measurement".
+    pub(super) fn new(sample: Sample, missing: impl IntoIterator<Item = f64>, scale: f64, offset: f64) -> Self {
+        let missing = match sample.range() {
+            Some(range) => Nodata::of_integers(missing, &range),
+            None => Nodata::of_floats(missing, 8 * sample.bytes() as u32),
+        };
+        Self { missing, scale, offset }
     }
 
     fn apply(&self, stored: f64) -> f32 {
-        if self.missing.contains(&stored) {
-            return f32::NAN;
-        }
-        let sample = (stored * self.scale + self.offset) as f32;
-        if sample.is_finite() { sample } else { f32::NAN }
+        if self.missing.has_integer(stored) { f32::NAN } else { self.finish(stored) }
     }
 
-    /// Floats at or below [`FLOAT_SPECIAL_MAX`] are special, as in every format.
     pub(super) fn apply_float(&self, stored: f64) -> f32 {
-        if stored > f64::from(FLOAT_SPECIAL_MAX) { self.apply(stored) } else { f32::NAN }
+        if self.missing.has_float(stored) { f32::NAN } else { self.finish(stored) }
+    }
+
+    fn finish(&self, stored: f64) -> f32 {
+        nodata::sample(stored * self.scale + self.offset)
     }
 }
 

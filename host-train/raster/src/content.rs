@@ -1,7 +1,7 @@
 //! Hashes of files' contents, so that work is recognised on another machine, whatever the path and the time of a file.
 
 use crate::format::Format;
-use crate::{Error, Result, pds3};
+use crate::{Error, Result, mask, pds3};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -34,7 +34,7 @@ pub fn sha256_of_text(text: &str) -> String {
 }
 
 /// Returns the SHA-256 of a raster's files, hexadecimal. A PDS3 product of a label and an image has two, joined by `+`, as the user names
-/// the one or the other.
+/// the one or the other. A mask has one more.
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
@@ -43,21 +43,24 @@ pub fn sha256_of_raster(path: &Path) -> Result<String> {
     Ok(hashes.join("+"))
 }
 
-/// Returns the files of a raster: one, or a PDS3 label and the image that it describes.
+/// Returns the files of a raster: one, or a PDS3 label and the image that it describes; and the mask beside it.
 ///
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn files_of_raster(path: &Path) -> Result<Vec<PathBuf>> {
     let label = match Format::of(path)? {
-        Format::Pds3 => path.to_path_buf(),
-        Format::Unknown(_) => match pds3::label_beside(path)? {
-            Some(label) => label,
-            None => return Ok(vec![path.into()]),
-        },
-        _ => return Ok(vec![path.into()]),
+        Format::Pds3 => Some(path.to_path_buf()),
+        Format::Unknown(_) => pds3::label_beside(path)?,
+        _ => None,
     };
-    let image = pds3::image_of(&label)?;
-    Ok(if image == label { vec![label] } else { vec![label, image] })
+    let mut files = match label {
+        Some(label) => vec![pds3::image_of(&label)?, label],
+        None => vec![path.into()],
+    };
+    files.reverse();
+    files.dedup();
+    files.extend(mask::beside(path));
+    Ok(files)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -39,7 +39,6 @@ impl Format {
     pub fn of_head(head: &[u8]) -> Self {
         let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();
         let starts = |magic: &[u8]| head.starts_with(magic);
-        let after = |word: &[u8]| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word));
         if [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].into_iter().any(|magic| starts(magic)) {
             Self::Tiff
         } else if starts(npy::MAGIC) {
@@ -48,7 +47,9 @@ impl Format {
             Self::Convertible("a JPEG 2000 image")
         } else if starts(b"\x89PNG") || starts(b"\xFF\xD8\xFF") {
             Self::Convertible("a PNG or JPEG picture")
-        } else if after(b"<?xml") || after(b"<Product_Observational") {
+        } else if text.starts_with(b"<VRTDataset") || is_xml(text) && contains(text, b"<VRTDataset") {
+            Self::Convertible("a GDAL VRT, which names other files")
+        } else if is_xml(text) {
             Self::Convertible("an XML file, a PDS4 label perhaps")
         } else if is_cube(text) {
             Self::Convertible("an ISIS cube")
@@ -58,6 +59,15 @@ impl Format {
             Self::Unknown(head[..head.len().min(16)].to_vec())
         }
     }
+}
+
+fn is_xml(text: &[u8]) -> bool {
+    let after = |word: &[u8]| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word));
+    after(b"<?xml") || after(b"<Product_Observational")
+}
+
+fn contains(text: &[u8], word: &[u8]) -> bool {
+    text.windows(word.len()).any(|part| part == word)
 }
 
 /// Returns whether the text begins with `Object = IsisCube`, in any case and spacing.
@@ -72,6 +82,12 @@ fn is_cube(text: &[u8]) -> bool {
 /// # Errors
 /// As [`Format::of`].
 pub fn head(path: &Path) -> Result<Vec<u8>> {
+    if let Some((scheme, address)) = address(path) {
+        let what = format!("{scheme}://{address}: a file on this machine expected, found an address; this fetches it");
+        let name = address.rsplit('/').next().unwrap_or_default().split(['?', '#']).next().unwrap_or_default();
+        let name = if name.is_empty() { "OUT.tif" } else { name };
+        return Err(Error::input(format!("{what}: gdal_translate /vsicurl/{scheme}://{address} {name}")));
+    }
     // Looked at before it is opened: a FIFO without a writer would wait for ever, and no raster is read from front to back.
     let found = std::fs::metadata(path).map_err(Error::io(path))?;
     if !found.is_file() {
@@ -85,6 +101,12 @@ pub fn head(path: &Path) -> Result<Vec<u8>> {
         return Err(Error::broken(path, "a raster expected, found an empty file"));
     }
     Ok(head)
+}
+
+/// Returns the scheme of an address on the net, and what follows it.
+fn address(path: &Path) -> Option<(&str, &str)> {
+    let (scheme, address) = path.to_str()?.split_once("://")?;
+    ["http", "https", "ftp"].iter().any(|known| scheme.eq_ignore_ascii_case(known)).then_some((scheme, address))
 }
 
 /// Describes the first bytes for messages: as text if they are text, otherwise hexadecimal.
@@ -104,7 +126,7 @@ mod tests {
 
     #[test]
     fn contents_decide() {
-        let cases: [(&[u8], Format); 9] = [
+        let cases: [(&[u8], Format); 11] = [
             (b"II*\0rest", Format::Tiff),
             (b"MM\0+rest", Format::Tiff),
             (b"\x93NUMPY\x01\0", Format::Npy),
@@ -112,6 +134,8 @@ mod tests {
             (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
             (b"Object = IsisCube\n  Object = Core", Format::Convertible("an ISIS cube")),
             (b"\xEF\xBB\xBF<?xml version", Format::Convertible("an XML file, a PDS4 label perhaps")),
+            (b"<VRTDataset rasterXSize=\"5\"", Format::Convertible("a GDAL VRT, which names other files")),
+            (b"<?xml version=\"1.0\"?>\n<VRTDataset>", Format::Convertible("a GDAL VRT, which names other files")),
             (b"\xFF\x4F\xFF\x51\0", Format::Convertible("a JPEG 2000 image")),
             (b"foo = bar", Format::Unknown(b"foo = bar".to_vec())),
         ];
@@ -134,8 +158,19 @@ mod tests {
         assert!(refused("a.cub", b"Object = IsisCube\n").contains("gdal_translate -of GTiff"));
         assert!(refused("a.jp2", b"\xFF\x4F\xFF\x51").contains("JPEG 2000 image; convert it first: gdal_translate"));
         assert!(refused("a.xml", b"<?xml version=\"1.0\"?>").contains("gdal_translate"));
+        let text = refused("a.vrt", b"<VRTDataset>");
+        assert!(
+            text.contains("a GDAL VRT, which names other files; convert it first: gdal_translate -of GTiff"),
+            "{text}"
+        );
         assert!(refused("a.txt", b"1,2,3\n4").contains("begins with \"1,2,3\\n4\""));
         assert!(refused("a.img", b"\x01\x02").contains("bytes [01, 02] and no PDS3 label beside it"));
+        let text = source::open(Path::new("https://host/a/b.tif?x=1")).err().expect("refused").to_string();
+        let line = "gdal_translate /vsicurl/https://host/a/b.tif?x=1 b.tif";
+        assert!(
+            text.starts_with("https://host/a/b.tif?x=1: a file on this machine expected") && text.ends_with(line),
+            "{text}"
+        );
         let text = source::open(folder.path()).err().expect("refused").to_string();
         assert!(text.contains("a file expected, found a folder"), "{text}");
         assert!(source::open(&folder.path().join("none.tif")).err().expect("refused").to_string().contains("none.tif"));

@@ -8,7 +8,10 @@ mod error;
 pub mod format;
 mod georef;
 pub mod geotiff;
+pub mod heights;
+mod mask;
 pub mod memory;
+mod nodata;
 pub mod npy;
 pub mod output;
 pub mod pds3;
@@ -19,6 +22,7 @@ pub mod resample;
 pub mod source;
 pub mod stated;
 pub mod sun;
+mod unit;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use error::{Error, Result};

@@ -2,7 +2,6 @@
 
 use super::binary::{Binary, Layout, Meaning, Sample};
 use super::source::{Info, Source};
-use super::sun::StatedSun;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Read;
@@ -121,9 +120,8 @@ pub(super) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
         return Err(Error::broken(path, what));
     }
     let format = format!("NumPy array, {}", header.descr);
-    let info = Info { rows, cols, georef: None, unit: None, format, sun: StatedSun::default() };
-    let mut meaning = Meaning::default();
-    meaning.also_missing(nodata, sample);
+    let info = Info { rows, cols, format, ..Info::default() };
+    let meaning = Meaning::new(sample, nodata, 1.0, 0.0);
     Ok(Box::new(Binary::new(path.into(), file, layout, meaning, info)))
 }
 

@@ -1,6 +1,7 @@
 //! Rasters read on demand, window by window. A strip of 5,000 x 50,000 pixels is never whole in memory.
 
 use super::format::{Format, describe};
+use super::mask::masked;
 use super::sun::StatedSun;
 use super::{GeoRef, Raster, geotiff, npy, pds3};
 use crate::{Error, Result};
@@ -8,7 +9,7 @@ use elunar_core::tile::Window;
 use std::path::Path;
 
 /// Properties of a raster file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Info {
     /// Rows (north to south in a north-up raster).
     pub rows: usize,
@@ -16,12 +17,16 @@ pub struct Info {
     pub cols: usize,
     /// Georeference; `None` if the file has no transform.
     pub georef: Option<GeoRef>,
-    /// Unit of the samples as returned: `m` for heights; `None` if the file names none.
+    /// Unit of the samples as returned: `m` for every known length; `None` if the file names none.
     pub unit: Option<String>,
+    /// Unit that the file states, in its own words.
+    pub unit_in_file: Option<String>,
     /// Short description of the format: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
     pub format: String,
     /// The Sun of an image, as far as the file states it.
     pub sun: StatedSun,
+    /// What was passed over in the file, one line each.
+    pub warnings: Vec<String>,
 }
 
 impl Info {
@@ -77,11 +82,15 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 }
 
 /// Opens a raster file as [`open`] does. Samples stored as `nodata` are invalid, too, as if the file named this value: it is compared with
-/// the stored number, before scale, offset and unit are applied.
+/// the stored number, before scale, offset and unit are applied. A mask beside the file (`NAME.msk`, as GDAL writes it) holds, too.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open`]; the same about the mask.
 pub fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
+    masked(path, open_alone(path, nodata)?)
+}
+
+fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     match Format::of(path)? {
         Format::Tiff => geotiff::open_with(path, nodata),
         Format::Pds3 => pds3::open_with(path, nodata),
@@ -143,7 +152,8 @@ impl InMemory {
     #[must_use]
     pub fn new(raster: Raster, unit: Option<String>, format: impl Into<String>) -> Self {
         let Raster { rows, cols, samples, georef } = raster;
-        Self { info: Info { rows, cols, georef, unit, format: format.into(), sun: StatedSun::default() }, samples }
+        let format = format.into();
+        Self { info: Info { rows, cols, georef, unit, format, ..Info::default() }, samples }
     }
 }
 

@@ -1,6 +1,8 @@
 //! The user's statements about a file that does not state its reference system or the unit of its heights.
 
+use super::nodata::sample;
 use super::source::{Info, Source};
+use super::unit::metres_per;
 use super::{Crs, GeoRef};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -13,18 +15,40 @@ pub enum HeightUnit {
     M,
     /// Kilometres.
     Km,
+    /// Centimetres.
+    Cm,
+    /// Feet.
+    Ft,
+    /// Feet of United States' surveys.
+    UsFt,
+}
+
+/// The units and their names on command lines.
+const NAMES: [(HeightUnit, &str); 5] = [
+    (HeightUnit::M, "m"),
+    (HeightUnit::Km, "km"),
+    (HeightUnit::Cm, "cm"),
+    (HeightUnit::Ft, "ft"),
+    (HeightUnit::UsFt, "us-ft"),
+];
+
+impl HeightUnit {
+    fn name(self) -> &'static str {
+        NAMES.iter().find(|(unit, _)| *unit == self).map_or("m", |(_, name)| name)
+    }
+
+    fn metres(self) -> f64 {
+        metres_per(self.name()).unwrap_or(1.0)
+    }
 }
 
 impl std::str::FromStr for HeightUnit {
     type Err = String;
 
-    /// Reads the name as on command lines: m or km.
+    /// Reads the name as on command lines: m, km, cm, ft or us-ft.
     fn from_str(name: &str) -> std::result::Result<Self, String> {
-        match name {
-            "m" => Ok(Self::M),
-            "km" => Ok(Self::Km),
-            _ => Err(format!("expected m or km, found {name}")),
-        }
+        let found = NAMES.iter().find(|(_, known)| *known == name).map(|(unit, _)| *unit);
+        found.ok_or_else(|| format!("expected m, km, cm, ft or us-ft, found {name}"))
     }
 }
 
@@ -38,37 +62,45 @@ pub struct Statements {
 }
 
 impl Statements {
-    /// Applies the statements to `source`: it gets the stated system, and samples in metres. Messages call the source `name`.
+    /// Applies the statements to `source`: it gets the stated system, and samples in metres. Messages call the source `name`. A unit that the
+    /// file states and this program does not know is replaced.
     ///
     /// # Errors
-    /// [`Error::Input`] if the file names a different unit.
+    /// [`Error::Input`] if the file states another length.
     pub fn of(self, name: &str, source: Box<dyn Source>) -> Result<Box<dyn Source>> {
         if self == Self::default() {
             return Ok(source);
-        }
-        if let (Some(HeightUnit::Km), Some(unit)) = (self.unit, &source.info().unit) {
-            let what = format!("{name}: expected a file without a unit to take its heights for kilometres");
-            return Err(Error::input(format!("{what}, found one that is read in {unit}")));
         }
         let mut info: Info = source.info().clone();
         if let Some(crs) = self.srs {
             info.georef = info.georef.map(|georef| GeoRef { crs, ..georef });
         }
-        let factor = match self.unit {
-            Some(HeightUnit::Km) => 1000.0,
-            Some(HeightUnit::M) | None => 1.0,
-        };
-        if self.unit.is_some() {
+        let mut factor = 1.0;
+        if let Some(unit) = self.unit {
+            factor = factor_to_metres(name, &info, unit)?;
             info.unit = Some("m".into());
         }
         Ok(Box::new(Stated { info, source, factor }))
     }
 }
 
+/// Returns metres per unit of a source's samples, which `unit` says. A source in metres has them, whatever its file stores.
+fn factor_to_metres(name: &str, info: &Info, unit: HeightUnit) -> Result<f64> {
+    if info.unit.as_deref() != Some("m") {
+        return Ok(unit.metres());
+    }
+    let in_file = info.unit_in_file.as_deref();
+    if in_file.map_or(unit == HeightUnit::M, |in_file| metres_per(in_file) == Some(unit.metres())) {
+        return Ok(1.0);
+    }
+    let what = format!("{name}: expected a file without a unit to take its heights for {}", unit.name());
+    Err(Error::input(format!("{what}, found {:?}", in_file.unwrap_or("m"))))
+}
+
 struct Stated {
     info: Info,
     source: Box<dyn Source>,
-    factor: f32,
+    factor: f64,
 }
 
 impl Source for Stated {
@@ -79,7 +111,7 @@ impl Source for Stated {
     fn read(&self, window: Window) -> Result<Vec<f32>> {
         let mut samples = self.source.read(window)?;
         if self.factor != 1.0 {
-            samples.iter_mut().for_each(|v| *v *= self.factor);
+            samples.iter_mut().for_each(|v| *v = sample(f64::from(*v) * self.factor));
         }
         Ok(samples)
     }

@@ -9,7 +9,7 @@ use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::{KnownSun, LightSource};
 use elunar_raster::align::{Interpolation, Named, onto};
-use elunar_raster::{Error, Raster, Result, source};
+use elunar_raster::{Error, Raster, Result, heights};
 use elunar_scene::evaluate::CoAlignment;
 use elunar_scene::interrupt;
 use elunar_scene::predict::network::Model;
@@ -120,7 +120,7 @@ impl Method {
                 let path = path.iter().find(|path| path.exists()).ok_or_else(|| {
                     Error::input(format!("{}: expected {}, found no such file", self.name, path[0].display()))
                 })?;
-                let dtm = source::read(path)?;
+                let dtm = heights::read(path)?;
                 Ok((onto(Named::new(&path.display().to_string(), &dtm), truth, Interpolation::Bilinear)?, None))
             }
             DtmSource::Linear(teacher, usage) => {

@@ -31,7 +31,10 @@ const SETS: [Set; 7] = [
     set("mars_noctis_hirise", "Mars", ["image_17.5m.tif", "truth_dtm_17.5m_scale_guessed.tif"]),
     set("mars_cerberus_hirise", "Mars", ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"]),
     Set { shrink: 2, coarse_px: 25, ..set("mars_gale_hirise_1m", "Mars", ["image_1m.tif", "truth_dtm_1m.tif"]) },
-    Set { zero_is_void: true, ..set("mars_candor_hirise", "Mars", ["image_42.26m.tif", "truth_dtm_42.26m_height_scale_guessed.tif"]) },
+    Set {
+        zero_is_void: true,
+        ..set("mars_candor_hirise", "Mars", ["image_42.26m.tif", "truth_dtm_42.26m_height_scale_guessed.tif"])
+    },
     Set { zero_is_void: true, shrink: 2, ..set("mars_gale_hrsc", "Mars", ["image_333m.tif", "truth_dtm_667m.tif"]) },
     Set {
         windows: Some(("north_pole", POLE)),

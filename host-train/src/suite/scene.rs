@@ -4,7 +4,7 @@ use super::list::Entry;
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Error, GeoRef, Raster, Result, source};
+use elunar_raster::{Error, GeoRef, Raster, Result, heights, source};
 use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{COARSE_PIXEL_M, Moon, photograph};
 use std::path::{Path, PathBuf};
@@ -98,9 +98,13 @@ type Parts = (Raster, Raster, Raster, (Option<f64>, Option<f64>));
 
 fn files(entry: &Entry) -> Result<Parts> {
     let srs = entry.crs().map_err(Error::input)?;
-    let read = |path: &PathBuf| -> Result<Raster> {
+    let stated = || Statements { srs: srs.clone(), unit: None };
+    let read = |path: &PathBuf, is_image: bool| -> Result<Raster> {
         let name = path.display().to_string();
-        let source = Statements { srs: srs.clone(), unit: None }.of(&name, source::open(path)?)?;
+        let source = match is_image {
+            true => stated().of(&name, source::open(path)?)?,
+            false => heights::open_with(path, stated(), None)?,
+        };
         let (info, whole) = (
             source.info().clone(),
             elunar_core::tile::Window { row: 0, col: 0, rows: source.info().rows, cols: source.info().cols },
@@ -109,17 +113,17 @@ fn files(entry: &Entry) -> Result<Parts> {
         Ok(Raster { rows: info.rows, cols: info.cols, samples: source.read(whole)?, georef: info.georef })
     };
     let missing = || Error::input(format!("scene {}: expected a truth, found none", entry.name));
-    let truth = read(entry.truth.as_ref().ok_or_else(missing)?)?;
+    let truth = read(entry.truth.as_ref().ok_or_else(missing)?, false)?;
     let sun = (entry.sun_azimuth_deg, entry.sun_elevation_deg);
     let image = match (&entry.image, sun) {
-        (Some(path), _) => read(path)?,
+        (Some(path), _) => read(path, true)?,
         (None, (Some(azimuth_deg), Some(elevation_deg))) => {
             photograph(&truth, (azimuth_deg, elevation_deg), CAMERA_SEED)?
         }
         _ => return Err(Error::input(format!("scene {}: expected an image, or the Sun to make one", entry.name))),
     };
     let coarse = match &entry.coarse {
-        Some(path) => read(path)?,
+        Some(path) => read(path, false)?,
         None => average(&truth, coarse_px(entry, &truth)?)?,
     };
     Ok((image, coarse, truth, sun))

@@ -131,7 +131,10 @@ mod tests {
         for found in [-1e30, -5.0, 0.0, 1e-9, 7.0, 1e30] {
             for variance in [1e-30, 1e-3, 1.0, 1e30] {
                 let Strength { log, spread, odds } = strength(Some((found, variance)));
-                assert!(log.is_finite() && spread.is_finite() && (0.0..=ODDS_MAX).contains(&odds), "{found} {variance}");
+                assert!(
+                    log.is_finite() && spread.is_finite() && (0.0..=ODDS_MAX).contains(&odds),
+                    "{found} {variance}"
+                );
             }
         }
     }

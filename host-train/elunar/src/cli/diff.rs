@@ -1,9 +1,10 @@
 //! `elunar diff`: one DTM minus another.
 
+use super::input::read_heights;
 use super::output;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
-use elunar_raster::{Error, Result, source};
+use elunar_raster::{Error, Result};
 use elunar_scene::diff::{Options, Statistics, difference};
 use elunar_scene::picture;
 use std::path::PathBuf;
@@ -46,7 +47,7 @@ pub struct Args {
 /// If a DTM cannot be read, the DTMs do not fit each other, or a file cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
     let _owners = output::take_all(args.output.iter().chain(&args.picture), &[&args.first, &args.second])?;
-    let (first, second) = (source::read(&args.first)?, source::read(&args.second)?);
+    let (first, second) = (read_heights(&args.first)?, read_heights(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
     let options = Options { reverse: args.reverse, absolute: args.absolute };
     let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;

@@ -1,8 +1,9 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
+use super::input;
 use super::output;
+use elunar_raster::Result;
 use elunar_raster::align::Interpolation;
-use elunar_raster::{Result, source};
 use elunar_scene::evaluate::{
     Details, Expected, Maps, NamedSource, Summary, calibration, json, octaves_picture, short_names, table,
 };
@@ -86,5 +87,5 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn open(path: &Path) -> Result<NamedSource> {
-    Ok((path.display().to_string(), source::open(path)?.into()))
+    Ok((path.display().to_string(), input::heights(path)?.into()))
 }

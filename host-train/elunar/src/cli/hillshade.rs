@@ -1,9 +1,10 @@
 //! `elunar hillshade`: the shaded relief of a DTM.
 
+use super::input::heights;
 use super::output;
 use elunar_core::terrain::Sun;
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
-use elunar_raster::{Error, Result, source};
+use elunar_raster::{Error, Result};
 use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
 use elunar_scene::predict::sun::check_azimuth;
 use elunar_scene::{picture, progress};
@@ -61,7 +62,7 @@ pub fn run(args: Args) -> Result<()> {
     let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
     let _owner = output::take(&args.output, &[&args.input])?;
     let shading = args.shading()?;
-    let source = source::open(&args.input)?;
+    let source = heights(&args.input)?;
     let (rows, cols) = (source.info().rows, source.info().cols);
     let pixel = pixel_of(source.as_ref(), &args.input.display().to_string())?;
     let mut target = match kind {

@@ -2,7 +2,7 @@
 
 use crate::picture::arena;
 use elunar_net::inspect::plan_text;
-use elunar_raster::{Error, Result};
+use elunar_raster::Result;
 use elunar_scene::{inspect, picture};
 use std::path::PathBuf;
 
@@ -45,8 +45,9 @@ pub struct Args {
 /// # Errors
 /// If the file is of no known kind, or broken.
 pub fn run(args: Args) -> Result<()> {
-    let bytes = std::fs::metadata(&args.file).map_err(Error::io(&args.file))?.len();
-    let print = |text: String| println!("{}: {bytes} bytes\n{text}", args.file.display());
+    // What is described was read, so it is there.
+    let bytes = || std::fs::metadata(&args.file).map_or(0, |found| found.len());
+    let print = |text: String| println!("{}: {} bytes\n{text}", args.file.display(), bytes());
     if !args.time && !args.json && args.plan.is_none() {
         print(inspect::describe(&args.file, print)?);
         return Ok(());

@@ -1,6 +1,7 @@
 //! `elunar lola`: compares a DTM with laser altimeter tracks.
 
-use elunar_raster::{Error, Result, source};
+use super::input::heights;
+use elunar_raster::{Error, Result};
 use elunar_scene::lola::csv::{self, CsvFormat};
 use elunar_scene::lola::report::{ComparedTrack, Report, json, table};
 use elunar_scene::lola::shift::Ground;
@@ -57,7 +58,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn compare(args: &Args) -> Result<Report> {
-    let dtm = source::open(&args.dtm)?;
+    let dtm = heights(&args.dtm)?;
     let name = args.dtm.display().to_string();
     let ground = Ground::new(&*dtm, &name, args.search_m)?;
     let mut report = Report { dtm: name, tracks: Vec::new(), flagged: 0 };

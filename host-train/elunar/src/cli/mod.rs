@@ -5,6 +5,7 @@ pub mod diff;
 pub mod evaluate;
 pub mod export;
 pub mod hillshade;
+mod input;
 pub mod inspect;
 pub mod join;
 pub mod latency;

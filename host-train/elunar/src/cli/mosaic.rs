@@ -1,10 +1,11 @@
 //! `elunar mosaic`: joins several DTMs.
 
+use super::input::heights;
 use super::output;
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
-use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, read, source};
+use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, read};
 use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
 use elunar_scene::progress;
 use std::path::{Path, PathBuf};
@@ -115,7 +116,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn open(path: &Path) -> Result<Input> {
-    Ok(Input { name: path.display().to_string(), source: source::open(path)? })
+    Ok(Input { name: path.display().to_string(), source: heights(path)? })
 }
 
 /// Reprojects the DTMs to another system. All get pixels of one size: the stated one, or the first DTM's.

@@ -490,10 +490,9 @@ fn metres(text: &str) -> std::result::Result<f32, String> {
 /// Opens image and coarse DTM. Angles of the Sun that the user does not give are those of the image's file.
 fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
-    let image = Statements { srs: args.image_srs.clone(), unit: None };
     let (image, coarse) = (
-        Input::stated(&args.image, image, args.image_nodata)?,
-        Input::stated(&args.coarse, coarse, args.coarse_nodata)?,
+        Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?,
+        Input::heights(&args.coarse, coarse, args.coarse_nodata)?,
     );
     check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
     let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };

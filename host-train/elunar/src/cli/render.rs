@@ -1,8 +1,9 @@
 //! `elunar render`: renders an image of a DTM under a given Sun.
 
+use super::input::read_heights;
 use super::output;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Error, Result, source};
+use elunar_raster::{Error, Result};
 use elunar_scene::picture;
 use elunar_scene::predict::sun::check_azimuth;
 use elunar_synth::photograph;
@@ -49,7 +50,7 @@ pub fn run(args: Args) -> Result<()> {
         let found = args.sun_elevation;
         return Err(Error::usage(format!("--sun-elevation: a number from 2 to 90 degrees expected, found {found}")));
     }
-    let dtm = source::read(&args.input)?;
+    let dtm = read_heights(&args.input)?;
     let sun = (args.sun_azimuth, args.sun_elevation);
     let image = photograph(&dtm, sun, args.seed).map_err(|e| Error::usage(format!("{}: {e}", args.input.display())))?;
     let (rows, cols) = (image.rows, image.cols);
@@ -88,7 +89,7 @@ mod tests {
         geotiff::write(&at("dtm.tif"), &truth, &WriteOptions::heights("a DTM")).unwrap();
         run(args(at("dtm.tif"), at("image.tif"), 25.0)).unwrap();
         run(args(at("dtm.tif"), at("image.png"), 25.0)).unwrap();
-        let image = source::read(&at("image.tif")).unwrap();
+        let image = elunar_raster::source::read(&at("image.tif")).unwrap();
         assert_eq!(image.georef, truth.georef);
         // Sixteen bits represent the camera's integers exactly.
         assert_eq!(image.samples, photograph(&truth, (300.0, 25.0), 4).unwrap().samples);
@@ -102,6 +103,6 @@ mod tests {
             assert!(error.contains(expected), "{error}");
         }
         assert!(!at("low.tif").exists() && !at("nan.tif").exists());
-        assert_eq!(source::read(&at("dtm.tif")).unwrap().samples, truth.samples);
+        assert_eq!(elunar_raster::source::read(&at("dtm.tif")).unwrap().samples, truth.samples);
     }
 }

@@ -104,17 +104,16 @@ pub fn run(args: Args) -> Result<()> {
         output::extension(path, &["csv", "png"])?;
     }
     let (owner, _owners) = output::take_dtm(&args.output, &args.curve, &inputs)?;
-    let image = Statements { srs: args.image_srs.clone(), unit: None };
-    let image = Input::stated(&args.image, image, args.image_nodata)?;
+    let image = Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?;
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
-    let coarse = Input::stated(&args.coarse, coarse, args.coarse_nodata)?;
+    let coarse = Input::heights(&args.coarse, coarse, args.coarse_nodata)?;
     check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
     let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };
     let sun = KnownFrom::new(user, &image.name, of_file)?;
     if !args.fit_sun {
         both_angles(sun.sun, &image.name)?;
     }
-    let truth = args.truth.as_deref().map(Input::open).transpose()?;
+    let truth = args.truth.as_deref().map(|path| Input::heights(path, Statements::default(), None)).transpose()?;
     let side_m = image.source.info().side_m(&image.name)?;
     let scene = Scene::new(image.clone(), coarse)?;
     let survey = scene.survey()?;

@@ -12,7 +12,6 @@ pub use reproject::Reprojected;
 pub use windowed::Onto;
 
 use super::source::{Info, Source, check_window};
-use super::sun::StatedSun;
 use super::{Projection, Raster};
 use crate::{Error, Result};
 use elunar_core::tile::Window;
@@ -100,7 +99,7 @@ pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Resul
 
 fn info(raster: &Raster) -> Info {
     let (rows, cols, georef) = (raster.rows, raster.cols, raster.georef.clone());
-    Info { rows, cols, georef, unit: None, format: "memory".into(), sun: StatedSun::default() }
+    Info { rows, cols, georef, format: "memory".into(), ..Info::default() }
 }
 
 /// A borrowed raster as a source.

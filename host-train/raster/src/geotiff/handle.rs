@@ -1,8 +1,10 @@
 //! An open TIFF with its name, so that every error names the file.
 
+use super::lengths::amended;
+use super::overlaid::Overlaid;
 use crate::{Error, Result};
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::{ErrorKind, Seek as _};
 use std::path::{Path, PathBuf};
 use tiff::TiffError;
 use tiff::decoder::Decoder;
@@ -15,14 +17,16 @@ const MOST_IMAGES: usize = 256;
 pub(super) struct Handle {
     pub(super) path: PathBuf,
     pub(super) file_bytes: u64,
-    pub(super) tiff: Decoder<BufReader<File>>,
+    pub(super) tiff: Decoder<Overlaid>,
 }
 
 impl Handle {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(Error::io(path))?;
+        let mut file = File::open(path).map_err(Error::io(path))?;
         let file_bytes = file.metadata().map_err(Error::io(path))?.len();
-        let tiff = Decoder::new(BufReader::new(file)).map_err(|e| refusal(path, e))?;
+        let pieces = amended(&mut file, file_bytes).and_then(|pieces| file.rewind().map(|()| pieces));
+        let pieces = pieces.map_err(|e| refusal(path, TiffError::IoError(e)))?;
+        let tiff = Decoder::new(Overlaid::new(file, pieces)).map_err(|e| refusal(path, e))?;
         Ok(Self { path: path.into(), file_bytes, tiff })
     }
 

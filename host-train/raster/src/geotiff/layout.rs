@@ -20,6 +20,9 @@ const SMALL_BYTES: usize = 1 << 22;
 /// strip of Deflate or ZSTD could otherwise take a thousand times the file's size, and more.
 pub(super) const MOST_CHUNK_PX: usize = 1 << 24;
 
+/// FillOrder of bytes whose lowest bit is the first.
+const FILL_FROM_LOWEST: u16 = 2;
+
 /// Rows of plain files are read together up to this many bytes.
 const PLAIN_BYTES: usize = 1 << 20;
 
@@ -81,6 +84,9 @@ impl Layout {
         let dimensions = file.tiff.dimensions();
         let (cols, rows) = file.check(dimensions)?;
         let kind = sample_kind(&mut file, band)?;
+        if file.unsigned::<u16>(Tag::FillOrder)? == Some(FILL_FROM_LOWEST) {
+            return Err(file.unsupported("bits in reverse (FillOrder 2); FillOrder 1 expected (gdal_translate IN OUT)"));
+        }
         let (compression, compression_name) = compression(&mut file)?;
         let (chunk_cols, chunk_rows) = file.tiff.chunk_dimensions();
         let tiled = matches!(file.tiff.get_chunk_type(), ChunkType::Tile);
@@ -175,7 +181,7 @@ impl Layout {
         Handle { tiff: file.tiff.with_limits(limits), ..file }
     }
 
-    /// Reads the offsets of the chunks. A truncated file is refused here, not after hours of work. Empty offsets are recorded.
+    /// Reads the offsets of the chunks. A truncated file is refused here, not after hours of work. Parts without offset and length were never written.
     fn check_table(&mut self, mut file: Handle, tiled: bool, uncompressed: bool) -> Result<Handle> {
         let (at, long) =
             if tiled { (Tag::TileOffsets, Tag::TileByteCounts) } else { (Tag::StripOffsets, Tag::StripByteCounts) };
@@ -188,11 +194,16 @@ impl Layout {
         }
         let (offsets, lengths) = (&offsets[before..], &lengths[before..]);
         for (chunk, (&offset, &length)) in offsets.iter().zip(lengths).take(self.chunks).enumerate() {
+            let (part, chunks, bytes) = (chunk + 1, self.chunks, file.file_bytes);
             let end = offset.saturating_add(length);
-            if length == 0 {
+            if (offset, length) == (0, 0) {
                 self.unwritten.push(chunk);
-            } else if end > file.file_bytes {
-                let (part, chunks, bytes) = (chunk + 1, self.chunks, file.file_bytes);
+            } else if offset == 0 || length == 0 {
+                let what = "offset and length expected, or neither";
+                return Err(
+                    file.broken(format!("{what}: part {part} of {chunks} has offset {offset}, length {length}"))
+                );
+            } else if end > bytes {
                 let what =
                     format!("the file ends too early: part {part} of {chunks} ends at byte {end}, the file at {bytes}");
                 return Err(file.broken(what));

@@ -9,7 +9,9 @@ mod cache;
 mod handle;
 mod ifd;
 mod layout;
+mod lengths;
 mod metadata;
+mod overlaid;
 mod place;
 mod plain;
 mod pyramid;
@@ -27,9 +29,15 @@ mod cog_tests;
 #[cfg(test)]
 mod gdal_tests;
 #[cfg(test)]
+mod length_tests;
+#[cfg(test)]
 mod mutation_tests;
 #[cfg(test)]
+mod nodata_tests;
+#[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unit_tests;
 
 pub(super) use read::open_with;
 pub use read::{open, open_band, read, read_item};
@@ -41,9 +49,6 @@ pub const NODATA: f32 = f32::from_bits(0xFF7F_FFFB);
 
 /// [`NODATA`] as text, for tag 42113.
 pub const NODATA_TEXT: &str = "-3.40282265508890445e+38";
-
-/// Floats at or below this are invalid even without a NoData tag. The ISIS special pixels and `-f32::MAX` lie below it.
-const LOWEST_VALID: f64 = -3.4e38;
 
 /// Tag numbers without a name in the `tiff` crate.
 mod tag {

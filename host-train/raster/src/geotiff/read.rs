@@ -20,10 +20,10 @@ use tiff::decoder::DecodingResult;
 /// Size of the cache of decoded samples, bytes: one row of 512-pixel tiles of a raster 32,000 columns wide.
 const CACHE_BYTES: usize = 64 << 20;
 
-/// Opens a GeoTIFF for reading in windows: one band, in the unit of the file. Kilometres become metres.
+/// Opens a GeoTIFF for reading in windows: one band. Lengths become metres.
 ///
-/// Samples become NaN if they equal the NoData tag (42113), are not finite, or are special pixels of PDS3 and ISIS. Special pixels are at
-/// or below -3.4e38 in float files, at or below -32764 in signed 16-bit files. Scale and offset of the metadata tag (42112) are applied. An
+/// Samples become NaN if they equal the NoData tag (42113), are 1e30 or more from zero or not finite, or are special pixels of PDS3 and ISIS:
+/// at or below -32764 in signed 16-bit files. Scale and offset of the metadata tag (42112) are applied. An
 /// offset equal to the radius of the file's own sphere is left out: planetary products state radii that way, and heights of this program
 /// are above the sphere. `f64` and 32-bit integers are rounded to `f32`. For files with `AREA_OR_POINT=Point` the transform is moved by
 /// half a pixel, so that it always refers to pixel corners.
@@ -96,11 +96,11 @@ impl GeoTiff {
     fn open_band(path: &Path, band: Option<usize>, cache_bytes: usize, nodata: Option<f64>) -> Result<Self> {
         let (layout, mut file) = Layout::of(Handle::open(path)?, band)?;
         let georef = georef(&mut file)?;
-        let rule = Rule::of(&mut file, georef.as_ref(), nodata)?;
+        let rule = Rule::of(&mut file, layout.kind, georef.as_ref(), nodata)?;
         file.refuse_masks()?;
         let format = layout.format.clone();
-        let (rows, cols, unit, sun) = (layout.rows, layout.cols, rule.unit.clone(), rule.sun);
-        let info = Info { rows, cols, georef, unit, format, sun };
+        let (rows, cols, unit, unit_in_file) = (layout.rows, layout.cols, rule.unit.clone(), rule.unit_in_file.clone());
+        let info = Info { rows, cols, georef, unit, unit_in_file, format, sun: rule.sun, warnings: vec![] };
         let state = Mutex::new(State { file, cache: Cache::new(cache_bytes) });
         Ok(Self { path: path.into(), info, layout, rule, state })
     }

@@ -2,6 +2,7 @@
 
 use super::super::binary::{Binary, Layout, Meaning, Sample};
 use super::super::source::{Info, Source};
+use super::super::unit::Conversion;
 use super::super::{GeoRef, geotiff};
 use super::label::Block;
 use super::pointer::{Found, Pointer, resolve};
@@ -13,6 +14,9 @@ use elunar_core::tile::Window;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+
+/// Greatest number of keywords in a warning.
+const MOST_NAMED: usize = 5;
 
 /// Reason for refusing a label: it contradicts itself, or it describes something unsupported.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -42,8 +46,10 @@ pub(super) struct Description {
     /// File with the samples; `None` for the label's own file.
     pub(super) file: Option<String>,
     pub(super) layout: Layout,
-    pub(super) meaning: Meaning,
-    pub(super) unit: Option<String>,
+    /// Stored numbers that mean "no measurement".
+    missing: Vec<f64>,
+    conversion: Conversion,
+    unit_in_file: Option<String>,
     pub(super) georef: Option<GeoRef>,
     /// Length of a record, bytes; 1 if there are none.
     record_bytes: u64,
@@ -53,9 +59,9 @@ pub(super) struct Description {
 
 /// Opens the image that the label at `path` describes, attached or detached.
 ///
-/// Samples are stored number * SCALING_FACTOR + OFFSET; kilometres become metres. An OFFSET equal to the radius of the sphere is left out,
-/// since heights here are above the sphere. Samples are NaN if they equal a special constant of the label (MISSING_CONSTANT, CORE_NULL and
-/// similar ones), are not finite, or are special pixels: at or below -3.4e38 in real samples, at or below -32764 in signed 16-bit ones. If
+/// Samples are stored number * SCALING_FACTOR + OFFSET; lengths become metres. An OFFSET equal to the radius of the sphere is left out, since
+/// heights here are above the sphere. Samples are NaN if they equal a special constant of the label (MISSING_CONSTANT, CORE_NULL and similar
+/// ones), are 1e30 or more from zero or not finite, or are special pixels: at or below -32764 in signed 16-bit samples. If
 /// the label points at a TIFF, the file is read as a TIFF, and the label supplies what the TIFF does not state.
 ///
 /// # Errors
@@ -79,7 +85,7 @@ pub(crate) fn image_of(label: &Path) -> Result<std::path::PathBuf> {
 pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     let label = read_label(path)?;
     let mut description = describe(&label).map_err(|refusal| refusal.of(path))?;
-    description.meaning.also_missing(nodata, description.layout.sample);
+    description.missing.extend(nodata);
     let data = match &description.file {
         Some(name) => resolve(path, name)?,
         None => path.to_path_buf(),
@@ -92,7 +98,9 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     }
     let file_bytes = file.metadata().map_err(Error::io(&data))?.len();
     description.check_size(path, &data, file_bytes)?;
-    let Description { file: named, layout, meaning, unit, georef, .. } = description;
+    let meaning = description.meaning();
+    let warnings = warnings(&label);
+    let Description { file: named, layout, conversion, unit_in_file, georef, .. } = description;
     let order = match (layout.sample.bytes(), layout.big_endian) {
         (1, _) => "",
         (_, true) => " big-endian",
@@ -101,8 +109,21 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     let kind = if named.is_some() { "detached" } else { "attached" };
     let format = format!("PDS3, {}{order}, {kind} label", layout.sample.name());
     let sun = sun::stated(&label, georef.is_some());
-    let info = Info { rows: layout.rows, cols: layout.cols, georef, unit, format, sun };
+    let (rows, cols, unit) = (layout.rows, layout.cols, conversion.unit);
+    let info = Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
+}
+
+/// Returns a line about keywords without a value, if there are any.
+fn warnings(label: &Block) -> Vec<String> {
+    let empty = label.empty();
+    let mut names: Vec<String> = empty.iter().map(|item| format!("{} (line {})", item.key, item.line)).collect();
+    if names.len() > MOST_NAMED {
+        names.truncate(MOST_NAMED);
+        names.push(format!("{} more", empty.len() - MOST_NAMED));
+    }
+    let line = || format!("keywords without a value, read as empty: {}", names.join(", "));
+    if empty.is_empty() { vec![] } else { vec![line()] }
 }
 
 fn geotiff_magic(head: [u8; 4]) -> bool {
@@ -110,6 +131,11 @@ fn geotiff_magic(head: [u8; 4]) -> bool {
 }
 
 impl Description {
+    fn meaning(&self) -> Meaning {
+        let Conversion { scale, offset, .. } = self.conversion;
+        Meaning::new(self.layout.sample, self.missing.iter().copied(), scale, offset)
+    }
+
     fn check_size(&self, label: &Path, data: &Path, file_bytes: u64) -> Result<()> {
         let Layout { rows, cols, sample, start, .. } = self.layout;
         let image = format!("{rows} lines of {cols} {} samples from byte {start} on", sample.name());
@@ -153,17 +179,17 @@ pub(super) fn describe(label: &Block) -> std::result::Result<Description, Refusa
     let layout = layout(image, pointer.start)?;
     let projection = label.block("IMAGE_MAP_PROJECTION");
     let radius = projection.map(Radius::of).transpose()?.flatten();
-    let (unit, scale, offset) = units::heights(image, radius)?;
+    let (unit_in_file, conversion) = units::heights(image, radius)?;
     let missing = missing(image, layout.sample)?;
     let georef = projection.map(|block| place::georef(block, &layout)).transpose()?;
     let mut others = Vec::new();
     collect_others(label, record_bytes, &pointer, &mut others);
-    let meaning = Meaning { missing, scale, offset };
     Ok(Description {
         file: pointer.file,
         layout,
-        meaning,
-        unit,
+        missing,
+        conversion,
+        unit_in_file,
         georef,
         record_bytes: record_bytes.unwrap_or(1),
         others,
@@ -204,8 +230,12 @@ fn layout(image: &Block, start: u64) -> std::result::Result<Layout, Refusal> {
         return Err(Refusal::Unsupported(what));
     }
     if let Some(item) = image.find("ENCODING_TYPE")? {
+        // Kaguya's images say how they were packed on their way to the ground: DCT_DECOMPRESSED.
         let packing = item.value.text().unwrap_or("?").to_owned();
-        return Err(Refusal::Unsupported(format!("samples packed as {packing}; plain samples expected")));
+        let plain = ["DECOMPRESSED", "UNCOMPRESSED"];
+        if !plain.iter().any(|word| packing.to_ascii_uppercase().ends_with(word)) {
+            return Err(Refusal::Unsupported(format!("samples packed as {packing}; plain samples expected")));
+        }
     }
     let (sample, big_endian) = sample(image, count("SAMPLE_BITS", None)?)?;
     let (rows, cols) = (count("LINES", None)?, count("LINE_SAMPLES", None)?);
@@ -273,6 +303,7 @@ fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defec
             "MISSING",
             "MISSING_CONSTANT",
             "INVALID_CONSTANT",
+            "INVALID_VALUE",
             "NOT_APPLICABLE_CONSTANT",
             "UNKNOWN_CONSTANT",
             "NULL_CONSTANT",
@@ -283,7 +314,7 @@ fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defec
         if !sets_apart || item.value.is_absent() {
             continue;
         }
-        for value in item.value.members() {
+        for value in item.value.members().iter().filter(|value| !value.is_absent()) {
             let stored = stored(value, sample);
             missing.push(
                 stored.ok_or_else(|| {
@@ -320,7 +351,7 @@ struct Relabelled {
 impl Relabelled {
     fn new(path: &Path, data: &Path, label: &Block, description: Description) -> Result<Self> {
         let tiff = geotiff::open(data)?;
-        let Layout { rows, cols, sample, .. } = description.layout;
+        let Layout { rows, cols, .. } = description.layout;
         let found = tiff.info();
         if (found.rows, found.cols) != (rows, cols) {
             let what = format!(
@@ -331,17 +362,18 @@ impl Relabelled {
             );
             return Err(Error::broken(path, what));
         }
-        let mut meaning = description.meaning;
         // A TIFF that names its unit has its own scale and offset, already applied.
-        if found.unit.is_some() {
-            (meaning.scale, meaning.offset) = (1.0, 0.0);
-        }
-        if !sample.is_float() {
-            meaning.missing.iter_mut().for_each(|v| *v = f64::from(*v as f32));
-        }
+        let (scale, offset) = match found.unit {
+            Some(_) => (1.0, 0.0),
+            None => (description.conversion.scale, description.conversion.offset),
+        };
+        // The TIFF's samples come as floats, whatever it stores.
+        let meaning = Meaning::new(Sample::F32, description.missing.iter().copied(), scale, offset);
         let georef = found.georef.clone().or(description.georef);
         let info = Info {
-            unit: found.unit.clone().or(description.unit),
+            unit: found.unit.clone().or_else(|| description.conversion.unit.clone()),
+            unit_in_file: found.unit_in_file.clone().or_else(|| description.unit_in_file.clone()),
+            warnings: warnings(label),
             format: format!("{}, PDS3 label", found.format),
             sun: found.sun.or(sun::stated(label, georef.is_some())),
             georef,

@@ -1,9 +1,9 @@
 //! The tree of a label, from tokens.
 //!
 //! The grammar is PVL (CCSDS 641.0-B-2) as PDS3 labels use it (PDS Standards Reference, chapter 12). It is lenient where real labels differ
-//! from the standard, and strict where the meaning would have to be guessed. Errors: a missing value, a word without equals sign, a block
-//! closed under another name. Not errors: Latin-1 bytes in texts, comments over several lines, a missing `END` at the end of the file, and
-//! statements closed by `;`.
+//! from the standard, and strict where the meaning would have to be guessed. Errors: a value missing on the keyword's line or at the end, a
+//! word without equals sign, a block closed under another name. Not errors: a keyword whose next line is another statement, which is empty;
+//! Latin-1 bytes in texts, comments over several lines, a missing `END` at the end of the file, and statements closed by `;`.
 
 use super::Defect;
 use super::lexer::{Lexer, Token};
@@ -45,12 +45,19 @@ impl Block {
         Ok(label)
     }
 
-    /// Returns the item of `key` (in capitals) in this block itself. Words for "no value" count as none.
+    /// Returns the keywords without a value, in this block and those within it.
+    #[must_use]
+    pub fn empty(&self) -> Vec<&Item> {
+        let here = self.items.iter().filter(|item| item.value.kind == Kind::Empty);
+        here.chain(self.blocks.iter().flat_map(Self::empty)).collect()
+    }
+
+    /// Returns the item of `key` (in capitals) in this block itself. Words for "no value" count as none, and so does an empty keyword.
     ///
     /// # Errors
     /// [`Defect`] if the key is stated twice, with different values.
     pub fn find(&self, key: &str) -> Result<Option<&Item>, Defect> {
-        let mut stated = self.items.iter().filter(|item| item.key == key);
+        let mut stated = self.items.iter().filter(|item| item.key == key && item.value.kind != Kind::Empty);
         let first = stated.next();
         if let (Some(first), Some(other)) = (first, stated.find(|item| Some(&item.value) != first.map(|f| &f.value))) {
             let what = format!("one value of {key} expected, found another one than in line {}", first.line);
@@ -92,11 +99,22 @@ impl Parser<'_> {
                         return Err(Defect::at(line, format!("a keyword expected, found {word:?}")));
                     }
                     self.equals(&word, line)?;
-                    let value = self.value(&key, line)?;
+                    let value = match self.is_empty(line)? {
+                        true => Value { kind: Kind::Empty, unit: None },
+                        false => self.value(&key, line)?,
+                    };
                     block.items.push(Item { key, value, line });
                 }
             }
         }
+    }
+
+    /// Returns whether the next line's statement follows the equals sign of a keyword at `line`.
+    fn is_empty(&mut self, line: usize) -> Result<bool, Defect> {
+        let below = self.lexer.line()? > line;
+        let mut ahead = self.lexer;
+        Ok(below
+            && matches!(ahead.next()?, Token::Word(word) if is_reserved(&word) || matches!(ahead.next(), Ok(Token::Mark(b'=')))))
     }
 
     fn equals(&mut self, word: &str, line: usize) -> Result<(), Defect> {
@@ -145,15 +163,8 @@ impl Parser<'_> {
         let missing = |found: &Token| Defect::at(line, format!("a value of {key} expected, found {found}"));
         let here = self.lexer.line()?;
         let kind = match self.lexer.next()? {
-            Token::Word(word) => {
-                // After `A =` without a value, the next line's keyword would otherwise be read as the value.
-                let mut ahead = self.lexer;
-                let keyword_follows = here > line && matches!(ahead.next(), Ok(Token::Mark(b'=')));
-                if is_reserved(&word) || keyword_follows {
-                    return Err(missing(&Token::Word(word)));
-                }
-                classify(&word).map_err(|what| Defect::at(here, what))?
-            }
+            Token::Word(word) if is_reserved(&word) => return Err(missing(&Token::Word(word))),
+            Token::Word(word) => classify(&word).map_err(|what| Defect::at(here, what))?,
             Token::Text(text) => Kind::Text(text),
             Token::Symbol(text) => Kind::Symbol(text),
             Token::Mark(b'(') => Kind::Sequence(self.members(key, b')', here)?),

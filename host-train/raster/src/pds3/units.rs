@@ -1,6 +1,6 @@
 //! Numbers with units: lengths, scales, and the offsets of height products.
 
-use super::super::MOON_RADIUS_M;
+use super::super::unit::{Conversion, conversion, metres_per};
 use super::Defect;
 use super::label::{Block, Item};
 
@@ -19,15 +19,6 @@ impl Radius {
             return Ok(Some(Self { metres }));
         }
         Err(Defect::at(item.line, format!("a radius above 0 expected, found {metres} m")))
-    }
-}
-
-/// Returns metres per unit of length, for all names of units in labels.
-pub(super) fn metres_per(unit: &str) -> Option<f64> {
-    match unit.trim().to_ascii_uppercase().as_str() {
-        "M" | "METER" | "METERS" | "METRE" | "METRES" => Some(1.0),
-        "KM" | "KILOMETER" | "KILOMETERS" | "KILOMETRE" | "KILOMETRES" => Some(1000.0),
-        _ => None,
     }
 }
 
@@ -51,28 +42,14 @@ pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
     block.find(key)?.map(finite).transpose()
 }
 
-/// Returns the unit of the samples and the conversion of stored numbers: (unit, scale, offset).
-///
-/// SLDEM2015 and the LOLA maps give their sphere's radius as OFFSET (`1737.4` and `1737400.`). Their samples are heights above it already,
-/// so the offset is left out. A radius in kilometres also implies the unit if none is stated.
-pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, f64, f64), Defect> {
+/// Returns the unit of the samples as the label states it, and the conversion of stored numbers.
+pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, Conversion), Defect> {
     let scale = number(image, "SCALING_FACTOR")?.unwrap_or(1.0);
     if scale == 0.0 {
         return Err(Defect::missing("a SCALING_FACTOR other than 0 expected, found 0"));
     }
-    let mut offset = number(image, "OFFSET")?.unwrap_or(0.0);
+    let offset = number(image, "OFFSET")?.unwrap_or(0.0);
     let unit = image.find("UNIT")?.and_then(|item| item.value.text());
-    let mut metres = unit.and_then(metres_per);
-    let radius_m = radius.map_or(MOON_RADIUS_M, |radius| radius.metres);
-    let is_radius = |value: f64| (value - radius_m).abs() <= 1e-6 * radius_m;
-    if is_radius(offset * 1000.0) {
-        metres = metres.or(Some(1000.0));
-        offset = 0.0;
-    } else if is_radius(offset) {
-        metres = metres.or(Some(1.0));
-        offset = 0.0;
-    }
-    let unit = if metres.is_some() { Some("m".into()) } else { unit.map(str::to_owned) };
-    let factor = metres.unwrap_or(1.0);
-    Ok((unit, scale * factor, offset * factor))
+    let conversion = conversion(unit, scale, offset, radius.map(|radius| radius.metres));
+    Ok((unit.map(str::to_owned), conversion))
 }

@@ -35,6 +35,8 @@ pub enum Kind {
     Sequence(Vec<Value>),
     /// `{ , }`: unordered.
     Set(Vec<Value>),
+    /// Nothing: the next keyword follows the equals sign. Not PVL, but in labels of Chang'E.
+    Empty,
 }
 
 impl Value {
@@ -57,11 +59,12 @@ impl Value {
         }
     }
 
-    /// Returns whether the value is a word for "no value": `N/A`, `UNK`, `NULL`, and their long forms.
+    /// Returns whether there is no value, or a word for that: `N/A`, `UNK`, `NULL`, and their long forms.
     #[must_use]
     pub fn is_absent(&self) -> bool {
         let absent = ["N/A", "NA", "UNK", "NULL", "NONE", "NOT APPLICABLE", "UNKNOWN", ""];
-        self.text().is_some_and(|text| absent.iter().any(|word| text.eq_ignore_ascii_case(word)))
+        self.kind == Kind::Empty
+            || self.text().is_some_and(|text| absent.iter().any(|word| text.eq_ignore_ascii_case(word)))
     }
 
     /// Returns the members of a sequence or set, otherwise the value itself.
@@ -94,6 +97,7 @@ impl fmt::Display for Value {
             }
             Kind::Sequence(members) => list(f, '(', members, ')')?,
             Kind::Set(members) => list(f, '{', members, '}')?,
+            Kind::Empty => {}
         }
         self.unit.as_ref().map_or(Ok(()), |unit| write!(f, " <{unit}>"))
     }

@@ -5,7 +5,7 @@ use super::source::TileSource;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::illumination::KnownSun;
 use elunar_raster::align::{Interpolation, Named, onto, spacing_ratio};
-use elunar_raster::{Error, Raster, Result, geotiff};
+use elunar_raster::{Error, Raster, Result, heights, source};
 use std::path::{Path, PathBuf};
 
 /// The files of one scene.
@@ -111,10 +111,10 @@ impl TileSource for FolderSource {
 
 impl Scene {
     fn read(triple: &Triple) -> Result<Self> {
-        let image = geotiff::read(&triple.image)?;
+        let image = source::read(&triple.image)?;
         let name = triple.image.display().to_string();
         let on_image = |path: &Path, how| -> Result<(Raster, f32)> {
-            let raster = geotiff::read(path)?;
+            let raster = heights::read(path)?;
             let path = path.display().to_string();
             let (named, image) = (Named::new(&path, &raster), Named::new(&name, &image));
             Ok((onto(named, image, how)?, spacing_ratio(named, image)?))

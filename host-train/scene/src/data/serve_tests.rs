@@ -83,7 +83,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
     let parameters = Parameters { shares: [1.0, 0.0, 0.0], ..Parameters::default() };
     prepare::run(&[files], &out, &parameters, &ProgressBar::hidden()).unwrap();
     let tile = PreparedSource::open(&out, Split::Train).unwrap().tile(0).unwrap();
-    let open = |what| Input::open(&path(what)).unwrap();
+    let open = |what| Input::image(&path(what), None, None).unwrap();
     (Scene::new(open("image"), open("coarse")).unwrap(), tile)
 }
 

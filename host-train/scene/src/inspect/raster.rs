@@ -8,9 +8,16 @@ use elunar_raster::{GeoRef, Projection, Result};
 const MOST_SAMPLES: usize = 1 << 22;
 
 pub(super) fn describe(source: &dyn Source) -> Result<String> {
-    let Info { rows, cols, georef, unit, format, sun } = source.info();
+    let Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings } = source.info();
     let mut text = format!("raster of {rows} x {cols} pixels (rows x columns)\nformat: {format}\n");
-    text += &format!("unit: {}\n", unit.as_deref().unwrap_or("not stated"));
+    text += &match (unit.as_deref(), unit_in_file.as_deref()) {
+        (Some(unit), Some(in_file)) if unit != in_file => format!("unit: {unit}; the file says {in_file:?}\n"),
+        (None, Some(in_file)) => format!("unit: not stated; the file says {in_file:?}\n"),
+        (None, None) => "unit: not stated\n".into(),
+        (Some("m"), _) => "unit: m\n".into(),
+        (Some(unit), _) => format!("unit: {unit}, no known length: refused as heights\n"),
+    };
+    text += &warnings.iter().map(|warning| format!("warning: {warning}\n")).collect::<String>();
     let angle = |what: &str, deg: Option<f64>| deg.map(|deg| format!("{what} {deg:.3} deg"));
     let angles = [angle("azimuth", sun.azimuth_deg), angle("elevation", sun.elevation_deg)];
     if angles.iter().any(Option::is_some) {

@@ -36,6 +36,30 @@ fn rasters_are_described() {
 }
 
 #[test]
+fn the_unit_is_said_as_the_file_says_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let raster = Raster { rows: 1, cols: 2, samples: vec![1.0, 2.0], georef: None };
+    for (unit, line) in [
+        ("", "unit: not stated\n"),
+        ("m", "unit: m\n"),
+        ("US survey foot", "unit: m; the file says \"US survey foot\"\n"),
+        ("unknown", "unit: not stated; the file says \"unknown\"\n"),
+        ("degree", "unit: degree, no known length: refused as heights\n"),
+    ] {
+        let mut options = geotiff::WriteOptions::heights("t");
+        options.unit = Some(unit.to_string()).filter(|unit| !unit.is_empty());
+        geotiff::write(&path, &raster, &options).unwrap();
+        let text = described(&path);
+        assert!(text.contains(line), "{text}");
+    }
+    let label = "PDS_VERSION_ID = PDS3\n^IMAGE = 301 <BYTES>\nNOTE =\nOBJECT = IMAGE\nLINES = 1\nLINE_SAMPLES = 2\nSAMPLE_TYPE = MSB_INTEGER\nSAMPLE_BITS = 8\nEND_OBJECT\nEND\n";
+    std::fs::write(&path, format!("{label:<300}\x01\x02")).unwrap();
+    let text = described(&path);
+    assert!(text.contains("warning: keywords without a value, read as empty: NOTE (line 3)\n"), "{text}");
+}
+
+#[test]
 fn the_sun_of_an_image_is_described() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");

@@ -12,7 +12,7 @@ use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Error, GeoRef, Raster, Result};
+use elunar_raster::{Crs, Error, GeoRef, Raster, Result, heights};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,22 +27,22 @@ pub struct Input {
 }
 
 impl Input {
-    /// Opens a file.
+    /// Opens an image. A stated system replaces that of the file. Samples stored as `nodata` are invalid, too.
     ///
     /// # Errors
-    /// As [`elunar_raster::source::open`].
-    pub fn open(path: &std::path::Path) -> Result<Self> {
-        Ok(Self { name: path.display().to_string(), source: elunar_raster::source::open(path)?.into() })
+    /// As [`elunar_raster::source::open`] and [`Statements::of`].
+    pub fn image(path: &std::path::Path, srs: Option<Crs>, nodata: Option<f64>) -> Result<Self> {
+        let name = path.display().to_string();
+        let source = Statements { srs, unit: None }.of(&name, elunar_raster::source::open_with(path, nodata)?)?;
+        Ok(Self { name, source: source.into() })
     }
 
-    /// Opens a file. The user's statements replace those of the file. Samples stored as `nodata` are invalid, too.
+    /// Opens a raster of heights. The user's statements replace those of the file. Samples stored as `nodata` are invalid, too.
     ///
     /// # Errors
-    /// As [`Self::open`] and [`Statements::of`].
-    pub fn stated(path: &std::path::Path, stated: Statements, nodata: Option<f64>) -> Result<Self> {
-        let name = path.display().to_string();
-        let source = stated.of(&name, elunar_raster::source::open_with(path, nodata)?)?;
-        Ok(Self { name, source: source.into() })
+    /// As [`elunar_raster::heights::open_with`].
+    pub fn heights(path: &std::path::Path, stated: Statements, nodata: Option<f64>) -> Result<Self> {
+        Ok(Self { name: path.display().to_string(), source: heights::open_with(path, stated, nodata)?.into() })
     }
 
     /// Makes an input from a raster in memory.

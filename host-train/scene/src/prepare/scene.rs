@@ -8,7 +8,7 @@ use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{self, Info, Source};
 use elunar_raster::stated::{HeightUnit, Statements};
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, heights};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -51,13 +51,14 @@ impl Scene {
     /// # Errors
     /// If a file cannot be opened or has no georeference, the files do not overlap, or the coarse DTM is finer than the image.
     pub(super) fn open(files: &SceneFiles, reading: Reading) -> Result<Self> {
-        let open = |path: &Path| source::open(path).map(Arc::from);
         let name = |path: &Path| path.display().to_string();
         let (image_name, dtm_name, coarse_name) = (name(&files.image), name(&files.dtm), name(&files.coarse));
         let stated = Statements { unit: reading.coarse_unit, srs: None };
-        let coarse = stated.of(&files.coarse.display().to_string(), source::open(&files.coarse)?)?;
-        let (image, dtm, coarse): (Arc<dyn Source>, Arc<dyn Source>, Arc<dyn Source>) =
-            (open(&files.image)?, open(&files.dtm)?, coarse.into());
+        let (image, dtm, coarse): (Arc<dyn Source>, Arc<dyn Source>, Arc<dyn Source>) = (
+            source::open(&files.image)?.into(),
+            heights::open(&files.dtm)?.into(),
+            heights::open_with(&files.coarse, stated, None)?.into(),
+        );
         let pixel = pixel_of(image.as_ref(), &image_name)?;
         let coarse_px = (coarse.info().side_m(&coarse_name)? / image.info().side_m(&image_name)?) as f32;
         if coarse_px < 1.0 {

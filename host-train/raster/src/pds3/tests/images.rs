@@ -2,12 +2,16 @@
 
 use super::{EQUIRECTANGULAR, POLAR, attached, opened, refused, shared, sldem_label};
 use crate::source::{open, open_with, read_all};
-use crate::{Crs, Projection};
+use crate::{Crs, Projection, heights};
 use elunar_core::tile::Window;
 
 const I16: &str = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 16 CORE_NULL = -32768";
 
 fn le(samples: &[f32]) -> Vec<u8> {
+    samples.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn le16(samples: &[i16]) -> Vec<u8> {
     samples.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
@@ -165,7 +169,7 @@ fn files_and_labels_that_disagree_are_refused() {
         .replace("UNCOMPRESSED_FILE", "OTHER")
         .replace("^IMAGE                    = \"A.IMG\"", "");
     assert!(refused(&[("a.lbl", only.as_bytes())]).contains("gdal_translate -of GTiff FILE.JP2"));
-    assert!(refused(&[("a.lbl", b"PDS_VERSION_ID = PDS3\nA =\nEND")]).contains("line 2: a value of A expected"));
+    assert!(refused(&[("a.lbl", b"PDS_VERSION_ID = PDS3\nA = ;\nEND")]).contains("line 2: a value of A expected"));
 }
 
 #[test]
@@ -201,7 +205,7 @@ fn places_that_are_not_understood_are_refused() {
         ("20.0 <DEG>", "90 <DEG>", "projection EQUIRECTANGULAR, centre latitude 90"),
         ("LONGITUDE_DIRECTION = EAST", "LONGITUDE_DIRECTION = WEST", "positive to the WEST"),
         ("ROTATION        = 0.0", "ROTATION = 90.0", "ROTATION 90"),
-        ("<METERS/PIXEL>", "<FEET/PIXEL>", "found <FEET/PIXEL>"),
+        ("<METERS/PIXEL>", "<DEGREES/PIXEL>", "found <DEGREES/PIXEL>"),
         ("<METERS/PIXEL>", "<KM/PIXEL>", "MAP_SCALE and MAP_RESOLUTION of one size"),
         ("129197.5", "-129197.5", "MAXIMUM_LATITUDE 21.30330227 and LINE_PROJECTION_OFFSET to agree"),
         ("C_AXIS_RADIUS                = 1737.4", "C_AXIS_RADIUS = 1735.0", "a sphere of 1737400 m expected"),
@@ -249,13 +253,12 @@ fn constants_that_mean_nothing_was_measured() {
     let gaps = |samples: Vec<f32>| samples.iter().map(|v| v.is_nan()).collect::<Vec<_>>();
     let reals = le(&[f32::from_bits(0xFF7F_FFFA), -1e32, 5.0, -9999.0]);
     let real = "SAMPLE_TYPE = PC_REAL SAMPLE_BITS = 32";
-    assert_eq!(gaps(read(real, &reals, 4)), [true, false, false, false]);
-    assert_eq!(gaps(read(&format!("{real} MISSING_CONSTANT = -9999"), &reals, 4)), [true, false, false, true]);
-    assert_eq!(gaps(read(&format!("{real} MISSING_CONSTANT = -1.0E+32"), &reals, 4)), [true, true, false, false]);
-    assert_eq!(gaps(read(&format!("{real} CORE_NULL = 16#40A00000#"), &reals, 4)), [true, false, true, false]);
+    assert_eq!(gaps(read(real, &reals, 4)), [true, true, false, false]);
+    assert_eq!(gaps(read(&format!("{real} MISSING_CONSTANT = -9999"), &reals, 4)), [true, true, false, true]);
+    assert_eq!(gaps(read(&format!("{real} CORE_NULL = 16#40A00000#"), &reals, 4)), [true, true, true, false]);
     assert_eq!(
         gaps(read(&format!("{real} MISSING_CONSTANT = (\"16#40A00000#\", -9999.0)"), &reals, 4)),
-        [true, false, true, true]
+        [true, true, true, true]
     );
     let bytes = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 8 CORE_HIGH_REPR_SATURATION = 255 MISSING = 0";
     assert_eq!(gaps(read(bytes, &[0, 1, 254, 255], 1)), [true, false, false, true]);
@@ -281,6 +284,76 @@ fn a_users_nodata_value_and_the_sun_of_a_label() {
             assert!(voids == [void] && samples[0] == 10.0, "{samples:?}");
         }
     }
+}
+
+#[test]
+fn samples_that_were_unpacked_and_lists_of_invalid_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = le16(&[-20000, -21000, 100, -22000]);
+    let open = |image: &str| {
+        let file = attached(1, 4, &format!("{I16} SCALING_FACTOR = 0.5 {image}"), "", 2);
+        opened(folder.path(), &[("a.img", &[file, samples.clone()].concat())])
+    };
+    let valid = |image: &str| read_all(&*open(image).unwrap()).unwrap().samples.iter().filter(|v| !v.is_nan()).count();
+    for packing in ["\"DCT_DECOMPRESSED\"", "'N/A'", "N/A"] {
+        assert_eq!(valid(&format!("ENCODING_TYPE = {packing}")), 4, "{packing}");
+    }
+    assert!(open("ENCODING_TYPE = DCT").err().unwrap().to_string().contains("packed as DCT; plain samples"));
+    assert_eq!(valid("INVALID_VALUE = (-20000, -21000, -22000, -23000)"), 1);
+    assert_eq!(valid("INVALID_VALUE = {-20000, \"N/A\"}"), 3);
+    assert_eq!(valid("INVALID_VALUE = -21000"), 3);
+    assert_eq!(valid("INVALID_VALUE = \"N/A\""), 4);
+    assert!(open("INVALID_VALUE = (A, 1)").err().unwrap().to_string().contains("a number as INVALID_VALUE expected"));
+}
+
+#[test]
+fn keywords_without_a_value_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = attached(1, 2, &format!("{I16}\nUNIT =\nSCALING_FACTOR =\nOFFSET ="), "", 2);
+    let line = String::from_utf8_lossy(&file).lines().position(|line| line.starts_with("UNIT")).unwrap() + 1;
+    let source = opened(folder.path(), &[("a.img", &[file, le16(&[3, 4])].concat())]).unwrap();
+    assert_eq!(read_all(&*source).unwrap().samples, [3.0, 4.0]);
+    let names = format!("UNIT (line {line}), SCALING_FACTOR (line {}), OFFSET (line {})", line + 1, line + 2);
+    assert_eq!(source.info().warnings, [format!("keywords without a value, read as empty: {names}")]);
+    // What is needed is missed.
+    let text = refused(&[("a.img", &attached(1, 2, "SAMPLE_BITS = 16\nSAMPLE_TYPE =", "", 2))]);
+    assert!(text.contains("SAMPLE_TYPE of the IMAGE expected, found none"), "{text}");
+}
+
+#[test]
+fn units_of_length_become_metres() {
+    let folder = tempfile::tempdir().unwrap();
+    let height = |unit: &str| {
+        let file = [attached(1, 1, &format!("{I16} UNIT = {unit}"), "", 2), le16(&[1000])].concat();
+        std::fs::write(folder.path().join("a.img"), file).unwrap();
+        let source = heights::open(&folder.path().join("a.img")).map_err(|e| e.to_string())?;
+        Ok::<_, String>((read_all(&*source).unwrap().samples[0], source.info().unit_in_file.clone().unwrap()))
+    };
+    let cases =
+        [("FEET", 304.8), ("\"US_SURVEY_FOOT\"", 304.800_6), ("CENTIMETERS", 10.0), ("KM", 1e6), ("'meters'", 1000.0)];
+    for (unit, metres) in cases {
+        assert_eq!(height(unit), Ok((metres, unit.trim_matches(['"', '\'']).into())), "{unit}");
+    }
+    for unit in ["DEGREES", "\"W/m2/micron/sr\""] {
+        assert!(height(unit).unwrap_err().contains("US survey foot expected, found"), "{unit}");
+    }
+}
+
+#[test]
+fn reported_labels_are_read() {
+    let Some(folder) = elunar_testing::shared_folder() else { return };
+    let [label, feet] =
+        ["bugs/15_kaguya_labels/DECOMPRESSED.LBL", "user/LDEM_4_FEET.LBL"].map(|name| folder.join("files").join(name));
+    if !label.exists() || !feet.exists() {
+        return elunar_testing::skipped("reported_labels_are_read", "no files beside the reference data");
+    }
+    let raster = read_all(&*open(&label).unwrap()).unwrap();
+    assert_eq!((raster.rows, raster.cols, raster.valid_count(), raster.range()), (50, 70, 3500, Some((6.5, 115.908))));
+    let scratch = tempfile::tempdir().unwrap();
+    std::fs::copy(&feet, scratch.path().join("a.lbl")).unwrap();
+    std::fs::copy(folder.join("data/readers/LDEM_4.IMG"), scratch.path().join("LDEM_4.IMG")).unwrap();
+    let lowest_ft = heights::read(&scratch.path().join("a.lbl")).unwrap().range().unwrap().0 / 0.3048;
+    assert!((-9_500.0..-8_000.0).contains(&lowest_ft), "{lowest_ft}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ const FARTHEST_KM: f32 = 12.0;
 /// Relief over extent below which heights are more likely kilometres read as metres. It is 0.06 degrees from end to end; the Moon's
 /// flattest maria have a degree or two.
 const FLATTEST: f64 = 1e-3;
-/// Values that files use for voids. Floats at or below -3.4e38 and signed 16-bit integers at or below -32764 are voids in any case.
+/// Values that files use for voids. Floats 1e30 or more from zero and signed 16-bit integers at or below -32764 are voids in any case.
 const VOID_VALUES: [f32; 3] = [-9999.0, -32768.0, 0.0];
 /// Share of heights with exactly such a value above which it is suspected.
 const VOID_SHARE: f64 = 0.005;

@@ -20,6 +20,7 @@ use super::sun::KnownFrom;
 use super::{Scene, Survey};
 use elunar_net::illumination::Lighting;
 use elunar_raster::Result;
+use elunar_raster::source::Source;
 
 /// Returns the warnings about a scene, its survey, and the light that it is worked on under. `unit_stated` says that the user has stated the
 /// unit of the heights.
@@ -48,10 +49,16 @@ pub fn notices(
     let unrelated = || light::unrelated(name, &scene.coarse_name, lighting);
     let of_light = light::contradiction(survey, sun, lighting)
         .or_else(|| unrelated().or_else(little).filter(|_| of_image.is_empty()));
+    let of_file = |name: &str, source: &dyn Source| {
+        source.info().warnings.iter().map(|warning| format!("{name}: {warning}")).collect::<Vec<_>>()
+    };
+    let of_files =
+        of_file(name, &*scene.image.source).into_iter().chain(of_file(&scene.coarse_name, scene.coarse.source()));
     let found = sun
         .refused
         .iter()
         .cloned()
+        .chain(of_files)
         .chain(of_coverage)
         .chain(of_exchange)
         .chain(of_coarse)
