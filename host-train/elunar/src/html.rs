@@ -1,7 +1,7 @@
 //! HTML elements of a page.
 
 use base64::Engine;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Result, read};
 use std::path::PathBuf;
 
 /// A picture in a page.
@@ -35,7 +35,7 @@ pub fn escaped(text: &str) -> String {
 /// # Errors
 /// [`Error::Io`] if the picture cannot be read.
 pub fn figure(picture: &Picture) -> Result<String> {
-    let bytes = std::fs::read(&picture.file).map_err(Error::io(&picture.file))?;
+    let bytes = read::bytes(&picture.file, read::MOST_BYTES)?;
     let data = base64::engine::general_purpose::STANDARD.encode(bytes);
     let caption = escaped(&picture.caption);
     Ok(format!(

@@ -1,7 +1,7 @@
 //! Hashes of files' contents, so that work is recognised on another machine, whatever the path and the time of a file.
 
 use crate::format::Format;
-use crate::{Error, Result, mask, pds3};
+use crate::{Error, Result, mask, pds3, read};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -12,19 +12,25 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// [`Error::Io`] if it cannot be read.
 pub fn sha256(path: &Path) -> Result<String> {
-    sha256_of(&mut File::open(path).map_err(Error::io(path))?).map_err(Error::io(path))
+    sha256_of(&mut read::file(path)?).map_err(Error::io(path))
 }
 
 /// Returns the SHA-256 of an open file from its beginning, hexadecimal.
 pub(crate) fn sha256_of(file: &mut File) -> std::io::Result<String> {
+    sha256_while(file, &|| true).map(Option::unwrap_or_default)
+}
+
+/// Returns the SHA-256 of an open file as [`sha256_of`] does; `None` once `goes_on` says no.
+fn sha256_while(file: &mut File, goes_on: &dyn Fn() -> bool) -> std::io::Result<Option<String>> {
     let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 20]);
     file.rewind()?;
-    loop {
+    while goes_on() {
         match file.read(&mut buffer)? {
-            0 => return Ok(hex(&hash.finalize())),
+            0 => return Ok(Some(hex(&hash.finalize()))),
             read => hash.update(&buffer[..read]),
         }
     }
+    Ok(None)
 }
 
 /// Returns the SHA-256 of a text, hexadecimal.
@@ -39,7 +45,19 @@ pub fn sha256_of_text(text: &str) -> String {
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn sha256_of_raster(path: &Path) -> Result<String> {
-    let hashes: Vec<String> = files_of_raster(path)?.iter().map(|file| sha256(file)).collect::<Result<_>>()?;
+    sha256_of_raster_while(path, &|| true)
+}
+
+/// Returns the SHA-256 of a raster's files as [`sha256_of_raster`] does, while `goes_on` says yes. It is asked after every megabyte.
+///
+/// # Errors
+/// [`Error::Stopped`] once it says no; otherwise as [`sha256_of_raster`].
+pub fn sha256_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result<String> {
+    let hash = |file: &PathBuf| {
+        let found = sha256_while(&mut read::file(file)?, goes_on).map_err(Error::io(file))?;
+        found.ok_or_else(|| Error::stopped(format!("stopped while {} was read for its SHA-256", file.display())))
+    };
+    let hashes: Vec<String> = files_of_raster(path)?.iter().map(hash).collect::<Result<_>>()?;
     Ok(hashes.join("+"))
 }
 

@@ -1,9 +1,7 @@
 //! File formats, recognised by the first bytes.
 
 use super::{npy, pds3};
-use crate::output::kind_of;
-use crate::{Error, Result};
-use std::fs::File;
+use crate::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
 
@@ -88,15 +86,8 @@ pub fn head(path: &Path) -> Result<Vec<u8>> {
         let name = if name.is_empty() { "OUT.tif" } else { name };
         return Err(Error::input(format!("{what}: gdal_translate /vsicurl/{scheme}://{address} {name}")));
     }
-    // Looked at before it is opened: a FIFO without a writer would wait for ever, and no raster is read from front to back.
-    let found = std::fs::metadata(path).map_err(Error::io(path))?;
-    if !found.is_file() {
-        let kind = kind_of(found.file_type());
-        return Err(Error::input(format!("{}: a file expected, found a {kind}", path.display())));
-    }
-    let file = File::open(path).map_err(Error::io(path))?;
     let mut head = Vec::new();
-    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
+    read::file(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
     if head.is_empty() {
         return Err(Error::broken(path, "a raster expected, found an empty file"));
     }

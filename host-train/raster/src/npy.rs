@@ -2,7 +2,7 @@
 
 use super::binary::{Binary, Layout, Meaning, Sample};
 use super::source::{Info, Source};
-use crate::{Error, Result};
+use crate::{Error, Result, read};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -106,7 +106,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 
 /// Opens a file as [`open`] does, with samples stored as `nodata` invalid.
 pub(super) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
-    let mut file = File::open(path).map_err(Error::io(path))?;
+    let mut file = read::file(path)?;
     let file_bytes = file.metadata().map_err(Error::io(path))?.len();
     let (text, start) = header(path, &mut file)?;
     let header = Header::parse(&text).map_err(|what| Error::broken(path, what))?;

@@ -1,39 +1,136 @@
-//! Files that are read whole: at most so many bytes of them, whatever the file's size says.
+//! Inputs are opened and read here alone: files, and texts of at most so many bytes, whatever the file's size says.
 
+use crate::output::kind_of;
 use crate::{Error, Result};
-use std::fs::File;
-use std::io::Read;
+use std::fs::{File, FileType};
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 /// Most bytes of a file of weights, a model, or a list of many items (our choice).
 pub const MOST_BYTES: u64 = 1 << 30;
 /// Most bytes of a file of settings (our choice).
 pub const MOST_SETTINGS_BYTES: u64 = 1 << 24;
+/// A text is checked after so many bytes, so that the first piece of what is no text ends the reading.
+const PIECE_BYTES: u64 = 1 << 16;
 
-/// Reads a file of at most `most` bytes.
+/// Opens a regular file, also through a link.
 ///
 /// # Errors
-/// [`Error::Unsupported`] if it is longer, [`Error::Io`] if it cannot be read.
-pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
-    let too_long = |found: String| Error::unsupported(path, format!("at most {most} bytes expected, {found} found"));
-    let file = File::open(path).map_err(Error::io(path))?;
-    let length = file.metadata().map_err(Error::io(path))?.len();
-    if length > most {
-        return Err(too_long(length.to_string()));
-    }
-    let mut bytes = Vec::with_capacity(length as usize);
-    // A device or a pipe says nothing of its length.
-    file.take(most + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;
-    if bytes.len() as u64 > most { Err(too_long("more".into())) } else { Ok(bytes) }
+/// [`Error::Input`] if something else is there: a folder, a FIFO, a device. [`Error::Io`] if it cannot be opened.
+pub fn file(path: &Path) -> Result<File> {
+    open(path, |found| found.is_file())
 }
 
-/// Reads a file of text of at most `most` bytes.
+/// Opens a text: a regular file, or a pipe as of `<(command)`.
 ///
 /// # Errors
-/// As [`bytes`]; [`Error::Io`] if it is not UTF-8.
+/// As [`file`].
+pub fn text_file(path: &Path) -> Result<File> {
+    open(path, |found| found.is_file() || is_pipe(found))
+}
+
+fn open(path: &Path, is_right: impl FnOnce(FileType) -> bool) -> Result<File> {
+    // Looked at before it is opened: a FIFO without a writer would wait for ever, and a device may have no end.
+    let found = std::fs::metadata(path).map_err(Error::io(path))?.file_type();
+    if !is_right(found) {
+        return Err(Error::input(format!("{}: a file expected, found a {}", path.display(), kind_of(found))));
+    }
+    File::open(path).map_err(Error::io(path))
+}
+
+#[cfg(unix)]
+fn is_pipe(found: FileType) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&found)
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: FileType) -> bool {
+    false
+}
+
+/// Reads a regular file of at most `most` bytes.
+///
+/// # Errors
+/// [`Error::Unsupported`] if it is longer; otherwise as [`file`].
+pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    whole(path, file(path)?, most, |_| true)
+}
+
+/// Reads a text of at most `most` bytes, from a file or a pipe.
+///
+/// # Errors
+/// [`Error::Unsupported`] if it is longer; [`Error::Io`] if it is not UTF-8, or contains a byte 0; otherwise as [`text_file`].
 pub fn text(path: &Path, most: u64) -> Result<String> {
-    let not_text = |_| Error::io(path)(std::io::Error::new(std::io::ErrorKind::InvalidData, "text in UTF-8 expected"));
-    String::from_utf8(bytes(path, most)?).map_err(not_text)
+    let mut checked = 0;
+    let is_text = |bytes: &[u8]| {
+        let new = &bytes[checked..];
+        let valid = match std::str::from_utf8(new) {
+            Ok(_) => Some(new.len()),
+            // The rest of the last character has not been read yet.
+            Err(error) if error.error_len().is_none() => Some(error.valid_up_to()),
+            Err(_) => None,
+        };
+        checked += valid.unwrap_or(0);
+        valid.is_some() && !new.contains(&0)
+    };
+    let bytes = whole(path, text_file(path)?, most, is_text)?;
+    String::from_utf8(bytes).map_err(|_| no_text(path))
+}
+
+/// Opens a text of at most `most` bytes, from a file or a pipe, to be read from front to back.
+///
+/// # Errors
+/// [`Error::Unsupported`] if the file is longer; otherwise as [`text_file`]. Reading behind the last byte that may be is an error, too.
+pub fn stream(path: &Path, most: u64) -> Result<impl Read> {
+    let file = text_file(path)?;
+    check_length(path, &file, most)?;
+    Ok(Bounded { file, most, left: most })
+}
+
+/// A file that ends with an error behind so many bytes.
+struct Bounded {
+    file: File,
+    most: u64,
+    left: u64,
+}
+
+impl Read for Bounded {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let found = self.file.read(out)?;
+        self.left = self.left.checked_sub(found as u64).ok_or_else(|| {
+            std::io::Error::new(ErrorKind::InvalidData, format!("at most {} bytes expected, more found", self.most))
+        })?;
+        Ok(found)
+    }
+}
+
+/// Refuses a file that is longer than `most` bytes. Returns its length; that of a pipe is 0.
+fn check_length(path: &Path, file: &File, most: u64) -> Result<u64> {
+    let length = file.metadata().map_err(Error::io(path))?.len();
+    if length > most { Err(too_long(path, most, &length.to_string())) } else { Ok(length) }
+}
+
+fn too_long(path: &Path, most: u64, found: &str) -> Error {
+    Error::unsupported(path, format!("at most {most} bytes expected, {found} found"))
+}
+
+fn no_text(path: &Path) -> Error {
+    Error::io(path)(std::io::Error::new(ErrorKind::InvalidData, "text in UTF-8 expected"))
+}
+
+/// Reads what is left of `file`, piece by piece, while `is_right` accepts what was read so far.
+fn whole(path: &Path, file: File, most: u64, mut is_right: impl FnMut(&[u8]) -> bool) -> Result<Vec<u8>> {
+    let length = check_length(path, &file, most)?;
+    let mut bytes = vec![];
+    // A pipe says nothing of its length, and a file may grow meanwhile.
+    let mut rest = file.take(most + 1);
+    while rest.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))? > 0 {
+        if !is_right(&bytes) {
+            return Err(no_text(path));
+        }
+        bytes.reserve_exact((length as usize).saturating_sub(bytes.len()));
+    }
+    if bytes.len() as u64 > most { Err(too_long(path, most, "more")) } else { Ok(bytes) }
 }
 
 #[cfg(test)]
@@ -51,9 +148,59 @@ mod tests {
         // A sparse file of a terabyte.
         File::options().write(true).open(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(matches!(bytes(&path, MOST_BYTES), Err(Error::Unsupported { .. })));
-        #[cfg(unix)]
-        assert!(bytes(Path::new("/dev/zero"), 1 << 16).unwrap_err().to_string().ends_with("more found"));
         std::fs::write(&path, [0xFF]).unwrap();
         assert!(text(&path, 4).unwrap_err().to_string().contains("UTF-8"));
+    }
+
+    #[test]
+    fn a_text_is_checked_while_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        // Characters of three bytes lie across the ends of pieces.
+        let long = "é€".repeat(60_000);
+        std::fs::write(&path, &long).unwrap();
+        assert!(text(&path, MOST_BYTES).unwrap() == long);
+        // UTF-16, a sparse file of zeros, a character that is cut at the end.
+        for content in [&b"\xFF\xFEa\0"[..], b"a\0b\0", b"caf\xC3"] {
+            std::fs::write(&path, content).unwrap();
+            assert!(text(&path, 9).unwrap_err().to_string().contains("text in UTF-8 expected"), "{content:?}");
+        }
+        std::fs::write(&path, "").unwrap();
+        File::options().write(true).open(&path).unwrap().set_len(1 << 30).unwrap();
+        let start = std::time::Instant::now();
+        assert!(text(&path, MOST_BYTES).unwrap_err().to_string().contains("text in UTF-8 expected"));
+        assert!(start.elapsed().as_secs_f64() < 1.0, "read as a whole");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn what_has_no_end_is_no_input() {
+        let folder = tempfile::tempdir().unwrap();
+        let [link, fifo] = ["zero", "fifo"].map(|name| folder.path().join(name));
+        std::os::unix::fs::symlink("/dev/zero", &link).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        for (path, kind) in [(link.as_path(), "device"), (folder.path(), "folder"), (&fifo, "FIFO")] {
+            let error = bytes(path, 1 << 16).unwrap_err();
+            assert!(matches!(&error, Error::Input(what) if what.ends_with(&format!("found a {kind}"))), "{error}");
+        }
+        assert!(text(&link, 1 << 16).unwrap_err().to_string().ends_with("a file expected, found a device"));
+        // A text may come from a pipe, which is read no further than a file would be.
+        let endless = || {
+            let path = fifo.clone();
+            std::thread::spawn(move || {
+                let mut file = File::options().write(true).open(path).unwrap();
+                while std::io::Write::write_all(&mut file, b"abc\n").is_ok() {}
+            })
+        };
+        let writer = endless();
+        assert!(text(&fifo, 1 << 16).unwrap_err().to_string().ends_with("at most 65536 bytes expected, more found"));
+        writer.join().unwrap();
+        let writer = endless();
+        let error = stream(&fifo, 1 << 16).unwrap().read_to_end(&mut vec![]).unwrap_err().to_string();
+        assert_eq!(error, "at most 65536 bytes expected, more found");
+        writer.join().unwrap();
+        std::fs::write(folder.path().join("a"), [b'a'; 9]).unwrap();
+        assert!(stream(&folder.path().join("a"), 8).is_err());
+        assert_eq!(stream(&folder.path().join("a"), 9).unwrap().read_to_end(&mut vec![]).unwrap(), 9);
     }
 }

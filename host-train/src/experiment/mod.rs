@@ -11,7 +11,7 @@ use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::results::{RESULTS, Results};
 use crate::suite::{self, Baselines};
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 pub use file::Experiment;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -38,7 +38,7 @@ impl Comparison {
     /// If the file is missing or malformed.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(COMPARISON);
-        let text = std::fs::read(&path).map_err(Error::io(&path))?;
+        let text = read::bytes(&path, read::MOST_BYTES)?;
         serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("comparison of experiments: {e}")))
     }
 }

@@ -8,7 +8,7 @@ use elunar_learn::train::recipe::Target;
 use elunar_learn::train::run::{BEST, Record, Run, begun};
 use elunar_learn::train::validate::{Validation, ValidationSet};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -113,7 +113,7 @@ fn finished(folder: &Path) -> Result<Option<Trained>> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = std::fs::read(&path).map_err(Error::io(&path))?;
+    let text = read::bytes(&path, read::MOST_BYTES)?;
     serde_json::from_slice(&text).map(Some).map_err(|e| Error::broken(&path, format!("finished experiment: {e}")))
 }
 

@@ -5,7 +5,7 @@ use super::outcome::Outcome;
 use super::table::Results;
 use csv::StringRecord;
 use elunar_raster::output::open_growing;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fs::File;
@@ -15,6 +15,8 @@ use std::sync::{Mutex, PoisonError};
 
 /// The columns, in the line after the campaign's identity.
 const COLUMNS: &str = "injection,hit,bits,operator,outcome";
+/// Most bytes of a journal: a hundred for each of the most injections of a campaign.
+const MOST_JOURNAL_BYTES: u64 = 10_000_000_000;
 
 /// An injection and its outcome: a line of the journal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +49,7 @@ impl Journal {
     /// If the file belongs to another campaign, is not a journal, or cannot be read or written.
     pub fn open(path: &Path, identity: &str) -> Result<Self> {
         let mut file = open_growing(path)?;
-        let text = std::fs::read_to_string(path).map_err(Error::io(path))?;
+        let text = read::text(path, MOST_JOURNAL_BYTES)?;
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         file.set_len(whole as u64).map_err(Error::io(path))?;
         let head = format!("# {identity}\n{COLUMNS}\n");

@@ -3,7 +3,7 @@
 use super::html::{Picture, escaped, figure};
 use super::sections::html;
 use crate::suite::tables::Table;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use std::path::{Path, PathBuf};
 
 /// The text of a record. Its first line is the title.
@@ -19,8 +19,7 @@ pub(super) fn section(folder: &Path) -> Result<Option<String>> {
         return Ok(None);
     }
     let about = folder.join(ABOUT);
-    let about =
-        if about.exists() { std::fs::read_to_string(&about).map_err(Error::io(&about))? } else { String::new() };
+    let about = if about.exists() { read::text(&about, read::MOST_SETTINGS_BYTES)? } else { String::new() };
     let mut lines = about.lines();
     let title = lines.next().map_or_else(|| folder.display().to_string(), Into::into);
     let mut body = format!("<h2>{}</h2>\n", escaped(&title));
@@ -54,7 +53,7 @@ fn stem(path: &Path) -> String {
 
 /// Reads a table with a head line and rows of the same length.
 fn read(path: &Path) -> Result<Table> {
-    let text = std::fs::read(path).map_err(Error::io(path))?;
+    let text = read::bytes(path, read::MOST_BYTES)?;
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_slice());
     let mut rows = vec![];
     for row in reader.records() {

@@ -1,6 +1,6 @@
 //! Results of a suite, as in `results.json`.
 
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores, Spectral};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -136,7 +136,7 @@ impl Results {
     /// If the file is missing or malformed.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(RESULTS);
-        let text = std::fs::read(&path).map_err(Error::io(&path))?;
+        let text = read::bytes(&path, read::MOST_BYTES)?;
         serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("results of a suite: {e}")))
     }
 

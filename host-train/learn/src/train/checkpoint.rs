@@ -7,7 +7,7 @@ use burn::optim::ModuleOptimizer;
 use burn::tensor::Device;
 use elunar_net::digest::sha256_hex;
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,8 @@ const AVERAGE: &str = "average.safetensors";
 /// Files of an adversarial run's critic.
 const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
 const STATE: &str = "state.json";
+/// Most bytes of a file of a checkpoint: an optimiser has several numbers for every weight.
+const MOST_STATE_BYTES: u64 = 8 * read::MOST_BYTES;
 
 /// State of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -116,7 +118,7 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
     let Some(folder) = latest(run) else { return Ok(None) };
     let read = |name: &str| -> Result<(PathBuf, Vec<u8>)> {
         let path = folder.join(name);
-        let bytes = std::fs::read(&path).map_err(Error::io(&path))?;
+        let bytes = read::bytes(&path, MOST_STATE_BYTES)?;
         Ok((path, bytes))
     };
     let (state_path, state) = read(STATE)?;

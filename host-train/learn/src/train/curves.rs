@@ -1,7 +1,7 @@
 //! Pictures of a run's two CSV files: training loss and validation.
 
 use super::journal::{STEPS, VALIDATIONS};
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::picture;
 use elunar_scene::picture::{Chart, Panel, Series, plot, sheet};
 use std::path::Path;
@@ -86,7 +86,7 @@ pub fn draw(run: &Path) -> Result<()> {
 }
 
 fn text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(Error::io(path))
+    read::text(path, read::MOST_BYTES)
 }
 
 /// Returns (step, value) of every row. The step is the first column.

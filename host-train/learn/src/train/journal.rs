@@ -2,7 +2,7 @@
 
 use super::validate::Validation;
 use elunar_raster::output::open_growing;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ struct Csv {
 impl Csv {
     /// Keeps the header and the rows up to `step`. The first column is the step.
     fn open(path: PathBuf, header: &str, step: usize) -> Result<Self> {
-        let old = std::fs::read_to_string(&path).unwrap_or_default();
+        let old = read::text(&path, read::MOST_BYTES).unwrap_or_default();
         let mut text = format!("{header}\n");
         for row in old.lines().skip(1) {
             match row.split(',').next().and_then(|s| s.parse::<usize>().ok()) {

@@ -17,7 +17,7 @@ use burn::module::Module;
 use elunar_net::config::NetConfig;
 use elunar_net::weights::Weights;
 use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::interrupt;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ impl Record {
     /// If the record is missing or malformed.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(RECORD);
-        let text = std::fs::read(&path).map_err(Error::io(&path))?;
+        let text = read::bytes(&path, read::MOST_SETTINGS_BYTES)?;
         serde_json::from_slice(&text).map_err(|e| Error::broken(&path, format!("run record: {e}")))
     }
 }

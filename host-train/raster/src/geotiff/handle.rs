@@ -2,7 +2,7 @@
 
 use super::lengths::amended;
 use super::overlaid::Overlaid;
-use crate::{Error, Result};
+use crate::{Error, Result, read};
 use std::fs::File;
 use std::io::{ErrorKind, Seek as _};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub(super) struct Handle {
 
 impl Handle {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let mut file = File::open(path).map_err(Error::io(path))?;
+        let mut file = read::file(path)?;
         let file_bytes = file.metadata().map_err(Error::io(path))?.len();
         let pieces = amended(&mut file, file_bytes).and_then(|pieces| file.rewind().map(|()| pieces));
         let pieces = pieces.map_err(|e| refusal(path, TiffError::IoError(e)))?;

@@ -9,9 +9,8 @@ use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
 use super::value::{Kind, Value};
 use super::{Defect, one_line, place, read_label, sun};
-use crate::{Error, Result};
+use crate::{Error, Result, read};
 use elunar_core::tile::Window;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -90,7 +89,7 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
         Some(name) => resolve(path, name)?,
         None => path.to_path_buf(),
     };
-    let mut file = File::open(&data).map_err(Error::io(&data))?;
+    let mut file = read::file(&data)?;
     let mut head = [0; 4];
     let is_tiff = file.read_exact(&mut head).is_ok() && geotiff_magic(head);
     if is_tiff && description.file.is_some() {

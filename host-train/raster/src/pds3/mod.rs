@@ -21,9 +21,8 @@ pub use label::{Block, Item};
 pub use pointer::label_beside;
 pub use value::{Kind, Value};
 
-use crate::{Error, Result};
+use crate::{Error, Result, read};
 use std::fmt;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -76,8 +75,7 @@ fn one_line(text: &str) -> String {
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] with the line and the reason if it holds no label.
 pub fn read_label(path: &Path) -> Result<Block> {
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(Error::io(path))?;
-    file.take(MOST_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    read::file(path)?.take(MOST_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))?;
     Block::parse(&bytes).map_err(|defect| defect.of(path))
 }
 

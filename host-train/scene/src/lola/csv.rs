@@ -2,8 +2,7 @@
 
 use super::track::Point;
 use crate::table::{Row, Rows};
-use elunar_raster::{Error, Result};
-use std::fs::File;
+use elunar_raster::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
@@ -124,8 +123,7 @@ pub fn is_heading(line: &str) -> bool {
 /// that is not a number, a bad position, a height of more than a million metres, or a radius that differs from the sphere's by more than a
 /// tenth.
 pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
-    let file = File::open(path).map_err(Error::io(path))?;
-    parse(path, file, format, sphere_m)
+    parse(path, read::stream(path, read::MOST_BYTES)?, format, sphere_m)
 }
 
 /// Reads the points of any text, as [`read`]. `path` is the name of the text in messages.

@@ -2,7 +2,7 @@
 
 use super::span::PartOf;
 use elunar_raster::output::Staged;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
@@ -124,7 +124,7 @@ impl RowsReader {
     /// # Errors
     /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if it is no part.
     pub fn open(path: &Path) -> Result<Self> {
-        let mut file = BufReader::new(File::open(path).map_err(Error::io(path))?);
+        let mut file = BufReader::new(read::file(path)?);
         let mut text = String::new();
         let mut line = |text: &mut String| file.by_ref().take(MOST_HEAD_BYTES).read_line(text);
         let found = line(&mut text).and_then(|_| line(&mut text));
