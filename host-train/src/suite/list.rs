@@ -3,6 +3,7 @@
 use crate::toml_file;
 use elunar_net::digest::sha256_hex;
 use elunar_raster::{Crs, Error, Result, read};
+use elunar_scene::predict::sun::{check_azimuth, check_elevation};
 use elunar_synth::SynthOptions;
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -172,6 +173,8 @@ impl Entry {
         if self.truth.is_some() && self.image.is_none() && (sun.0.is_none() || sun.1.is_none()) {
             return Err("expected sun_azimuth_deg and sun_elevation_deg to render the image with".into());
         }
+        sun.0.map_or(Ok(()), |deg| check_azimuth("sun_azimuth_deg", deg)).map_err(|e| e.to_string())?;
+        sun.1.map_or(Ok(()), |deg| check_elevation("sun_elevation_deg", deg)).map_err(|e| e.to_string())?;
         if self.coarse_px.is_some_and(|px| px < 2 || self.coarse.is_some()) {
             return Err("expected coarse_px of at least 2, and no coarse beside it".into());
         }
@@ -221,6 +224,15 @@ mod tests {
             ("name = \"a\"", "either synth or truth"),
             ("name = \"a/b\"\ntruth = \"t\"", "letters"),
             ("name = \"a\"\ntruth = \"t\"", "sun_azimuth_deg"),
+            (
+                "name = \"a\"\ntruth = \"t\"\nimage = \"i\"\nsun_azimuth_deg = nan",
+                "-360 to 360 degrees expected, found NaN",
+            ),
+            (
+                "name = \"a\"\ntruth = \"t\"\nimage = \"i\"\nsun_elevation_deg = -1",
+                "below 90 degrees expected, found -1",
+            ),
+            ("name = \"a\"\ntruth = \"t\"\nimage = \"i\"\nsun_elevation_deg = 1e300", "below 90 degrees expected"),
             ("name = \"a\"\ntruth = \"t\"\nimage = \"i\"\nsrs = \"nonsense\"", "nonsense"),
             ("name = \"a\"\nsynth = { seed = 1, options = { row = 3 } }", "row"),
             ("name = \"a\"\nsynth = { seed = 1 }\n[[scene]]\nname = \"a\"\nsynth = { seed = 2 }", "twice"),

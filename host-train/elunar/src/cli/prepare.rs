@@ -1,9 +1,11 @@
 //! `elunar prepare`: makes a training set from images, DTMs and coarse DTMs.
 
 use clap::ValueEnum;
+use elunar_net::illumination::KnownSun;
 use elunar_raster::align::Interpolation;
 use elunar_raster::stated::HeightUnit;
 use elunar_raster::{Error, Result};
+use elunar_scene::predict::sun::check_sun;
 use elunar_scene::prepare::list::{self, SceneFiles};
 use elunar_scene::prepare::{Manifest, Parameters, Split, run as prepare};
 use elunar_scene::{interrupt, progress};
@@ -36,11 +38,11 @@ pub struct Args {
     /// Coarse DTM on its own grid.
     #[arg(long, value_name = "C.tif", requires = "image")]
     pub coarse: Option<PathBuf>,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up, for scenes without one in the list [default: estimated].
+    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360, for scenes without one in the list [default: estimated].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_azimuth: Option<f64>,
-    /// Elevation of the Sun, degrees, for scenes without one in the list [default: 45].
-    #[arg(long, value_name = "DEG")]
+    /// Elevation of the Sun, degrees, above 0 and below 90, for scenes without one in the list [default: 45].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: Option<f64>,
     /// Folder to write; created if absent.
     #[arg(long, value_name = "DIR")]
@@ -79,6 +81,7 @@ pub struct Args {
 /// # Errors
 /// If the list or a raster cannot be read, no tile is usable, or writing fails.
 pub fn run(args: Args) -> Result<()> {
+    check_sun(KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation })?;
     let mut scenes = match (&args.list, &args.image, &args.dtm, &args.coarse) {
         (Some(list), ..) => list::read(list)?,
         (None, Some(image), Some(dtm), Some(coarse)) => vec![SceneFiles {

@@ -1,7 +1,7 @@
 //! Contents and provenance of a prepared folder.
 
 use super::list::SceneFiles;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -197,10 +197,10 @@ impl Manifest {
     /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if it has this format's name and is not valid.
     pub fn find(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(MANIFEST);
-        let bytes = match std::fs::read(&path) {
+        let bytes = match read::bytes(&path, read::MOST_BYTES) {
             Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(Error::Io { path, source: e }),
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(error),
         };
         let Ok(value) = serde_json::from_slice::<serde_json::Value>(&bytes) else { return Ok(None) };
         if value["format"] != FORMAT {

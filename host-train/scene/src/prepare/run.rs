@@ -10,17 +10,18 @@ use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, finished, pictures};
 use crate::interrupt;
+use crate::predict::sun::check_sun;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
-use elunar_net::digest::{hex, sha256_hex};
+use elunar_net::digest::sha256_hex;
+use elunar_net::illumination::KnownSun;
 use elunar_raster::align::Interpolation;
+use elunar_raster::content::sha256;
 use elunar_raster::output::Owner;
 use elunar_raster::stated::HeightUnit;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::Path;
 
 /// Folder of intermediate files, until the manifest is written.
@@ -56,6 +57,7 @@ struct Inspected {
 /// parameters are out of range. Errors of reading and writing are passed on.
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
+    scenes.iter().try_for_each(check_sun_of)?;
     let _owner = Owner::of_folder(out)?;
     let unfinished = out.join(UNFINISHED);
     if let Some(manifest) = finished::find(scenes, out, parameters)? {
@@ -153,11 +155,12 @@ fn inspect_scene(
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<Inspected> {
-    let sha256 = [file_sha256(&files.image)?, file_sha256(&files.dtm)?, file_sha256(&files.coarse)?];
+    let sha256 = [sha256(&files.image)?, sha256(&files.dtm)?, sha256(&files.coarse)?];
     let wrong = |e: serde_json::Error| Error::broken(notes, e.to_string());
     let version = env!("CARGO_PKG_VERSION");
     let key = sha256_hex(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
-    let known = std::fs::read(notes).ok().and_then(|bytes| serde_json::from_slice::<Inspected>(&bytes).ok());
+    let known =
+        read::bytes(notes, read::MOST_BYTES).ok().and_then(|bytes| serde_json::from_slice::<Inspected>(&bytes).ok());
     if let Some(known) = known.filter(|known| known.key == key) {
         return Ok(known);
     }
@@ -186,7 +189,15 @@ fn inspect_scene(
     let inspected = Inspected { key, record, tiles, transforms };
     atomic_write(notes, &serde_json::to_vec(&inspected).map_err(wrong)?)?;
     // Numbers are used as they read back, so that an interrupted run gives the same result as an uninterrupted one.
-    serde_json::from_slice(&std::fs::read(notes).map_err(Error::io(notes))?).map_err(wrong)
+    serde_json::from_slice(&read::bytes(notes, read::MOST_BYTES)?).map_err(wrong)
+}
+
+/// Refuses a Sun out of range, so that no shard states one.
+fn check_sun_of(scene: &SceneFiles) -> Result<()> {
+    // As a shard holds it.
+    let stored = |deg: Option<f64>| deg.map(|deg| f64::from(deg as f32));
+    let sun = KnownSun { azimuth_deg: stored(scene.sun_azimuth_deg), elevation_deg: stored(scene.sun_elevation_deg) };
+    check_sun(sun).map_err(|error| error.about(&scene.image.display().to_string()))
 }
 
 /// Refuses reliefs that differ as kilometres and metres do.
@@ -283,7 +294,7 @@ fn write_shards(
             if found != part.len() {
                 return Err(Error::broken(&path, format!("{} tiles expected, {found} found", part.len())));
             }
-            record.shards.push(ShardRecord { sha256: file_sha256(&path)?, tiles: found, file });
+            record.shards.push(ShardRecord { sha256: sha256(&path)?, tiles: found, file });
         }
         records.insert(split, record);
     }
@@ -297,7 +308,7 @@ fn keep_or_clear(inspected: &[Inspected], splits: &Splits, out: &Path, parameter
     let places: Vec<_> = splits.iter().collect();
     let plan = serde_json::to_vec(&(keys, places, parameters)).map_err(|e| Error::broken(&path, e.to_string()))?;
     let plan = sha256_hex(&plan);
-    if std::fs::read_to_string(&path).is_ok_and(|known| known == plan) {
+    if read::text(&path, read::MOST_SETTINGS_BYTES).is_ok_and(|known| known == plan) {
         return Ok(());
     }
     for entry in std::fs::read_dir(out).map_err(Error::io(out))? {
@@ -351,15 +362,4 @@ fn nothing_left(inspected: &[Inspected]) -> Error {
         "prepare: usable tiles of {whole} pixels expected, none of {tiles} found ({})",
         reasons.join(", ")
     ))
-}
-
-pub(super) fn file_sha256(path: &Path) -> Result<String> {
-    let mut file = std::fs::File::open(path).map_err(Error::io(path))?;
-    let (mut sum, mut bytes) = (Sha256::new(), vec![0; 1 << 20]);
-    loop {
-        match file.read(&mut bytes).map_err(Error::io(path))? {
-            0 => return Ok(hex(&sum.finalize())),
-            count => sum.update(&bytes[..count]),
-        }
-    }
 }

@@ -14,9 +14,10 @@
 //! | `transform` | f64 `[N, 6]` | pixel-to-map transform in GDAL's order |
 
 use crate::data::sample::RawTile;
+use crate::predict::sun::{check_azimuth, check_elevation};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::illumination::KnownSun;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_raster::{Error, Result, atomic_write, read};
 use safetensors::tensor::{Dtype, Metadata, TensorView};
 use std::collections::HashMap;
 use std::fs::File;
@@ -99,7 +100,7 @@ impl ShardFile {
     /// # Errors
     /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if it is not a whole shard of 256 x 320 tiles.
     pub fn open(path: &Path) -> Result<Self> {
-        let mut file = File::open(path).map_err(Error::io(path))?;
+        let mut file = read::file(path)?;
         let length = file.metadata().map_err(Error::io(path))?.len();
         let mut count = [0; 8];
         file.read_exact(&mut count)
@@ -132,6 +133,11 @@ impl ShardFile {
         let coarse_px = numbers(&mut file, path, tensor("coarse_px", &[tiles])?, tiles)?;
         let sun_azimuth_deg = numbers(&mut file, path, tensor("sun_azimuth_deg", &[tiles])?, tiles)?;
         let sun_elevation_deg = numbers(&mut file, path, tensor("sun_elevation_deg", &[tiles])?, tiles)?;
+        for (index, sun) in sun_azimuth_deg.iter().zip(&sun_elevation_deg).enumerate() {
+            let wrong = |error: Error| Error::broken(path, format!("tile {index}: {error}"));
+            known(*sun.0).map_or(Ok(()), |deg| check_azimuth("sun_azimuth_deg", deg)).map_err(wrong)?;
+            known(*sun.1).map_or(Ok(()), |deg| check_elevation("sun_elevation_deg", deg)).map_err(wrong)?;
+        }
         Ok(Self {
             path: path.into(),
             file: Mutex::new(file),
@@ -183,12 +189,14 @@ impl ShardFile {
             coarse_m,
             truth_m,
             coarse_px: self.coarse_px[index],
-            sun: KnownSun {
-                azimuth_deg: azimuth_deg.is_finite().then_some(f64::from(azimuth_deg)),
-                elevation_deg: elevation_deg.is_finite().then_some(f64::from(elevation_deg)),
-            },
+            sun: KnownSun { azimuth_deg: known(azimuth_deg), elevation_deg: known(elevation_deg) },
         })
     }
+}
+
+/// Returns an angle of a shard, degrees; NaN means that it is not known.
+fn known(deg: f32) -> Option<f64> {
+    (!deg.is_nan()).then_some(f64::from(deg))
 }
 
 fn numbers(file: &mut File, path: &Path, at: u64, count: usize) -> Result<Vec<f32>> {
@@ -240,6 +248,23 @@ mod tests {
         let again = folder.path().join("t.safetensors");
         written.write(&again, "a test").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap(), "the same tiles are the same bytes");
+    }
+
+    #[test]
+    fn a_sun_out_of_range_is_no_shard() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.safetensors");
+        for (azimuth_deg, elevation_deg, expected) in [
+            (10.0, -1.0, "tile 1: sun_elevation_deg: a number above 0 and below 90 degrees expected, found -1"),
+            (10.0, f32::INFINITY, "found inf"),
+            (400.0, 30.0, "tile 1: sun_azimuth_deg"),
+        ] {
+            let mut wrong = shard(2);
+            (wrong.sun_azimuth_deg[1], wrong.sun_elevation_deg[1]) = (azimuth_deg, elevation_deg);
+            wrong.write(&path, "a test").unwrap();
+            let error = ShardFile::open(&path).err().expect("refused").to_string();
+            assert!(error.contains(expected) && error.contains("s.safetensors"), "{error}");
+        }
     }
 
     #[test]

@@ -136,6 +136,12 @@ fn a_finished_set_is_verified_and_never_replaced() {
     refused(&[scenes.clone(), scenes.clone()].concat(), &parameters, "of 1 scenes instead of 2");
     let turned = vec![SceneFiles { sun_azimuth_deg: Some(12.0), ..scenes[0].clone() }];
     refused(&turned, &parameters, "with another site or Sun of");
+    for deg in [f64::NAN, -1.0, 1e300, 89.9999999] {
+        let sun = vec![SceneFiles { sun_elevation_deg: Some(deg), ..scenes[0].clone() }];
+        let error = prepared(&sun, &folder.path().join("no"), &parameters).unwrap_err();
+        assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("below 90 degrees expected"), "{error}");
+        assert!(!folder.path().join("no").exists());
+    }
     let swapped = vec![SceneFiles { image: scenes[0].dtm.clone(), ..scenes[0].clone() }];
     refused(&swapped, &parameters, "of another ");
     assert_eq!(contents(&out), bytes);
