@@ -9,21 +9,27 @@ use elunar_core::nn::InputRules;
 use elunar_core::tile::{Shape, TILE};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::digest::sha256_hex;
+use elunar_net::shipped;
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result, read};
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::{Model, TileNetwork};
 use std::path::Path;
 
-/// Opens a model of either kind: a `.safetensors` file is a float network, run on `backend`; an `.eld` file is a model for the int8 runner.
+/// Opens a model of either kind: a `.safetensors` file is a float network, run on `backend`; an `.eld` file or a shipped
+/// model is one for the int8 runner.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for another extension; otherwise as [`open`] and [`int8::open`].
 pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => Ok(Box::new(open(path, backend)?)),
+        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
         Some("eld") => Ok(Box::new(int8::open(path)?)),
-        _ => Err(Error::unsupported(path, "expected a model with extension .eld or .safetensors")),
+        _ => Err(Error::unsupported(
+            path,
+            "expected a model with extension .eld or .safetensors, or one of this program: ground, nano",
+        )),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The network as data. [`config`] is its configuration and [`weights`] are its weights; [`published`] reads those of other projects.
 //! [`illumination`] is the light for which it is trained. [`export`] compiles configuration and weights into the model file of the int8
-//! runner, and [`inspect`] reads that file.
+//! runner, [`inspect`] reads that file, and [`shipped`] has two of them.
 //!
 //! The arithmetic is in `elunar-learn` on floats, in `elunar-core` on integers.
 
@@ -12,4 +12,5 @@ pub mod illumination;
 pub mod inspect;
 mod names;
 pub mod published;
+pub mod shipped;
 pub mod weights;

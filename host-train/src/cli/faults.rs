@@ -19,7 +19,7 @@ Examples:
   host-train faults nano.eld --injections 100000 --out out/faults
   host-train faults nano.eld --injections 7000 --unprotected")]
 pub struct Args {
-    /// Model, `.eld`.
+    /// Model: `ground` or `nano`, which are in this program, or an `.eld` file.
     #[arg(value_name = "MODEL.eld")]
     pub model: PathBuf,
     /// Number of injections.

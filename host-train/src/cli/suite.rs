@@ -38,7 +38,7 @@ pub struct Args {
     /// Built-in list of real scenes: a folder with their data sets, images with a DTM of stereo or altimetry. Absent sets are named and left out.
     #[arg(long, value_name = "DIR", conflicts_with = "suite")]
     pub real: Option<PathBuf>,
-    /// Model, .safetensors or .eld, optionally with a name (NAME=FILE). Repeat for several models [default: the shipped ones].
+    /// Model: `ground` or `nano`, which are in this program, or a file, .safetensors or .eld; optionally with a name (NAME=FILE). Repeat for several models [default: the shipped ones].
     #[arg(long, value_name = "[NAME=]FILE")]
     pub model: Vec<String>,
     /// DTMs of another program: a folder with SCENE.tif or SCENE_dtm.tif for every scene.

@@ -2,6 +2,7 @@
 
 use crate::picture::arena;
 use elunar_net::inspect::plan_text;
+use elunar_net::shipped;
 use elunar_raster::Result;
 use elunar_scene::{inspect, picture};
 use std::path::PathBuf;
@@ -20,7 +21,7 @@ Examples:
   elunar inspect SLDEM2015_512_00N_30N_000_045_FLOAT.LBL
   elunar inspect nano.eld --time --plan plan.png")]
 pub struct Args {
-    /// Any file.
+    /// Any file; `ground` and `nano` are the models in this program.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Measure the time of every operator of a model.
@@ -46,7 +47,8 @@ pub struct Args {
 /// If the file is of no known kind, or broken.
 pub fn run(args: Args) -> Result<()> {
     // What is described was read, so it is there.
-    let bytes = || std::fs::metadata(&args.file).map_or(0, |found| found.len());
+    let length = || std::fs::metadata(&args.file).map_or(0, |found| found.len());
+    let bytes = || shipped::find(&args.file).map_or_else(length, |(_, bytes)| bytes.len() as u64);
     let print = |text: String| println!("{}: {} bytes\n{text}", args.file.display(), bytes());
     if !args.time && !args.json && args.plan.is_none() {
         print(inspect::describe(&args.file, print)?);

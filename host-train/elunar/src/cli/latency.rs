@@ -21,7 +21,7 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = HELP)]
 pub struct Args {
-    /// Model: `.eld` for the int8 runner. `host-train` also accepts `.safetensors`, the float network.
+    /// Model: `ground` or `nano`, which are in this program, or a file, `.eld` for the int8 runner. `host-train` also accepts `.safetensors`, the float network.
     #[arg(long, value_name = "M")]
     pub model: PathBuf,
     /// Number of threads, each with its own tile; 0 takes as many as the machine offers. The float backend may use more threads internally.

@@ -3,8 +3,9 @@
 use super::output;
 use crate::cluster::item::Item;
 use crate::cluster::manifest::{Manifest, text};
+use elunar_net::shipped;
 use elunar_raster::content::sha256_of_raster;
-use elunar_raster::{Error, Result, atomic_write, folder_of, source};
+use elunar_raster::{Error, Result, atomic_write, folder_of, read, source};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -33,7 +34,7 @@ pub struct Args {
     /// Coarse DTM of all images.
     #[arg(long, value_name = "C.tif")]
     pub coarse: Option<PathBuf>,
-    /// Model.
+    /// Model: `ground` or `nano`, which are in this program, or a file.
     #[arg(long, value_name = "M")]
     pub model: Option<PathBuf>,
     /// Folder for the DTMs.
@@ -74,25 +75,31 @@ pub fn run(args: Args) -> Result<()> {
     let Some(target) = &args.output else { return Err(Error::usage("--output: a path expected, none found")) };
     let inputs: Vec<&Path> = args.images.iter().chain(&args.table).map(PathBuf::as_path).collect();
     let _owner = output::take(target, &inputs)?;
-    let rows = match &args.table {
-        Some(table) => of_table(table)?,
-        None => of_images(&args.images)?,
-    };
     let folder = absolute(folder_of(target))?;
     let mut hashes = HashMap::new();
-    let mut items = vec![];
-    for fields in rows {
-        items.push(item(&args, fields, &folder, &mut hashes)?);
+    let (mut content, mut count, mut pixels) = (String::new(), 0, 0);
+    let mut take = |fields: Fields| {
+        let item = item(&args, fields, &folder, &mut hashes)?;
+        content += &text([&item])?;
+        if content.len() as u64 > read::MOST_BYTES {
+            let what = format!("a manifest of at most {} bytes expected", read::MOST_BYTES);
+            return Err(Error::input(format!("{}: {what}; divide the images", target.display())));
+        }
+        count += 1;
+        pixels += item.rows.zip(item.cols).map_or(0, |(rows, cols)| rows * cols);
+        Ok(())
+    };
+    match &args.table {
+        Some(table) => of_table(table, &mut take)?,
+        None => of_images(&args.images)?.into_iter().try_for_each(take)?,
     }
-    let content = text(&items)?;
     atomic_write(target, content.as_bytes())?;
     // Names and outputs that occur twice are found here.
     if let Err(error) = Manifest::read(target) {
         drop(std::fs::remove_file(target));
         return Err(error);
     }
-    let pixels: u64 = items.iter().filter_map(|item| item.rows.zip(item.cols)).map(|(rows, cols)| rows * cols).sum();
-    println!("{}: {} items, {:.1} megapixels", target.display(), items.len(), pixels as f64 / 1e6);
+    println!("{}: {count} items, {:.1} megapixels", target.display(), pixels as f64 / 1e6);
     Ok(())
 }
 
@@ -128,18 +135,18 @@ fn is_image(path: &Path) -> bool {
     path.is_file() && (matches!(extension.as_str(), "tif" | "tiff" | "lbl") || extension == "img" && !has_label())
 }
 
-fn of_table(path: &Path) -> Result<Vec<Fields>> {
+/// Passes on the rows of a table, one after the other.
+fn of_table(path: &Path, take: &mut dyn FnMut(Fields) -> Result<()>) -> Result<()> {
     let broken = |e: csv::Error| Error::broken(path, e.to_string());
-    let file = std::fs::File::open(path).map_err(Error::io(path))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+    let text = read::text(path, read::MOST_BYTES)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let heading = reader.headers().map_err(broken)?.clone();
-    let mut all = vec![];
     for record in reader.records() {
         let record = record.map_err(broken)?;
         let cells = heading.iter().zip(record.iter()).filter(|(_, cell)| !cell.is_empty());
-        all.push(cells.map(|(name, cell)| (name.to_string(), cell.to_string())).collect());
+        take(cells.map(|(name, cell)| (name.to_string(), cell.to_string())).collect())?;
     }
-    Ok(all)
+    Ok(())
 }
 
 /// Makes an item of the fields of a table and the options of the command line.
@@ -159,9 +166,10 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
     let mut put = |name: &str, value: Value| drop(line.insert(name.into(), value));
     put("id", id.into());
     for (name, file) in [("image", &image), ("coarse", &coarse), ("model", &model), ("output", &output)] {
-        put(name, path(file)?.display().to_string().into());
+        let is_shipped = name == "model" && shipped::find(file).is_some();
+        put(name, if is_shipped { file.clone() } else { path(file)? }.display().to_string().into());
     }
-    for file in [&coarse, &model] {
+    for file in [&coarse, &model].into_iter().filter(|file| **file != model || shipped::find(file).is_none()) {
         file.metadata().map_err(Error::io(file))?;
     }
     match source::open(&image) {

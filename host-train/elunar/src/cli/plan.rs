@@ -3,6 +3,7 @@
 use crate::cluster::item::Item;
 use crate::cluster::manifest::Manifest;
 use crate::cluster::plan::{Cluster, Costs, model_of, plan, scaling};
+use elunar_net::shipped;
 use elunar_raster::{Error, Result};
 use elunar_scene::picture::{Chart, Series, curves};
 use std::path::PathBuf;
@@ -55,7 +56,9 @@ pub fn run(args: Args) -> Result<()> {
     let manifest = Manifest::read(&args.manifest)?;
     let items: Vec<Item> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
-    let model = std::path::absolute(model_of(&items, &manifest.folder)).map_err(Error::io("model"))?;
+    let model = model_of(&items, &manifest.folder);
+    let model =
+        if shipped::find(&model).is_some() { model } else { std::path::absolute(model).map_err(Error::io("model"))? };
     let here = std::thread::available_parallelism().map_or(1, usize::from);
     let costs = Costs::measure(&program, &model, here.min(args.cores as usize))?;
     let cluster = Cluster {

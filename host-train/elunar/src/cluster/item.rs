@@ -2,6 +2,7 @@
 
 use crate::cli::predict;
 use clap::Parser;
+use elunar_net::shipped;
 use elunar_raster::Result;
 use elunar_scene::predict::sun::check_sun;
 use serde::Serialize;
@@ -153,6 +154,12 @@ impl Item {
         Ok(())
     }
 
+    /// Returns the model: a shipped one by its name, or a file beneath `folder`.
+    #[must_use]
+    pub fn model_at(&self, folder: &Path) -> PathBuf {
+        if shipped::find(&self.model).is_some() { self.model.clone() } else { folder.join(&self.model) }
+    }
+
     /// Returns the words of `predict` for this item. Paths that are not absolute are beneath `folder`.
     ///
     /// # Errors
@@ -162,7 +169,7 @@ impl Item {
         let mut words = vec![
             format!("--image={}", at(&self.image)),
             format!("--coarse={}", at(&self.coarse)),
-            format!("--model={}", at(&self.model)),
+            format!("--model={}", self.model_at(folder).display()),
             format!("--output={}", at(&self.output)),
         ];
         words.extend(self.sun_azimuth.map(|deg| format!("--sun-azimuth={deg}")));

@@ -217,7 +217,7 @@ pub fn scaling(items: &[Item], costs: &Costs, cluster: &Cluster, most: usize) ->
 /// Returns the model of a manifest: that of its first item.
 #[must_use]
 pub fn model_of(items: &[Item], folder: &Path) -> PathBuf {
-    items.first().map_or_else(PathBuf::new, |item| folder.join(&item.model))
+    items.first().map_or_else(PathBuf::new, |item| item.model_at(folder))
 }
 
 #[cfg(test)]

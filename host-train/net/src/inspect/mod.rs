@@ -6,9 +6,10 @@ pub mod timing;
 
 pub use network::{model as plan_text, tensors};
 
+use crate::shipped;
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
-use elunar_raster::{Error, Result, read};
+use elunar_raster::{Error, Result};
 use model::Plan;
 use std::path::Path;
 
@@ -24,7 +25,7 @@ pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<P
         let what = "expected a model (.eld), the only kind of file that has a plan";
         return Err(Error::input(format!("{}: {what}", path.display())));
     }
-    let bytes = read::bytes(path, read::MOST_BYTES)?;
+    let (_, bytes) = shipped::model(path)?;
     let model = elunar_core::nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
     let mut plan = Plan::of(&model);
     if let Some((kernel, tiles)) = time {

@@ -4,8 +4,10 @@ mod raster;
 mod text;
 
 use elunar_core::nn::Kernel;
+use elunar_core::nn::file::MAGIC;
 use elunar_net::inspect::model::Plan;
 use elunar_net::inspect::{self as network, is_model, is_safetensors};
+use elunar_net::shipped;
 use elunar_raster::format::{Format, head};
 use elunar_raster::{Error, Result, pds3, source};
 use std::path::Path;
@@ -15,7 +17,7 @@ use std::path::Path;
 /// # Errors
 /// If the file is of no known kind, or broken.
 pub fn describe(path: &Path, aside: impl FnOnce(String)) -> Result<String> {
-    let head = head(path)?;
+    let head = first_bytes(path)?;
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     if is_model(&head, path) {
         return network::plan(path, &head, None).map(|plan| network::plan_text(&plan));
@@ -49,12 +51,17 @@ pub fn describe(path: &Path, aside: impl FnOnce(String)) -> Result<String> {
     }
 }
 
-/// Returns the plan of a model file. With a kernel and a number of tiles, the plan has measured times.
+/// Returns the first bytes of a file or of a shipped model.
+fn first_bytes(path: &Path) -> Result<Vec<u8>> {
+    shipped::find(path).map_or_else(|| head(path), |(_, bytes)| Ok(bytes[..MAGIC.len()].to_vec()))
+}
+
+/// Returns the plan of a model, a shipped one or a file. With a kernel and a number of tiles, the plan has measured times.
 ///
 /// # Errors
 /// As [`elunar_net::inspect::plan`], or if the file cannot be read.
 pub fn plan(path: &Path, time: Option<(Kernel, usize)>) -> Result<Plan> {
-    network::plan(path, &head(path)?, time)
+    network::plan(path, &first_bytes(path)?, time)
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@ use super::network::{Model, TileNetwork};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use elunar_core::tile::Shape;
 use elunar_net::digest::sha256_hex;
-use elunar_raster::{Error, Result, read};
+use elunar_net::shipped;
+use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.
@@ -18,15 +19,14 @@ pub struct Int8Model {
     description: String,
 }
 
-/// Opens a model file and validates all of it.
+/// Opens a model, a shipped one ([`elunar_net::shipped`]) or a file, and validates all of it.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read, [`Error::Broken`] if any byte or record is not valid.
 pub fn open(path: &Path) -> Result<Int8Model> {
-    let bytes = read::bytes(path, read::MOST_BYTES)?;
+    let (name, bytes) = shipped::model(path)?;
     let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
     let hash = sha256_hex(&bytes);
-    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     Ok(Int8Model { kernel: Kernel::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
 }
 
