@@ -1,8 +1,10 @@
 //! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
 
-use crate::program::{NO_MEMORY, fail_once};
+use crate::program::{JSON, NO_MEMORY, fail_once, kind_of};
 use elunar_raster::memory::is_fallible;
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::io::{Cursor, Write};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// The allocator of both programs.
@@ -21,7 +23,10 @@ fn granted(at: *mut u8, bytes: usize) -> *mut u8 {
 /// Ends the program at once. Nothing runs that could allocate again: no unwinding, no handlers of the end.
 #[cold]
 fn end(bytes: usize) -> ! {
-    if !fail_once(NO_MEMORY, format_args!("not enough memory: the system refused {bytes} bytes")) {
+    if fail_once(NO_MEMORY, format_args!("not enough memory: the system refused {bytes} bytes")) {
+        #[cfg(unix)]
+        object(bytes);
+    } else {
         // Another thread has begun to say why the program ends.
         std::thread::sleep(Duration::from_millis(100));
     }
@@ -33,6 +38,25 @@ fn end(bytes: usize) -> ! {
     }
     #[cfg(not(unix))]
     std::process::exit(NO_MEMORY.into())
+}
+
+/// Prints the object of the error, if JSON is asked for. Nothing is allocated, and the library's buffer is left alone: this thread may hold it.
+#[cfg(unix)]
+fn object(bytes: usize) {
+    if !JSON.load(Ordering::Relaxed) {
+        return;
+    }
+    let mut text = Cursor::new([0; 256]);
+    let (code, kind) = (NO_MEMORY, kind_of(NO_MEMORY));
+    let message = format_args!("not enough memory: the system refused {bytes} bytes");
+    // The words have no character that JSON escapes, and fit.
+    let _ = writeln!(text, "{{\"error\":{{\"code\":{code},\"kind\":\"{kind}\",\"message\":\"{message}\"}}}}");
+    let length = text.position() as usize;
+    #[allow(unsafe_code)]
+    // SAFETY: the first `length` bytes of the array are initialised, and 1 is standard output, or an error that is ignored.
+    unsafe {
+        libc::write(1, text.get_ref().as_ptr().cast(), length);
+    }
 }
 
 // SAFETY: every call is passed to the system's allocator as it is, and its answer is returned unless the program ends. Ending allocates

@@ -1,11 +1,13 @@
 //! The end of a program: one line for every error, and its exit code.
 
 use elunar_raster::{Error, Result};
+use elunar_scene::interrupt::outlive_file_limit;
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Exit code of a command line that cannot be read, or of options that cannot be met.
 pub const USAGE: u8 = 64;
@@ -22,10 +24,16 @@ pub const BROKEN_PIPE: u8 = 128 + 13;
 
 /// Exit code of the first panic or refusal of memory, 0 if there was none.
 static PANICKED: AtomicU8 = AtomicU8::new(0);
+/// Whether errors are printed as JSON, too.
+pub(crate) static JSON: AtomicBool = AtomicBool::new(false);
+/// What was said of the first panic.
+static SAID: Mutex<String> = Mutex::new(String::new());
 
 /// Runs a program. An error is one line on stderr, and nothing ends in a trace. A closed standard output ends the program without a message.
 pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
     std::panic::set_hook(Box::new(say));
+    outlive_file_limit();
+    look_for_json();
     // What is still buffered belongs to the result.
     let flush = || match std::io::stdout().flush() {
         // The reader has all that it wanted.
@@ -34,15 +42,59 @@ pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
     };
     let ended = catch_unwind(AssertUnwindSafe(|| run().and_then(|()| flush())));
     let panicked = PANICKED.load(Ordering::SeqCst);
-    ExitCode::from(match ended {
-        _ if panicked != 0 => panicked,
+    let (code, object) = match ended {
+        _ if panicked != 0 => (panicked, object(panicked, &SAID.lock().unwrap_or_else(PoisonError::into_inner))),
         Ok(Ok(())) => return ExitCode::SUCCESS,
         Ok(Err(error)) => {
             line(format_args!("{error}"));
-            code_of(&error)
+            (code_of(&error), object_of(&error))
         }
-        Err(_) => DEFECT,
-    })
+        Err(_) => (DEFECT, object(DEFECT, "")),
+    };
+    if JSON.load(Ordering::Relaxed) {
+        print_object(object);
+    }
+    ExitCode::from(code)
+}
+
+/// Looks whether the command line asks for JSON. Errors are then objects on standard output, too.
+fn look_for_json() {
+    let asks = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "--json");
+    JSON.store(asks, Ordering::Relaxed);
+}
+
+/// Returns an error as it stands under `error` in the object that a command prints with `--json`.
+fn object_of(error: &Error) -> serde_json::Value {
+    object(code_of(error), &error.to_string())
+}
+
+/// Adds the error to the object that a command prints itself. [`finish`] then prints none.
+pub fn add_error(found: &mut serde_json::Value, error: &Error) {
+    found["error"] = object_of(error);
+    JSON.store(false, Ordering::Relaxed);
+}
+
+fn object(code: u8, message: &str) -> serde_json::Value {
+    serde_json::json!({ "code": code, "kind": kind_of(code), "message": message })
+}
+
+/// Prints the object of an error on standard output.
+fn print_object(error: serde_json::Value) {
+    // If nobody reads standard output any more, the error line remains.
+    let mut out = std::io::stdout();
+    let _ = writeln!(out, "{}", serde_json::json!({ "error": error })).and_then(|()| out.flush());
+}
+
+/// Returns the name of an exit code in the object of an error.
+pub(crate) fn kind_of(code: u8) -> &'static str {
+    match code {
+        USAGE => "usage",
+        BAD_INPUT => "bad_input",
+        NO_MEMORY => "no_memory",
+        TRY_AGAIN => "try_again",
+        BROKEN_PIPE => "broken_pipe",
+        _ => "defect",
+    }
 }
 
 /// Returns the exit code of an error. Every command ends through it.
@@ -79,6 +131,10 @@ fn code_of_system(kind: ErrorKind) -> u8 {
 /// Reads the command line, or ends the program: with 0 behind `--help` and `--version`, otherwise with [`USAGE`].
 pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
     parsed.unwrap_or_else(|error| {
+        look_for_json();
+        if error.exit_code() != 0 && JSON.load(Ordering::Relaxed) {
+            print_object(object(USAGE, &first_paragraph(&error.to_string())));
+        }
         let said = error.print().and_then(|()| std::io::stdout().flush());
         let code = match said {
             Err(why) if why.kind() == ErrorKind::BrokenPipe => BROKEN_PIPE,
@@ -91,6 +147,12 @@ pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
         };
         std::process::exit(code.into())
     })
+}
+
+/// Returns what the command line's reader says, in one line without the usage that it adds.
+fn first_paragraph(text: &str) -> String {
+    let first = text.trim_start_matches("error: ").split("\n\n").next().unwrap_or_default();
+    first.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Says why the program ends, unless that was said before. Allocates nothing.
@@ -117,7 +179,9 @@ fn say(panic: &PanicHookInfo<'_>) {
     let text = panic.payload_as_str().unwrap_or("unknown").replace('\n', " ");
     match meaning(&text, panic) {
         (code, Some(what)) => {
-            fail_once(code, format_args!("{what}"));
+            if fail_once(code, format_args!("{what}")) {
+                *SAID.lock().unwrap_or_else(PoisonError::into_inner) = what;
+            }
         }
         (code, None) => PANICKED.store(code, Ordering::SeqCst),
     }

@@ -1,5 +1,7 @@
 //! Ctrl-C and SIGTERM as a flag that long loops read, so that the program does not end at once.
 
+#[cfg(unix)]
+use std::sync::Arc;
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,6 +16,14 @@ pub fn listen() {
             eprintln!("note: Ctrl-C will stop at once ({error})");
         }
     });
+}
+
+/// Lets a write beyond the limit of a file's size (`ulimit -f`) fail like any other write, with an error. By default the system's signal ends
+/// the program there and then.
+pub fn outlive_file_limit() {
+    #[cfg(unix)]
+    // The flag is not read: the write says what happened. If there can be no handler, the default remains.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
 /// Returns whether the user has asked to stop.

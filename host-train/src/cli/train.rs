@@ -147,7 +147,6 @@ fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
 }
 
 fn report(folder: &Path, outcome: &Outcome) {
-    let at = folder.display();
     println!("{} steps done, {:.2} steps/s", outcome.steps, outcome.steps_per_s);
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
@@ -156,7 +155,15 @@ fn report(folder: &Path, outcome: &Outcome) {
         }
         println!("coarse DTM: RMSE {:.3} m, slope error {:.3}°", v.coarse.rmse_m, v.coarse.slope_mae_deg);
     }
-    println!("weights: {at}/{BEST} (lowest validation RMSE), {at}/{LAST}");
+    println!("{}", weights(folder));
+}
+
+/// Names the weights of a run. One that was stopped before its first validation has no best ones.
+fn weights(folder: &Path) -> String {
+    let at = folder.display();
+    let best =
+        if folder.join(BEST).is_file() { format!("{at}/{BEST} (lowest validation RMSE), ") } else { String::new() };
+    format!("weights: {best}{at}/{LAST}")
 }
 
 fn resume(args: &Args) -> Result<Run> {
@@ -269,6 +276,15 @@ mod tests {
     use elunar_scene::prepare::Parameters;
     use elunar_scene::prepare::manifest::{FORMAT, MANIFEST};
     use serde_json::json;
+
+    #[test]
+    fn only_weights_that_exist_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path().display();
+        assert_eq!(weights(folder.path()), format!("weights: {at}/{LAST}"));
+        std::fs::write(folder.path().join(BEST), "").unwrap();
+        assert_eq!(weights(folder.path()), format!("weights: {at}/{BEST} (lowest validation RMSE), {at}/{LAST}"));
+    }
 
     #[test]
     fn a_prepared_set_gives_its_nr() {

@@ -83,7 +83,8 @@ pub fn run(args: Args) -> Result<()> {
     let tiles = calibration_tiles(source.as_ref(), &config, 0, args.tiles)?;
     let graph = build(&config, &weights, &args.weights, (TILE_ROWS, TILE_COLS))?;
     let bar = progress::bar("calibrating", args.tiles, "tiles");
-    let ranges = calibrate(&graph, &tiles, |done| bar.set_position(done as u64))?;
+    let ranges = calibrate(&graph, &tiles, |done| bar.set_position(done as u64))
+        .map_err(|error| error.about(&args.weights.display().to_string()))?;
     bar.finish_and_clear();
     let held_out = calibration_tiles(source.as_ref(), &config, args.tiles, args.compare)?;
     let wide = wide_by_rule(&graph, args.precision);

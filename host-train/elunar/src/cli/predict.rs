@@ -2,15 +2,16 @@
 
 use super::{output, words};
 use elunar_net::illumination::{KnownSun, Lighting};
-use elunar_raster::content::sha256_of_raster;
+use elunar_net::shipped;
 use elunar_raster::output::Owner;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
+use elunar_scene::interrupt;
 use elunar_scene::mosaic::Blend;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
-use elunar_scene::predict::identity::{self, Identity};
-use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary};
+use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
+use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary, survey};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, Record};
@@ -33,7 +34,7 @@ Finished rows wait in dtm.tif.part until all are done: after Ctrl-C or a kill th
 same job has finished, with the SHA-256 that lies beside it (dtm.tif.sha256), is not made again.
 
 Example:
-  elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model nano.eld -o dtm.tif";
+  elunar predict --image scene_0000_image.tif --coarse scene_0000_coarse.tif --model ground -o dtm.tif";
 
 /// Options of `predict`.
 #[derive(Debug, clap::Args)]
@@ -45,7 +46,7 @@ pub struct Args {
     /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
     #[arg(long, value_name = "C.tif")]
     pub coarse: PathBuf,
-    /// Model: .eld for the int8 runner. `host-train` also accepts .safetensors, the float network.
+    /// Model: `ground` or `nano`, which are in this program, or a file, .eld for the int8 runner. `host-train` also accepts .safetensors, the float network.
     #[arg(long, value_name = "M")]
     pub model: PathBuf,
     /// DTM to write.
@@ -133,11 +134,12 @@ pub fn run(args: Args) -> Result<()> {
 pub fn open(path: &Path) -> Result<Box<dyn Model>> {
     let wrong = |what| Err(Error::unsupported(path, what));
     match path.extension().and_then(|extension| extension.to_str()) {
+        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
         Some("eld") => Ok(Box::new(int8::open(path)?)),
         Some("safetensors") => {
             wrong("expected a model (.eld); `host-train` runs float weights, `export` makes a model of them")
         }
-        _ => wrong("expected a model with extension .eld"),
+        _ => wrong("expected a model with extension .eld, or one of this program: ground, nano"),
     }
 }
 
@@ -146,6 +148,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+    interrupt::listen();
     use_threads(args.threads);
     match args.part {
         Some(part) => make_part(&args, part, open),
@@ -170,7 +173,7 @@ fn make_whole(args: &Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -
         return say_finished(args, &task);
     }
     let mut watch = Watch::new();
-    let survey = task.scene.survey()?;
+    let survey = survey(&task.scene)?;
     let lighting = task.lighting(&survey);
     let warnings = task.warn(args, &survey, &lighting)?;
     let survey_s = watch.lap_s();
@@ -244,6 +247,7 @@ fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Bo
 /// [`Error::Io`] if a part is missing; [`Error::Input`] if one is of another job; otherwise as [`run`].
 pub fn join(args: &Args, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
     let start = Instant::now();
+    interrupt::listen();
     use_threads(args.threads);
     let (owner, _owners) = take(args)?;
     let task = Task::new(args, open)?;
@@ -358,7 +362,7 @@ impl Task {
 
     /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
     fn shared_survey(&self, args: &Args) -> Result<(Survey, Lighting)> {
-        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || self.scene.survey())?;
+        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || survey(&self.scene))?;
         let lighting = self.lighting(&survey);
         Ok((survey, lighting))
     }
@@ -502,7 +506,7 @@ fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
 
 /// Returns what identifies this job. With a changed input, model or option, the job starts anew.
 fn identity(args: &Args, options: &Options, model: &str) -> Result<Identity> {
-    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_raster(path), Ok);
+    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_input(path), Ok);
     let image = known(&args.image_sha256, &args.image)?;
     Ok(Identity::new(image, known(&args.coarse_sha256, &args.coarse)?, model, in_words(args, options)))
 }

@@ -6,8 +6,9 @@ use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
+use elunar_scene::interrupt;
 use elunar_scene::predict::identity::{self, Identity};
-use elunar_scene::predict::job::{Files, fill, finish, summary};
+use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
 use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices};
 use elunar_scene::predict::sun::{KnownFrom, check_sun};
 use elunar_scene::predict::{Input, Part, Scene, part_path};
@@ -98,6 +99,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let user = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
     check_sun(user)?;
+    interrupt::listen();
     let mut inputs = vec![args.image.as_path(), &args.coarse];
     inputs.extend(args.truth.as_deref());
     for path in &args.curve {
@@ -116,7 +118,7 @@ pub fn run(args: Args) -> Result<()> {
     let truth = args.truth.as_deref().map(|path| Input::heights(path, Statements::default(), None)).transpose()?;
     let side_m = image.source.info().side_m(&image.name)?;
     let scene = Scene::new(image.clone(), coarse)?;
-    let survey = scene.survey()?;
+    let survey = survey(&scene)?;
     let lighting = survey.lighting(Illumination::Given, sun.sun);
     let angles = if args.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
     let settings = args.settings(both_angles(angles, &image.name)?, side_m);

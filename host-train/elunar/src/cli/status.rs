@@ -4,6 +4,7 @@ use crate::cluster::manifest::{Manifest, text};
 use crate::cluster::status::{State, Status, done_list, read_logs};
 use crate::cluster::timeline::timeline;
 use crate::html::{Cell, Picture, document, escaped, figure, table};
+use crate::program;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::picture::write_png;
 use std::path::{Path, PathBuf};
@@ -71,8 +72,9 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.html {
         atomic_write(path, page(&args.manifest, &status)?.as_bytes())?;
     }
-    say(&status, args.json);
-    required(&status, args.require)
+    let enough = required(&status, args.require);
+    say(&status, args.json, enough.as_ref().err());
+    enough
 }
 
 /// Counts, their names and states.
@@ -83,7 +85,8 @@ const STATES: [(&str, State); 4] = [
     ("without an attempt", State::Waiting),
 ];
 
-fn say(status: &Status, json: bool) {
+/// Prints the counts. The object of too few done has its error, too.
+fn say(status: &Status, json: bool, error: Option<&Error>) {
     let (failures, made) = (status.failures(), status.throughput());
     if json {
         let kinds: serde_json::Map<String, serde_json::Value> = failures
@@ -91,10 +94,13 @@ fn say(status: &Status, json: bool) {
             .map(|(kind, (count, error))| ((*kind).into(), serde_json::json!({ "items": count, "example": error })))
             .collect();
         let [done, failed, try_again, waiting] = STATES.map(|(_, state)| status.count(state));
-        let found = serde_json::json!({
+        let mut found = serde_json::json!({
             "items": status.items.len(), "done": done, "failed": failed, "try_again": try_again, "waiting": waiting,
             "failures": kinds, "throughput": made,
         });
+        if let Some(error) = error {
+            program::add_error(&mut found, error);
+        }
         println!("{found}");
         return;
     }

@@ -1,7 +1,8 @@
 //! What a job is: its inputs by their contents, the model and the options. The DTM states it, so that finished work is recognised anywhere.
 
 use super::output::sum_path;
-use elunar_raster::content::{sha256, sha256_of_raster, sha256_of_text};
+use crate::interrupt;
+use elunar_raster::content::{sha256, sha256_of_raster_while, sha256_of_text};
 use elunar_raster::{Result, geotiff, read};
 use std::path::Path;
 
@@ -41,9 +42,9 @@ impl Identity {
     /// Reads the inputs and makes the identity.
     ///
     /// # Errors
-    /// As [`sha256_of_raster`].
+    /// As [`sha256_of_input`].
     pub fn of(image: &Path, coarse: &Path, model: &str, options: String) -> Result<Self> {
-        Ok(Self::new(sha256_of_raster(image)?, sha256_of_raster(coarse)?, model, options))
+        Ok(Self::new(sha256_of_input(image)?, sha256_of_input(coarse)?, model, options))
     }
 
     /// Returns the metadata items that state the identity.
@@ -59,6 +60,15 @@ impl Identity {
         let states = || geotiff::read_item(output, JOB_ITEM).ok().flatten();
         output.is_file() && states().is_some_and(|job| job == self.job) && has_its_sum(output)
     }
+}
+
+/// Returns the SHA-256 of a raster's files. Ctrl-C stops the reading.
+///
+/// # Errors
+/// As [`sha256_of_raster_while`].
+pub fn sha256_of_input(path: &Path) -> Result<String> {
+    interrupt::listen();
+    sha256_of_raster_while(path, &|| !interrupt::requested())
 }
 
 /// Most bytes of a file with one sum and one name.

@@ -3,7 +3,7 @@
 use super::errors::{ErrorsWriter, Origins};
 use super::identity::Identity;
 use super::tile::TileResult;
-use super::{DtmWriter, Part, Progress, Provenance, Scene, Tally};
+use super::{DtmWriter, Part, Progress, Provenance, Scene, Survey, Tally};
 use crate::{interrupt, progress};
 use elunar_net::illumination::{LightSource, Lighting};
 use elunar_raster::Result;
@@ -13,6 +13,15 @@ use std::path::Path;
 
 /// Receives finished rows; see [`super::predict_rows`].
 pub type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
+
+/// Surveys a scene. A progress bar counts blocks of rows, and Ctrl-C stops between them.
+///
+/// # Errors
+/// As [`Scene::survey_with`].
+pub fn survey(scene: &Scene) -> Result<Survey> {
+    interrupt::listen();
+    with_progress(("survey", "blocks"), |progress| scene.survey_with(progress))
+}
 
 /// Makes the rows that `part` lacks of `rows`, in order. A progress bar counts tiles. If the run stops, the finished rows stay on disk for the
 /// next run. Nothing is added once `owner` has lost the output.
@@ -31,7 +40,7 @@ pub fn fill(
     }
     interrupt::listen();
     let keep = |part: &mut Part, rows: &[f32]| owner.check().and_then(|()| part.append(rows));
-    match with_progress(|progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
+    match with_progress(("", "tiles"), |progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
         Ok(tally) => Ok((part, tally)),
         Err(error) if owner.check().is_err() => Err(error),
         Err(error) if part.rows() == 0 => {
@@ -120,8 +129,9 @@ pub fn finish(
     Ok(Finished { low_m, high_m, pixels_valid, origins })
 }
 
-fn with_progress<T>(work: impl FnOnce(&mut dyn FnMut(usize, usize) -> ControlFlow<()>) -> Result<T>) -> Result<T> {
-    let bar = progress::bar("", 0, "tiles");
+/// Runs work in pieces that Ctrl-C can stop, under a bar with the name of the work and of its pieces.
+fn with_progress<T>((what, unit): (&str, &str), work: impl FnOnce(Progress) -> Result<T>) -> Result<T> {
+    let bar = progress::bar(what, 0, unit);
     let result = work(&mut |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);

@@ -154,9 +154,8 @@ pub fn predict_span(
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
     progress: Progress,
 ) -> Result<Tally> {
-    let input = model.input_rules();
     let (whole, change) = (light.whole, light.change());
-    let rules = Rules::new(input, light, scene, options);
+    let rules = Rules::new(model, light, scene, options);
     let makers =
         || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules.clone()))) };
     let cut =

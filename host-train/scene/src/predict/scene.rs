@@ -1,6 +1,7 @@
 //! Input of a prediction: an image and a coarse DTM on one grid, read one band of rows at a time.
 
 use super::neighbourhoods::{Parts, SceneLight};
+use super::run::Progress;
 use super::survey::{Brightness, Survey};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
@@ -14,7 +15,7 @@ use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
 use elunar_raster::{Crs, Error, GeoRef, Raster, Result, heights};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 /// A raster open for reading, with its name in messages.
@@ -164,6 +165,14 @@ impl Scene {
     /// # Errors
     /// If a file cannot be read.
     pub fn survey(&self) -> Result<Survey> {
+        self.survey_with(&mut |_, _| ControlFlow::Continue(()))
+    }
+
+    /// Surveys as [`Self::survey`] does. `progress` receives the blocks of rows that are done, and all; it can stop the survey between them.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] if it does; otherwise as [`Self::survey`].
+    pub fn survey_with(&self, progress: Progress) -> Result<Survey> {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
         let (mut brightness, mut covered_pixels) = (Brightness::default(), 0);
         let mut contrast = Contrast::default();
@@ -172,6 +181,9 @@ impl Scene {
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
         for block in 0..blocks {
+            if progress(block, blocks).is_break() {
+                return Err(Error::stopped(format!("stopped in the survey, after {block} of {blocks} blocks of rows")));
+            }
             // Evenly spread, with the last block at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let band = self.band(first, rows)?;

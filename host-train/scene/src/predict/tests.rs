@@ -265,9 +265,24 @@ fn a_run_can_be_stopped_and_counts_its_tiles() {
     assert!(error.contains("stopped after 3 of"), "{error}");
 }
 
+#[test]
+fn a_survey_can_be_stopped_between_its_blocks() {
+    let scene = scene(&image(2000, 330), &coarse());
+    let mut seen = vec![];
+    let survey = scene.survey_with(&mut |done, all| {
+        seen.push((done, all));
+        ControlFlow::Continue(())
+    });
+    assert_eq!((survey.unwrap(), seen), (scene.survey().unwrap(), vec![(0, 3), (1, 3), (2, 3)]));
+    let mut stop = |done: usize, _: usize| if done == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let error = scene.survey_with(&mut stop).unwrap_err();
+    assert!(matches!(&error, Error::Stopped(what) if what.contains("after 1 of 3 blocks")), "{error}");
+}
+
 /// Fails in each way that a model can fail.
 struct Faulty {
-    at_start: bool,
+    /// What every output is; `None` if there is not even a worker.
+    output: Option<f32>,
 }
 
 impl Model for Faulty {
@@ -281,15 +296,16 @@ impl Model for Faulty {
         "faulty".into()
     }
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
-        if self.at_start { Err(Error::input("no memory for a worker")) } else { Ok(Box::new(NotANumber)) }
+        let always = self.output.map(Always).ok_or_else(|| Error::input("no memory for a worker"))?;
+        Ok(Box::new(always))
     }
 }
 
-struct NotANumber;
+struct Always(f32);
 
-impl TileNetwork for NotANumber {
+impl TileNetwork for Always {
     fn predict(&mut self, _: &[f32], _: &[f32], output: &mut [f32]) -> Result<()> {
-        output.fill(f32::NAN);
+        output.fill(self.0);
         Ok(())
     }
 }
@@ -297,9 +313,12 @@ impl TileNetwork for NotANumber {
 #[test]
 fn faults_of_the_model_end_the_run_with_one_error() {
     let scene = scene(&image(300, 330), &coarse());
-    for (at_start, expected) in [(true, "no memory for a worker"), (false, "a finite height expected")] {
-        let error = predict(&scene, &Faulty { at_start }, &options(30, 3), &mut silent).unwrap_err().to_string();
-        assert!(error.contains(expected), "{error}");
+    let refused = |output| predict(&scene, &Faulty { output }, &options(30, 3), &mut silent).unwrap_err().to_string();
+    assert!(refused(None).contains("no memory for a worker"));
+    // The model is named by its description, which has the file and its hash.
+    for output in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e23, -1e23] {
+        let error = refused(Some(output));
+        assert!(error.starts_with("faulty: heights of ") && error.contains("m expected in the tile at row"), "{error}");
     }
     let error = predict(&scene, &Identity::new(TILE, 0.0), &options(64, 1), &mut silent).unwrap_err();
     assert!(error.to_string().contains("overlap"), "{error}");

@@ -2,7 +2,7 @@
 
 use super::Options;
 use super::neighbourhoods::SceneLight;
-use super::network::TileNetwork;
+use super::network::{Model, TileNetwork};
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
 use crate::mosaic::{Blend, OverlapWeights};
@@ -11,6 +11,9 @@ use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
 use elunar_raster::{Error, Result};
+
+/// Farthest that a network's height may lie outside the coarse heights of its tile, metres (our choice: more than any relief of a body).
+const MOST_CHANGE_M: f32 = 1e6;
 
 /// Result of a tile.
 pub(crate) enum Outcome {
@@ -57,11 +60,14 @@ pub(super) struct Rules {
     pub(super) blend: Blend,
     pub(super) anchor: Option<Anchor>,
     pub(super) expected_errors: bool,
+    /// What messages call the model.
+    pub(super) model: String,
 }
 
 impl Rules {
-    /// Makes the rules for a scene and its light.
-    pub(super) fn new(input: InputRules, light: SceneLight, scene: &Scene, options: &Options) -> Self {
+    /// Makes the rules for a model, a scene and its light.
+    pub(super) fn new(model: &dyn Model, light: SceneLight, scene: &Scene, options: &Options) -> Self {
+        let (input, model) = (model.input_rules(), model.description());
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
         let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
         Self {
@@ -73,6 +79,7 @@ impl Rules {
             blend,
             anchor,
             expected_errors: options.expected_errors,
+            model,
         }
     }
 }
@@ -95,7 +102,7 @@ impl<'a> TileWorker<'a> {
     /// Predicts `window` of the scene. `band` holds the window's rows.
     ///
     /// # Errors
-    /// If the network fails, or returns a height that is not finite.
+    /// If the network fails, or returns a height that is not finite or far outside the coarse heights.
     pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
         let Some(Cutout { image, coarse_m, valid }) = band.cut(window, self.rules.input.illumination.is_guided())
         else {
@@ -144,11 +151,7 @@ impl<'a> TileWorker<'a> {
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
         scale.recover(window.shape(), &mut heights_m);
-        if let Some(height) = heights_m.iter().find(|z| !z.is_finite()) {
-            let (row, col) = (window.row, window.col);
-            let what = format!("the model gave {height} in the tile at row {row}, column {col}");
-            return Err(Error::input(format!("{what}; a finite height expected")));
-        }
+        self.check(&heights_m, coarse_m, window)?;
         if let Some(anchor) = self.rules.anchor {
             self.sums.resize(Anchor::sums_len(window.rows, window.cols), 0.0);
             // The normalised heights are no longer needed. Their memory is used for the difference.
@@ -161,6 +164,17 @@ impl<'a> TileWorker<'a> {
             light.settle(&mut heights_m, coarse_m);
         }
         Ok(heights_m)
+    }
+
+    /// Refuses heights that no ground has: the weights are broken, or overflow.
+    fn check(&self, heights_m: &[f32], coarse_m: &[f32], window: Window) -> Result<()> {
+        let range = |(low, high): (f32, f32), z: &f32| (low.min(*z), high.max(*z));
+        let (low, high) = coarse_m.iter().fold((f32::INFINITY, f32::NEG_INFINITY), range);
+        let (low, high) = (low - MOST_CHANGE_M, high + MOST_CHANGE_M);
+        let Some(height) = heights_m.iter().find(|z| !(low..=high).contains(*z)) else { return Ok(()) };
+        let (model, row, col) = (&self.rules.model, window.row, window.col);
+        let what = format!("heights of {low} to {high} m expected in the tile at row {row}, column {col}");
+        Err(Error::input(format!("{model}: {what}, {height} found")))
     }
 
     fn weights(&mut self, valid: &[bool], window: Window) -> Vec<f64> {
