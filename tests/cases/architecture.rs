@@ -69,6 +69,14 @@ const UNSAFE_ALLOWED: [&str; 11] = [
     "benches/",
 ];
 
+/// Where the ground's programs open files for reading: inputs in the first, their own locks and rows in the others.
+const READING_ALLOWED: [&str; 4] = [
+    "host-train/raster/src/read.rs",
+    "host-train/raster/src/output/",
+    "host-train/scene/src/predict/part.rs",
+    "host-train/testing/",
+];
+
 /// Runs `cargo tree` and returns (depth, package) per line.
 fn tree(arguments: &[&str]) -> Vec<(usize, String)> {
     let out = Command::new(env!("CARGO"))
@@ -285,4 +293,25 @@ fn unsafe_stays_in_its_rooms() {
         .map(|(name, _)| name)
         .collect();
     assert_eq!(outside, [""; 0], "`unsafe` outside {UNSAFE_ALLOWED:?}");
+}
+
+/// A reader that is not bounded, or opens what is no file, takes all memory or waits for ever.
+#[test]
+fn inputs_are_opened_in_one_place() {
+    let opens = |line: &str| {
+        // A type of our own.
+        let line = line.replace("ShardFile::open(", "");
+        ["File::open(", "fs::read(", "fs::read_to_string("].iter().any(|call| line.contains(call))
+    };
+    let outside: Vec<String> = sources()
+        .into_iter()
+        .filter(|(name, _)| name.starts_with("host-train/") && name.contains("/src/") && !name.contains("tests"))
+        .filter(|(name, _)| !READING_ALLOWED.iter().any(|place| name.starts_with(place)))
+        .filter(|(_, text)| {
+            let code = text.split("#[cfg(test)]\nmod").next().unwrap_or_default();
+            code.lines().filter(|line| !line.trim_start().starts_with("//")).any(opens)
+        })
+        .map(|(name, _)| name)
+        .collect();
+    assert!(opens("File::open(path)") && outside.is_empty(), "{outside:?}: use elunar_raster::read");
 }

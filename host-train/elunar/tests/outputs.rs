@@ -300,7 +300,7 @@ fn refused_memory_is_one_error_line() {
     let bench = Bench::new(256);
     // From hardly enough to load the program up to enough for everything.
     let (mut refusals, mut successes) = (0, 0);
-    for kib in (18_000..48_000).step_by(2_000).chain([2_000_000]) {
+    for kib in (29_000..59_000).step_by(2_000).chain([2_000_000]) {
         let limit = format!("ulimit -v {kib} || exit 99; exec \"$@\"");
         let mut shell = Command::new("sh");
         shell.current_dir(bench.folder.path()).args(["-c", &limit, "sh", env!("CARGO_BIN_EXE_elunar")]);
