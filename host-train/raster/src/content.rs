@@ -10,18 +10,27 @@ use std::path::{Path, PathBuf};
 /// Returns the SHA-256 of a file, hexadecimal.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read.
+/// As [`read::file`]; [`Error::Io`] if it cannot be read.
 pub fn sha256(path: &Path) -> Result<String> {
-    sha256_of(&mut read::file(path)?).map_err(Error::io(path))
+    sha256_while(path, &|| true)
+}
+
+/// Returns the SHA-256 of a file as [`sha256`] does, while `goes_on` says yes. It is asked after every megabyte.
+///
+/// # Errors
+/// [`Error::Stopped`] once it says no; otherwise as [`sha256`].
+pub fn sha256_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result<String> {
+    let found = hash_while(&mut read::file(path)?, goes_on).map_err(Error::io(path))?;
+    found.ok_or_else(|| Error::stopped(format!("stopped while {} was read for its SHA-256", path.display())))
 }
 
 /// Returns the SHA-256 of an open file from its beginning, hexadecimal.
 pub(crate) fn sha256_of(file: &mut File) -> std::io::Result<String> {
-    sha256_while(file, &|| true).map(Option::unwrap_or_default)
+    hash_while(file, &|| true).map(Option::unwrap_or_default)
 }
 
 /// Returns the SHA-256 of an open file as [`sha256_of`] does; `None` once `goes_on` says no.
-fn sha256_while(file: &mut File, goes_on: &dyn Fn() -> bool) -> std::io::Result<Option<String>> {
+fn hash_while(file: &mut File, goes_on: &dyn Fn() -> bool) -> std::io::Result<Option<String>> {
     let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 20]);
     file.rewind()?;
     while goes_on() {
@@ -48,16 +57,13 @@ pub fn sha256_of_raster(path: &Path) -> Result<String> {
     sha256_of_raster_while(path, &|| true)
 }
 
-/// Returns the SHA-256 of a raster's files as [`sha256_of_raster`] does, while `goes_on` says yes. It is asked after every megabyte.
+/// Returns the SHA-256 of a raster's files as [`sha256_of_raster`] does, while `goes_on` says yes.
 ///
 /// # Errors
-/// [`Error::Stopped`] once it says no; otherwise as [`sha256_of_raster`].
+/// As [`sha256_while`] and [`sha256_of_raster`].
 pub fn sha256_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result<String> {
-    let hash = |file: &PathBuf| {
-        let found = sha256_while(&mut read::file(file)?, goes_on).map_err(Error::io(file))?;
-        found.ok_or_else(|| Error::stopped(format!("stopped while {} was read for its SHA-256", file.display())))
-    };
-    let hashes: Vec<String> = files_of_raster(path)?.iter().map(hash).collect::<Result<_>>()?;
+    let hashes: Vec<String> =
+        files_of_raster(path)?.iter().map(|file| sha256_while(file, goes_on)).collect::<Result<_>>()?;
     Ok(hashes.join("+"))
 }
 

@@ -1,5 +1,6 @@
 //! Inputs are opened and read here alone: files, and texts of at most so many bytes, whatever the file's size says.
 
+use crate::memory::may_fail;
 use crate::output::kind_of;
 use crate::{Error, Result};
 use std::fs::{File, FileType};
@@ -118,17 +119,20 @@ fn no_text(path: &Path) -> Error {
     Error::io(path)(std::io::Error::new(ErrorKind::InvalidData, "text in UTF-8 expected"))
 }
 
-/// Reads what is left of `file`, piece by piece, while `is_right` accepts what was read so far.
+/// Reads what is left of `file`, piece by piece, while `is_right` accepts what was read so far. Memory that the system refuses is an error about
+/// the file.
 fn whole(path: &Path, file: File, most: u64, mut is_right: impl FnMut(&[u8]) -> bool) -> Result<Vec<u8>> {
     let length = check_length(path, &file, most)?;
     let mut bytes = vec![];
     // A pipe says nothing of its length, and a file may grow meanwhile.
     let mut rest = file.take(most + 1);
-    while rest.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))? > 0 {
+    while may_fail(|| rest.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes)).map_err(Error::io(path))? > 0 {
         if !is_right(&bytes) {
             return Err(no_text(path));
         }
-        bytes.reserve_exact((length as usize).saturating_sub(bytes.len()));
+        // The rest in one piece of memory, now that the first is right.
+        let left = (length as usize).saturating_sub(bytes.len());
+        may_fail(|| bytes.try_reserve_exact(left)).map_err(|error| Error::io(path)(error.into()))?;
     }
     if bytes.len() as u64 > most { Err(too_long(path, most, "more")) } else { Ok(bytes) }
 }

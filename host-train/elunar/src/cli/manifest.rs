@@ -169,8 +169,12 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
         let is_shipped = name == "model" && shipped::find(file).is_some();
         put(name, if is_shipped { file.clone() } else { path(file)? }.display().to_string().into());
     }
-    for file in [&coarse, &model].into_iter().filter(|file| **file != model || shipped::find(file).is_none()) {
-        file.metadata().map_err(Error::io(file))?;
+    if shipped::find(&model).is_none() {
+        model.metadata().map_err(Error::io(&model))?;
+    }
+    // Before all of it is read for its hash.
+    if !hashes.contains_key(&coarse) {
+        source::open(&coarse)?;
     }
     match source::open(&image) {
         Ok(source) => {

@@ -15,10 +15,10 @@ use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_net::digest::sha256_hex;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::align::Interpolation;
-use elunar_raster::content::sha256;
+use elunar_raster::content::{sha256, sha256_while};
 use elunar_raster::output::Owner;
 use elunar_raster::stated::HeightUnit;
-use elunar_raster::{Error, Result, atomic_write, read};
+use elunar_raster::{Error, Result, atomic_write, read, source};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -155,7 +155,12 @@ fn inspect_scene(
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<Inspected> {
-    let sha256 = [sha256(&files.image)?, sha256(&files.dtm)?, sha256(&files.coarse)?];
+    let hash = |path: &Path| {
+        // What is no raster is refused before all of it is read.
+        source::open(path)?;
+        sha256_while(path, &|| !interrupt::requested())
+    };
+    let sha256 = [hash(&files.image)?, hash(&files.dtm)?, hash(&files.coarse)?];
     let wrong = |e: serde_json::Error| Error::broken(notes, e.to_string());
     let version = env!("CARGO_PKG_VERSION");
     let key = sha256_hex(&serde_json::to_vec(&(version, files, &sha256, parameters)).map_err(wrong)?);
