@@ -13,6 +13,8 @@ pub const MOST_BYTES: u64 = 1 << 30;
 pub const MOST_SETTINGS_BYTES: u64 = 1 << 24;
 /// A text is checked after so many bytes, so that the first piece of what is no text ends the reading.
 const PIECE_BYTES: u64 = 1 << 16;
+/// The standard library's reader wants some more room than it fills. What it lacks it takes without an error that could be handled.
+const PROBE_BYTES: usize = 64;
 
 /// Opens a regular file, also through a link.
 ///
@@ -126,13 +128,17 @@ fn whole(path: &Path, file: File, most: u64, mut is_right: impl FnMut(&[u8]) -> 
     let mut bytes = vec![];
     // A pipe says nothing of its length, and a file may grow meanwhile.
     let mut rest = file.take(most + 1);
-    while may_fail(|| rest.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes)).map_err(Error::io(path))? > 0 {
+    let mut room = PIECE_BYTES;
+    loop {
+        // The rest of a file in one piece of memory, once the first is right.
+        may_fail(|| bytes.try_reserve(room as usize + PROBE_BYTES)).map_err(|error| Error::io(path)(error.into()))?;
+        if rest.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))? == 0 {
+            break;
+        }
         if !is_right(&bytes) {
             return Err(no_text(path));
         }
-        // The rest in one piece of memory, now that the first is right.
-        let left = (length as usize).saturating_sub(bytes.len());
-        may_fail(|| bytes.try_reserve_exact(left)).map_err(|error| Error::io(path)(error.into()))?;
+        room = if length == 0 { PIECE_BYTES } else { length.saturating_sub(bytes.len() as u64) };
     }
     if bytes.len() as u64 > most { Err(too_long(path, most, "more")) } else { Ok(bytes) }
 }
