@@ -47,8 +47,10 @@ pub fn notices(
     // Neither under a wrong light nor in a clipped image does anything look like relief: the cause is told, not the effect.
     let little = || light::little_relief(name, survey, lighting);
     let unrelated = || light::unrelated(name, &scene.coarse_name, lighting);
-    let of_light = light::contradiction(survey, sun, lighting)
-        .or_else(|| unrelated().or_else(little).filter(|_| of_image.is_empty()));
+    // Under a known azimuth an image without relief is the cause, and its brightness follows no slopes.
+    let effect =
+        || if sun.sun.azimuth_deg.is_some() { little().or_else(unrelated) } else { unrelated().or_else(little) };
+    let of_light = light::contradiction(survey, sun, lighting).or_else(|| effect().filter(|_| of_image.is_empty()));
     let of_file = |name: &str, source: &dyn Source| {
         source.info().warnings.iter().map(|warning| format!("{name}: {warning}")).collect::<Vec<_>>()
     };
