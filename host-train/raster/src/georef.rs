@@ -13,6 +13,9 @@ const MOST_LON_DEG: f64 = 720.0;
 /// has 0.25 degrees.
 const FINEST_UNITS: f64 = 0.26;
 
+/// Pixels below this many map units, a length, are none of orbiter images (our choice).
+const ABSURD_UNITS: f64 = 0.02;
+
 /// Georeference of a raster: its transform and its coordinate reference system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GeoRef {
@@ -47,37 +50,46 @@ impl GeoRef {
     }
 
     /// Returns why a raster of `rows` x `cols` pixels cannot lie where its coordinates say: no point of it has a longitude and latitude in
-    /// its reference system. The usual cause is a system of degrees over metres.
+    /// its reference system, or its pixels are below [`ABSURD_UNITS`]. The usual causes are metres under a system of degrees, and the reverse.
     #[must_use]
     pub fn contradiction(&self, rows: usize, cols: usize) -> Option<String> {
         let projection = Projection::of(&self.crs)?;
+        let state = "State their system (--image-srs, --coarse-srs), or gdal_translate -a_srs";
+        if self.side() < ABSURD_UNITS
+            && let Some(doubt) = self.doubt(rows, cols)
+        {
+            return Some(format!("{doubt} {state}"));
+        }
         let at = |i: usize, count: usize| i as f64 / 8.0 * (count as f64 - 1.0);
-        let points = (0..81).map(|i| self.centre(at(i / 9, rows), at(i % 9, cols)));
-        // Longitudes of a map may go beyond one turn.
+        let mut points = (0..81).map(|i| self.centre(at(i / 9, rows), at(i % 9, cols)));
         let shows = |(x, y): (f64, f64)| {
             let (lon_deg, lat_deg) = projection.inverse(x, y);
             lon_deg.abs() <= MOST_LON_DEG && lat_deg.is_finite()
         };
-        if points.clone().any(shows) {
+        if points.any(shows) {
             return None;
         }
         let (summary, extent) = (self.crs.summary(), self.extent(rows, cols));
-        let metres = if self.crs.is_geographic() {
-            ": are they metres? State their system (--image-srs, --coarse-srs), or gdal_translate -a_srs"
-        } else {
-            ""
-        };
+        let metres = if self.crs.is_geographic() { format!(": are they metres? {state}") } else { String::new() };
         Some(format!("coordinates within its reference system ({summary}) expected, found {extent}{metres}"))
     }
 
-    /// Returns whether the coordinates look like degrees, though their unit is a length: all are within a turn and the poles, and the pixels
-    /// are finer than those of any orbiter image.
+    /// Returns a doubt about coordinates that look like degrees, though their unit is a length: all are within a turn and the poles, and the
+    /// pixels are finer than those of any orbiter image.
     #[must_use]
-    pub fn looks_like_degrees(&self, rows: usize, cols: usize) -> bool {
+    pub fn doubt(&self, rows: usize, cols: usize) -> Option<String> {
         let [x0, y0, x1, y1] = self.limits(rows, cols);
-        let t = &self.transform;
         let within = x0 >= -360.0 && x1 <= 360.0 && y0 >= -90.5 && y1 <= 90.5;
-        self.crs.is_projected() && within && t[1].abs().max(t[2].abs()) < FINEST_UNITS
+        (self.crs.is_projected() && within && self.side() < FINEST_UNITS).then(|| {
+            let (extent, side, summary) = (self.extent(rows, cols), self.side(), self.crs.summary());
+            format!("coordinates in the unit of its system ({summary}) expected, found {extent}, pixels of {side:.3e}: are they degrees?")
+        })
+    }
+
+    /// Returns the longer side of a pixel, map units.
+    fn side(&self) -> f64 {
+        let t = &self.transform;
+        t[1].hypot(t[4]).max(t[2].hypot(t[5]))
     }
 
     /// Describes the map coordinates of the outer edges.
@@ -121,12 +133,16 @@ mod tests {
         assert!(place([0.0, 2.0, 0.0, 3e6, 0.0, -2.0]).contradiction(10, 10).is_some(), "beyond the pole");
         let disc = GeoRef { transform: [-2e6, 1e5, 0.0, 2e6, 0.0, -1e5], crs: Crs::parse("IAU_2015:30165").unwrap() };
         assert_eq!(disc.contradiction(40, 40), None, "only the corners of a disc are off the Moon");
-        for transform in [[-180.0, 0.25, 0.0, 90.0, 0.0, -0.25], [300.0, 0.01, 0.0, -20.0, 0.0, -0.01]] {
-            assert!(place(transform).looks_like_degrees(10, 10));
+        for (transform, absurd) in
+            [([-180.0, 0.25, 0.0, 90.0, 0.0, -0.25], false), ([300.0, 1e-4, 0.0, -20.0, 0.0, -1e-4], true)]
+        {
+            assert!(place(transform).doubt(10, 10).unwrap().contains("are they degrees?"));
+            assert_eq!(place(transform).contradiction(10, 10).is_some(), absurd);
             let honest = GeoRef { transform, crs: Crs::geographic(1_737_400.0) };
-            assert!(!honest.looks_like_degrees(10, 10) && honest.contradiction(10, 10).is_none());
+            assert!(honest.doubt(10, 10).is_none() && honest.contradiction(10, 10).is_none());
         }
-        assert!(!place([0.0, 0.5, 0.0, 0.0, 0.0, -0.5]).looks_like_degrees(10, 10));
+        assert!(place([0.0, 0.5, 0.0, 0.0, 0.0, -0.5]).doubt(10, 10).is_none());
+        assert!(place([9000.0, 0.01, 0.0, 0.0, 0.0, -0.01]).contradiction(10, 10).is_none());
     }
 
     #[test]

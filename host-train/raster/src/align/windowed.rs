@@ -246,10 +246,7 @@ pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, tar
     let as_degrees = !from.0.crs.same_as(&to.0.crs);
     let (a, b) = (bounds(from, as_degrees), bounds(to, as_degrees));
     let doubt = |name: &str, (georef, (rows, cols)): Grid| {
-        let doubtful = georef.looks_like_degrees(rows, cols);
-        let (extent, summary) = (georef.extent(rows, cols), georef.crs.summary());
-        let what = || format!("; {name} has {extent} in the metres of its system ({summary}): are they degrees?");
-        doubtful.then(what).unwrap_or_default()
+        georef.doubt(rows, cols).map(|doubt| format!("; {name}: {doubt}")).unwrap_or_default()
     };
     let doubts = doubt(source_name, from) + &doubt(target_name, to);
     Error::input(format!(

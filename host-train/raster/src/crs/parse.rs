@@ -12,6 +12,10 @@ const IAU_BODIES: [(u32, f64); 2] = [(301, MOON_RADIUS_M), (499, 3_396_190.0)];
 /// PROJ parameters without effect here.
 const IDLE: [&str; 4] = ["no_defs", "type", "wktext", "over"];
 
+/// Deepest brackets and greatest length, bytes, of WKT that is read. WKT of a projected system is at most 8 deep. Its reader recurses.
+const DEEPEST: usize = 12;
+const LONGEST: usize = 1 << 14;
+
 impl Crs {
     /// Reads a code of `IAU_2015` for the Moon (30100 and so on) or Mars (49900), WKT, or a PROJ text on a sphere (`+R`, or equal `+a` and
     /// `+b`; metres): `+proj=longlat`, `eqc` with `+lat_ts +lat_0 +lon_0`, `stere` or `sterea` with `+lat_0 +lon_0` and `+k_0`, at a pole also
@@ -60,6 +64,20 @@ fn of_code(text: &str) -> Option<String> {
     Some(format!("+proj={map} +R={radius_m}"))
 }
 
+/// Returns how deep the brackets of a text are nested.
+fn nesting(text: &str) -> usize {
+    let mut depth = 0_usize;
+    let depths = text.bytes().map(|byte| {
+        match byte {
+            b'[' | b'(' => depth += 1,
+            b']' | b')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth
+    });
+    depths.max().unwrap_or(0)
+}
+
 /// Reads WKT, version 1 or 2.
 fn of_wkt(text: &str) -> Result<Crs> {
     let refused = |why: String| {
@@ -69,6 +87,9 @@ fn of_wkt(text: &str) -> Result<Crs> {
             "reference system: WKT of a known projection on a sphere expected, {start:?}... found ({why}; {hint})"
         ))
     };
+    if nesting(text) > DEEPEST || text.len() > LONGEST {
+        return Err(refused(format!("more than {DEEPEST} brackets deep, or longer than {LONGEST} bytes")));
+    }
     let proj = proj4wkt::wkt_to_projstring(text).map_err(|error| refused(error.to_string()))?;
     Proj::new(&proj).and_then(Proj::crs).map_err(|error| refused(error.to_string()))
 }
@@ -247,6 +268,18 @@ mod tests {
         }
         assert!(Crs::parse("IAU_2015:30110").unwrap().same_as(&Crs::moon_equirectangular(0.0, 0.0)));
         assert!(Crs::parse("IAU_2015:30135").unwrap().same_as(&Crs::moon_polar(true)));
+    }
+
+    #[test]
+    fn wkt_is_read() {
+        let geographic =
+            "BASEGEOGCRS[\"m\",DATUM[\"m\",ELLIPSOID[\"m\",1737400,0,LENGTHUNIT[\"metre\",1]]],PRIMEM[\"m\",0]]";
+        let map = "CONVERSION[\"c\",METHOD[\"Orthographic\",ID[\"EPSG\",9840]],PARAMETER[\"Latitude of natural origin\",10,ANGLEUNIT[\"degree\",0.0174532925199433]]]";
+        let crs =
+            Crs::parse(&format!("PROJCRS[\"x\",{geographic},{map},CS[Cartesian,2],LENGTHUNIT[\"metre\",1]]")).unwrap();
+        assert!(crs.same_as(&Crs::parse("+proj=ortho +lat_0=10 +R=1737400").unwrap()), "{}", crs.summary());
+        let deep = format!("PROJCS[\"x\",{}1{}]", "A[".repeat(20_000), "]".repeat(20_000));
+        assert!(Crs::parse(&deep).unwrap_err().to_string().contains("brackets deep"));
     }
 
     #[test]

@@ -214,7 +214,10 @@ with rasterio.open('gdal.tif', 'w', driver='GTiff', width=1, height=1, count=1, 
         );
         let Some(out) = rasterio(&script, folder.path()) else { return };
         let ours = of(text);
-        let gdals = crate::geotiff::read(folder.path().join("gdal.tif")).unwrap().georef.unwrap().crs;
+        let gdals = crate::geotiff::read(folder.path().join("gdal.tif")).unwrap();
+        crate::geotiff::write(&folder.path().join("copy.tif"), &gdals, &options).unwrap();
+        rasterio("assert rasterio.open('copy.tif').crs == rasterio.open('gdal.tif').crs", folder.path()).unwrap();
+        let gdals = gdals.georef.unwrap().crs;
         assert!(Projection::of(&gdals).is_some_and(|p| p.same_as(&ours)), "{text}: {gdals:?}");
         let unit_m = if text.contains("longlat") { 1.0_f64.to_radians() * ours.radius_m() } else { ours.unit_m };
         for (line, (lon, lat)) in out.lines().zip(points) {
