@@ -65,7 +65,7 @@ fn dtms_lie_on_the_images_map() {
         let truth = raster(&crs, 280, 330, 20.0, height);
         let sum: f64 = dtm.samples.iter().zip(&truth.samples).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         let rmse_m = (sum / dtm.samples.len() as f64).sqrt();
-        // A coarse DTM a pixel off would give 20 m.
+        // A coarse DTM that lies a pixel off has 19 to 23 m.
         assert!(rmse_m < 8.0, "{system}: {rmse_m} m");
     }
 }

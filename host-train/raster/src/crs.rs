@@ -95,6 +95,9 @@ pub(super) mod code {
     pub(crate) const SINUSOIDAL: u16 = 24;
 }
 
+/// Lengths that can be the unit of a map, metres (our choice).
+const UNITS_M: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
+
 const USER_DEFINED: f64 = code::USER_DEFINED as f64;
 
 /// The value of one key.
@@ -115,6 +118,11 @@ impl Crs {
     #[must_use]
     pub fn is_projected(&self) -> bool {
         self.number(key::MODEL_TYPE) == Some(f64::from(code::PROJECTED))
+    }
+
+    /// Returns whether angles are in degrees.
+    pub(super) fn is_in_degrees(&self) -> bool {
+        self.number(key::ANGULAR_UNIT).is_none_or(|unit| [9102.0, 9122.0].contains(&unit))
     }
 
     /// Returns whether the keys state longitude and latitude. Some systems are neither: a file may name its system in a text alone.
@@ -141,7 +149,7 @@ impl Crs {
             Some(9002.0) => Some(0.3048),
             Some(9003.0) => Some(1200.0 / 3937.0),
             Some(9036.0) => Some(1000.0),
-            Some(_) => self.number(key::LINEAR_UNIT_SIZE).filter(|&size| size > 0.0),
+            Some(_) => self.number(key::LINEAR_UNIT_SIZE).filter(|size| UNITS_M.contains(size)),
         }
     }
 
@@ -240,7 +248,7 @@ impl Crs {
                 key::GEODETIC_CRS | key::DATUM | key::ELLIPSOID | key::PROJECTED_CRS | key::PROJECTION => {
                     Some(USER_DEFINED)
                 }
-                key::ANGULAR_UNIT => Some(f64::from(code::DEGREE)),
+                key::ANGULAR_UNIT if self.is_in_degrees() => continue,
                 key::PRIME_MERIDIAN => Some(8901.0),
                 key::PRIME_MERIDIAN_LON | key::FALSE_EASTING | key::FALSE_NORTHING => Some(0.0),
                 key::FALSE_ORIGIN_EASTING | key::FALSE_ORIGIN_NORTHING => Some(0.0),

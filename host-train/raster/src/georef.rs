@@ -43,7 +43,7 @@ impl GeoRef {
             let metres = if self.crs.is_empty() { 1.0 } else { self.crs.metres_per_unit()? };
             return Some((t[2].hypot(t[5]) * metres, t[1].hypot(t[4]) * metres));
         }
-        let metres = self.crs.sphere_radius_m()?.to_radians();
+        let metres = self.crs.sphere_radius_m().filter(|_| self.crs.is_in_degrees())?.to_radians();
         let (_, lat_deg) = self.centre((rows as f64 - 1.0) / 2.0, (cols as f64 - 1.0) / 2.0);
         let cos_lat = lat_deg.to_radians().cos();
         Some(((t[2] * cos_lat).hypot(t[5]) * metres, (t[1] * cos_lat).hypot(t[4]) * metres))
@@ -154,5 +154,9 @@ mod tests {
         let (row_m, col_m) = georef.pixel_m(1, 1).unwrap();
         let degree_m = 1_737_400.0 * std::f64::consts::PI / 180.0;
         assert!((row_m - 0.1 * degree_m).abs() < 1e-6 && (col_m - 0.05 * degree_m).abs() < 1e-6);
+        let mut radians = georef;
+        radians.crs.directory.extend([2054, 0, 1, 9101]);
+        radians.crs.directory[3] += 1;
+        assert_eq!(radians.pixel_m(1, 1), None, "an angle that is not in degrees");
     }
 }

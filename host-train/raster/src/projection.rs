@@ -54,8 +54,7 @@ impl Projection {
         let number = |key| crs.number(key);
         let or = |default: f64, keys: &[u16]| keys.iter().find_map(|&key| crs.number(key)).unwrap_or(default);
         let radius_m = crs.sphere_radius_m().filter(|&radius_m| radius_m > 0.0 && radius_m.is_finite())?;
-        let in_degrees = number(key::ANGULAR_UNIT).is_none_or(|unit| unit == f64::from(code::DEGREE));
-        if !in_degrees || or(0.0, &[key::PRIME_MERIDIAN_LON]) != 0.0 {
+        if !crs.is_in_degrees() || or(0.0, &[key::PRIME_MERIDIAN_LON]) != 0.0 {
             return None;
         }
         if crs.is_geographic() {

@@ -12,7 +12,18 @@ const WORDS: [&str; 6] = ["PROJCS[", "GEOGCS[", "PROJCRS[", "PROJECTEDCRS[", "GE
 /// Returns the part of a text that is WKT.
 fn wkt(text: &str) -> Option<&str> {
     let start = WORDS.iter().filter_map(|word| text.find(word)).min()?;
-    Some(text[start..].trim_end_matches(['|', '\0', ' ', '\n', '\r']))
+    // ArcGIS may append a vertical system. What is cut short stays, and will not be understood.
+    let (text, mut depth, mut quoted) = (&text[start..], 0, false);
+    let end = text.bytes().position(|byte| {
+        match byte {
+            b'"' => quoted = !quoted,
+            b'[' if !quoted => depth += 1,
+            b']' if !quoted => depth -= 1,
+            _ => {}
+        }
+        byte == b']' && depth == 0
+    });
+    Some(end.map_or(text, |end| &text[..=end]))
 }
 
 /// Returns whether a value is a text with WKT in it.
@@ -68,6 +79,8 @@ mod tests {
             assert!(crs.same_as(&Crs::moon_polar(true)), "{crs:?}");
             assert_eq!((crs.defect(), crs.pixel_is_point()), (None, raster_type == 2));
         }
+        let heights = format!("{SOUTH},VERTCS[\"a]\",VDATUM[\"b\"],UNIT[\"Meter\",1.0]]");
+        assert!(esri(&heights, 1).with_keys_of_citation().same_as(&Crs::moon_polar(true)), "with a vertical system");
         let degrees = &SOUTH[SOUTH.find("GEOGCS").unwrap()..SOUTH.find(",PROJECTION").unwrap()];
         assert!(esri(degrees, 1).with_keys_of_citation().same_as(&Crs::geographic(1_737_400.0)));
         let keyed = Crs::moon_equirectangular(3.0, 4.0);
@@ -77,7 +90,11 @@ mod tests {
     #[test]
     fn a_text_that_is_not_understood_is_never_degrees() {
         let mollweide = SOUTH.replace("Stereographic_South_Pole", "Mollweide");
-        for wkt in [&*mollweide, &SOUTH[..200], &SOUTH.replace("[\"Meter\",1.0]", "[\"Foot\",0.3048]"), "a name"] {
+        let radians = SOUTH[SOUTH.find("GEOGCS").unwrap()..SOUTH.find(",PROJECTION").unwrap()]
+            .replace("[\"Degree\",0.0174532925199433]", "[\"Radian\",1.0]");
+        for wkt in
+            [&*mollweide, &SOUTH[..200], &SOUTH.replace("[\"Meter\",1.0]", "[\"Foot\",0.3048]"), &radians, "a name"]
+        {
             let crs = esri(wkt, 1);
             assert_eq!(crs.clone().with_keys_of_citation(), crs, "{wkt}");
             assert!(!crs.is_geographic() && !crs.is_projected() && Projection::of(&crs).is_none());

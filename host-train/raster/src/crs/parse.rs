@@ -16,6 +16,9 @@ const IDLE: [&str; 4] = ["no_defs", "type", "wktext", "over"];
 const DEEPEST: usize = 12;
 const LONGEST: usize = 1 << 14;
 
+/// A degree in WKT.
+const DEGREE: &str = "0.01745329";
+
 impl Crs {
     /// Reads a code of `IAU_2015` for the Moon (30100 and so on) or Mars (49900), WKT, or a PROJ text on a sphere (`+R`, or equal `+a` and
     /// `+b`; metres): `+proj=longlat`, `eqc` with `+lat_ts +lat_0 +lon_0`, `stere` or `sterea` with `+lat_0 +lon_0` and `+k_0`, at a pole also
@@ -91,6 +94,10 @@ fn of_wkt(text: &str) -> Result<Crs> {
         return Err(refused(format!("more than {DEEPEST} brackets deep, or longer than {LONGEST} bytes")));
     }
     let proj = proj4wkt::wkt_to_projstring(text).map_err(|error| refused(error.to_string()))?;
+    // The crate reads every geographic system as degrees.
+    if proj.starts_with("+proj=longlat") && !text.contains(DEGREE) {
+        return Err(refused(format!("a unit of {DEGREE}... radians expected")));
+    }
     Proj::new(&proj).and_then(Proj::crs).map_err(|error| refused(error.to_string()))
 }
 
@@ -201,7 +208,12 @@ impl<'a> Proj<'a> {
             _ => Err(proj.error("+lat_0=0 expected")),
         };
         let parameters = match name {
-            "ortho" => Parameters::new(Kind::Orthographic, lat0_deg, lon0_deg, 1.0),
+            "ortho" => {
+                if self.scale()? != 1.0 || self.number("alpha")?.unwrap_or(0.0) != 0.0 {
+                    return Err(self.error("+k_0=1 and +alpha=0 expected"));
+                }
+                Parameters::new(Kind::Orthographic, lat0_deg, lon0_deg, 1.0)
+            }
             "tmerc" => Parameters::new(Kind::TransverseMercator, lat0_deg, lon0_deg, self.scale()?),
             "sinu" => {
                 on_equator(self)?;
