@@ -55,10 +55,10 @@ fn transform(file: &mut Handle) -> Result<Option<GeoTransform>> {
 /// GDAL.
 fn placed((sx, sy): (f64, f64), ties: &[f64]) -> std::result::Result<GeoTransform, String> {
     let (all, rest) = ties.as_chunks::<6>();
-    let (Some(&[col, row, _, x, y, _]), []) = (all.first(), rest) else {
+    let (Some((&[col, row, _, x, y, _], others)), []) = (all.split_first(), rest) else {
         return Err(format!("6 numbers for every tie point expected, {} found", ties.len()));
     };
-    for &[col2, row2, _, x2, y2, _] in all {
+    for &[col2, row2, _, x2, y2, _] in others {
         let (dx, dy) = (x2 - x - (col2 - col) * sx, y2 - y + (row2 - row) * sy);
         if !(dx.abs() <= SAME_PLACE_PX * sx.abs() && dy.abs() <= SAME_PLACE_PX * sy) {
             let what = format!("{} tie points that agree with the pixel scale {sx} x {sy} expected", all.len());
