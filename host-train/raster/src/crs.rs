@@ -1,9 +1,17 @@
 //! Coordinate reference systems, as GeoTIFF keys.
 
+mod body;
 mod build;
+mod citation;
+mod method;
 mod parse;
+mod summary;
+
+#[cfg(test)]
+mod tests;
 
 pub use build::Axes;
+pub(super) use method::{Kind, Parameters};
 
 use super::Projection;
 use std::collections::BTreeMap;
@@ -49,15 +57,21 @@ pub(super) mod key {
     pub(crate) const LINEAR_UNIT: u16 = 3076;
     pub(crate) const LINEAR_UNIT_SIZE: u16 = 3077;
     pub(crate) const STD_PARALLEL_1: u16 = 3078;
+    pub(crate) const STD_PARALLEL_2: u16 = 3079;
     pub(crate) const NAT_ORIGIN_LON: u16 = 3080;
     pub(crate) const NAT_ORIGIN_LAT: u16 = 3081;
     pub(crate) const FALSE_EASTING: u16 = 3082;
     pub(crate) const FALSE_NORTHING: u16 = 3083;
     pub(crate) const FALSE_ORIGIN_LON: u16 = 3084;
     pub(crate) const FALSE_ORIGIN_LAT: u16 = 3085;
+    pub(crate) const FALSE_ORIGIN_EASTING: u16 = 3086;
+    pub(crate) const FALSE_ORIGIN_NORTHING: u16 = 3087;
     pub(crate) const CENTRE_LON: u16 = 3088;
     pub(crate) const CENTRE_LAT: u16 = 3089;
+    pub(crate) const CENTRE_EASTING: u16 = 3090;
+    pub(crate) const CENTRE_NORTHING: u16 = 3091;
     pub(crate) const SCALE: u16 = 3092;
+    pub(crate) const SCALE_AT_CENTRE: u16 = 3093;
     pub(crate) const STRAIGHT_POLE_LON: u16 = 3095;
 }
 
@@ -69,10 +83,20 @@ pub(super) mod code {
     pub(crate) const METRE: u16 = 9001;
     pub(crate) const KILOMETRE: u16 = 9036;
     pub(crate) const DEGREE: u16 = 9102;
+    pub(crate) const TRANSVERSE_MERCATOR: u16 = 1;
+    pub(crate) const MERCATOR: u16 = 7;
+    pub(crate) const LAMBERT_2SP: u16 = 8;
+    pub(crate) const LAMBERT_1SP: u16 = 9;
     pub(crate) const STEREOGRAPHIC: u16 = 14;
     pub(crate) const POLAR_STEREOGRAPHIC: u16 = 15;
+    pub(crate) const OBLIQUE_STEREOGRAPHIC: u16 = 16;
     pub(crate) const EQUIRECTANGULAR: u16 = 17;
+    pub(crate) const ORTHOGRAPHIC: u16 = 21;
+    pub(crate) const SINUSOIDAL: u16 = 24;
 }
+
+/// Lengths that can be the unit of a map, metres (our choice).
+const UNITS_M: std::ops::RangeInclusive<f64> = 1e-6..=1e9;
 
 const USER_DEFINED: f64 = code::USER_DEFINED as f64;
 
@@ -90,10 +114,21 @@ impl Crs {
         self.directory.is_empty()
     }
 
-    /// Returns true for systems with map coordinates in a length unit, false for longitude and latitude.
+    /// Returns whether the keys state map coordinates in a length unit.
     #[must_use]
     pub fn is_projected(&self) -> bool {
         self.number(key::MODEL_TYPE) == Some(f64::from(code::PROJECTED))
+    }
+
+    /// Returns whether angles are in degrees.
+    pub(super) fn is_in_degrees(&self) -> bool {
+        self.number(key::ANGULAR_UNIT).is_none_or(|unit| [9102.0, 9122.0].contains(&unit))
+    }
+
+    /// Returns whether the keys state longitude and latitude. Some systems are neither: a file may name its system in a text alone.
+    #[must_use]
+    pub fn is_geographic(&self) -> bool {
+        self.number(key::MODEL_TYPE) == Some(f64::from(code::GEOGRAPHIC))
     }
 
     /// Returns whether (0, 0) of the file's own coordinates means the centre of the first pixel (`AREA_OR_POINT=Point`).
@@ -114,20 +149,13 @@ impl Crs {
             Some(9002.0) => Some(0.3048),
             Some(9003.0) => Some(1200.0 / 3937.0),
             Some(9036.0) => Some(1000.0),
-            Some(_) => self.number(key::LINEAR_UNIT_SIZE).filter(|&size| size > 0.0),
+            Some(_) => self.number(key::LINEAR_UNIT_SIZE).filter(|size| UNITS_M.contains(size)),
         }
-    }
-
-    /// Returns the radius of the reference body, metres, if the keys give a sphere.
-    #[must_use]
-    pub fn sphere_radius_m(&self) -> Option<f64> {
-        let (major, minor) = self.axes_m()?;
-        (major == minor).then_some(major)
     }
 
     /// Returns whether both mean the same system. If both are supported, their [`Projection`]s are compared. Otherwise keys and values are
     /// compared. For this, defaults of the standard are filled in and synonymous keys of other writers are unified; citation text and the
-    /// pixel-is-area flag are left out.
+    /// pixel-is-area flag are left out. A text that states the system as WKT counts.
     #[must_use]
     pub fn same_as(&self, other: &Crs) -> bool {
         if let (Some(a), Some(b)) = (Projection::of(self), Projection::of(other)) {
@@ -142,37 +170,6 @@ impl Crs {
         self.is_empty() == other.is_empty()
             && a.len() == b.len()
             && a.iter().zip(&b).all(|((ka, va), (kb, vb))| ka == kb && equal(va, vb))
-    }
-
-    /// Returns one line for messages: the projection method, its parameters and the sphere.
-    #[must_use]
-    pub fn summary(&self) -> String {
-        if self.is_empty() {
-            return "no reference system".into();
-        }
-        let axes = match self.axes_m() {
-            Some((a, b)) if a == b => format!("sphere {a} m"),
-            Some((a, b)) => format!("ellipsoid {a} m / {b} m"),
-            None => "body unknown".into(),
-        };
-        if !self.is_projected() {
-            return format!("longitude/latitude, {axes}");
-        }
-        let number = |key| self.number(key);
-        let lon0 = [key::CENTRE_LON, key::NAT_ORIGIN_LON, key::STRAIGHT_POLE_LON, key::FALSE_ORIGIN_LON]
-            .into_iter()
-            .find_map(number);
-        let lat0 = [key::STD_PARALLEL_1, key::NAT_ORIGIN_LAT, key::CENTRE_LAT, key::FALSE_ORIGIN_LAT]
-            .into_iter()
-            .find_map(number);
-        let method = match (self.number(key::METHOD), self.number(key::PROJECTED_CRS)) {
-            (Some(17.0), _) => "equirectangular".into(),
-            (Some(15.0), _) => "polar stereographic".into(),
-            (Some(method), _) => format!("projection method {method}"),
-            (None, Some(code)) if code != USER_DEFINED => format!("EPSG {code}"),
-            _ => "unnamed projection".into(),
-        };
-        format!("{method}, lat {} deg, lon {} deg, {axes}", lat0.unwrap_or(0.0), lon0.unwrap_or(0.0))
     }
 
     /// Returns how the key tags contradict each other, if they do.
@@ -195,6 +192,7 @@ impl Crs {
             _ => false,
         });
         bad.map(|[key, tag, n, at]| format!("GeoKey {key} points at {n} values from {at} in tag {tag}, beyond its end"))
+            .or_else(|| self.defect_of_body())
     }
 
     fn entries(&self) -> impl Iterator<Item = [u16; 4]> + '_ {
@@ -230,22 +228,15 @@ impl Crs {
         values
     }
 
-    /// Returns the semi-axes of the body, metres.
-    fn axes_m(&self) -> Option<(f64, f64)> {
-        let major = self.number(key::SEMI_MAJOR)?;
-        let minor = self.number(key::SEMI_MINOR).or_else(|| {
-            let inverse = self.number(key::INV_FLATTENING).filter(|&f| f != 0.0)?;
-            Some(major * (1.0 - 1.0 / inverse))
-        });
-        Some((major, minor.unwrap_or(major)))
-    }
-
     /// Returns keys and values without defaults and with unified synonyms, for [`Crs::same_as`].
     fn meaning(&self) -> BTreeMap<u16, Value> {
         let mut meaning = BTreeMap::new();
         for (key, value) in self.values() {
             let key = match key {
-                key::CITATION | key::GEODETIC_CITATION | key::PROJECTED_CITATION | key::RASTER_TYPE => continue,
+                key::RASTER_TYPE => continue,
+                key::CITATION | key::GEODETIC_CITATION | key::PROJECTED_CITATION if !citation::is_wkt(&value) => {
+                    continue;
+                }
                 // Sizes of user-defined units, and the axes, are resolved below.
                 key::LINEAR_UNIT | key::LINEAR_UNIT_SIZE | key::ANGULAR_UNIT_SIZE => continue,
                 key::SEMI_MAJOR | key::SEMI_MINOR | key::INV_FLATTENING => continue,
@@ -257,9 +248,10 @@ impl Crs {
                 key::GEODETIC_CRS | key::DATUM | key::ELLIPSOID | key::PROJECTED_CRS | key::PROJECTION => {
                     Some(USER_DEFINED)
                 }
-                key::ANGULAR_UNIT => Some(f64::from(code::DEGREE)),
+                key::ANGULAR_UNIT if self.is_in_degrees() => continue,
                 key::PRIME_MERIDIAN => Some(8901.0),
                 key::PRIME_MERIDIAN_LON | key::FALSE_EASTING | key::FALSE_NORTHING => Some(0.0),
+                key::FALSE_ORIGIN_EASTING | key::FALSE_ORIGIN_NORTHING => Some(0.0),
                 key::CENTRE_LON | key::CENTRE_LAT | key::STD_PARALLEL_1 => Some(0.0),
                 key::SCALE => Some(1.0),
                 _ => None,
@@ -284,68 +276,5 @@ impl Crs {
             meaning.insert(key::LINEAR_UNIT, unit);
         }
         meaning
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_sphere_is_the_moons() {
-        for crs in [Crs::moon_equirectangular(12.0, 180.0), Crs::moon_polar(true), Crs::moon_polar(false)] {
-            assert!(crs.is_projected() && !crs.is_empty() && !crs.pixel_is_point());
-            assert_eq!(crs.sphere_radius_m(), Some(MOON_RADIUS_M));
-            assert_eq!(crs.metres_per_unit(), Some(1.0));
-            assert_eq!(crs.defect(), None);
-            assert!(crs.directory[4..].chunks(4).is_sorted_by_key(|k| k[0]), "keys ascend");
-        }
-        assert_eq!(Crs::default().sphere_radius_m(), None);
-        assert!(!Crs::default().is_projected());
-    }
-
-    #[test]
-    fn sameness_is_of_meaning() {
-        let a = Crs::moon_equirectangular(0.0, 180.0);
-        let mut b = Crs::moon_equirectangular(0.0, -180.0);
-        assert!(a.same_as(&b), "a meridian has many names");
-        b.ascii = b.ascii.replace("Equirectangular Moon", "equirectangular_moon");
-        assert!(a.same_as(&b), "citations are comments");
-        assert!(!a.same_as(&Crs::moon_equirectangular(1.0, 180.0)), "the standard parallel matters");
-        assert!(!a.same_as(&Crs::moon_equirectangular(0.0, 0.0)), "the meridian matters");
-        assert!(!a.same_as(&Crs::moon_polar(true)) && !Crs::moon_polar(false).same_as(&Crs::moon_polar(true)));
-        assert!(!a.same_as(&Crs::default()) && Crs::default().same_as(&Crs::default()));
-        let mut other_sphere = a.clone();
-        other_sphere.doubles[0] = 1_738_000.0;
-        other_sphere.doubles[1] = 1_738_000.0;
-        assert!(!a.same_as(&other_sphere), "the radius matters");
-    }
-
-    #[test]
-    fn synonyms_and_defaults_are_folded() {
-        let a = Crs::moon_equirectangular(0.0, 25.0);
-        let mut b = a.clone();
-        // Entry of the central meridian. Its key becomes the synonym of other writers, and the zeros are left to their defaults.
-        let at = b.directory[4..].chunks(4).position(|entry| entry[0] == key::CENTRE_LON).unwrap() * 4 + 4;
-        b.directory[at] = key::NAT_ORIGIN_LON;
-        let kept: Vec<u16> = b.directory[4..]
-            .chunks(4)
-            .filter(|entry| ![key::STD_PARALLEL_1, key::FALSE_EASTING, key::CENTRE_LAT].contains(&entry[0]))
-            .flatten()
-            .copied()
-            .collect();
-        b.directory = [vec![1, 1, 0, (kept.len() / 4) as u16], kept].concat();
-        assert!(a.same_as(&b) && b.directory.len() < a.directory.len());
-        assert_eq!(a.meaning(), b.meaning());
-    }
-
-    #[test]
-    fn contradictory_tags_are_found() {
-        let mut crs = Crs::moon_polar(true);
-        crs.doubles.pop();
-        assert!(crs.defect().unwrap().contains("3095"));
-        assert!(Crs { directory: vec![1, 1, 0, 9], ..Crs::default() }.defect().is_some());
-        assert!(Crs { directory: vec![1], ..Crs::default() }.defect().is_some());
-        assert!(Crs { directory: vec![7, 1, 0, 0], ..Crs::default() }.defect().is_some());
     }
 }

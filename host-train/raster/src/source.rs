@@ -33,11 +33,17 @@ impl Info {
     /// Returns the georeference, which must be complete. Messages call the raster `name`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the geotransform or the reference system is missing.
+    /// [`Error::Input`] if the geotransform or the reference system is missing, or they contradict each other.
     pub fn place(&self, name: &str) -> Result<&GeoRef> {
         let missing = |what: &str| Error::input(format!("{name}: a raster with {what} expected, none found"));
         let georef = self.georef.as_ref().ok_or_else(|| missing("a geotransform"))?;
-        if georef.crs.is_empty() { Err(missing("a coordinate reference system")) } else { Ok(georef) }
+        if georef.crs.is_empty() {
+            return Err(missing("a coordinate reference system"));
+        }
+        match georef.contradiction(self.rows, self.cols) {
+            Some(what) => Err(Error::input(format!("{name}: {what}"))),
+            None => Ok(georef),
+        }
     }
 
     /// Returns whether the file stores integers without sign, as images do and heights rarely.
@@ -54,7 +60,11 @@ impl Info {
     pub fn side_m(&self, name: &str) -> Result<f64> {
         let size = self.georef.as_ref().and_then(|georef| georef.pixel_m(self.rows, self.cols));
         let side_m = size.map(|(row_m, col_m)| (row_m * col_m).sqrt());
-        side_m.ok_or_else(|| Error::input(format!("{name}: a pixel size in metres expected, none found")))
+        side_m.ok_or_else(|| {
+            let crs = self.georef.as_ref().map(|georef| &georef.crs).filter(|crs| !crs.is_empty());
+            let why = crs.map_or_else(String::new, |crs| format!(": {}; {}", crs.summary(), crs.remedy(name, None)));
+            Error::input(format!("{name}: a pixel size in metres expected, none found{why}"))
+        })
     }
 }
 

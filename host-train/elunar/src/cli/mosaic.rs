@@ -29,7 +29,7 @@ pub struct Args {
     /// Mosaic to write.
     #[arg(short, long, value_name = "OUT.tif")]
     pub output: PathBuf,
-    /// Reference system of the mosaic: IAU_2015:30110 and the like, or a PROJ text. Every DTM is reprojected (bilinearly) before its
+    /// Reference system of the mosaic: IAU_2015:30110 and the like, a PROJ text, or WKT. Every DTM is reprojected (bilinearly) before its
     /// weights are computed [default: the DTMs' system, which must be the same for all].
     #[arg(long = "t_srs", value_name = "SRS", value_parser = Crs::parse)]
     pub t_srs: Option<Crs>,

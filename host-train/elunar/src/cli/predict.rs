@@ -62,7 +62,7 @@ pub struct Args {
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = super::threads::number)]
     pub threads: usize,
-    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
+    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, a PROJ text, or WKT.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub image_srs: Option<Crs>,
     /// Reference system of the coarse DTM, if the file does not state it.

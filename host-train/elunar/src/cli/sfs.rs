@@ -81,7 +81,7 @@ pub struct Args {
     /// Value of the coarse DTM's file, before scale, offset and unit, that means no measurement.
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     pub coarse_nodata: Option<f64>,
-    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, or a PROJ text.
+    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, a PROJ text, or WKT.
     #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
     pub image_srs: Option<Crs>,
     /// Reference system of the coarse DTM, if the file does not state it.

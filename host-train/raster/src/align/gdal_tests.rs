@@ -58,6 +58,79 @@ fn pairs() -> Vec<(&'static str, Raster, Raster)> {
                 flat,
             ),
         ),
+        (
+            "orthographic on a transverse Mercator zone",
+            raster(
+                90,
+                90,
+                [107_500.0, 2_500.0, 0.0, 415_500.0, 0.0, -2_500.0],
+                "+proj=tmerc +lon_0=21 +k=0.999 +x_0=250000 +R=1737400",
+                rough,
+            ),
+            raster(
+                110,
+                130,
+                [-60_000.0, 900.0, 0.0, 50_000.0, 0.0, -900.0],
+                "+proj=ortho +lat_0=10 +lon_0=20 +R=1737400",
+                flat,
+            ),
+        ),
+        (
+            "Mercator on sinusoidal",
+            raster(80, 90, [-254_970.0, 2_500.0, 0.0, 706_466.0, 0.0, -2_500.0], "IAU_2015:30125", rough),
+            raster(
+                100,
+                120,
+                [-196_455.0, 1_000.0, 0.0, 607_260.0, 0.0, -1_000.0],
+                "+proj=merc +lon_0=180 +k=0.9 +R=1737400",
+                flat,
+            ),
+        ),
+        (
+            "oblique stereographic on Lambert conformal",
+            raster(
+                100,
+                100,
+                [-43_000.0, 3_000.0, 0.0, 301_600.0, 0.0, -3_000.0],
+                "+proj=lcc +lat_1=30 +lat_2=50 +lat_0=40 +lon_0=15 +R=1737400",
+                rough,
+            ),
+            raster(
+                90,
+                90,
+                [-67_500.0, 1_500.0, 10.0, 67_500.0, 20.0, -1_500.0],
+                "+proj=stere +lat_0=45 +lon_0=20 +k=0.99 +R=1737400",
+                flat,
+            ),
+        ),
+        (
+            "a disc with what is off it",
+            raster(360, 720, [0.0, 0.5, 0.0, 90.0, 0.0, -0.5], "IAU_2015:30100", rough),
+            raster(
+                100,
+                100,
+                [-2_000_000.0, 40_000.0, 0.0, 2_000_000.0, 0.0, -40_000.0],
+                "+proj=ortho +lat_0=20 +lon_0=170 +R=1737400",
+                flat,
+            ),
+        ),
+        (
+            "equirectangular on a Mercator globe, across its seam",
+            raster(
+                60,
+                720,
+                [-180.0 * degree, 0.5 * degree, 0.0, 15.0 * degree, 0.0, -0.5 * degree],
+                "+proj=merc +R=1737400",
+                rough,
+            ),
+            raster(
+                100,
+                120,
+                [-2.0 * degree, 0.033 * degree, 0.0, 3.0 * degree, 0.0, -0.033 * degree],
+                "IAU_2015:30115",
+                flat,
+            ),
+        ),
     ]
 }
 

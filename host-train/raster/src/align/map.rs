@@ -4,16 +4,16 @@ use crate::resample::PixelMap;
 use crate::{GeoRef, GeoTransform, Projection};
 
 /// Map from pixel centres of a target grid to positions on a source grid, in source pixels. (0, 0) is the centre of the first pixel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) enum Map {
     /// Both grids lie on one map.
     Affine(PixelMap),
     /// Through longitude and latitude.
-    Through(Through),
+    Through(Box<Through>),
 }
 
 /// Two maps of one sphere.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Through {
     target: (Projection, GeoTransform),
     source: (Projection, GeoTransform),
@@ -30,7 +30,7 @@ impl Map {
         let (to, from) = (Projection::of(&target.crs), Projection::of(&source.crs));
         let mut place = source.transform;
         if target.crs.same_as(&source.crs) {
-            if let Some(period) = from.and_then(|from| from.period()) {
+            if let Some(period) = from.as_ref().and_then(Projection::period) {
                 // A meridian has several values of x. The value of the source nearest to the target's is taken.
                 let apart = middle(target, target_size).0 - middle(source, source_size).0;
                 place[0] += period * (apart / period).round();
@@ -41,7 +41,7 @@ impl Map {
         let around = from.period().map(|period| (middle(source, source_size).0, period));
         let det = place[1] * place[5] - place[2] * place[4];
         let through = Through { target: (to, target.transform), source: (from, place), around };
-        (det.is_finite() && det != 0.0).then_some(Self::Through(through))
+        (det.is_finite() && det != 0.0).then(|| Self::Through(Box::new(through)))
     }
 
     /// Returns the position of the centre of target pixel (`row`, `col`); NaN where the source's map does not have the point.

@@ -126,26 +126,18 @@ impl Source for View<'_> {
     }
 }
 
-/// Describes the extent of a grid: map coordinates of its corners, or degrees of its pixels.
+/// Describes the extent of a grid: map coordinates of its corners, or degrees of those of its pixels that have a longitude and latitude.
 fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
-    let projection = Projection::of(&georef.crs).filter(|_| as_degrees);
-    let corners = [(0.0, 0.0), (0.0, cols as f64), (rows as f64, 0.0), (rows as f64, cols as f64)];
-    let corners = corners.into_iter().map(|(row, col)| georef.centre(row - 0.5, col - 0.5)).collect::<Vec<_>>();
-    let points = match projection {
-        Some(p) => {
-            lattice(rows, cols).map(|(row, col)| georef.centre(row, col)).map(|(x, y)| p.inverse(x, y)).collect()
-        }
-        None => corners,
-    };
-    let span = |of: fn(&(f64, f64)) -> f64| {
-        let values = points.iter().map(of);
-        (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
-    };
-    let ((x0, x1), (y0, y1)) = (span(|c| c.0), span(|c| c.1));
-    match projection {
-        Some(_) => format!("longitudes {x0:.3} to {x1:.3}, latitudes {y0:.3} to {y1:.3}"),
-        None => format!("x {x0:.1} to {x1:.1}, y {y0:.1} to {y1:.1}"),
+    let Some(projection) = Projection::of(&georef.crs).filter(|_| as_degrees) else { return georef.extent(rows, cols) };
+    let far = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let points = lattice(rows, cols).map(|(row, col)| georef.centre(row, col)).map(|(x, y)| projection.inverse(x, y));
+    let [x0, y0, x1, y1] = points
+        .filter(|(lon_deg, _)| lon_deg.is_finite())
+        .fold(far, |[x0, y0, x1, y1], (x, y)| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
+    if x0 > x1 {
+        return format!("no point of its reference system, at {}", georef.extent(rows, cols));
     }
+    format!("longitudes {x0:.3} to {x1:.3}, latitudes {y0:.3} to {y1:.3}")
 }
 
 #[cfg(test)]
@@ -250,9 +242,24 @@ mod tests {
         assert!(refused(&b).contains("(1737400 m) expected, 3396190 m found"), "{}", refused(&b));
         let mut unknown = Crs::moon_equirectangular(0.0, 180.0);
         let at = unknown.directory.iter().position(|&key| key == 3075).unwrap();
-        unknown.directory[at + 3] = 7;
+        unknown.directory[at + 3] = 12;
         b.georef.as_mut().unwrap().crs = unknown;
-        assert!(refused(&b).contains("projection method 7"), "{}", refused(&b));
+        let text = refused(&b);
+        assert!(text.contains("azimuthal equidistant") && !text.contains("method 12"), "{text}");
+        assert!(
+            text.contains("gdalwarp -t_srs '+proj=eqc +lat_ts=0 +lat_0=0 +lon_0=0 +R=1737400' c.tif c.tif.warped.tif"),
+            "{text}"
+        );
+        let earth = Crs { directory: vec![1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326], ..Crs::default() };
+        b.georef = Some(GeoRef { transform: [10.0, 0.01, 0.0, 5.0, 0.0, -0.01], crs: earth });
+        let text = refused(&b);
+        assert!(["EPSG:4326", "ellipsoid", "sphere", "IAU_2015:30100"].iter().all(|w| text.contains(w)), "{text}");
+        let metres = [349_000.0, 2.0, 0.0, 600_000.0, 0.0, -2.0];
+        b.georef = Some(GeoRef { transform: metres, crs: Crs::geographic(1_737_400.0) });
+        assert!(refused(&b).contains("metres?") && !refused(&b).contains("inf"), "{}", refused(&b));
+        b.georef = Some(GeoRef { transform: [10.0, 0.1, 0.0, 5.0, 0.0, -0.1], crs: Crs::moon_polar(false) });
+        assert!(refused(&b).contains("are they degrees?"), "{}", refused(&b));
+        b.georef = a.georef.clone();
         b.georef.as_mut().unwrap().crs = Crs::default();
         assert!(refused(&b).contains("reference system expected, none found"));
         b.georef = None;

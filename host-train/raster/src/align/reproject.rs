@@ -31,8 +31,11 @@ impl Reprojected {
         let georef =
             georef.as_ref().ok_or_else(|| Error::input(format!("{name}: a geotransform expected, none found")))?;
         let known = |crs: &Crs| {
-            let what = format!("{name}: a reference system with a known projection expected, {} found", crs.summary());
-            Projection::of(crs).ok_or_else(|| Error::input(what))
+            Projection::of(crs).ok_or_else(|| {
+                let what =
+                    format!("{name}: a reference system with a known projection expected, {} found", crs.summary());
+                Error::input(format!("{what}; {}", crs.remedy(name, None)))
+            })
         };
         let (from, to) = (known(&georef.crs)?, known(crs)?);
         let step = match spacing {

@@ -84,7 +84,7 @@ impl Onto {
 const EDGE_PX: f64 = 0.55;
 
 /// How a source is resampled on a target.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Plan {
     map: Map,
     interpolation: Interpolation,
@@ -245,8 +245,12 @@ pub(super) fn no_overlap((source_name, source): (&str, &Info), (target_name, tar
     };
     let as_degrees = !from.0.crs.same_as(&to.0.crs);
     let (a, b) = (bounds(from, as_degrees), bounds(to, as_degrees));
+    let doubt = |name: &str, (georef, (rows, cols)): Grid| {
+        georef.doubt(rows, cols).map(|doubt| format!("; {name}: {doubt}")).unwrap_or_default()
+    };
+    let doubts = doubt(source_name, from) + &doubt(target_name, to);
     Error::input(format!(
-        "{source_name}: valid samples overlapping {target_name} expected, none found: it covers {a}, {target_name} covers {b}"
+        "{source_name}: valid samples overlapping {target_name} expected, none found: it covers {a}, {target_name} covers {b}{doubts}"
     ))
 }
 
@@ -267,9 +271,12 @@ fn check_systems((source_name, source): (&str, &GeoRef), (target_name, target): 
     if source.crs.same_as(&target.crs) || known(source) && known(target) {
         return Ok(());
     }
-    let what =
-        "longitude/latitude, equirectangular and polar stereographic systems on a sphere can be brought together";
-    Err(Error::input(format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found; {what}")))
+    let remedy = match known(source) {
+        true => target.crs.remedy(target_name, Some(&source.crs)),
+        false => source.crs.remedy(source_name, Some(&target.crs)),
+    };
+    let what = format!("{source_name}: the reference system of {target_name} ({b}) expected, {a} found");
+    Err(Error::input(format!("{what}; {remedy}")))
 }
 
 /// Returns whether the map is the identity. An affine map differs most from the identity at a corner. Other maps never count as the

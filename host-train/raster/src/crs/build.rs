@@ -1,5 +1,6 @@
 //! Construction of systems. The keys are those that GDAL 3.10 writes.
 
+use super::method::{self, Parameters};
 use super::{Crs, INLINE, MOON_RADIUS_M, code, key};
 use tiff::tags::Tag;
 
@@ -60,6 +61,24 @@ impl Crs {
         let mut keys = Builder::new(code::PROJECTED, &citation, &name, radius_m);
         keys.projected(code::POLAR_STEREOGRAPHIC, axes).double(key::NAT_ORIGIN_LAT, lat_ts_deg).axes(axes);
         keys.double(key::SCALE, scale).double(key::STRAIGHT_POLE_LON, lon0_deg);
+        keys.crs
+    }
+
+    /// Makes a system of a projection that `proj4rs` computes, on a sphere.
+    pub(crate) fn ported(radius_m: f64, parameters: Parameters, axes: Axes) -> Self {
+        let (number, mut of_map) = parameters.keys();
+        let (easting, northing) = match number {
+            code::LAMBERT_2SP => (key::FALSE_ORIGIN_EASTING, key::FALSE_ORIGIN_NORTHING),
+            _ => (key::FALSE_EASTING, key::FALSE_NORTHING),
+        };
+        of_map.extend([(easting, axes.false_easting), (northing, axes.false_northing)]);
+        of_map.sort_by_key(|&(key, _)| key);
+        let (name, what) = (body(radius_m), method::name(f64::from(number)).unwrap_or_default());
+        let mut keys = Builder::new(code::PROJECTED, &format!("{what} {name}"), &name, radius_m);
+        keys.projected(number, axes);
+        for (key, value) in of_map {
+            keys.double(key, value);
+        }
         keys.crs
     }
 }

@@ -1,6 +1,7 @@
 //! IMAGE_MAP_PROJECTION: the georeference of the image.
 
 use super::super::binary::Layout;
+use super::super::crs::{Kind, Parameters};
 use super::super::unit::metres_per;
 use super::super::{Axes, Crs, GeoRef};
 use super::Defect;
@@ -21,12 +22,17 @@ enum Projection {
     Polar {
         lat_ts_deg: f64,
     },
+    /// Of this kind, with its origin at the label's centre.
+    Ported {
+        kind: Kind,
+        lat0_deg: f64,
+    },
 }
 
 /// Returns the georeference of an image: a reference system from the projection's keywords, a transform of pixel corners from its offsets.
 ///
 /// LINE_ and SAMPLE_PROJECTION_OFFSET count from the centre of the first pixel to the map's origin. Hence, for the outer corner of that
-/// pixel, x = -(S0 + 1/2) * scale and y = (L0 + 1/2) * scale, in both projections.
+/// pixel, x = -(S0 + 1/2) * scale and y = (L0 + 1/2) * scale, in all projections.
 pub(super) fn georef(block: &Block, layout: &Layout) -> Result<GeoRef, Refusal> {
     let radius_m = sphere(block)?;
     let projection = projection(block)?;
@@ -39,7 +45,11 @@ pub(super) fn georef(block: &Block, layout: &Layout) -> Result<GeoRef, Refusal> 
     if let Projection::Equirectangular { .. } = projection {
         check_latitude(block, transform[3], scale_m, radius_m, layout.rows)?;
     }
-    Ok(GeoRef { transform, crs: crs(projection, lon0_deg, radius_m) })
+    let crs = crs(projection, lon0_deg, radius_m);
+    match crs.defect() {
+        Some(defect) => Err(Defect::missing(defect).into()),
+        None => Ok(GeoRef { transform, crs }),
+    }
 }
 
 fn required<'a>(block: &'a Block, key: &str) -> Result<&'a Item, Defect> {
@@ -65,14 +75,20 @@ fn projection(block: &Block) -> Result<Projection, Refusal> {
     let item = required(block, "MAP_PROJECTION_TYPE")?;
     let name = item.value.text().unwrap_or("").to_ascii_uppercase().replace('_', " ");
     let lat_deg = number(block, "CENTER_LATITUDE")?.unwrap_or(0.0);
+    let ported = |kind| Projection::Ported { kind, lat0_deg: lat_deg };
     match name.as_str() {
         "EQUIRECTANGULAR" if lat_deg.abs() < 90.0 => Ok(Projection::Equirectangular { lat_ts_deg: lat_deg }),
         "SIMPLE CYLINDRICAL" if lat_deg == 0.0 => Ok(Projection::Equirectangular { lat_ts_deg: 0.0 }),
         "POLAR STEREOGRAPHIC" if lat_deg != 0.0 && lat_deg.abs() <= 90.0 => {
             Ok(Projection::Polar { lat_ts_deg: lat_deg })
         }
+        "ORTHOGRAPHIC" if lat_deg.abs() <= 90.0 => Ok(ported(Kind::Orthographic)),
+        "TRANSVERSE MERCATOR" if lat_deg.abs() < 90.0 => Ok(ported(Kind::TransverseMercator)),
+        "MERCATOR" if lat_deg == 0.0 => Ok(ported(Kind::Mercator)),
+        "SINUSOIDAL" if lat_deg == 0.0 => Ok(ported(Kind::Sinusoidal)),
         _ => {
-            let read = "equirectangular, simple cylindrical (centre on the equator) and polar stereographic (centre off the equator) are read";
+            let read = "equirectangular, polar stereographic (centre off the equator), orthographic, transverse Mercator, \
+                        and simple cylindrical, Mercator and sinusoidal (centre on the equator) are read";
             Err(Refusal::Unsupported(format!(
                 "line {}: projection {name}, centre latitude {lat_deg}; {read}",
                 item.line
@@ -139,5 +155,8 @@ fn crs(projection: Projection, lon0_deg: f64, radius_m: f64) -> Crs {
             Crs::equirectangular(radius_m, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
         }
         Projection::Polar { lat_ts_deg } => Crs::polar_stereographic(radius_m, lat_ts_deg, 1.0, lon0_deg, Axes::PLAIN),
+        Projection::Ported { kind, lat0_deg } => {
+            Crs::ported(radius_m, Parameters::new(kind, lat0_deg, lon0_deg, 1.0), Axes::PLAIN)
+        }
     }
 }

@@ -38,10 +38,16 @@ fn place(georef: &GeoRef, rows: usize, cols: usize) -> String {
     let (x0, y0) = georef.centre(-0.5, -0.5);
     let (x1, y1) = georef.centre(rows as f64 - 0.5, cols as f64 - 0.5);
     text += &format!("corners: ({x0:.6}, {y0:.6}) to ({x1:.6}, {y1:.6})\n");
+    if let Some(what) = georef.contradiction(rows, cols).or_else(|| georef.doubt(rows, cols)) {
+        text += &format!("note: {what}\n");
+    }
     if let Some(projection) = Projection::of(&georef.crs) {
         let (x, y) = georef.centre((rows as f64 - 1.0) / 2.0, (cols as f64 - 1.0) / 2.0);
         let (lon_deg, lat_deg) = projection.inverse(x, y);
-        text += &format!("centre: longitude {lon_deg:.6}, latitude {lat_deg:.6} deg\n");
+        text += &match lon_deg.is_nan() {
+            true => "centre: off the map\n".into(),
+            false => format!("centre: longitude {lon_deg:.6}, latitude {lat_deg:.6} deg\n"),
+        };
     }
     text
 }

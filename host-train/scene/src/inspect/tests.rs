@@ -60,6 +60,17 @@ fn the_unit_is_said_as_the_file_says_it() {
 }
 
 #[test]
+fn a_place_that_cannot_be_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let georef = GeoRef { transform: [3e5, 2.0, 0.0, 6e5, 0.0, -2.0], crs: Crs::geographic(1_737_400.0) };
+    let raster = Raster { rows: 4, cols: 10, samples: vec![1.0; 40], georef: Some(georef) };
+    geotiff::write(&path, &raster, &geotiff::WriteOptions::heights("heights")).unwrap();
+    let text = described(&path);
+    assert!(text.contains("are they metres?") && text.contains("centre: off the map\n"), "{text}");
+}
+
+#[test]
 fn the_sun_of_an_image_is_described() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");

@@ -71,7 +71,8 @@ impl<'a> Ground<'a> {
             return Err(missing("a coordinate reference system"));
         }
         let projection = Projection::of(&georef.crs).ok_or_else(|| {
-            Error::input(format!("{name}: a known map projection expected, found {}", georef.crs.summary()))
+            let (summary, remedy) = (georef.crs.summary(), georef.crs.remedy(name, None));
+            Error::input(format!("{name}: a known map projection expected, found {summary}; {remedy}"))
         })?;
         let size = georef.pixel_m(info.rows, info.cols).filter(|size| size.0 > 0.0 && size.1 > 0.0);
         let (row_m, col_m) = size.ok_or_else(|| missing("a pixel size"))?;

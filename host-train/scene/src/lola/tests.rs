@@ -48,6 +48,9 @@ fn planted_shifts_are_found() {
     let systems = [
         (Crs::moon_equirectangular(0.0, 180.0), 1.0),
         (Crs::moon_polar(true), 1.0),
+        (Crs::parse("+proj=ortho +lat_0=26 +lon_0=3 +R=1737400").unwrap(), 1.0),
+        (Crs::parse("+proj=tmerc +lat_0=-70 +lon_0=3 +k=0.999 +R=1737400").unwrap(), 1.0),
+        (Crs::parse("+proj=merc +lon_0=180 +R=1737400 +units=km").unwrap(), 1e-3),
         (Crs::geographic(1_737_400.0), 1.0 / 1_737_400f64.to_radians()),
     ];
     for (crs, unit) in systems {

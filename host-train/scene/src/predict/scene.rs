@@ -114,8 +114,11 @@ impl Scene {
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
         if coarse_px < 1.0 {
             let what = format!("{}: expected a DTM coarser than {}", coarse.name, image.name);
+            let info = coarse.source.info();
+            let doubt = info.georef.as_ref().and_then(|georef| georef.doubt(info.rows, info.cols));
+            let or = doubt.map_or_else(String::new, |doubt| format!(" Or: {doubt}"));
             return Err(Error::input(format!(
-                "{what}, found pixels {coarse_px:.2} times as wide as the image's: were the two exchanged?"
+                "{what}, found pixels {coarse_px:.2} times as wide as the image's: were the two exchanged?{or}"
             )));
         }
         let info = image.source.info();
@@ -217,7 +220,7 @@ impl Scene {
 /// Returns the georeference of `input`, which must be complete.
 fn place(input: &Input) -> Result<&GeoRef> {
     input.source.info().place(&input.name).map_err(|error| {
-        let unnamed = input.source.info().georef.is_some();
+        let unnamed = input.source.info().georef.as_ref().is_some_and(|georef| georef.crs.is_empty());
         let hint = if unnamed { "; state one with --image-srs or --coarse-srs" } else { "" };
         Error::input(format!("{error}{hint}"))
     })

@@ -64,9 +64,15 @@ fn samples_and_places_agree() {
     write("POLAR.IMG", "SAMPLE_TYPE = IEEE_REAL\r\n SAMPLE_BITS = 32", POLAR, 4, &big);
     let north = POLAR.replace("-90.0", "90.0");
     write("NORTH.IMG", "SAMPLE_TYPE = PC_REAL\r\n SAMPLE_BITS = 32", &north, 4, &little);
+    for (name, lat_deg) in
+        [("SINUSOIDAL", "0.0"), ("ORTHOGRAPHIC", "20.0"), ("TRANSVERSE MERCATOR", "5.0"), ("MERCATOR", "0.0")]
+    {
+        let map = POLAR.replace("POLAR STEREOGRAPHIC", name).replace("-90.0", lat_deg);
+        write(&format!("{name}.IMG"), "SAMPLE_TYPE = PC_REAL\r\n SAMPLE_BITS = 32", &map, 4, &little);
+    }
     let Some(text) = rasterio(SCRIPT, folder.path()) else { return };
     let truth: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(truth.as_object().unwrap().len(), 4);
+    assert_eq!(truth.as_object().unwrap().len(), 8);
     for (name, expected) in truth.as_object().unwrap() {
         let kilometres = if name.starts_with("SLDEM") { 1000.0 } else { 1.0 };
         compare(&path(name), expected, kilometres);

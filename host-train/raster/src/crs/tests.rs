@@ -1,0 +1,61 @@
+//! Systems and their keys.
+
+use super::*;
+
+#[test]
+fn the_sphere_is_the_moons() {
+    for crs in [Crs::moon_equirectangular(12.0, 180.0), Crs::moon_polar(true), Crs::moon_polar(false)] {
+        assert!(crs.is_projected() && !crs.is_empty() && !crs.pixel_is_point());
+        assert_eq!(crs.sphere_radius_m(), Some(MOON_RADIUS_M));
+        assert_eq!(crs.metres_per_unit(), Some(1.0));
+        assert_eq!(crs.defect(), None);
+        assert!(crs.directory[4..].chunks(4).is_sorted_by_key(|k| k[0]), "keys ascend");
+    }
+    assert_eq!(Crs::default().sphere_radius_m(), None);
+    assert!(!Crs::default().is_projected());
+}
+
+#[test]
+fn sameness_is_of_meaning() {
+    let a = Crs::moon_equirectangular(0.0, 180.0);
+    let mut b = Crs::moon_equirectangular(0.0, -180.0);
+    assert!(a.same_as(&b), "a meridian has many names");
+    b.ascii = b.ascii.replace("Equirectangular Moon", "equirectangular_moon");
+    assert!(a.same_as(&b), "citations are comments");
+    assert!(!a.same_as(&Crs::moon_equirectangular(1.0, 180.0)), "the standard parallel matters");
+    assert!(!a.same_as(&Crs::moon_equirectangular(0.0, 0.0)), "the meridian matters");
+    assert!(!a.same_as(&Crs::moon_polar(true)) && !Crs::moon_polar(false).same_as(&Crs::moon_polar(true)));
+    assert!(!a.same_as(&Crs::default()) && Crs::default().same_as(&Crs::default()));
+    let mut other_sphere = a.clone();
+    other_sphere.doubles[0] = 1_738_000.0;
+    other_sphere.doubles[1] = 1_738_000.0;
+    assert!(!a.same_as(&other_sphere), "the radius matters");
+}
+
+#[test]
+fn synonyms_and_defaults_are_folded() {
+    let a = Crs::moon_equirectangular(0.0, 25.0);
+    let mut b = a.clone();
+    // Entry of the central meridian. Its key becomes the synonym of other writers, and the zeros are left to their defaults.
+    let at = b.directory[4..].chunks(4).position(|entry| entry[0] == key::CENTRE_LON).unwrap() * 4 + 4;
+    b.directory[at] = key::NAT_ORIGIN_LON;
+    let kept: Vec<u16> = b.directory[4..]
+        .chunks(4)
+        .filter(|entry| ![key::STD_PARALLEL_1, key::FALSE_EASTING, key::CENTRE_LAT].contains(&entry[0]))
+        .flatten()
+        .copied()
+        .collect();
+    b.directory = [vec![1, 1, 0, (kept.len() / 4) as u16], kept].concat();
+    assert!(a.same_as(&b) && b.directory.len() < a.directory.len());
+    assert_eq!(a.meaning(), b.meaning());
+}
+
+#[test]
+fn contradictory_tags_are_found() {
+    let mut crs = Crs::moon_polar(true);
+    crs.doubles.pop();
+    assert!(crs.defect().unwrap().contains("3095"));
+    assert!(Crs { directory: vec![1, 1, 0, 9], ..Crs::default() }.defect().is_some());
+    assert!(Crs { directory: vec![1], ..Crs::default() }.defect().is_some());
+    assert!(Crs { directory: vec![7, 1, 0, 0], ..Crs::default() }.defect().is_some());
+}
