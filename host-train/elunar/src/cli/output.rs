@@ -87,10 +87,24 @@ pub fn check_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<
     targets.iter().flat_map(|target| target.files()).try_for_each(|file| check_target(&file))
 }
 
-/// Refuses files to write of which one is an input, the image that an input's label describes, or a file of another output.
+/// Refuses outputs of which a file is an input, the image that an input's label describes, or a file of another output.
 fn keep_apart(targets: &[Target], inputs: &[&Path]) -> Result<()> {
     let mut uses = Uses::default();
     targets.iter().for_each(|target| uses.write(&target.files(), ()));
+    refuse_clash(uses, inputs)
+}
+
+/// Refuses files to write into a folder of which one is an input, as [`take`] does for files that are named.
+///
+/// # Errors
+/// [`Error::Usage`] with the file.
+pub fn check_files(files: &[PathBuf], inputs: &[&Path]) -> Result<()> {
+    let mut uses = Uses::default();
+    uses.write(files, ());
+    refuse_clash(uses, inputs)
+}
+
+fn refuse_clash(mut uses: Uses<()>, inputs: &[&Path]) -> Result<()> {
     inputs.iter().for_each(|input| uses.read(input, ()));
     let refused = |path: &Path| {
         let what = "would be written; an output must not overwrite an input or another output";

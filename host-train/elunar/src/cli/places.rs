@@ -5,6 +5,8 @@ use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
+/// Most names of a folder that are looked at one by one: a folder on a network may hold a hundred thousand others.
+const FEW: usize = 64;
 /// Longest chain of links that lead nowhere.
 const MOST_LINKS: usize = 40;
 
@@ -124,11 +126,13 @@ fn whole(path: &Path, links: usize) -> PathBuf {
     at
 }
 
-/// Returns the entries of those names in a folder, and passes all its entries to `see`. What is not there has none.
+/// Returns the entries of those names in a folder. Passes all entries of the folder to `see`, or one that may be anything. What is not there has
+/// none.
 pub(super) fn listed(folder: &Path, names: &HashSet<&OsStr>, mut see: impl FnMut(&Entry)) -> HashMap<OsString, Entry> {
     let mut found = HashMap::new();
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        // A folder that may be entered and not listed: anything may be in it.
+    let listed = if names.len() > FEW { std::fs::read_dir(folder).ok() } else { None };
+    let Some(entries) = listed else {
+        // Of few names, or in a folder that may be entered and not listed, each is looked at. Anything else may be in it.
         see(&Entry { is_link: true, number: None });
         let there = names.iter().filter_map(|name| Some((OsString::from(name), Entry::at(&folder.join(name))?)));
         found.extend(there.inspect(|(_, entry)| see(entry)));
