@@ -173,8 +173,13 @@ fn refused(shell: &Shell, job: &Job, name: &str, kind: &str) {
     std::fs::write(shell.path("victim"), "precious").unwrap();
     plant(shell, name, kind);
     let before = contents(&shell.path("."));
-    let text = shell.refused(&job.words);
-    assert!(text.starts_with("ERROR: out"), "{:?}, {kind} at {name}: {text}", job.words);
+    let out = shell.run(&job.words);
+    let text = String::from_utf8(out.stderr).unwrap();
+    // Training says first what it would train.
+    let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("ERROR: ")).collect();
+    let is_one =
+        errors.len() == 1 && errors[0].starts_with("ERROR: out") && text.ends_with(&format!("{}\n", errors[0]));
+    assert!(is_one && matches!(out.status.code(), Some(64 | 65)), "{:?}, {kind} at {name}: {text}", job.words);
     let after = contents(&shell.path("."));
     let changed: Vec<&String> =
         before.keys().chain(after.keys()).filter(|name| before.get(*name) != after.get(*name)).collect();
