@@ -5,6 +5,7 @@ use super::compare::{NAMES, PROFILE, error_file};
 use super::infer::{dtm_file, shade_file};
 use super::report::OVERVIEW;
 use super::scene::{COARSE_SHADE, IMAGE, TRUTH_SHADE};
+use crate::inner::check_inner;
 use elunar::cli::output::check_files;
 use elunar_learn::train::run::{self, RECORD, Record};
 use elunar_raster::output::{Owner, check_names};
@@ -60,6 +61,7 @@ impl Folder {
 
     fn clear_run(&self) -> Result<()> {
         let run = self.file(RUN);
+        check_inner(&run)?;
         if !run.join(RECORD).exists() {
             return check_names(&run, run::COMMAND, run::files());
         }

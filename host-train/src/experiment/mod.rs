@@ -7,6 +7,7 @@ pub mod file;
 pub mod table;
 pub mod train;
 
+use crate::inner::check_inner;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::results::{RESULTS, Results};
@@ -114,6 +115,7 @@ pub fn run(
 /// Checks that neither a training nor the test would replace anything of others, before the first one begins.
 fn check_files(experiments: &[Experiment], list: &List, out: &Path, baselines: Baselines) -> Result<()> {
     experiments.iter().try_for_each(|experiment| train::check_files(&out.join(&experiment.name)))?;
+    check_inner(&out.join(TEST))?;
     let own = baselines.methods();
     let own = own.iter().map(|method| method.name.as_str());
     let methods: Vec<&str> = own.chain(experiments.iter().map(|experiment| experiment.name.as_str())).collect();

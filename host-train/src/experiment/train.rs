@@ -2,6 +2,7 @@
 
 use super::COMMAND;
 use super::file::Experiment;
+use crate::inner::check_inner;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -43,6 +44,8 @@ pub(super) fn check_files(folder: &Path) -> Result<()> {
     if finished(folder)?.is_some() {
         return Ok(());
     }
+    check_inner(folder)?;
+    check_inner(&folder.join(TRAINING))?;
     check_names(folder, COMMAND, [FINISHED.into()])?;
     check_names(&folder.join(TRAINING), run::COMMAND, run::files())
 }
@@ -67,6 +70,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
         say(&format!("{name}: trained before"));
         return Ok(found);
     }
+    check_files(folder)?;
     let run_folder = folder.join(TRAINING);
     // A run that was killed before its first checkpoint begins anew.
     let begun = begun(&run_folder);
