@@ -7,6 +7,7 @@ pub mod cli;
 pub mod demo;
 pub mod experiment;
 pub mod faults;
+mod inner;
 pub mod report;
 pub mod suite;
 pub mod toml_file;

@@ -98,6 +98,9 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
             == std::fs::metadata(out.path().join("model.eld")).unwrap().len()
     );
 
+    let mine = Settings { start: Start::Weights(out.path().join("model.safetensors")), ..small(out.path(), 1) };
+    let refused = run(&mine).unwrap_err().to_string();
+    assert!(refused.contains("model.safetensors: would be written"), "{refused}");
     let before = names(out.path());
     run(&small(out.path(), 1)).unwrap();
     assert_eq!(names(out.path()), before, "the second tour made the same files");

@@ -40,6 +40,8 @@ fn a_model_and_another_programs_dtms_end_in_tables_and_on_a_page() {
     let dtm = source::read(&shell.path("out/dtm/nano.eld/a.tif")).unwrap();
     assert_eq!((dtm.rows, dtm.cols, dtm.valid_count()), (96, 128, 96 * 128));
 
+    let refused = shell.refused(&["report", "out", "-o", "out/sums.csv"]);
+    assert!(refused.contains("must not overwrite"), "{refused}");
     shell.made(&["report", "out", "-o", "page.html"]);
     let page = std::fs::read_to_string(shell.path("page.html")).unwrap();
     assert!(page.matches("data:image/png").count() == 2 && page.contains("oracle"));

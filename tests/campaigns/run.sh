@@ -2,7 +2,7 @@
 # Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.md what they found so far.
 #
 #   tests/campaigns/run.sh                  all of them
-#   tests/campaigns/run.sh slots kills      these: programs slots kills races endless miri fuzz
+#   tests/campaigns/run.sh slots kills      these: programs slots kills races endless foreign manifests miri fuzz
 #   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -28,6 +28,10 @@ races() { ELUNAR_RACES="${ELUNAR_RACES:-20}" ignored --package host-train --test
 
 endless() { ignored --package host-train --test endless every_input; }
 
+foreign() { ignored --package host-train --test foreign every_command_every_name_every_kind; }
+
+manifests() { ignored --package elunar --test apart every_file_every_reader_every_way; }
+
 # `cargo miri` keeps the environment that it compiled with: what may change goes by its flags.
 miri() {
     MIRIFLAGS="-Zmiri-permissive-provenance -Zmiri-tree-borrows ${ELUNAR_PART:+-Zmiri-env-set=ELUNAR_PART=$ELUNAR_PART}" \
@@ -36,10 +40,10 @@ miri() {
 
 fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
 
-[ $# -gt 0 ] || set -- programs slots kills races endless miri fuzz
+[ $# -gt 0 ] || set -- programs slots kills races endless foreign manifests miri fuzz
 for campaign in "$@"; do
     case "$campaign" in
-    programs | slots | kills | races | endless | miri | fuzz)
+    programs | slots | kills | races | endless | foreign | manifests | miri | fuzz)
         printf '\n== %s, %s, commit %s, %s\n' "$campaign" "$(date -u +%F)" "$(git rev-parse --short HEAD)" \
             "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -1)"
         SECONDS=0
@@ -47,7 +51,7 @@ for campaign in "$@"; do
         echo "$campaign: $SECONDS s"
         ;;
     *)
-        echo "ERROR: expected a campaign (programs slots kills races endless miri fuzz), found '$campaign'" >&2
+        echo "ERROR: expected a campaign (programs slots kills races endless foreign manifests miri fuzz), found '$campaign'" >&2
         exit 1
         ;;
     esac

@@ -134,6 +134,42 @@ fn a_broken_image_costs_its_item_alone_and_finished_work_is_left() {
 }
 
 #[test]
+fn a_batch_replaces_dtms_of_earlier_runs_and_nothing_else() {
+    let bench = Bench::new(2, 256);
+    std::fs::create_dir(bench.at("out")).unwrap();
+    let refused = |name: &str, line: &str| {
+        let (code, lines, text) = bench.batch(&[]);
+        assert!(code == Some(65) && lines.is_empty(), "{name}: {code:?} {lines:?}");
+        assert!(text.lines().count() == 1 && text.contains(line) && text.contains(&format!("out/{name}: ")), "{text}");
+        assert!(bench.dtm("s0").is_none_or(|found| found == b"precious"), "something was started");
+    };
+    for (name, line) in [
+        ("s0.tif", "line 1, field output"),
+        ("s0.tif.sha256", "line 1, field output"),
+        ("s1_hillshade.png", "line 2, field output"),
+    ] {
+        std::fs::write(bench.at(&format!("out/{name}")), "precious").unwrap();
+        refused(name, line);
+        std::fs::remove_file(bench.at(&format!("out/{name}"))).unwrap();
+    }
+    // A download with its sum is no DTM of this program.
+    std::fs::write(bench.at("out/s0.tif"), "precious").unwrap();
+    std::fs::write(bench.at("out/s0.tif.sha256"), format!("{}  s0.tif\n", "0".repeat(64))).unwrap();
+    refused("s0.tif", "line 1, field output");
+    std::fs::remove_dir_all(bench.at("out")).unwrap();
+    assert_eq!(bench.batch(&[]).0, Some(0));
+    // What a run leaves that is killed at its end; and another job.
+    let whole = bench.dtm("s0");
+    std::fs::remove_file(bench.at("out/s0.tif")).unwrap();
+    assert_eq!(bench.batch(&[]).0, Some(0));
+    assert!(bench.dtm("s0") == whole);
+    let other = bench.manifest().replace("\"id\":\"s0\"", "\"id\":\"s0\",\"options\":{\"no_anchor\":true}");
+    std::fs::write(bench.at("m.jsonl"), other).unwrap();
+    assert_eq!(bench.batch(&[]).0, Some(0));
+    assert!(bench.dtm("s0") != whole);
+}
+
+#[test]
 fn a_batch_that_is_stopped_or_killed_goes_on() {
     let bench = Bench::new(3, 2400);
     bench.batch(&["--jobs", "2"]);

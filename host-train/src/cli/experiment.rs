@@ -2,7 +2,6 @@
 
 use crate::experiment::{self, Experiment, Manner, table, train};
 use crate::suite::list::List;
-use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
 use std::path::{Path, PathBuf};
@@ -62,7 +61,6 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(task) = args.task {
         return run_task(&experiments, task, &args.out);
     }
-    let _owner = Owner::of_folder(&args.out)?;
     interrupt::listen();
     let manner = Manner { resume: args.resume, threads: args.threads };
     let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| eprintln!("{line}"))?;

@@ -42,6 +42,9 @@ pub struct Args {
     pub out: Option<PathBuf>,
 }
 
+/// The files in its folder: table, picture, journal.
+const FILES: [&str; 3] = ["faults.md", "faults.png", "injections.csv"];
+
 /// Runs the command.
 ///
 /// # Errors
@@ -49,16 +52,17 @@ pub struct Args {
 pub fn run_command(args: &Args) -> Result<()> {
     interrupt::listen();
     let model = int8::open(&args.model)?;
+    let owner = args.out.as_deref().map(|out| Owner::of_folder(out, "faults", FILES.map(String::from)));
+    let _owner = owner.transpose()?;
     let moments = Moments::record(&model, args.seed, args.moments as usize, !args.unprotected)?;
     let available = std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = if args.threads == 0 { available } else { args.threads };
     let campaign = Campaign { injections: args.injections, seed: args.seed, threads };
     let protection = if args.unprotected { "without protection" } else { "with protection" };
     let what = format!("seed {}, {} moments, {protection}", args.seed, moments.moments.len());
-    let _owner = args.out.as_deref().map(Owner::of_folder).transpose()?;
     let journal = args.out.as_deref().map(|out| {
         let heights = moments.digest();
-        Journal::open(&out.join("injections.csv"), &format!("{what}; {}, heights {heights}", model.description()))
+        Journal::open(&out.join(FILES[2]), &format!("{what}; {}, heights {heights}", model.description()))
     });
     let journal = journal.transpose()?;
     let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
@@ -79,10 +83,10 @@ pub fn run_command(args: &Args) -> Result<()> {
     }
     println!("{text}");
     if let Some(out) = &args.out {
-        let path = out.join("faults.md");
+        let path = out.join(FILES[0]);
         atomic_write(&path, text.as_bytes())?;
-        write_png(&out.join("faults.png"), picture(&results)?)?;
-        println!("{}: faults.md, faults.png, injections.csv", out.display());
+        write_png(&out.join(FILES[1]), picture(&results)?)?;
+        println!("{}: {}", out.display(), FILES.join(", "));
     }
     if done < args.injections {
         let goes_on = if args.out.is_some() { "; the same command goes on from there" } else { "" };

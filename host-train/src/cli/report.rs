@@ -3,7 +3,7 @@
 use crate::report;
 use elunar::cli::output;
 use elunar_raster::Result;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `report`.
 #[derive(Debug, clap::Args)]
@@ -27,8 +27,23 @@ pub struct Args {
 /// # Errors
 /// If a folder holds no results, or the page cannot be written.
 pub fn run(args: Args) -> Result<()> {
-    let _owner = output::take(&args.output, &[])?;
+    let read = args.folders.iter().flat_map(|folder| files(folder)).collect::<Vec<_>>();
+    let _owner = output::take(&args.output, &read.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     report::write(&args.folders, &args.output)?;
     println!("{}", args.output.display());
     Ok(())
+}
+
+/// Returns the files of a folder and the folders in it but for pages, which are written and not read.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut all = vec![];
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let (path, kind) = (entry.path(), entry.file_type());
+        if kind.is_ok_and(|kind| kind.is_dir()) {
+            all.extend(files(&path));
+        } else if path.extension().is_none_or(|end| end != "html") {
+            all.push(path);
+        }
+    }
+    all
 }

@@ -2,8 +2,7 @@
 
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
-use crate::suite::real::real;
-use crate::suite::{self, Baselines, SCENES, tables};
+use crate::suite::{self, Baselines, SCENES, files, real, tables};
 use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::{interrupt, progress};
@@ -77,20 +76,9 @@ const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models");
 /// # Errors
 /// If a list, a model or a scene cannot be read, or predicting or writing fails.
 pub fn run(args: Args) -> Result<()> {
-    let take = || Owner::of_folder(&args.out);
-    let list = match (&args.real, &args.suite) {
-        (Some(data), _) => {
-            let _owner = take()?;
-            let (list, absent) = real(data, &args.out.join(SCENES))?;
-            absent.iter().for_each(|folder| eprintln!("SKIPPED: {folder}: not there"));
-            list
-        }
-        (None, Some(path)) => List::read(path)?,
-        (None, None) => List::built_in()?,
-    };
-    let _owner = take()?;
     interrupt::listen();
     if args.scenes_only {
+        let list = list(&args, &[])?;
         suite::write_scenes(&list, &args.out)?;
         println!("{}: {} scenes, and a table of them, scenes.csv", args.out.join(SCENES).display(), list.scene.len());
         return Ok(());
@@ -104,6 +92,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let baselines = Baselines { usage, linear_bound: args.linear_bound, linear_own: args.linear_own };
     let methods = methods(&args, usage)?;
+    let list = list(&args, &baselines.methods().iter().chain(&methods).collect::<Vec<_>>())?;
     let bar = progress::bar("", list.scene.len() as u64, "scenes");
     let results = suite::run(&list, baselines, &methods, &args.out, &mut |_| bar.inc(1))?;
     bar.finish_and_clear();
@@ -120,6 +109,19 @@ pub fn run(args: Args) -> Result<()> {
         args.out.display()
     );
     Ok(())
+}
+
+/// Returns the list of scenes. Real ones are written, once it is known that they, and the results of `methods`, replace nothing of others.
+fn list(args: &Args, methods: &[&Method]) -> Result<List> {
+    let Some(data) = &args.real else { return args.suite.as_deref().map_or_else(List::built_in, List::read) };
+    let names = real::names(data);
+    let scenes = || names.iter().map(String::as_str);
+    let methods: Vec<&str> = methods.iter().map(|method| method.name.as_str()).collect();
+    let results = if args.scenes_only { vec![] } else { files::of_results(scenes(), &methods, &[]) };
+    let _owner = Owner::of_folder(&args.out, files::COMMAND, files::of_scenes(scenes()).chain(results))?;
+    let (list, absent) = real::real(data, &args.out.join(SCENES))?;
+    absent.iter().for_each(|folder| eprintln!("SKIPPED: {folder}: not there"));
+    Ok(list)
 }
 
 fn methods(args: &Args, usage: Usage) -> Result<Vec<Method>> {

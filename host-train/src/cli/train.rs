@@ -7,10 +7,11 @@ use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::stopwatch;
 use elunar_learn::train::recipe::{Recipe, RecipeFlags};
-use elunar_learn::train::run::{BEST, LAST, Outcome, RECORD, Record, Run, begun};
+use elunar_learn::train::run::{BEST, COMMAND, LAST, Outcome, PROFILE, RECORD, Record, Run, begun};
 use elunar_net::config::{NetConfig, Preset, Switches, TruthRange, config_of, trained_network};
 use elunar_net::published;
 use elunar_net::weights::Weights;
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
@@ -137,7 +138,8 @@ fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
     let steps = outcome.steps_here;
     let text = format!("{steps} steps, {threads} threads\n\n{}", stopwatch::table(steps, wall));
     print!("\n{text}");
-    atomic_write(&folder.join("profile.md"), text.as_bytes())
+    let _owner = Owner::of_folder(folder, COMMAND, [PROFILE.into()])?;
+    atomic_write(&folder.join(PROFILE), text.as_bytes())
 }
 
 /// Returns the number of trainable parameters: all numbers except the running statistics.

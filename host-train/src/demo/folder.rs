@@ -1,10 +1,16 @@
 //! The folder of a tour: its files, and the removal of an earlier tour's files.
 
-use elunar_learn::train::curves::CURVES;
-use elunar_learn::train::journal::{STEPS, VALIDATIONS};
-use elunar_learn::train::run::{BEST, LAST, RECORD, Record};
-use elunar_raster::output::Owner;
+use super::Start;
+use super::compare::{NAMES, PROFILE, error_file};
+use super::infer::{dtm_file, shade_file};
+use super::report::OVERVIEW;
+use super::scene::{COARSE_SHADE, IMAGE, TRUTH_SHADE};
+use crate::inner::check_inner;
+use elunar::cli::output::check_files;
+use elunar_learn::train::run::{self, RECORD, Record};
+use elunar_raster::output::{Owner, check_names};
 use elunar_raster::{Error, Result};
+use elunar_synth::{MANIFEST, scene_files};
 use std::path::{Path, PathBuf};
 
 /// File name of the report.
@@ -23,7 +29,7 @@ pub(super) const STARTED_BY: &str = "tour, from ";
 /// A folder for the files of a tour, ours until it is dropped.
 pub(super) struct Folder {
     path: PathBuf,
-    _owner: Owner,
+    owner: Owner,
 }
 
 impl Folder {
@@ -31,13 +37,15 @@ impl Folder {
     /// its training run. Its other files are overwritten later. Foreign files are never changed.
     ///
     /// # Errors
-    /// [`Error::Io`] if the folder cannot be written; [`Error::Busy`] if another run writes it; [`Error::Usage`] if its `training` is not a tour's run.
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        let folder = Self { path: path.into(), _owner: Owner::of_folder(path)? };
-        folder.clear_run()?;
-        for name in [REPORT, FIGURES] {
-            remove(&folder.file(name), false)?;
+    /// [`Error::Io`] if the folder cannot be written; [`Error::Busy`] if another run writes it; [`Error::Usage`] if its `training` is not a
+    /// tour's run, something lies in the place of a file that no earlier tour wrote, or the weights to start from would be overwritten.
+    pub(super) fn open(path: &Path, start: &Start) -> Result<Self> {
+        if let Start::Weights(weights) = start {
+            check_files(&files().map(|name| path.join(name)).collect::<Vec<_>>(), &[weights])?;
         }
+        let folder = Self { path: path.into(), owner: Owner::of_folder(path, "tour", files())? };
+        folder.clear_run()?;
+        [REPORT, FIGURES].iter().try_for_each(|name| folder.owner.remove(name))?;
         Ok(folder)
     }
 
@@ -53,28 +61,22 @@ impl Folder {
 
     fn clear_run(&self) -> Result<()> {
         let run = self.file(RUN);
+        check_inner(&run)?;
         if !run.join(RECORD).exists() {
-            return Ok(());
+            return check_names(&run, run::COMMAND, run::files());
         }
         if !Record::read(&run)?.started_from.starts_with(STARTED_BY) {
             let what = "expected the training run of an earlier tour, found another run; choose another --out";
             return Err(Error::usage(format!("{}: {what}", run.display())));
         }
-        for name in [BEST, LAST, STEPS, VALIDATIONS, CURVES] {
-            remove(&run.join(name), false)?;
-        }
-        for name in ["checkpoint", "checkpoint.old", "checkpoint.new"] {
-            remove(&run.join(name), true)?;
-        }
-        // The record is removed last: with it, an interrupted tour is still recognised.
-        remove(&run.join(RECORD), false)
+        run::discard(&run)
     }
 }
 
-fn remove(path: &Path, folder: bool) -> Result<()> {
-    let removed = if folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
-    match removed {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::Io { path: path.into(), source: e }),
-        _ => Ok(()),
-    }
+/// Returns the names of all files of a tour but those of its training run.
+fn files() -> impl Iterator<Item = String> {
+    let fixed =
+        [REPORT, FIGURES, FLOAT_MODEL, INT8_MODEL, MANIFEST, IMAGE, COARSE_SHADE, TRUTH_SHADE, PROFILE, OVERVIEW];
+    let made = NAMES.iter().flat_map(|name| [error_file(name), dtm_file(name), shade_file(name)]);
+    fixed.map(String::from).into_iter().chain(scene_files(0)).chain(made)
 }

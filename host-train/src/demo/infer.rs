@@ -32,13 +32,23 @@ pub(super) struct Predicted {
 impl Predicted {
     /// Returns the name of the DTM's file.
     pub(super) fn file(&self) -> String {
-        format!("dtm_{}.tif", self.name)
+        dtm_file(self.name)
     }
 
     /// Returns the name of its hillshade.
     pub(super) fn shade(&self) -> String {
-        format!("dtm_{}_hillshade.png", self.name)
+        shade_file(self.name)
     }
+}
+
+/// Returns the name of a DTM's file.
+pub(super) fn dtm_file(name: &str) -> String {
+    format!("dtm_{name}.tif")
+}
+
+/// Returns the name of its hillshade.
+pub(super) fn shade_file(name: &str) -> String {
+    format!("dtm_{name}_hillshade.png")
 }
 
 /// Predicts without training, with float and with int8, and writes the DTMs with their hillshades.

@@ -124,7 +124,7 @@ pub fn run(settings: &Settings) -> Result<PathBuf> {
     settings.recipe.check().map_err(Error::usage)?;
     interrupt::listen();
     let weights = tune::start(settings)?;
-    let folder = Folder::open(&settings.out)?;
+    let folder = Folder::open(&settings.out, &settings.start)?;
     let seeds = Seeds::of(settings.seed);
     let mut console = Console::new(6);
     println!("ELunarDTM: one orbiter image and a coarse DTM become a DTM at the image's resolution.");

@@ -7,10 +7,12 @@ pub mod file;
 pub mod table;
 pub mod train;
 
+use crate::inner::check_inner;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::results::{RESULTS, Results};
 use crate::suite::{self, Baselines};
+use elunar_raster::output::{Owner, check_names};
 use elunar_raster::{Error, Result, atomic_write, read};
 pub use file::Experiment;
 use serde::{Deserialize, Serialize};
@@ -19,6 +21,10 @@ pub use train::Trained;
 
 /// File name of the comparison, which `report` reads.
 pub const COMPARISON: &str = "comparison.json";
+/// The command whose files these are.
+const COMMAND: &str = "experiment";
+/// The files beside the experiments' folders.
+const FILES: [&str; 5] = ["comparison.md", "comparison.csv", "test.csv", COMPARISON, table::CURVES];
 /// Folder of the suite's results, within the comparison's folder.
 pub const TEST: &str = "test";
 
@@ -68,6 +74,12 @@ pub fn run(
             return Err(Error::input(format!("{}: expected experiments of different names, found it twice", one.name)));
         }
     }
+    let _owner = Owner::of_folder(out, COMMAND, FILES.map(String::from))?;
+    let folder = out.join(TEST);
+    // Every experiment uses its network in its own way. The pipeline without training is used as the shipped networks are.
+    let usage = Usage { threads: manner.threads, ..Usage::default() };
+    let baselines = Baselines { usage, ..Baselines::default() };
+    check_files(experiments, list, out, baselines)?;
     let mut trained = vec![];
     for experiment in experiments {
         let folder = out.join(&experiment.name);
@@ -78,10 +90,6 @@ pub fn run(
         Method::network(&experiment.name, &model, experiment.evaluation.usage(manner.threads))
     });
     let methods: Vec<Method> = methods.collect::<Result<_>>()?;
-    let folder = out.join(TEST);
-    // Every experiment uses its network in its own way. The pipeline without training is used as the shipped networks are.
-    let usage = Usage { threads: manner.threads, ..Usage::default() };
-    let baselines = Baselines { usage, ..Baselines::default() };
     let test = match known(&folder, list, baselines, &methods) {
         Some(test) => {
             say("test scenes: scored before");
@@ -92,9 +100,9 @@ pub fn run(
     let comparison = Comparison { trained, test };
     table::curves(&comparison, out)?;
     for (file, text) in [
-        ("comparison.md", table::markdown(&comparison).into_bytes()),
-        ("comparison.csv", table::validation(&comparison).csv()?),
-        ("test.csv", suite::tables::sums(&comparison.test).csv()?),
+        (FILES[0], table::markdown(&comparison).into_bytes()),
+        (FILES[1], table::validation(&comparison).csv()?),
+        (FILES[2], suite::tables::sums(&comparison.test).csv()?),
     ] {
         atomic_write(&out.join(file), &text)?;
     }
@@ -102,6 +110,16 @@ pub fn run(
     let text = serde_json::to_vec_pretty(&comparison).map_err(|e| Error::broken(&path, e.to_string()))?;
     atomic_write(&path, &text)?;
     Ok(comparison)
+}
+
+/// Checks that neither a training nor the test would replace anything of others, before the first one begins.
+fn check_files(experiments: &[Experiment], list: &List, out: &Path, baselines: Baselines) -> Result<()> {
+    experiments.iter().try_for_each(|experiment| train::check_files(&out.join(&experiment.name)))?;
+    check_inner(&out.join(TEST))?;
+    let own = baselines.methods();
+    let own = own.iter().map(|method| method.name.as_str());
+    let methods: Vec<&str> = own.chain(experiments.iter().map(|experiment| experiment.name.as_str())).collect();
+    check_names(&out.join(TEST), suite::files::COMMAND, suite::files::of_suite(&list.scene, &methods))
 }
 
 /// Returns stored results of the same methods on the same scenes, if they exist. Models are compared by their hashes.

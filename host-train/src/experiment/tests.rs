@@ -102,6 +102,7 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
         let run = early.join(train::TRAINING);
         std::fs::create_dir_all(&run).unwrap();
         std::fs::copy(whole.join(train::TRAINING).join("run.json"), run.join("run.json")).unwrap();
+        std::fs::write(run.join("train.files"), "elunar files 1\nrun.json\n").unwrap();
         train::train(&experiment, &early, resume, &mut |_| {}).unwrap();
         assert!(std::fs::read(train::model(&early)).unwrap() == std::fs::read(train::model(&whole)).unwrap());
     }

@@ -1,13 +1,16 @@
 //! Training of one experiment from random weights, and its scores on the validation tiles.
 
+use super::COMMAND;
 use super::file::Experiment;
+use crate::inner::check_inner;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::train::recipe::Target;
-use elunar_learn::train::run::{BEST, Record, Run, begun};
+use elunar_learn::train::run::{self, BEST, Record, Run, begun};
 use elunar_learn::train::validate::{Validation, ValidationSet};
 use elunar_net::weights::Weights;
+use elunar_raster::output::{Owner, check_names};
 use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -33,6 +36,20 @@ pub struct Trained {
     pub steps_per_s: f64,
 }
 
+/// Checks that training into `folder`, and its scores, would replace nothing of others.
+///
+/// # Errors
+/// [`Error::Usage`] with the first file in the place of one.
+pub(super) fn check_files(folder: &Path) -> Result<()> {
+    if finished(folder)?.is_some() {
+        return Ok(());
+    }
+    check_inner(folder)?;
+    check_inner(&folder.join(TRAINING))?;
+    check_names(folder, COMMAND, [FINISHED.into()])?;
+    check_names(&folder.join(TRAINING), run::COMMAND, run::files())
+}
+
 /// Returns the path of the final weights in an experiment's folder.
 #[must_use]
 pub fn model(folder: &Path) -> PathBuf {
@@ -53,6 +70,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
         say(&format!("{name}: trained before"));
         return Ok(found);
     }
+    check_files(folder)?;
     let run_folder = folder.join(TRAINING);
     // A run that was killed before its first checkpoint begins anew.
     let begun = begun(&run_folder);
@@ -65,7 +83,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
             "expected a new folder or a finished experiment, found an unfinished one; add --resume to go on with it";
         return Err(Error::input(format!("{}: {what}", folder.display())));
     }
-    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    let _owner = Owner::of_folder(folder, COMMAND, [FINISHED.into()])?;
     say(&format!("{name}: {} steps{}", record.recipe.steps, if begun { ", going on" } else { "" }));
     let initial = (!begun).then(|| initial_weights(&experiment.network, experiment.seed));
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);

@@ -1,9 +1,10 @@
 //! Test suites: models, other programs' DTMs, the pipeline without training and the coarse DTM on scenes with a truth, on the same pixels.
 //!
-//! A [`list`] names the scenes; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
+//! A [`list`] names the scenes, and [`files`] all files to write; [`real`] makes the built-in one of real scenes. [`scene`] makes or reads them. A [`method`] makes the DTMs;
 //! [`linear`] has the bounds for linear ones, [`coarse_to_fine`] the use of a network at several scales. [`score`] compares them. [`summary`] and [`tables`] summarise the scores, and [`pictures`] draws them. [`results`] stores them. [`run`] does all of this.
 
 pub mod coarse_to_fine;
+pub mod files;
 pub mod linear;
 pub mod list;
 pub mod method;
@@ -16,6 +17,7 @@ pub mod summary;
 pub mod tables;
 
 use elunar_raster::geotiff::{WriteOptions, write};
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::table::to_csv;
 use linear::Teacher;
@@ -75,10 +77,11 @@ pub fn run(
         if methods[..k].iter().any(|other| other.name == method.name) {
             return Err(Error::input(format!("{}: expected methods of different names, found it twice", method.name)));
         }
-        let folder = out.join(DTMS).join(&method.name);
-        std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
     }
-    for folder in [SCENES, pictures::PICTURES].map(|name| out.join(name)) {
+    let names: Vec<&str> = methods.iter().map(|method| method.name.as_str()).collect();
+    let _owner = Owner::of_folder(out, files::COMMAND, files::of_suite(&list.scene, &names))?;
+    let of_methods = names.iter().map(|name| out.join(DTMS).join(name));
+    for folder in of_methods.chain([SCENES, pictures::PICTURES].map(|name| out.join(name))) {
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
     }
     let mut results = empty(list, &methods);
@@ -89,7 +92,7 @@ pub fn run(
         scene.write(&out.join(SCENES))?;
         let scored = score::score(&scene, &methods)?;
         for (method, found) in methods.iter().zip(&scored.comparison.scored[1..]) {
-            let path = out.join(DTMS).join(&method.name).join(format!("{}.tif", entry.name));
+            let path = out.join(files::dtm_file(&method.name, &entry.name));
             write(
                 &path,
                 &found.as_it_is,
@@ -120,13 +123,14 @@ pub fn run(
             results.cross.extend(found);
         }
     }
-    for (file, text) in [
-        ("learning.csv", tables::learning(&results).csv()?),
-        ("tables.md", tables::markdown(&results).into_bytes()),
-        ("scenes.csv", tables::scenes(&results).csv()?),
-        ("sums.csv", tables::sums(&results).csv()?),
-        ("cross.csv", tables::cross(&results).csv()?),
-    ] {
+    let texts = [
+        tables::learning(&results).csv()?,
+        tables::markdown(&results).into_bytes(),
+        tables::scenes(&results).csv()?,
+        tables::sums(&results).csv()?,
+        tables::cross(&results).csv()?,
+    ];
+    for (file, text) in files::TABLES.iter().zip(texts) {
         atomic_write(&out.join(file), &text)?;
     }
     results.write(out)?;
@@ -139,6 +143,8 @@ pub fn run(
 /// # Errors
 /// If scenes cannot be made or written.
 pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
+    let names = list.scene.iter().map(|entry| entry.name.as_str());
+    let _owner = Owner::of_folder(out, files::COMMAND, files::of_scenes(names))?;
     let folder = out.join(SCENES);
     std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
     let mut rows = vec![["name", "sun_azimuth_deg", "sun_elevation_deg", "pixel_m"].map(String::from)];
@@ -150,7 +156,7 @@ pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
         let side = format!("{:.3}", (row_m * col_m).sqrt());
         rows.push([entry.name.clone(), angle(scene.sun_deg.0), angle(scene.sun_deg.1), side]);
     }
-    atomic_write(&folder.join("scenes.csv"), &to_csv(rows)?)
+    atomic_write(&folder.join(files::TABLE), &to_csv(rows)?)
 }
 
 fn empty(list: &List, methods: &[&Method]) -> Results {

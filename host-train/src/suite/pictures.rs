@@ -14,6 +14,20 @@ pub const PICTURES: &str = "pictures";
 /// Width of a panel, pixels, and number of panels per row.
 const PANEL: (u32, usize) = (320, 4);
 
+fn scene_file(scene: &str, what: &str) -> String {
+    format!("{PICTURES}/{scene}_{what}.png")
+}
+
+/// Returns the names of a scene's pictures, within the suite's folder.
+pub(super) fn scene_files(scene: &str) -> [String; 2] {
+    ["relief", "errors"].map(|what| scene_file(scene, what))
+}
+
+/// Returns the name of the picture of a ground's two scenes, within the suite's folder.
+pub(super) fn cross_file(ground: &str, a: &str, b: &str) -> String {
+    format!("{PICTURES}/ground_{ground}_{a}_{b}.png")
+}
+
 /// Draws a scene: truth and DTMs as they are, errors at the resolution of the comparison. Returns file (relative to `out`) and caption of every
 /// sheet.
 ///
@@ -37,7 +51,7 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
     for (what, panels, caption) in
         [("relief", &views, "image, truth and DTMs, lit from the north-west"), ("errors", &errors, "DTM minus truth")]
     {
-        let file = format!("{PICTURES}/{name}_{what}.png");
+        let file = scene_file(name, what);
         write_png(&out.join(&file), sheet(panels, PANEL.1, PANEL.0))?;
         made.push((file, format!("{name}: {caption}")));
     }
@@ -59,7 +73,7 @@ pub fn cross(out: &Path, ground: &str, a: &Seen, b: &Seen) -> Result<(String, St
         panels.push(Panel::new(format!("{method} from {}", b.name), shade(second)?));
         panels.push(Panel::new("difference", error_map(&difference, first.rows, first.cols)?));
     }
-    let file = format!("{PICTURES}/ground_{ground}_{}_{}.png", a.name, b.name);
+    let file = cross_file(ground, &a.name, &b.name);
     write_png(&out.join(&file), sheet(&panels, 3, PANEL.0))?;
     Ok((file, format!("{ground} under two Suns: DTMs from {} and {}, and their difference", a.name, b.name)))
 }

@@ -1,5 +1,6 @@
 //! The built-in list of real scenes: images with a DTM of stereo or altimetry, from a folder of these data sets.
 
+use super::files::map_file;
 use super::list::{Entry, List};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, Error, GeoRef, Raster, Result, source};
@@ -78,6 +79,20 @@ pub fn real(data: &Path, out: &Path) -> Result<(List, Vec<String>)> {
     Ok((List { name: "real".into(), about: ABOUT.into(), scene }, skipped))
 }
 
+/// Returns the names of the scenes that [`real`] makes of a folder of data sets.
+#[must_use]
+pub fn names(data: &Path) -> Vec<String> {
+    let of = |set: &Set| match set.windows {
+        Some((prefix, windows)) => (0..windows.len()).map(|number| window_name(prefix, number)).collect(),
+        None => vec![set.folder.to_string()],
+    };
+    SETS.iter().filter(|set| data.join(set.folder).is_dir()).flat_map(of).collect()
+}
+
+fn window_name(prefix: &str, number: usize) -> String {
+    format!("{prefix}_{number}")
+}
+
 fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
     let read = |file: &str| -> Result<(Raster, GeoRef)> {
         let raster = source::read(&folder.join(file))?;
@@ -118,7 +133,7 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
     };
     let one = |(number, corner): (usize, &(usize, usize))| {
         let maps = [cut(&image, *corner, set.image)?, cut(&truth, *corner, set.truth)?];
-        scene(set, format!("{prefix}_{number}"), maps, out)
+        scene(set, window_name(prefix, number), maps, out)
     };
     windows.iter().enumerate().map(one).collect()
 }
@@ -129,7 +144,7 @@ fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Re
     let side = ((set.coarse_px as f64 * column(&image) / column(&truth)).round_ties_even() as usize).max(1);
     let coarse = means(&truth, &name, side, LEAST_VALID[0])?;
     let coarse = Raster { samples: filled(&coarse), ..coarse };
-    let path = |what: &str| out.join(format!("{name}_{what}.tif"));
+    let path = |what: &str| out.join(map_file(&name, what));
     write(&path("image"), &image, &WriteOptions::image(SampleType::F32, "image of a real scene"))?;
     write(&path("coarse"), &coarse, &WriteOptions::heights("truth of a real scene, averaged"))?;
     write(&path("truth"), &truth, &WriteOptions::heights("true DTM of a real scene"))?;

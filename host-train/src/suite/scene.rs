@@ -1,5 +1,6 @@
 //! The scene of a list's entry: image, coarse DTM and truth are read, rendered or made.
 
+use super::files::map_file;
 use super::list::Entry;
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
@@ -83,7 +84,7 @@ impl TestScene {
     /// # Errors
     /// If a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let file = |what: &str| folder.join(format!("{}_{what}.tif", self.entry.name));
+        let file = |what: &str| folder.join(map_file(&self.entry.name, what));
         let (azimuth, elevation) = self.sun_deg;
         let image = WriteOptions::image(SampleType::F32, "image of a test scene, relative brightness")
             .with_sun(azimuth, elevation);

@@ -12,6 +12,25 @@ const PLACE_M: (f64, f64) = (697_000.0, 30_000.0);
 /// Distance from one scene's left edge to the next, metres.
 const SPACING_M: f64 = 20_000.0;
 
+/// File name of a [`Manifest`].
+pub const MANIFEST: &str = "manifest.json";
+/// The maps of a scene.
+const MAPS: [&str; 3] = ["image", "coarse", "truth"];
+
+/// Returns the names of the files of scene `index`.
+#[must_use]
+pub fn scene_files(index: u64) -> [String; 3] {
+    MAPS.map(|what| file_name(&scene_name(index), what))
+}
+
+fn scene_name(index: u64) -> String {
+    format!("scene_{index:04}")
+}
+
+fn file_name(scene: &str, what: &str) -> String {
+    format!("{scene}_{what}.tif")
+}
+
 /// Contents of a folder of synthetic scenes, and all that is needed to make it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -46,7 +65,7 @@ impl Manifest {
     /// # Errors
     /// [`elunar_raster::Error::Io`] if the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let path = folder.join("manifest.json");
+        let path = folder.join(MANIFEST);
         let text =
             serde_json::to_string_pretty(self).map_err(|e| elunar_raster::Error::broken(&path, e.to_string()))?;
         atomic_write(&path, text.as_bytes())
@@ -96,8 +115,8 @@ impl SynthScene {
     /// # Errors
     /// [`elunar_raster::Error::Io`] if a file cannot be written. Files written before it stay.
     pub fn write(&self, folder: &Path) -> Result<SceneEntry> {
-        let name = format!("scene_{:04}", self.index);
-        let file = |what: &str| folder.join(format!("{name}_{what}.tif"));
+        let name = scene_name(self.index);
+        let file = |what: &str| folder.join(file_name(&name, what));
         let about = |what: &str| {
             let sphere = format!("synthetic {what}: heights above the {MOON_RADIUS_M} m sphere");
             WriteOptions::heights(sphere).with_item("SYNTHETIC", "yes")

@@ -1,7 +1,9 @@
 //! `elunar batch`: runs a chunk of a manifest.
 
+use super::manifest::uses_of;
 use crate::cluster::batch::{Counts, Manner, run as run_items};
 use crate::cluster::manifest::Manifest;
+use crate::cluster::{apart, foreign};
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::span::PartOf;
 use std::path::PathBuf;
@@ -41,11 +43,13 @@ pub struct Args {
 /// Runs the command.
 ///
 /// # Errors
-/// [`Error::Broken`] if a line of the manifest is wrong: nothing is started then. [`Error::Stopped`] if items may succeed later,
+/// [`Error::Broken`] if a line of the manifest is wrong, or an item would write what another one reads or writes, or replace a file of others: nothing is started then. [`Error::Stopped`] if items may succeed later,
 /// [`Error::Input`] if some never will.
 pub fn run(args: Args) -> Result<()> {
     let manifest = Manifest::read(&args.manifest)?;
+    apart::check(&args.manifest, uses_of(&manifest, &args.manifest))?;
     let items = manifest.chunk(args.chunk);
+    foreign::check(&args.manifest, &items, &manifest.folder, args.part_dir.as_deref())?;
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let more = args.part_dir.iter().map(|folder| format!("--part-dir={}", folder.display())).collect();

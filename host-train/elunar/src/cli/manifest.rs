@@ -1,6 +1,8 @@
 //! `elunar manifest`: makes or checks a manifest.
 
-use super::output;
+use super::output::{self, Target};
+use super::uses::Uses;
+use crate::cluster::apart::{self, User};
 use crate::cluster::item::Item;
 use crate::cluster::manifest::{Manifest, text};
 use elunar_net::shipped;
@@ -69,6 +71,7 @@ pub enum Hash {
 pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.check {
         let manifest = Manifest::read(path)?;
+        apart::check(path, uses_of(&manifest, path))?;
         println!("{}: {} items", path.display(), manifest.items.len());
         return Ok(());
     }
@@ -93,14 +96,21 @@ pub fn run(args: Args) -> Result<()> {
         Some(table) => of_table(table, &mut take)?,
         None => of_images(&args.images)?.into_iter().try_for_each(take)?,
     }
+    let manifest = Manifest::parse(target, &content)?;
+    let mut uses = apart::uses(&manifest);
+    uses.write(&Target::File(target).files(), User::other("--output"));
+    inputs.iter().for_each(|input| uses.read(input, User::other("this command")));
+    apart::check(target, uses)?;
     atomic_write(target, content.as_bytes())?;
-    // Names and outputs that occur twice are found here.
-    if let Err(error) = Manifest::read(target) {
-        drop(std::fs::remove_file(target));
-        return Err(error);
-    }
     println!("{}: {count} items, {:.1} megapixels", target.display(), pixels as f64 / 1e6);
     Ok(())
+}
+
+/// Returns what the items of a manifest read and write, and the manifest itself, which is read.
+pub(super) fn uses_of(manifest: &Manifest, path: &Path) -> Uses<User> {
+    let mut uses = apart::uses(manifest);
+    uses.read(path, User::other("the manifest"));
+    uses
 }
 
 /// Fields of an item, by their names.

@@ -13,6 +13,7 @@ pub mod lola;
 pub mod manifest;
 pub mod mosaic;
 pub mod output;
+mod places;
 pub mod plan;
 pub mod predict;
 pub mod prepare;
@@ -21,6 +22,7 @@ pub mod sfs;
 pub mod status;
 pub mod synth;
 pub mod threads;
+pub mod uses;
 pub mod words;
 
 use clap::{Parser, Subcommand};

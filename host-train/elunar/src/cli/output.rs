@@ -1,10 +1,50 @@
 //! Output paths: checked and taken before the work starts.
 
-use elunar_raster::content::files_of_raster;
+use super::uses::Uses;
 use elunar_raster::output::{Owner, check_target};
-use elunar_raster::{Error, Result, folder_of};
+use elunar_raster::{Error, Result};
 use elunar_scene::predict::{hillshade_path, sum_path, survey_path};
 use std::path::{Path, PathBuf};
+
+/// An output that a command writes, and with it all files that it writes for its sake.
+#[derive(Debug, Clone, Copy)]
+pub enum Target<'a> {
+    /// A file alone.
+    File(&'a Path),
+    /// A DTM of `predict` or `sfs`.
+    Dtm(&'a Path),
+    /// The expected errors of a DTM.
+    Errors(&'a Path),
+}
+
+impl<'a> Target<'a> {
+    /// Returns the output.
+    #[must_use]
+    pub fn path(self) -> &'a Path {
+        let (Self::File(path) | Self::Dtm(path) | Self::Errors(path)) = self;
+        path
+    }
+
+    /// Returns all files that are written for the output: it, its lock, rows of an unfinished run, and what it has besides.
+    #[must_use]
+    pub fn files(self) -> Vec<PathBuf> {
+        let output = self.path();
+        let beside = |end: &str| {
+            let mut name = output.file_name().unwrap_or_default().to_os_string();
+            name.push(end);
+            output.with_file_name(name)
+        };
+        let mut all = vec![output.into(), beside(".lock"), beside(".part")];
+        match self {
+            Self::File(_) => {}
+            Self::Errors(_) => all.push(sum_path(output)),
+            Self::Dtm(_) => {
+                all.extend([sum_path(output), survey_path(output), beside(".survey.lock"), hillshade_path(output)]);
+            }
+        }
+        all
+    }
+}
 
 /// Takes `output`, a file to write, before the work starts: neither it nor a file that is written for its sake is one of `inputs`, its folder
 /// can be written, nothing but a regular file is replaced, and no other run writes it. It is ours until the result is dropped.
@@ -12,7 +52,7 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// [`Error::Usage`], [`Error::Busy`] or [`Error::Io`] with the reason.
 pub fn take(output: &Path, inputs: &[&Path]) -> Result<Owner> {
-    keep_apart(&files(output), inputs)?;
+    keep_apart(&[Target::File(output)], inputs)?;
     Owner::of_file(output)
 }
 
@@ -21,73 +61,56 @@ pub fn take(output: &Path, inputs: &[&Path]) -> Result<Owner> {
 /// # Errors
 /// As [`take`].
 pub fn take_all<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>, inputs: &[&Path]) -> Result<Vec<Owner>> {
-    let mut others: Vec<PathBuf> = inputs.iter().map(PathBuf::from).collect();
-    let one = |output: &'a PathBuf| {
-        let owner = take(output, &others.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        others.extend(files(output));
-        Ok(owner)
-    };
-    outputs.into_iter().map(one).collect()
+    let outputs: Vec<&PathBuf> = outputs.into_iter().collect();
+    keep_apart(&outputs.iter().map(|path| Target::File(path)).collect::<Vec<_>>(), inputs)?;
+    outputs.into_iter().map(|output| Owner::of_file(output)).collect()
 }
 
 /// Takes a DTM to write, as [`take`] does, with all that lies beside it, and further outputs.
 ///
 /// # Errors
 /// As [`take`]; [`Error::Usage`] if the DTM's name is not that of a TIFF.
-pub fn take_dtm<'a>(
-    output: &Path,
-    further: impl IntoIterator<Item = &'a PathBuf>,
-    inputs: &[&Path],
-) -> Result<(Owner, Vec<Owner>)> {
-    let beside = check_dtm(output, inputs)?;
+pub fn take_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<(Owner, Vec<Owner>)> {
+    check_dtm(output, further, inputs)?;
     let owner = Owner::of_file(output)?;
-    let others: Vec<&Path> = inputs.iter().copied().chain(beside.iter().map(PathBuf::as_path)).collect();
-    Ok((owner, take_all(further, &others)?))
+    Ok((owner, further.iter().map(|target| Owner::of_file(target.path())).collect::<Result<_>>()?))
 }
 
-/// Checks the name of a DTM to write, and all that lies beside it. Returns the files that are written for it.
+/// Checks the name of a DTM to write, and all that lies beside it and its further outputs.
 ///
 /// # Errors
 /// [`Error::Usage`] if its name is not that of a TIFF, a file would replace an input, or what lies there must not be replaced.
-pub fn check_dtm(output: &Path, inputs: &[&Path]) -> Result<Vec<PathBuf>> {
+pub fn check_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<()> {
     extension(output, &["tif", "tiff"])?;
-    let written = [files(output), vec![sum_path(output), survey_path(output), hillshade_path(output)]].concat();
-    keep_apart(&written, inputs)?;
-    written.iter().try_for_each(|file| check_target(file))?;
-    Ok(written)
+    let targets = [&[Target::Dtm(output)], further].concat();
+    keep_apart(&targets, inputs)?;
+    targets.iter().flat_map(|target| target.files()).try_for_each(|file| check_target(&file))
 }
 
-/// Returns the files that a command writes for an output: it, its lock, and rows of an unfinished run.
-fn files(output: &Path) -> Vec<PathBuf> {
-    let name = output.file_name().unwrap_or_default();
-    let beside = |end: &str| {
-        let mut name = name.to_os_string();
-        name.push(end);
-        output.with_file_name(name)
+/// Refuses outputs of which a file is an input, the image that an input's label describes, or a file of another output.
+fn keep_apart(targets: &[Target], inputs: &[&Path]) -> Result<()> {
+    let mut uses = Uses::default();
+    targets.iter().for_each(|target| uses.write(&target.files(), ()));
+    refuse_clash(uses, inputs)
+}
+
+/// Refuses files to write into a folder of which one is an input, as [`take`] does for files that are named.
+///
+/// # Errors
+/// [`Error::Usage`] with the file.
+pub fn check_files(files: &[PathBuf], inputs: &[&Path]) -> Result<()> {
+    let mut uses = Uses::default();
+    uses.write(files, ());
+    refuse_clash(uses, inputs)
+}
+
+fn refuse_clash(mut uses: Uses<()>, inputs: &[&Path]) -> Result<()> {
+    inputs.iter().for_each(|input| uses.read(input, ()));
+    let refused = |path: &Path| {
+        let what = "would be written; an output must not overwrite an input or another output";
+        Err(Error::usage(format!("{}: {what}", path.display())))
     };
-    vec![output.into(), beside(".lock"), beside(".part")]
-}
-
-/// Refuses files to write of which one is an input, or the image that an input's label describes.
-fn keep_apart(written: &[PathBuf], inputs: &[&Path]) -> Result<()> {
-    let written: Vec<(&PathBuf, PathBuf)> = written.iter().map(|path| (path, place(path))).collect();
-    for input in inputs {
-        // What is no raster is one file. A pipe would wait for its writer.
-        let files = if input.is_file() { files_of_raster(input).ok() } else { None };
-        for read in files.unwrap_or_else(|| vec![input.into()]) {
-            if let Some((path, _)) = written.iter().find(|(_, written)| *written == place(&read)) {
-                let what = "would be written; an output must not overwrite an input or another output";
-                return Err(Error::usage(format!("{}: {what}", path.display())));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Returns where a path leads, also if nothing is there yet.
-fn place(path: &Path) -> PathBuf {
-    let in_folder = || Ok(folder_of(path).canonicalize()?.join(path.file_name().unwrap_or_default()));
-    path.canonicalize().or_else(|_: std::io::Error| in_folder()).unwrap_or_else(|_: std::io::Error| path.into())
+    uses.clash().map_or(Ok(()), |clash| refused(&clash.path))
 }
 
 /// Returns which of the extensions (lower case) the output's name has.

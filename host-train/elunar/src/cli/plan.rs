@@ -54,6 +54,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     }
     let manifest = Manifest::read(&args.manifest)?;
+    let _owners = super::output::take_all(&args.scaling, &[&args.manifest])?;
     let items: Vec<Item> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let model = model_of(&items, &manifest.folder);

@@ -1,6 +1,7 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
-use super::{output, words};
+use super::output::{self, Target};
+use super::words;
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_net::shipped;
 use elunar_raster::output::Owner;
@@ -205,7 +206,7 @@ fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Bo
     check_sun(args.known_sun())?;
     let output = rows_path(&args.output, part_of);
     let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
-    output::check_dtm(&args.output, &inputs)?;
+    output::check_dtm(&args.output, &further(args), &inputs)?;
     let owner = output::take(&output, &inputs)?;
     let task = Task::new(args, open)?;
     let tiling = task.options.tiling(&task.scene, task.model.tile())?;
@@ -312,7 +313,12 @@ fn take(args: &Args) -> Result<(Owner, Vec<Owner>)> {
     if let Some(path) = &args.uncertainty {
         output::extension(path, &["tif", "tiff"])?;
     }
-    output::take_dtm(&args.output, &args.uncertainty, &inputs)
+    output::take_dtm(&args.output, &further(args), &inputs)
+}
+
+/// Returns what is written besides the DTM.
+fn further(args: &Args) -> Vec<Target<'_>> {
+    args.uncertainty.iter().map(|path| Target::Errors(path)).collect()
 }
 
 /// What a run works with: the opened inputs and the identity of the job.

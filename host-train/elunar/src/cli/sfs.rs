@@ -1,6 +1,7 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
-use super::{output, words};
+use super::output::{self, Target};
+use super::words;
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::stated::{HeightUnit, Statements};
@@ -105,7 +106,8 @@ pub fn run(args: Args) -> Result<()> {
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
-    let (owner, _owners) = output::take_dtm(&args.output, &args.curve, &inputs)?;
+    let further: Vec<Target> = args.curve.iter().map(|path| Target::File(path)).collect();
+    let (owner, _owners) = output::take_dtm(&args.output, &further, &inputs)?;
     let image = Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?;
     let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
     let coarse = Input::heights(&args.coarse, coarse, args.coarse_nodata)?;

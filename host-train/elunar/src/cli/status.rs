@@ -1,10 +1,14 @@
 //! `elunar status`: says what became of the items of a manifest.
 
+use super::manifest::uses_of;
+use super::output::Target;
+use crate::cluster::apart::{self, User};
 use crate::cluster::manifest::{Manifest, text};
 use crate::cluster::status::{State, Status, done_list, read_logs};
 use crate::cluster::timeline::timeline;
 use crate::html::{Cell, Picture, document, escaped, figure, table};
 use crate::program;
+use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::picture::write_png;
 use std::path::{Path, PathBuf};
@@ -54,16 +58,12 @@ pub struct Args {
 /// If the manifest or a log cannot be read, a file cannot be written, or fewer items are done than required.
 pub fn run(args: Args) -> Result<()> {
     let manifest = Manifest::read(&args.manifest)?;
+    let _owners = take(&args, &manifest)?;
     let status = Status::new(&manifest, read_logs(&args.logs)?, args.verify);
     if let Some(path) = &args.done {
         atomic_write(path, done_list(&status, &manifest.folder).as_bytes())?;
     }
     if let Some(path) = &args.resubmit {
-        let same = |path: &Path| std::path::absolute(elunar_raster::folder_of(path)).ok();
-        if same(path) != same(&args.manifest) {
-            let what = "--resubmit: a file beside the manifest expected, since paths start from its folder";
-            return Err(Error::usage(format!("{what}, {} found", path.display())));
-        }
         atomic_write(path, text(status.of(&[State::TryAgain, State::Waiting]))?.as_bytes())?;
     }
     if let Some(path) = &args.timeline {
@@ -75,6 +75,32 @@ pub fn run(args: Args) -> Result<()> {
     let enough = required(&status, args.require);
     say(&status, args.json, enough.as_ref().err());
     enough
+}
+
+/// Takes the files to write, before the work starts: none is the manifest, a log, or a file that an item reads or writes.
+fn take(args: &Args, manifest: &Manifest) -> Result<Vec<Owner>> {
+    let outputs = [
+        (&args.done, "--done"),
+        (&args.resubmit, "--resubmit"),
+        (&args.timeline, "--timeline"),
+        (&args.html, "--html"),
+    ];
+    if let Some(path) = &args.resubmit {
+        let same = |path: &Path| std::path::absolute(elunar_raster::folder_of(path)).ok();
+        if same(path) != same(&args.manifest) {
+            let what = "--resubmit: a file beside the manifest expected, since paths start from its folder";
+            return Err(Error::usage(format!("{what}, {} found", path.display())));
+        }
+    }
+    let outputs = || outputs.iter().filter_map(|(path, option)| Some((path.as_ref()?, *option)));
+    // Without an output, the items are told even where they are not apart.
+    if outputs().next().is_some() {
+        let mut uses = uses_of(manifest, &args.manifest);
+        args.logs.iter().for_each(|log| uses.read(log, User::other("this command")));
+        outputs().for_each(|(path, option)| uses.write(&Target::File(path).files(), User::other(option)));
+        apart::check(&args.manifest, uses)?;
+    }
+    outputs().map(|(path, _)| Owner::of_file(path)).collect()
 }
 
 /// Counts, their names and states.

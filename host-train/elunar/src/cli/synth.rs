@@ -5,7 +5,7 @@ use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
 use elunar_scene::picture::{Panel, hillshade, sheet, stretch, write_png};
 use elunar_scene::{interrupt, progress};
-use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind};
+use elunar_synth::{MANIFEST, Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind, scene_files};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -63,6 +63,8 @@ pub struct Args {
     pub coarse_stripes_m: Vec<f64>,
 }
 
+/// File name of the contact sheet.
+const SHEET: &str = "contact_sheet.png";
 /// Greatest number of scenes on the contact sheet.
 const SHEET_SCENES: usize = 12;
 /// Scenes of more pixels than this are made one after another, to save memory.
@@ -90,7 +92,8 @@ pub fn run(args: Args) -> Result<()> {
         ..SynthOptions::default()
     };
     let moon = Moon::new(args.seed, options.clone())?;
-    let _owner = Owner::of_folder(&args.out)?;
+    let fixed = [MANIFEST, SHEET].map(String::from);
+    let _owner = Owner::of_folder(&args.out, "synth", (0..args.scenes).flat_map(scene_files).chain(fixed))?;
     interrupt::listen();
     let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {
@@ -110,7 +113,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     bar.finish_and_clear();
     let (scenes, panels): (Vec<SceneEntry>, Vec<Vec<Panel>>) = made?.into_iter().unzip();
-    write_png(&args.out.join("contact_sheet.png"), sheet(&panels.concat(), 3, 480))?;
+    write_png(&args.out.join(SHEET), sheet(&panels.concat(), 3, 480))?;
     let made_by = concat!("host-train ", env!("CARGO_PKG_VERSION")).into();
     Manifest { made_by, seed: args.seed, options, scenes }.write(&args.out)?;
     println!(
@@ -166,7 +169,7 @@ mod tests {
         run(args(b.clone(), 3)).unwrap();
         let mut names: Vec<_> = std::fs::read_dir(&a).unwrap().map(|e| e.unwrap().file_name()).collect();
         names.sort();
-        assert_eq!(names.len(), 3 * 3 + 2);
+        assert_eq!(names.len(), 3 * 3 + 2 + 1, "and the list of these files");
         for name in names {
             assert!(std::fs::read(a.join(&name)).unwrap() == std::fs::read(b.join(&name)).unwrap(), "{name:?}");
         }

@@ -160,6 +160,12 @@ impl Item {
         if shipped::find(&self.model).is_some() { self.model.clone() } else { folder.join(&self.model) }
     }
 
+    /// Returns the path of the file of expected errors, if one is to be written.
+    #[must_use]
+    pub fn uncertainty(&self) -> Option<&Path> {
+        self.options.get("uncertainty").and_then(Value::as_str).map(Path::new)
+    }
+
     /// Returns the words of `predict` for this item. Paths that are not absolute are beneath `folder`.
     ///
     /// # Errors

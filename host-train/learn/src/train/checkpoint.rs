@@ -7,6 +7,7 @@ use burn::optim::ModuleOptimizer;
 use burn::tensor::Device;
 use elunar_net::digest::sha256_hex;
 use elunar_net::weights::Weights;
+use elunar_raster::output::remove_folder;
 use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,15 @@ const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
 const STATE: &str = "state.json";
 /// Most bytes of a file of a checkpoint: an optimiser has several numbers for every weight.
 const MOST_STATE_BYTES: u64 = 8 * read::MOST_BYTES;
+
+/// All files of a checkpoint.
+const FILES: [&str; 6] = [WEIGHTS, OPTIMISER, AVERAGE, CRITIC[0], CRITIC[1], STATE];
+
+/// Returns the names of the folders and files of checkpoints in a run's folder.
+pub(super) fn files() -> impl Iterator<Item = String> {
+    let all = |folder: &'static str| FILES.iter().map(move |file| format!("{folder}/{file}"));
+    [FOLDER, SPARE, FRESH].into_iter().flat_map(move |folder| all(folder).chain([format!("{folder}/")]))
+}
 
 /// State of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -68,7 +78,7 @@ pub fn save(
     trainer: &Trainer,
 ) -> Result<()> {
     let fresh = run.join(FRESH);
-    remove(&fresh)?;
+    remove_folder(&fresh, &FILES)?;
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;
     let weights = weights.to_bytes();
     let optimiser = record(&trainer.optimiser)?;
@@ -93,11 +103,11 @@ pub fn save(
     let (folder, spare) = (run.join(FOLDER), run.join(SPARE));
     // After a kill between the renames the spare one is the only one, and stays until the fresh one is in place.
     if folder.exists() {
-        remove(&spare)?;
+        remove_folder(&spare, &FILES)?;
         std::fs::rename(&folder, &spare).map_err(Error::io(&folder))?;
     }
     std::fs::rename(&fresh, &folder).map_err(Error::io(&folder))?;
-    remove(&spare)
+    remove_folder(&spare, &FILES)
 }
 
 /// Returns whether a run has a checkpoint.
@@ -173,11 +183,4 @@ fn record(optimiser: &ModuleOptimizer) -> Result<Vec<u8>> {
 fn restored(optimiser: ModuleOptimizer, record: &[u8]) -> Result<ModuleOptimizer> {
     let bytes = burn::tensor::Bytes::from_bytes_vec(record.to_vec());
     optimiser.from_bytes(bytes).map_err(|e| Error::input(format!("optimiser state: {e}")))
-}
-
-fn remove(folder: &Path) -> Result<()> {
-    match std::fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::Io { path: folder.into(), source: e }),
-        _ => Ok(()),
-    }
 }

@@ -4,7 +4,7 @@ use super::average::Average;
 use super::checkpoint::{self, Checkpoint};
 use super::curves;
 use super::feed::{Feed, tensors};
-use super::journal::Journal;
+use super::journal::{Journal, STEPS, VALIDATIONS};
 use super::recipe::Recipe;
 use super::sample::Sample;
 use super::source::{DataSpec, TileSource};
@@ -31,6 +31,27 @@ pub const BEST: &str = "best.safetensors";
 pub const LAST: &str = "last.safetensors";
 /// File name of the run's record: network, recipe, data, seed, backend.
 pub const RECORD: &str = "run.json";
+
+/// File name of the times of a run's parts.
+pub const PROFILE: &str = "profile.md";
+/// The command whose files these are.
+pub const COMMAND: &str = "train";
+
+/// Returns the names of all files of a run.
+pub fn files() -> impl Iterator<Item = String> {
+    let fixed = [RECORD, BEST, LAST, STEPS, VALIDATIONS, curves::CURVES, PROFILE].map(String::from);
+    fixed.into_iter().chain(checkpoint::files())
+}
+
+/// Removes the files of a run. Its record is removed last: with it, what is left is still recognised.
+///
+/// # Errors
+/// If another process writes the folder, something in it is another's, or a file cannot be removed.
+pub fn discard(folder: &Path) -> Result<()> {
+    let owner = Owner::of_folder(folder, COMMAND, files())?;
+    files().filter(|name| name != RECORD).try_for_each(|name| owner.remove(&name))?;
+    owner.remove(RECORD)
+}
 
 /// Everything that determines a run. It is written to the run's folder before the first step, once there is a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -120,7 +141,7 @@ impl Run {
     pub fn train(self) -> Result<Outcome> {
         self.record.recipe.check().map_err(Error::input)?;
         interrupt::listen();
-        let _owner = Owner::of_folder(&self.folder)?;
+        let _owner = Owner::of_folder(&self.folder, COMMAND, files())?;
         let (mut state, first) = self.open()?;
         let recipe = &self.record.recipe;
         let feed = Feed::new(self.training.clone(), self.record.network.clone(), recipe.clone(), self.record.seed);

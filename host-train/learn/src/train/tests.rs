@@ -204,7 +204,7 @@ fn a_run_killed_before_its_first_step_goes_on() {
     assert!(killed.train().unwrap_err().to_string().contains("killed"));
     assert!(run(&at("early"), true, None).train().unwrap().finished);
     same("early");
-    // Killed before: a record alone (older programs), a part of a checkpoint, or a checkpoint without a record. All begin anew.
+    // Killed before: a record alone, a part of a checkpoint, or a checkpoint without a record. All begin anew.
     let record = std::fs::read(at("whole").join("run.json")).unwrap();
     for (name, left) in
         [("record", "run.json"), ("part", "checkpoint.new/state.json"), ("nameless", "checkpoint/state.json")]
@@ -212,6 +212,10 @@ fn a_run_killed_before_its_first_step_goes_on() {
         let left = at(name).join(left);
         std::fs::create_dir_all(left.parent().unwrap()).unwrap();
         std::fs::write(&left, &record).unwrap();
+        let refused = run(&at(name), false, None).train().unwrap_err().to_string();
+        assert!(refused.contains("nothing, or what "), "no list names it: {refused}");
+        let list = ["run.json", "checkpoint.new/", "checkpoint.new/state.json", "checkpoint/", "checkpoint/state.json"];
+        std::fs::write(at(name).join("train.files"), format!("elunar files 1\n{}\n", list.join("\n"))).unwrap();
         assert!(run(&at(name), false, None).train().unwrap().finished);
         same(name);
     }
@@ -224,7 +228,7 @@ fn a_run_killed_before_its_first_step_goes_on() {
 #[test]
 fn a_run_has_one_trainer_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
-    let owner = elunar_raster::output::Owner::of_folder(folder.path()).unwrap();
+    let owner = elunar_raster::output::Owner::of_folder(folder.path(), "test", []).unwrap();
     let refused = run(folder.path(), false, Some(1)).train().unwrap_err();
     assert!(matches!(refused, elunar_raster::Error::Busy { .. }), "{refused}");
     drop(owner);

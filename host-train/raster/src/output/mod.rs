@@ -1,8 +1,9 @@
-//! Outputs: what may be replaced, files that appear whole, files that grow, and the one owner of an output.
+//! Outputs: what may be replaced, files that appear whole, files that grow, the one owner of an output, and its files in a folder.
 //!
 //! Every command writes through this module. No link is followed, and nothing but a regular file is ever replaced.
 
 mod growing;
+mod listing;
 mod owner;
 mod record;
 mod renewal;
@@ -10,6 +11,7 @@ mod target;
 mod whole;
 
 pub use growing::open_growing;
+pub use listing::{check_names, remove_folder};
 pub use owner::Owner;
 pub use record::host_name;
 pub use target::check_target;

@@ -5,6 +5,7 @@
 //! over. An owner that was only halted finds that its lock is another's ([`Owner::check`]), and stops.
 
 use super::growing::without_following;
+use super::listing::Listing;
 use super::record::{Record, start_of};
 use super::renewal::{Renewal, Succession, is_old};
 use super::target::check_target;
@@ -32,6 +33,8 @@ pub struct Owner {
     made: Option<PathBuf>,
     renewal: Renewal,
     is_successor: bool,
+    /// Of a folder, what is ours in it.
+    listing: Option<Listing>,
 }
 
 /// A lock that was taken, and whether from an owner on another machine that may still live.
@@ -54,11 +57,13 @@ impl Owner {
         Self::take(output, output.with_file_name(name))
     }
 
-    /// Creates a folder if it is absent, and takes it. If its owner was killed, removes the files that it was writing under names of their own.
+    /// Creates a folder if it is absent, and takes it for a run of `command` that writes files of these `names`: relative, with `/`; one that ends
+    /// with `/` is a folder that is the command's with all that is in it. At none lies anything but what an earlier run of the command has listed.
+    /// If the folder's owner was killed, removes the files that it was writing under names of their own.
     ///
     /// # Errors
-    /// As [`Self::of_file`].
-    pub fn of_folder(folder: &Path) -> Result<Self> {
+    /// As [`Self::of_file`]; [`Error::Usage`] if something lies there that is another's.
+    pub fn of_folder(folder: &Path, command: &str, names: impl IntoIterator<Item = String>) -> Result<Self> {
         let made = (!folder.exists()).then(|| folder.to_path_buf());
         std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
         let lock = folder.join(IN_FOLDER);
@@ -68,7 +73,25 @@ impl Owner {
         if succeeds {
             remove_unfinished(folder);
         }
+        owner.listing = Some(Listing::open(folder, command)?);
+        owner.claim(names)?;
         Ok(owner)
+    }
+
+    /// Adds names to those of [`Self::of_folder`], before the first of these files is written.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if something lies there that is another's; [`Error::Io`] if the list cannot be written.
+    pub fn claim(&mut self, names: impl IntoIterator<Item = String>) -> Result<()> {
+        self.listing.as_mut().map_or(Ok(()), |listing| listing.claim(names))
+    }
+
+    /// Removes a file of the folder, or, if its name ends with `/`, a folder in it, if it is listed.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if something in that folder is another's; [`Error::Io`] if something cannot be removed.
+    pub fn remove(&self, name: &str) -> Result<()> {
+        self.listing.as_ref().map_or(Ok(()), |listing| listing.remove(name))
     }
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
@@ -76,7 +99,7 @@ impl Owner {
         remove_dead_claims(folder_of(&lock), &here);
         let own = |lock: PathBuf, (file, is_successor): Taken| {
             let renewal = Renewal::begin(&lock, &file).inspect_err(|_| drop(std::fs::remove_file(&lock)))?;
-            Ok(Self { lock, file, made: None, renewal, is_successor })
+            Ok(Self { lock, file, made: None, renewal, is_successor, listing: None })
         };
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
@@ -118,6 +141,7 @@ impl Drop for Owner {
     fn drop(&mut self) {
         // What lies there now may be another's only if somebody removed ours by hand.
         if is_at(&self.file, &self.lock) {
+            self.listing.iter_mut().for_each(Listing::close);
             // An error leaves a lock that the next run recognises as left behind.
             let _ = std::fs::remove_file(&self.lock);
         }
@@ -279,8 +303,8 @@ mod tests {
         drop(first);
         let _second = Owner::of_file(&output).unwrap();
         let runs = folder.path().join("runs");
-        let _run = Owner::of_folder(&runs).unwrap();
-        assert!(Owner::of_folder(&runs).unwrap_err().to_string().contains("try again"));
+        let _run = Owner::of_folder(&runs, "test", []).unwrap();
+        assert!(Owner::of_folder(&runs, "test", []).unwrap_err().to_string().contains("try again"));
     }
 
     #[test]
@@ -402,10 +426,10 @@ mod tests {
         let [part, kept, named] = [".tmpA1b2C3.part", "dtm.tif.part", ".tmpA1b2C3.tif"].map(|n| folder.path().join(n));
         [&part, &kept, &named].iter().for_each(|path| std::fs::write(path, "x").unwrap());
         // Without a lock there was no owner that was killed.
-        drop(Owner::of_folder(folder.path()).unwrap());
+        drop(Owner::of_folder(folder.path(), "test", []).unwrap());
         assert!(part.exists());
         std::fs::write(folder.path().join(IN_FOLDER), killed.text()).unwrap();
-        drop(Owner::of_folder(folder.path()).unwrap());
+        drop(Owner::of_folder(folder.path(), "test", []).unwrap());
         assert!(!part.exists() && kept.exists() && named.exists());
     }
 

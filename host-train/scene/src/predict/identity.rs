@@ -71,6 +71,12 @@ pub fn sha256_of_input(path: &Path) -> Result<String> {
     sha256_of_raster_while(path, &|| !interrupt::requested())
 }
 
+/// Returns whether a file is a GeoTIFF that states the job that made it, whatever job.
+#[must_use]
+pub fn states_a_job(path: &Path) -> bool {
+    path.is_file() && geotiff::read_item(path, JOB_ITEM).is_ok_and(|job| job.is_some())
+}
+
 /// Most bytes of a file with one sum and one name.
 const MOST_SUM_BYTES: u64 = 1 << 16;
 

@@ -80,7 +80,7 @@ impl DtmWriter {
     }
 
     /// Writes the remaining data. The DTM is written last, so that a DTM on disk is always complete. The SHA-256 of a DTM with an identity
-    /// comes before it. `check` says whether the output is still ours; it is asked at the end.
+    /// comes before both files. `check` says whether the output is still ours; it is asked at the end.
     ///
     /// # Errors
     /// [`elunar_raster::Error::Io`] if a file cannot be written. Then the DTM does not exist. Errors of `check` are passed on.
@@ -89,11 +89,12 @@ impl DtmWriter {
         let (output, preview) = (self.output, self.preview);
         let mut staged = self.file.stage()?;
         check()?;
+        // First of all: by it, what a killed run leaves is known.
+        if self.is_identified {
+            write_sum(&output, &staged.sha256()?)?;
+        }
         write_hillshade(&shade, &preview.finish())?;
         let publish = || {
-            if self.is_identified {
-                write_sum(&output, &staged.sha256()?)?;
-            }
             check()?;
             staged.publish()
         };

@@ -12,6 +12,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 
+/// Names of the pictures: contact sheet, reliefs, differences of reliefs.
+pub(super) const FILES: [&str; 3] = ["contact_sheet.png", "relief.png", "relief_difference.png"];
 /// Number of samples on the contact sheet.
 const SAMPLES: usize = 6;
 /// Width of a picture on the contact sheet, pixels.
@@ -38,7 +40,7 @@ pub(super) fn write_sheet(folder: &Path, shards: &[(&str, PathBuf)], seed: u64) 
         }
     }
     let columns = rows[0].len();
-    write_png(&folder.join("contact_sheet.png"), sheet(&rows.concat(), columns, PANEL_PX))
+    write_png(&folder.join(FILES[0]), sheet(&rows.concat(), columns, PANEL_PX))
 }
 
 fn panels(name: &str, index: usize, tile: &RawTile) -> Result<[Panel; 3]> {
@@ -60,12 +62,12 @@ pub(super) fn write_histograms(folder: &Path, seen: &[&Tile], kept: &[&Tile], ru
     let reliefs: Vec<f64> = kept.iter().map(|t| f64::from(t.relief_truth_m)).collect();
     let lines = [(format!("NR {nr:.1} m"), f64::from(nr))];
     let title = format!("Relief of {} tiles", reliefs.len());
-    write_png(&folder.join("relief.png"), histogram(&title, "true relief, m", &reliefs, &lines)?)?;
+    write_png(&folder.join(FILES[1]), histogram(&title, "true relief, m", &reliefs, &lines)?)?;
     let differences: Vec<f64> = seen.iter().map(|t| difference_m(t)).collect();
     let ThreeSigma { mean_m, sigma_m } = rule;
     let lines = [("mean - 3 sigma", -3.0), ("mean", 0.0), ("mean + 3 sigma", 3.0)]
         .map(|(label, k)| (label.to_owned(), mean_m + k * sigma_m));
     let title = format!("True minus coarse relief of {} tiles", differences.len());
     let picture = histogram(&title, "true relief - coarse relief, m", &differences, &lines)?;
-    write_png(&folder.join("relief_difference.png"), picture)
+    write_png(&folder.join(FILES[2]), picture)
 }

@@ -24,8 +24,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// The command whose files these are.
+const COMMAND: &str = "prepare";
 /// Folder of intermediate files, until the manifest is written.
-const UNFINISHED: &str = "unfinished";
+const UNFINISHED: &str = "unfinished/";
+/// What the shards are made by, in that folder.
+const PLAN: &str = "unfinished/plan";
 
 /// Reliefs of true and coarse DTM differ by less than this factor. Kilometres and metres differ by a thousand.
 const FAR_OFF: f64 = 100.0;
@@ -58,21 +62,20 @@ struct Inspected {
 pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
     let reading = check(parameters)?;
     scenes.iter().try_for_each(check_sun_of)?;
-    let _owner = Owner::of_folder(out)?;
-    let unfinished = out.join(UNFINISHED);
+    let mut owner = Owner::of_folder(out, COMMAND, [])?;
     if let Some(manifest) = finished::find(scenes, out, parameters)? {
         // A run that was killed after its manifest leaves the intermediate files.
-        if unfinished.exists() {
-            std::fs::remove_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
-        }
+        owner.remove(UNFINISHED)?;
         return Ok(manifest);
     }
+    owner.claim(first_files(scenes.len(), out)?)?;
+    let unfinished = out.join(UNFINISHED);
     std::fs::create_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
     let mut inspected = vec![];
     for (number, files) in scenes.iter().enumerate() {
         stop_if_asked()?;
         bar.set_message(format!("scene {} of {}", number + 1, scenes.len()));
-        let notes = unfinished.join(format!("scene_{number:04}.json"));
+        let notes = out.join(notes_file(number));
         inspected.push(inspect_scene(files, &notes, parameters, reading, bar)?);
     }
     let seen = kept(&inspected);
@@ -83,7 +86,7 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
         splits.iter().filter(|(_, split)| **split == Split::Train).map(|(place, _)| tile(&inspected, *place));
     let all = || splits.keys().map(|place| tile(&inspected, *place));
     let nr = filter::nr(training).or_else(|| filter::nr(all())).ok_or_else(|| nothing_left(&inspected))?;
-    let shards = write_shards(&inspected, &splits, out, parameters, reading, bar)?;
+    let shards = write_shards(&inspected, &splits, (out, &mut owner), parameters, reading, bar)?;
     let seen: Vec<&Tile> = seen.into_iter().map(|place| tile(&inspected, place)).collect();
     pictures::write_histograms(out, &seen, &all().collect::<Vec<_>>(), rule, nr)?;
     let named = |(split, record): (&Split, &SplitRecord)| {
@@ -108,9 +111,36 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
     let wrong = |e: serde_json::Error| Error::broken(out.join(MANIFEST), e.to_string());
     let text = serde_json::to_vec_pretty(&manifest).map_err(wrong)?;
     atomic_write(&out.join(MANIFEST), &text)?;
-    std::fs::remove_dir_all(&unfinished).map_err(Error::io(&unfinished))?;
+    owner.remove(UNFINISHED)?;
     // As it reads back, so that the same call on the finished folder returns the same numbers.
     serde_json::from_slice(&text).map_err(wrong)
+}
+
+/// Returns the name of the notes on a scene.
+fn notes_file(scene: usize) -> String {
+    format!("{UNFINISHED}scene_{scene:04}.json")
+}
+
+/// Returns the name of a shard.
+fn shard_file(split: Split, number: usize) -> String {
+    format!("{}-{number:05}.safetensors", split.name())
+}
+
+fn is_shard(name: &str) -> bool {
+    name.ends_with(".safetensors") && Split::ALL.iter().any(|split| name.starts_with(&format!("{}-", split.name())))
+}
+
+/// Returns the shards in a folder, of whatever plan.
+fn shards_in(out: &Path) -> Result<Vec<String>> {
+    let entries = std::fs::read_dir(out).map_err(Error::io(out))?;
+    let names = entries.map(|entry| Ok(entry.map_err(Error::io(out))?.file_name().to_string_lossy().into_owned()));
+    names.filter(|name| name.as_ref().map_or(true, |name| is_shard(name))).collect()
+}
+
+/// Returns the names of all files of a run, but of shards those that are there: how many there will be is not known before the inspection.
+fn first_files(scenes: usize, out: &Path) -> Result<Vec<String>> {
+    let fixed = [MANIFEST, UNFINISHED, PLAN].into_iter().chain(pictures::FILES).map(String::from);
+    Ok(fixed.chain((0..scenes).map(notes_file)).chain(shards_in(out)?).collect())
 }
 
 fn tile(inspected: &[Inspected], (scene, index): Place) -> &Tile {
@@ -261,12 +291,20 @@ fn divide_ground(inspected: &mut [Inspected], parameters: &Parameters) -> Result
 fn write_shards(
     inspected: &[Inspected],
     splits: &Splits,
-    out: &Path,
+    (out, owner): (&Path, &mut Owner),
     parameters: &Parameters,
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<BTreeMap<Split, SplitRecord>> {
-    keep_or_clear(inspected, splits, out, parameters)?;
+    let plan = plan(inspected, splits, out, parameters)?;
+    if read::text(&out.join(PLAN), read::MOST_SETTINGS_BYTES).is_ok_and(|known| known == plan) {
+        owner.claim(shard_files(splits, parameters))?;
+    } else {
+        // Shards of another plan.
+        shards_in(out)?.iter().try_for_each(|name| owner.remove(name))?;
+        owner.claim(shard_files(splits, parameters))?;
+        atomic_write(&out.join(PLAN), plan.as_bytes())?;
+    }
     bar.set_message("writing");
     bar.set_length(splits.len() as u64);
     bar.set_position(0);
@@ -280,7 +318,7 @@ fn write_shards(
         record.sites.dedup();
         for (number, part) in places.chunks(parameters.shard_tiles).enumerate() {
             stop_if_asked()?;
-            let file = format!("{}-{number:05}.safetensors", split.name());
+            let file = shard_file(split, number);
             let path = out.join(&file);
             if !path.exists() {
                 let mut shard = Shard::default();
@@ -306,24 +344,21 @@ fn write_shards(
     Ok(records)
 }
 
-/// Removes shards of a different plan.
-fn keep_or_clear(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<()> {
-    let path = out.join(UNFINISHED).join("plan");
+/// Returns the names of the shards of a plan.
+fn shard_files(splits: &Splits, parameters: &Parameters) -> Vec<String> {
+    let of = |split: Split| {
+        let tiles = splits.values().filter(|found| **found == split).count();
+        (0..tiles.div_ceil(parameters.shard_tiles)).map(move |number| shard_file(split, number))
+    };
+    Split::ALL.into_iter().flat_map(of).collect()
+}
+
+/// Returns the SHA-256 of everything that the shards depend on.
+fn plan(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<String> {
     let keys: Vec<&str> = inspected.iter().map(|j| j.key.as_str()).collect();
     let places: Vec<_> = splits.iter().collect();
-    let plan = serde_json::to_vec(&(keys, places, parameters)).map_err(|e| Error::broken(&path, e.to_string()))?;
-    let plan = sha256_hex(&plan);
-    if read::text(&path, read::MOST_SETTINGS_BYTES).is_ok_and(|known| known == plan) {
-        return Ok(());
-    }
-    for entry in std::fs::read_dir(out).map_err(Error::io(out))? {
-        let found = entry.map_err(Error::io(out))?.path();
-        let name = found.file_name().and_then(|n| n.to_str()).unwrap_or_default();
-        if name.ends_with(".safetensors") && Split::ALL.iter().any(|s| name.starts_with(&format!("{}-", s.name()))) {
-            std::fs::remove_file(&found).map_err(Error::io(&found))?;
-        }
-    }
-    atomic_write(&path, plan.as_bytes())
+    let plan = serde_json::to_vec(&(keys, places, parameters));
+    Ok(sha256_hex(&plan.map_err(|e| Error::broken(out.join(PLAN), e.to_string()))?))
 }
 
 fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, inspected: &Inspected, index: usize) -> Result<()> {

@@ -120,6 +120,8 @@ fn a_finished_set_is_verified_and_never_replaced() {
     // A run that was killed after its manifest.
     std::fs::create_dir(out.join("unfinished")).unwrap();
     std::fs::write(out.join("unfinished/plan"), "any").unwrap();
+    let list = std::fs::read_to_string(out.join("prepare.files")).unwrap();
+    std::fs::write(out.join("prepare.files"), format!("{list}unfinished/\nunfinished/plan\n")).unwrap();
     assert_eq!(prepared(&scenes, &out, &parameters).unwrap(), made);
     assert_eq!(contents(&out), bytes);
     // The same content under another name counts as the same.

@@ -17,7 +17,7 @@ use elunar_scene::picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
 
 /// Image and hillshades side by side.
-const OVERVIEW: &str = "overview.png";
+pub(super) const OVERVIEW: &str = "overview.png";
 
 /// All results of a tour.
 pub(super) struct Story<'a> {
