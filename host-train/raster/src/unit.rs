@@ -41,11 +41,11 @@ pub(crate) fn of_code(code: u16) -> String {
     }
 }
 
-/// Returns the unit of a vertical reference system of GeoTIFF (key 4096, EPSG) with heights in feet; `None` for metres and unknown systems.
+/// Returns the unit of a vertical reference system of GeoTIFF (key 4096, EPSG) with heights or depths in feet; `None` for metres and unknown systems.
 pub(crate) fn of_vertical_system(code: u16) -> Option<&'static str> {
     match code {
-        6130 | 6131 | 6132 | 8050 | 8228 => Some("foot"),
-        5702 | 6360 | 8052 | 10919 => Some("US survey foot"),
+        5614 | 6130 | 6131 | 6132 | 8050 | 8051 | 8228 => Some("foot"),
+        5702 | 6358 | 6359 | 6360 | 8052 | 8053 | 10919 => Some("US survey foot"),
         _ => None,
     }
 }

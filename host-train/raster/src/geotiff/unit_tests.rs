@@ -33,7 +33,7 @@ def put(name, unit=None, crs=None):
     print(name, *rasterio.open(name).units)
 for i, unit in enumerate(('metre', 'foot', 'US survey foot', 'cm', 'km')):
     put(f'{i}.tif', unit)
-for code in (5773, 8228, 6360, 5702, 8050):
+for code in (5773, 8228, 6360, 5702, 8050, 8051, 6359):
     put(f'{code}.tif', crs=f'EPSG:32631+{code}')
 # Without a code of its own, the system has the key of its unit.
 import re
@@ -43,7 +43,7 @@ put('key.tif', crs=wkt)
 put('both.tif', 'm', 'EPSG:32631+6360')
 ";
     let Some(out) = gdal(script, folder.path()) else { return };
-    assert_eq!(out.lines().count(), 12, "{out}");
+    assert_eq!(out.lines().count(), 14, "{out}");
     for line in out.lines() {
         let (name, unit) = line.split_once(' ').unwrap();
         let metres = match unit {
