@@ -3,7 +3,6 @@
 use super::lengths::amended;
 use super::overlaid::Overlaid;
 use crate::{Error, Result, read};
-use std::fs::File;
 use std::io::{ErrorKind, Seek as _};
 use std::path::{Path, PathBuf};
 use tiff::TiffError;
