@@ -2,7 +2,7 @@
 
 use super::item::Item;
 use crate::cli::output::Target;
-use elunar_raster::{Error, Result};
+use elunar_raster::{Error, Result, read};
 use elunar_scene::predict::identity::states_a_job;
 use elunar_scene::predict::{part_path, sum_path};
 use std::path::{Path, PathBuf};
@@ -47,8 +47,9 @@ fn foreign(target: Target, has_begun: bool) -> Option<PathBuf> {
 
 /// Returns whether the SHA-256 of a file lies beside its place.
 fn is_sum_of(path: &Path) -> bool {
-    let known = std::fs::metadata(sum_path(path)).is_ok_and(|found| found.is_file() && found.len() < 1 << 12);
-    let text = if known { std::fs::read_to_string(sum_path(path)).unwrap_or_default() } else { String::new() };
+    // Not as a text, which may come from a pipe: that would wait for a writer.
+    let text =
+        read::bytes(&sum_path(path), 1 << 12).ok().and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     text.strip_suffix('\n')
         .and_then(|line| line.split_once("  "))

@@ -7,7 +7,7 @@ use elunar_capi::types::*;
 use elunar_core::nn::file::seal_file;
 use elunar_core::nn::{KnownSun, Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
-use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::photoclinometry::{Contrast, ExpectedErrors};
 use elunar_core::terrain::PixelSize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -110,6 +110,11 @@ impl Tile {
         let pixel = PixelSize::square(f64::from(self.pixel_m));
         let cell_px = LightFit::cell_px(self.coarse_px);
         fit.add_masked(&self.image, &self.coarse_m, mask.as_deref(), COLS, pixel, cell_px);
+        let mut scratch = vec![0.0; runner.scratch_len()];
+        if model.illumination().is_guided() {
+            let shape = (model.tile(), self.coarse_px);
+            fit = fit.with_axis(Contrast::of_image(&self.image, mask.as_deref(), shape, &mut scratch).unwrap().axis());
+        }
         let [azimuth_deg, elevation_deg] = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
         let sun = KnownSun { azimuth_deg, elevation_deg };
         let tile = TileInput {
@@ -120,7 +125,7 @@ impl Tile {
             coarse_px: self.coarse_px,
             light: TileLight::Scene(Lighting::decide(model.illumination(), sun, &fit)),
         };
-        let begun = runner.begin_metres(&tile, &mut vec![0.0; runner.scratch_len()]).unwrap();
+        let begun = runner.begin_metres(&tile, &mut scratch).unwrap();
         while runner.step(STEP_MACS).unwrap() == Progress::Running {}
         let (mut heights_m, mut valid) = (vec![0.0; PX], vec![false; PX]);
         runner.heights(&begun.scale, &mut heights_m).unwrap();

@@ -220,7 +220,7 @@ fn misfits_are_named() {
     assert!(refused(&other, GridOptions::default()).contains("north-up"));
     other.georef = None;
     assert!(refused(&other, GridOptions::default()).contains("1.tif: a raster with a geotransform expected"));
-    let far = raster(9, 9, (1e9, 1e9), |_, _| 1.0);
+    let far = raster(9, 9, (2e6, 2e6), |_, _| 1.0);
     assert!(refused(&far, GridOptions::default()).contains("at most"));
     let window = |w| GridOptions { window: Some(w), ..GridOptions::default() };
     assert!(refused(&good, window([5.0, 0.0, 4.0, 1.0])).contains("xmin < xmax"));
