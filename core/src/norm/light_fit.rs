@@ -23,7 +23,7 @@ mod cells;
 mod strength;
 
 pub use axis::Axis;
-pub(crate) use axis::WHOLE;
+pub(crate) use axis::DIRECTED_RELIEF;
 
 use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
 use crate::norm::shading;
@@ -48,7 +48,7 @@ const TOLD_SPREAD: f64 = 0.6;
 const EXPECTED_STRENGTH: f64 = 1.8;
 const EXPECTED_SPREAD: f64 = 0.9;
 /// Standard deviation of the logarithm of the strength that the image's contrast implies, by the share of it that has the light's direction (our
-/// choice: over 150 real and changed real scenes it errs by a factor of 1.8).
+/// choice: a factor of 1.8).
 const SHARE_SPREAD: f64 = 0.6;
 /// Probability, before the fit is seen, that an image shows the ground of the coarse DTM; and if the caller tells its Sun (our choice).
 const RELATED: f64 = 0.5;
@@ -350,7 +350,7 @@ impl LightFit {
     }
 
     /// Returns the light, with its uncertainty, from the known angles of the Sun (azimuth clockwise from up, elevation, degrees). Unknown
-    /// angles are fitted. The strength joins the fitted one and the one that the elevation implies ([`Strength`]). For a Sun of unknown elevation,
+    /// angles are fitted. The strength joins the fitted one and the one that the elevation implies, by their uncertainty. For a Sun of unknown elevation,
     /// a strength of 1.8 is expected, with a wide spread. For a known azimuth the strength that the image's contrast implies counts as
     /// well, if an [`Axis`] is stated: where the fit is unsure, a wrong one would make the relief of the whole scene too high.
     ///
@@ -407,7 +407,7 @@ impl LightFit {
     /// Returns a light of this azimuth and strength.
     fn certain(&self, azimuth_deg: f64, strength: Strength) -> Option<LightEstimate> {
         let light = Light::of(azimuth_deg, libm::exp(strength.log).clamp(STRENGTH_MIN, STRENGTH_MAX))?;
-        let explained = |whole: f64| (libm::exp(2.0 * strength.log) / (whole * WHOLE)).min(1.0) as f32;
+        let explained = |whole: f64| (libm::exp(2.0 * strength.log) / (whole * DIRECTED_RELIEF)).min(1.0) as f32;
         Some(LightEstimate {
             light,
             log_strength_sd: strength.spread as f32,

@@ -12,6 +12,6 @@ pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, RELIEF_MAX_M, nr_from_reliefs};
 pub use error::NormError;
 pub use light::{Light, Mirror};
-pub(crate) use light_fit::WHOLE;
+pub(crate) use light_fit::DIRECTED_RELIEF;
 pub use light_fit::{Axis, LightEstimate, LightFit};
 pub use shading::Shading;

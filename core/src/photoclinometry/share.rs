@@ -14,7 +14,7 @@
 
 use super::{Photoclinometry, SMOOTHNESS};
 use crate::mask;
-use crate::norm::{Axis, Light, NormError, Shading, WHOLE};
+use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
 use crate::part::{item, put};
 use crate::tile::Shape;
 use core::f32::consts::PI;
@@ -121,7 +121,7 @@ impl Contrast {
             if found.is_finite() {
                 expected = (waves * found + EXPECTED_WAVES * expected) / (waves + EXPECTED_WAVES);
             }
-            put(&mut share.octaves, index, (expected / WHOLE as f32).clamp(SHARE_MIN, 1.0));
+            put(&mut share.octaves, index, (expected / DIRECTED_RELIEF as f32).clamp(SHARE_MIN, 1.0));
             put(&mut share.variances, index, (power.total / self.tiles) as f32);
         }
         share
@@ -275,7 +275,7 @@ mod tests {
     fn smoothness_is_the_noise_between_octaves() {
         // All of it, half of it, then none.
         let mut octaves = [power(0.0); OCTAVES];
-        (octaves[0], octaves[1]) = (power(WHOLE), power(0.5 * WHOLE));
+        (octaves[0], octaves[1]) = (power(DIRECTED_RELIEF), power(0.5 * DIRECTED_RELIEF));
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
         let at = |wavelength: f32| share.smoothness((2.0 * PI / wavelength).powi(2));
         assert!((share.octave(0) - 1.0).abs() < 1e-3 && (share.octave(1) - 0.5).abs() < 1e-3);
@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn few_waves_follow_the_octave_before() {
-        let mut octaves = [power(0.8 * WHOLE); OCTAVES];
+        let mut octaves = [power(0.8 * DIRECTED_RELIEF); OCTAVES];
         octaves[3] = Power { waves: 2.0, ..power(-1.0) };
         octaves[4] = Power::default();
         let share = Contrast::new(octaves, 1.0, 1.0).share(LIGHT);
@@ -343,7 +343,7 @@ mod tests {
             assert!((axis.azimuth_deg - azimuth).abs() < 1e-9 && (axis.sd_deg - 10.0).abs() < 1e-9, "{axis:?}");
             let lit = Light::of(azimuth + 180.0, 1.0).unwrap();
             let across = Light::of(azimuth + 90.0, 1.0).unwrap();
-            assert!((contrast.share(lit).octave(2) - 0.6 / WHOLE as f32).abs() < 1e-3);
+            assert!((contrast.share(lit).octave(2) - 0.6 / DIRECTED_RELIEF as f32).abs() < 1e-3);
             assert_eq!(contrast.share(across).octave(2), SHARE_MIN);
         }
         assert_eq!(Contrast::default().axis(), None);

@@ -4,7 +4,7 @@
 const RELIEF_SD_DEG: f64 = 6.0;
 /// The directed part of the contrast of ground without albedo. Shading is not quite linear, and ground has directions of its own (our choice,
 /// near 0.72, the best of 0.72, 0.8, 0.9 and 1 on real scenes).
-pub(crate) const WHOLE: f64 = 0.75;
+pub(crate) const DIRECTED_RELIEF: f64 = 0.75;
 /// Smallest share of relief that is expected (our choice).
 const SHARE_MIN: f64 = 0.1;
 
@@ -27,7 +27,7 @@ impl Axis {
     /// Returns the share of the contrast that is relief under a Sun at this azimuth, 0.1 to 1.
     pub(super) fn share(self, azimuth_deg: f64) -> f64 {
         let apart = 2.0 * (azimuth_deg - self.azimuth_deg).to_radians();
-        (RELIEF_SD_DEG / self.sd_deg * libm::cos(apart) / WHOLE).clamp(SHARE_MIN, 1.0)
+        (RELIEF_SD_DEG / self.sd_deg * libm::cos(apart) / DIRECTED_RELIEF).clamp(SHARE_MIN, 1.0)
     }
 }
 

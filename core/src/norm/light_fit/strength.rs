@@ -59,8 +59,8 @@ impl Strength {
             let off = (log - expected.log) / expected.spread;
             -0.5 * off * off
         };
-        // A factor changes no sign, so a fit below 0 is off by its noise alone. Its square is that of both strengths together: so twice and
-        // half of the fitted strength are as likely.
+        // A factor changes no sign, so a fit below 0 is off by its noise alone. The variance of the factor is scaled by the product of fitted and
+        // true strength, so that twice and half of the fitted one are as likely.
         let of_factor = FITTED_SPREAD * FITTED_SPREAD * found.max(0.0);
         // Logarithm of the likelihood over that without light.
         let likelihood = |log: f64| {
