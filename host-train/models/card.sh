@@ -46,6 +46,7 @@ all_sure() {
 part lists python3 "$here/suites/external.py" "$data" "$out/lists"
 part real run suite --real "$data/real" "${models[@]}" --linear-own --out "$out/real"
 part real-azimuth run suite --suite "$out/lists/real-azimuth.toml" "${models[@]}" --out "$out/real-azimuth"
+for list in variants unrelated unrelated-azimuth; do part "$list" run suite --suite "$out/lists/$list.toml" --model ground=host-train/models/ground.eld --out "$out/$list"; done
 for list in apollo15 independent stereolunar; do both "$list"; done
 part nac run suite --suite "$out/lists/nac.toml" --model "nano=$nano" --out "$out/nac"
 part real-sfs "$here/suites/sfs.sh" "$out/real-sfs" --real "$data/real"

@@ -211,6 +211,47 @@ def real(folder, out):
     told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
     write(out, "real-azimuth", about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth"), told)
     unrelated(out, scenes)
+    variants(out, scenes)
+
+
+def maps_of(scene):
+    """Image and truth of a scene that was written, their transforms and CRS."""
+    maps = {}
+    for what in ("image", "truth"):
+        with rasterio.open(scene[what]) as file:
+            maps[what] = file.read(1, masked=True).astype("f8").filled(np.nan), file.transform, file.crs
+    return maps["image"], maps["truth"]
+
+
+def albedo(shape, seed):
+    """A map without a direction, its power falling with the square of the frequency; mean 0, standard deviation 1."""
+    frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, shape), indexing="ij"))
+    frequency[0, 0] = np.inf
+    map_ = np.fft.ifft2(np.fft.fft2(np.random.default_rng(seed).standard_normal(shape)) / frequency).real
+    return map_ / map_.std()
+
+
+def variants(out, real):
+    """The real scenes with coarser images, with other coarse DTMs, and with albedo added."""
+    scenes = []
+    for number, scene in enumerate(real):
+        (image, of_image, crs), (truth, of_truth, _) = maps_of(scene)
+
+        def add(name, kind, map_, shrink, coarse_px):
+            places = of_image * rasterio.Affine.scale(shrink), of_truth
+            if min(map_.shape) >= 5 * coarse_px:
+                made = real_scene(out, f"{scene['name']}-{name}", kind, map_, truth, places, crs, coarse_px)
+                azimuth = {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else {}
+                scenes.append(made | azimuth | {"truth_resolution_m": max(made["truth_resolution_m"], RESOLUTION_PX * abs(places[0].a))})
+
+        for shrink in (2, 4):
+            for coarse_px in (8, 20):
+                add(f"{shrink}x-{coarse_px}", "coarser", means(image, shrink, 0.5), shrink, coarse_px)
+        for times in (0.5, 1.0):
+            contrast = np.nanstd(image) / np.nanmean(image)
+            add(f"albedo-{times}", "albedo", image * (1 + times * contrast * albedo(image.shape, number)), 1, 20)
+    about = "The real scenes with images 2 and 4 times coarser and coarse pixels of 8 and 20 of theirs, or with albedo added that has 0.5 and 1 of the contrast."
+    write(out, "variants", about + " The azimuth is told where there is one.", scenes)
 
 
 def unrelated(out, real):
@@ -218,8 +259,7 @@ def unrelated(out, real):
     out, scenes = out.resolve(), []
     opened = {}
     for scene in real:
-        with rasterio.open(scene["image"]) as file:
-            opened[scene["name"]] = file.read(1, masked=True).astype("f8").filled(np.nan), file.transform, file.crs
+        opened[scene["name"]] = maps_of(scene)[0]
     for scene in real:
         image, transform, crs = opened[scene["name"]]
         images = {"down": image[::-1], "across": image[:, ::-1], "both": image[::-1, ::-1]}
@@ -230,7 +270,10 @@ def unrelated(out, real):
         for how, map_ in images.items():
             name = f"{scene['name']}-{how}"
             scenes.append({**scene, "name": name, "kind": scene["name"], "image": save(out / f"{name}_image.tif", map_, transform, crs)})
-    write(out, "unrelated", "The real scenes under images of other ground: what a method adds is wrong.", scenes)
+    about = "The real scenes under images of other ground: what a method adds is wrong."
+    write(out, "unrelated", about, scenes)
+    told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["kind"]]} for scene in scenes if scene["kind"] in AZIMUTHS]
+    write(out, "unrelated-azimuth", about + " The azimuth of the right image is told.", told)
 
 
 def main():

@@ -6,7 +6,7 @@ use super::lighting::{KnownSun, LightSource, Lighting, TileLight};
 use crate::error::same_length;
 use crate::mask;
 use crate::norm::intensity::IntensityRange;
-use crate::norm::{ElevationScale, LightFit, Mirror, NormError};
+use crate::norm::{ElevationScale, FineWaves, LightFit, Mirror, NormError};
 use crate::part::item;
 use crate::photoclinometry::{Contrast, ExpectedErrors, Guide, GuideInput, MAPS, Photoclinometry, SLOPED_MAPS, Weight};
 use crate::tile::Shape;
@@ -75,7 +75,7 @@ impl InputRules {
     pub fn truth_scale(&self, scale: &TileScale, truth_m: &[f32]) -> Result<TileScale, NormError> {
         Ok(match self.truth_range {
             TruthRange::Own => {
-                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, mirror: scale.mirror }
+                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, ..*scale }
             }
             TruthRange::Reference | TruthRange::Pixel => *scale,
         })
@@ -139,6 +139,8 @@ pub struct TileScale {
     pub elevation: ElevationScale,
     /// The mirroring of the tile.
     pub mirror: Mirror,
+    /// What is kept of the short waves; all, unless the network's maps are weighed. [`Self::recover`] leaves it to the caller.
+    pub fine: FineWaves,
 }
 
 impl TileScale {
@@ -233,7 +235,7 @@ impl<'t, 's> TileMaps<'t, 's> {
             illumination => tile.lighting(illumination, shape, scratch),
         };
         let (mirror, source) = (lighting.mirror(), lighting.source);
-        let scale = TileScale { elevation, mirror };
+        let scale = TileScale { elevation, mirror, fine: FineWaves::WHOLE };
         let TileInput { image, coarse_m, valid, coarse_px, .. } = *tile;
         let weight = match rules.illumination {
             Illumination::Any | Illumination::Northwest => None,
@@ -250,6 +252,8 @@ impl<'t, 's> TileMaps<'t, 's> {
                 let light = lighting.estimate();
                 ExpectedErrors::of_share(guide.share(), &light, (tile.pixel_m, coarse_px), guide.dark_below())
             });
+            let fine = if expected.is_some() { FineWaves::of_share(guide.share()) } else { scale.fine };
+            let scale = TileScale { fine, ..scale };
             let sloped = rules.illumination == Illumination::Sloped;
             return Ok(Self::Guided(GuidedMaps { guide, scale, source, expected, sloped }));
         }

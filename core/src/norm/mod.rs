@@ -3,6 +3,7 @@
 pub mod anchor;
 pub mod elevation;
 mod error;
+pub mod fine;
 pub mod intensity;
 pub mod light;
 pub mod light_fit;
@@ -11,6 +12,7 @@ pub mod shading;
 pub use anchor::Anchor;
 pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, RELIEF_MAX_M, nr_from_reliefs};
 pub use error::NormError;
+pub use fine::FineWaves;
 pub use light::{Light, Mirror};
 pub(crate) use light_fit::DIRECTED_RELIEF;
 pub use light_fit::{Axis, LightEstimate, LightFit};

@@ -65,7 +65,7 @@ fn half_begun(record: &mut Record, status: eld_status_t) {
 }
 
 fn keep(record: &mut Record, scale: &TileScale) {
-    let TileScale { elevation, mirror } = scale;
+    let TileScale { elevation, mirror, .. } = scale;
     record.scale_bits = [elevation.min_m(), elevation.relief_m(), elevation.nr()].map(f32::to_bits);
     record.mirror = mirror.rows as u32 | (mirror.cols as u32) << 1;
 }

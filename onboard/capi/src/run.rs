@@ -10,7 +10,7 @@ use crate::types::{
 use crate::validity;
 use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended, TileScale};
-use elunar_core::norm::{ElevationScale, Mirror};
+use elunar_core::norm::{ElevationScale, FineWaves, Mirror};
 
 /// Resumes the runner from the record.
 ///
@@ -56,7 +56,7 @@ pub(crate) fn output(
     let elevation = ElevationScale::from_parts(min_m, relief_m, nr).map_err(|_| ELD_FAULT_RUN)?;
     let mirror = Mirror { rows: context.record.mirror & 1 != 0, cols: context.record.mirror & 2 != 0 };
     let runner = runner(&context.record, model, lent.arena)?;
-    runner.heights(&TileScale { elevation, mirror }, heights_m).map_err(run_status)?;
+    runner.heights(&TileScale { elevation, mirror, fine: FineWaves::WHOLE }, heights_m).map_err(run_status)?;
     if let Some(valid) = valid {
         validity::unpack(lent.validity, valid);
     }

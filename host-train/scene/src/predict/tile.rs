@@ -158,6 +158,7 @@ impl<'a> TileWorker<'a> {
             let mut difference = coarse;
             anchor
                 .apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums)
+                .and_then(|()| scale.fine.apply(&mut heights_m, coarse_m, window.cols, &mut difference, &mut self.sums))
                 .map_err(|e| Error::input(e.to_string()))?;
         }
         if self.rules.input.illumination.is_weighed() {
