@@ -74,9 +74,7 @@ impl InputRules {
     /// Those of [`ElevationScale::from_heights`].
     pub fn truth_scale(&self, scale: &TileScale, truth_m: &[f32]) -> Result<TileScale, NormError> {
         Ok(match self.truth_range {
-            TruthRange::Own => {
-                TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, ..*scale }
-            }
+            TruthRange::Own => TileScale { elevation: ElevationScale::from_heights(truth_m, None, self.nr)?, ..*scale },
             TruthRange::Reference | TruthRange::Pixel => *scale,
         })
     }

@@ -369,13 +369,7 @@ impl<'a, 'm> Strip<'a, 'm> {
             let anchor = Anchor::new(self.plan.settings.coarse_px);
             // The plan guarantees the lengths.
             let _ = anchor.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
-            let _ = scale.fine.apply(
-                self.image,
-                self.coarse_m,
-                cols,
-                head_mut(self.scratch, pixels),
-                self.blend.aside,
-            );
+            let _ = scale.fine.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
         }
         if self.runner.model().illumination().is_weighed() {
             self.plan.settings.light.settle(self.image, self.coarse_m);

@@ -23,7 +23,8 @@ pub struct Options {
     pub overlap_px: usize,
     /// Weights of overlapping tiles.
     pub blend: Blend,
-    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]; our choice). Otherwise they come from
+    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]), and of its short waves what the image shows
+    /// ([`elunar_core::norm::FineWaves`]); our choice. Otherwise they come from
     /// the network (the paper).
     pub anchor: bool,
     /// Number of threads; 0 takes as many as the machine offers.
