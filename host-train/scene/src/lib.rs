@@ -4,6 +4,7 @@
 //! the tiles. [`evaluate`] compares the result with a truth, and [`lola`] compares it with laser tracks. [`diff`] and [`hillshade`] make
 //! rasters from it. [`picture`] draws it. [`prepare`] makes training sets, and [`data`] reads their tiles. [`inspect`] describes a file.
 
+pub mod body;
 pub mod data;
 pub mod diff;
 pub mod evaluate;
