@@ -20,3 +20,6 @@ pub mod prepare;
 pub mod progress;
 pub mod sfs;
 pub mod table;
+
+/// What files name as their maker: both programs write the same ones.
+pub const SOFTWARE: &str = concat!("ELunarDTM ", env!("CARGO_PKG_VERSION"));
