@@ -24,7 +24,7 @@
 //! The path of one tile from image to metres, with the module of each step:
 //!
 //! 1. [`grid`] views a rectangle of the caller's pixels, with a row stride. No type here owns an image.
-//! 2. [`mask`] says which pixels are valid. PDS3 special values, nodata and NaN are not.
+//! 2. [`mask`] says which pixels are valid. NaN and what is 1e30 or more from zero are not.
 //! 3. [`tile`] cuts a scene into windows of 256 rows by 320 columns, which overlap at inference.
 //! 4. [`norm`] normalises the image to [0, 1] and the coarse DTM to [0, NR] (Eq. 1–2). The [`norm::ElevationScale`] that results is needed
 //!    to bring heights back to metres. A network with a given light takes slopes and pixels instead, and the relief from

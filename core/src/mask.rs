@@ -1,11 +1,11 @@
 //! Which pixels are valid.
 //!
-//! One rule everywhere: a pixel is valid if the mask, where there is one, says so **and** its value is neither NaN, infinite nor one of the
-//! special float values of PDS3 and ISIS. So a forgotten mask cannot bring a nodata value into a mean.
+//! One rule everywhere: a pixel is valid if the mask, where there is one, says so **and** its value is neither NaN nor [`VOID_FROM`] or more from
+//! zero. So a forgotten mask cannot bring a nodata value into a mean.
 
-/// Floats at or below this value are special (ISIS NULL is -3.4028226550889045e38, other ISIS specials lie below; GDAL writes
-/// -3.4028234663852886e38).
-pub const FLOAT_SPECIAL_MAX: f32 = -3.4e38;
+/// No height in metres and no brightness is this far from zero (our choice). Heights above a body's sphere have eight digits at most; programs
+/// write voids of 3e38 and more (ISIS NULL is -3.4028226550889045e38), which rounding, a scale or a unit may change a little.
+pub const VOID_FROM: f32 = 1e30;
 
 /// 16-bit samples at or below this value are special: -32768 NULL, -32767 LRS, -32766 LIS, -32765 HIS, -32764 HRS.
 pub const INT16_SPECIAL_MAX: i16 = -32764;
@@ -19,10 +19,11 @@ pub const MIN_VALID_PX: usize = 2;
 /// use elunar_core::mask::is_real;
 /// assert!(is_real(-1907.5));
 /// assert!(!is_real(f32::from_bits(0xFF7F_FFFB))); // ISIS NULL
+/// assert!(!is_real(-1e32) && !is_real(1e30));
 /// assert!(!is_real(f32::NAN));
 /// ```
 pub fn is_real(sample: f32) -> bool {
-    sample.is_finite() && sample > FLOAT_SPECIAL_MAX
+    sample.abs() < VOID_FROM
 }
 
 /// Returns whether a 16-bit sample of a PDS3 image is a measurement.
@@ -69,8 +70,10 @@ mod tests {
         for bits in 0xFF7F_FFFAu32..=0xFF7F_FFFF {
             assert!(!is_real(f32::from_bits(bits)), "{bits:#x}");
         }
-        assert!(!is_real(f32::INFINITY));
-        assert!(is_real(-1e6));
+        for void in [f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, 1.701_41e38, -1e32] {
+            assert!(!is_real(void), "{void}");
+        }
+        assert!(is_real(-1e6) && is_real(9.9e29) && is_real(-9.9e29));
         for special in -32768..=-32764 {
             assert!(!is_real_i16(special));
         }

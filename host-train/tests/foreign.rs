@@ -5,8 +5,6 @@
 //! ```
 #![cfg(unix)]
 
-use elunar_learn::model::init::initial_weights;
-use elunar_net::config::{Head, NetConfig, Preset};
 use std::collections::BTreeMap;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -60,20 +58,7 @@ fn jobs() -> Vec<Job> {
 
 /// Returns a folder with what the jobs read.
 fn bench() -> Shell {
-    let shell = Shell::new();
-    shell.made(&["synth", "--out", "s", "--rows", "520", "--cols", "650", "--seed", "5"]);
-    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.eld"), shell.path("nano.eld")).unwrap();
-    let config = NetConfig {
-        embed: 2,
-        depths: [2, 1, 1, 1],
-        heads: [1, 1, 2, 1],
-        stem: 1,
-        dtm: [1; 5],
-        decoder: [2; 5],
-        head: Head::Residual,
-        ..NetConfig::preset(Preset::Nano)
-    };
-    initial_weights(&config, 1).write(&shell.path("small.safetensors")).unwrap();
+    let shell = Shell::with_scene("520", "650");
     let full = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/full.toml")).unwrap();
     let small = [
         ("name = \"full\"", "name = \"e\""),

@@ -5,8 +5,6 @@
 //! ```
 #![cfg(unix)]
 
-use elunar_learn::model::init::initial_weights;
-use elunar_net::config::{Head, NetConfig, Preset};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
@@ -67,20 +65,7 @@ fn jobs() -> Vec<Job> {
 
 /// Returns a folder with what the jobs read.
 fn bench() -> Shell {
-    let shell = Shell::new();
-    shell.made(&["synth", "--out", "s", "--rows", "640", "--cols", "512", "--seed", "5"]);
-    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.eld"), shell.path("nano.eld")).unwrap();
-    let config = NetConfig {
-        embed: 2,
-        depths: [2, 1, 1, 1],
-        heads: [1, 1, 2, 1],
-        stem: 1,
-        dtm: [1; 5],
-        decoder: [2; 5],
-        head: Head::Residual,
-        ..NetConfig::preset(Preset::Nano)
-    };
-    initial_weights(&config, 1).write(&shell.path("small.safetensors")).unwrap();
+    let shell = Shell::with_scene("640", "512");
     let scene = "s/scene_0000_image.tif,s/scene_0000_coarse.tif,nano.eld";
     let table = format!(
         "id,image,coarse,model,output,options.no_anchor\na,{scene},out/a.tif,false\nb,{scene},out/b.tif,true\n"

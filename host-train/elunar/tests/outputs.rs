@@ -257,6 +257,46 @@ fn what_lies_beside_an_output_is_checked_before_the_work() {
     assert_eq!(left, 1, "only the scene");
 }
 
+/// What others have beside an output stays, and what a run wrote for its sake is replaced.
+#[test]
+fn beside_an_output_only_the_files_of_earlier_runs_are_replaced() {
+    let bench = Bench::new(256);
+    let at = bench.folder.path();
+    let sfs = ["sfs", "--image", "s/scene_0000_image.tif", "--coarse", "s/scene_0000_coarse.tif", "-o", "dtm.tif"];
+    let part = bench.predict(&["--part", "1/2"]);
+    let errors = bench.predict(&["--uncertainty", "e.tif"]);
+    for name in ["dtm_hillshade.png", "dtm.tif.sha256", "dtm.tif.survey", "e.tif.sha256", "dtm.tif.1-of-2.rows"] {
+        std::fs::write(bench.at(name), "precious").unwrap();
+        let whole = bench.predict(&[]);
+        let words = match name {
+            "e.tif.sha256" => vec![&errors[..]],
+            "dtm.tif.1-of-2.rows" => vec![&part[..]],
+            _ => vec![&whole[..], &part, &sfs],
+        };
+        for words in words {
+            let text = refused(at, words);
+            let expected = format!("{name}: a file of an earlier run or nothing expected, another one found");
+            assert!(text.contains(&expected), "{words:?}: {text}");
+        }
+        // Beside a DTM of others, too, which may be replaced.
+        if name != "dtm.tif.1-of-2.rows" {
+            std::fs::copy(bench.at("s/scene_0000_truth.tif"), bench.at("dtm.tif")).unwrap();
+            refused(at, if name == "e.tif.sha256" { &errors } else { &sfs });
+            std::fs::remove_file(bench.at("dtm.tif")).unwrap();
+        }
+        assert_eq!(std::fs::read(bench.at(name)).unwrap(), b"precious");
+        std::fs::remove_file(bench.at(name)).unwrap();
+        assert_eq!(std::fs::read_dir(at).unwrap().count(), 1, "only the scene");
+    }
+    std::fs::copy(bench.at("s/scene_0000_truth.tif"), bench.at("dtm.tif")).unwrap();
+    assert!(bench.run(&bench.predict(&[])).status.success(), "the output itself is replaced");
+    assert!(bench.run(&bench.predict(&["--no-anchor"])).status.success(), "and so is what a run wrote");
+    std::fs::remove_file(bench.at("dtm.tif")).unwrap();
+    assert!(bench.run(&bench.predict(&[])).status.success(), "its SHA-256 says whose the hillshade is");
+    std::fs::remove_file(bench.at("dtm.tif")).unwrap();
+    assert!(bench.run(&part).status.success() && bench.run(&part).status.success(), "a survey and rows");
+}
+
 #[test]
 fn files_that_are_too_large_are_refused_unread() {
     let bench = Bench::new(256);

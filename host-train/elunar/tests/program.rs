@@ -69,6 +69,8 @@ fn what_a_dtm_lacks_and_was_made_with_is_said() {
     assert!(options.split(' ').all(is_word) && options.ends_with(" image_nodata=-5"), "{options}");
     assert!(options.starts_with("overlap_px=100 blend=dem-mosaic anchor=yes sun_azimuth_deg="), "{options}");
     assert!(options.contains(" expected_errors=no image_srs=equirectangular,lat_0_deg,lon_0_deg,"), "{options}");
+    let software = read_item(&at.join("dtm.tif"), "SOFTWARE").unwrap().unwrap();
+    assert!(software.starts_with("ELunarDTM "), "{software}");
     for item in ["OPTIONS", "MODEL", "LIGHT", "IMAGE", "COARSE_DTM", "SOFTWARE", "VERTICAL_REFERENCE"] {
         let text = read_item(&at.join("dtm.tif"), item).unwrap().unwrap();
         assert!(!["Some(", "None", "{", "::", "\""].iter().any(|form| text.contains(form)), "{item}: {text}");
@@ -266,4 +268,74 @@ fn exchanged_files_and_a_missing_sun_are_refused() {
     let text = refused(folder.path(), &["sfs", "--image", "bare.tif", "--coarse", coarse, "-o", "x.tif"]);
     assert!(text.contains("--sun-azimuth expected, and bare.tif states none"), "{text}");
     assert!(!folder.path().join("dtm.tif").exists() && !folder.path().join("x.tif").exists());
+}
+
+#[test]
+fn a_mosaic_of_heights_that_the_moon_does_not_have_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "40", "--cols", "50"]);
+    let mut truth = read(at.join("s/scene_0000_truth.tif")).unwrap();
+    let warned = |words: &[&str]| String::from_utf8(elunar(at, words).stderr).unwrap();
+    assert_eq!(warned(&["mosaic", "s/scene_0000_truth.tif", "-o", "m.tif"]), "");
+    truth.samples.iter_mut().for_each(|z| *z += 18_000.0);
+    write(&at.join("high.tif"), &truth, &WriteOptions::heights("high")).unwrap();
+    let text = warned(&["mosaic", "high.tif", "-o", "m.tif"]);
+    assert!(text.starts_with("WARNING: m.tif: heights from 1") && text.lines().count() == 1, "{text}");
+    assert!(text.contains("but the Moon's are between -9,200 and 10,800 m"), "{text}");
+}
+
+#[test]
+fn addresses_are_refused_with_the_line_that_fetches_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "40", "--cols", "50"]);
+    let (image, coarse, truth) = ("s/scene_0000_image.tif", "s/scene_0000_coarse.tif", "s/scene_0000_truth.tif");
+    let (tif, csv, list) = ("https://host/a/b.tif?x=1", "http://host/t.csv", "ftp://host/m.jsonl");
+    let one = |image: &str| {
+        let item = serde_json::json!({"id": "a", "image": image, "coarse": coarse, "model": "nano", "output": "o.tif"});
+        std::fs::write(at.join("m.jsonl"), format!("{item}\n")).unwrap();
+    };
+    one(tif);
+    let manifest = ["--model", "nano", "-o", "n.jsonl"];
+    let with = |words: &[&'static str]| [words, &manifest].concat();
+    let commands = [
+        (tif, vec!["predict", "--image", tif, "--coarse", coarse, "--model", "nano", "-o", "o.tif"]),
+        (tif, vec!["predict", "--image", image, "--coarse", tif, "--model", "nano", "-o", "o.tif"]),
+        (tif, with(&["manifest", tif, "--coarse", coarse])),
+        (tif, with(&["manifest", image, "--coarse", tif])),
+        (csv, with(&["manifest", "--table", csv])),
+        (list, vec!["manifest", "--check", list]),
+        (list, vec!["batch", "--manifest", list]),
+        (tif, vec!["batch", "--manifest", "m.jsonl"]),
+        (tif, vec!["lola", "--dtm", tif, "--tracks", "t.csv"]),
+        (csv, vec!["lola", "--dtm", truth, "--tracks", csv]),
+    ];
+    for (address, words) in commands {
+        let text = refused(at, &words);
+        let line = if address == tif {
+            format!("gdal_translate /vsicurl/{tif} b.tif")
+        } else {
+            format!("curl -L -o {} {address}", address.rsplit('/').next().unwrap())
+        };
+        let what = "a file on this machine expected, found an address; this fetches it";
+        assert!(text.ends_with(&format!("{address}: {what}: {line}\n")), "{words:?}: {text}");
+    }
+}
+
+/// What `predict` would say about the heights of an item, `manifest` says before.
+#[test]
+fn the_coarse_dtm_of_an_item_is_read_as_heights() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    made(at, &["synth", "--out", "s", "--rows", "40", "--cols", "50"]);
+    let coarse = read(at.join("s/scene_0000_coarse.tif")).unwrap();
+    let mut options = WriteOptions::heights("heights");
+    options.unit = Some("degree".into());
+    write(&at.join("c.tif"), &coarse, &options).unwrap();
+    let words = ["manifest", "s/scene_0000_image.tif", "--coarse", "c.tif", "--model", "nano", "-o", "m.jsonl"];
+    let text = refused(at, &words);
+    assert!(text.starts_with("ERROR: c.tif: heights in m, km") && text.contains("found \"degree\""), "{text}");
+    let stated = [&words[..], &["--option", "coarse_unit=km"]].concat();
+    assert!(made(at, &stated).contains("1 items"), "the user knows better");
 }

@@ -80,24 +80,12 @@ fn is_cube(text: &[u8]) -> bool {
 /// # Errors
 /// As [`Format::of`].
 pub fn head(path: &Path) -> Result<Vec<u8>> {
-    if let Some((scheme, address)) = address(path) {
-        let what = format!("{scheme}://{address}: a file on this machine expected, found an address; this fetches it");
-        let name = address.rsplit('/').next().unwrap_or_default().split(['?', '#']).next().unwrap_or_default();
-        let name = if name.is_empty() { "OUT.tif" } else { name };
-        return Err(Error::input(format!("{what}: gdal_translate /vsicurl/{scheme}://{address} {name}")));
-    }
     let mut head = Vec::new();
     read::file(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
     if head.is_empty() {
         return Err(Error::broken(path, "a raster expected, found an empty file"));
     }
     Ok(head)
-}
-
-/// Returns the scheme of an address on the net, and what follows it.
-fn address(path: &Path) -> Option<(&str, &str)> {
-    let (scheme, address) = path.to_str()?.split_once("://")?;
-    ["http", "https", "ftp"].iter().any(|known| scheme.eq_ignore_ascii_case(known)).then_some((scheme, address))
 }
 
 /// Describes the first bytes for messages: as text if they are text, otherwise hexadecimal.
@@ -156,12 +144,6 @@ mod tests {
         );
         assert!(refused("a.txt", b"1,2,3\n4").contains("begins with \"1,2,3\\n4\""));
         assert!(refused("a.img", b"\x01\x02").contains("bytes [01, 02] and no PDS3 label beside it"));
-        let text = source::open(Path::new("https://host/a/b.tif?x=1")).err().expect("refused").to_string();
-        let line = "gdal_translate /vsicurl/https://host/a/b.tif?x=1 b.tif";
-        assert!(
-            text.starts_with("https://host/a/b.tif?x=1: a file on this machine expected") && text.ends_with(line),
-            "{text}"
-        );
         let text = source::open(folder.path()).err().expect("refused").to_string();
         assert!(text.contains("a file expected, found a folder"), "{text}");
         assert!(source::open(&folder.path().join("none.tif")).err().expect("refused").to_string().contains("none.tif"));

@@ -14,6 +14,7 @@ pub mod memory;
 mod nodata;
 pub mod npy;
 pub mod output;
+mod pam;
 pub mod pds3;
 mod projection;
 pub mod quantile;

@@ -1,12 +1,9 @@
 //! Stored numbers that are no measurements.
 //!
-//! A file names some of them (nodata values). Others no height and no brightness can be: from [`MOST`] on.
+//! A file names some of them (nodata values). Others no height and no brightness can be: [`elunar_core::mask::is_real`].
 
+use elunar_core::mask::is_real;
 use std::ops::RangeInclusive;
-
-/// No sample is this far from zero: what is, is void (our choice). The farthest heights of a body in metres have eight digits; programs
-/// write voids of 3e38 and more, which rounding, a scale or a unit may change a little.
-const MOST: f64 = 1e30;
 
 /// Floats this far from a nodata value equal it, relative to the sum of both, as in GDAL (`ARE_REAL_EQUAL`): files hold the value rounded to
 /// `f32`, or converted from `f32`, and its text rounded once more.
@@ -45,17 +42,14 @@ impl Nodata {
     /// Returns whether a float is a nodata value, or cannot be a measurement.
     pub(crate) fn has_float(&self, stored: f64) -> bool {
         let same = |&value: &f64| stored == value || (stored - value).abs() < self.same * (stored + value).abs();
-        !is_sample(stored) || self.values.iter().any(same)
+        !is_real(stored as f32) || self.values.iter().any(same)
     }
 }
 
 /// Returns the sample of a number, NaN if it cannot be a measurement.
 pub(crate) fn sample(value: f64) -> f32 {
-    if is_sample(value) { value as f32 } else { f32::NAN }
-}
-
-fn is_sample(value: f64) -> bool {
-    value.abs() < MOST
+    let sample = value as f32;
+    if is_real(sample) { sample } else { f32::NAN }
 }
 
 /// Returns the range of integers with or without sign.

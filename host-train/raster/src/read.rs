@@ -11,6 +11,8 @@ use std::path::Path;
 pub const MOST_BYTES: u64 = 1 << 30;
 /// Most bytes of a file of settings (our choice).
 pub const MOST_SETTINGS_BYTES: u64 = 1 << 24;
+/// Ends of the names of inputs that are no rasters.
+const OTHER_ENDS: [&str; 7] = ["csv", "eld", "json", "jsonl", "safetensors", "toml", "txt"];
 /// A text is checked after so many bytes, so that the first piece of what is no text ends the reading.
 const PIECE_BYTES: u64 = 1 << 16;
 /// The standard library's reader wants some more room than it fills. What it lacks it takes without an error that could be handled.
@@ -32,7 +34,30 @@ pub fn text_file(path: &Path) -> Result<File> {
     open(path, |found| found.is_file() || is_pipe(found))
 }
 
+/// Refuses the address of a file on the net, with the line that fetches it.
+///
+/// # Errors
+/// [`Error::Input`] if it is one.
+pub fn refuse_address(path: &Path) -> Result<()> {
+    let known = |scheme: &str| ["http", "https", "ftp"].iter().any(|known| scheme.eq_ignore_ascii_case(known));
+    let Some((_, address)) = path.to_str().and_then(|text| text.split_once("://")).filter(|(scheme, _)| known(scheme))
+    else {
+        return Ok(());
+    };
+    let whole = path.display();
+    let name = address.split(['?', '#']).next().and_then(|path| path.rsplit_once('/')).map_or("", |(_, name)| name);
+    let name = if name.is_empty() { "OUT.tif" } else { name };
+    let end = name.rsplit_once('.').map_or("", |(_, end)| end);
+    let line = if OTHER_ENDS.iter().any(|other| end.eq_ignore_ascii_case(other)) {
+        format!("curl -L -o {name} {whole}")
+    } else {
+        format!("gdal_translate /vsicurl/{whole} {name}")
+    };
+    Err(Error::input(format!("{whole}: a file on this machine expected, found an address; this fetches it: {line}")))
+}
+
 fn open(path: &Path, is_right: impl FnOnce(FileType) -> bool) -> Result<File> {
+    refuse_address(path)?;
     // Looked at before it is opened: a FIFO without a writer would wait for ever, and a device may have no end.
     let found = std::fs::metadata(path).map_err(Error::io(path))?.file_type();
     if !is_right(found) {
@@ -57,6 +82,14 @@ fn is_pipe(_: FileType) -> bool {
 /// [`Error::Unsupported`] if it is longer; otherwise as [`file`].
 pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     whole(path, file(path)?, most, |_| true)
+}
+
+/// Returns whether a regular file begins so. Only so much of it is read.
+#[must_use]
+pub fn begins_with(path: &Path, head: &str) -> bool {
+    let mut found = vec![];
+    let read = |file: File| file.take(head.len() as u64).read_to_end(&mut found).is_ok();
+    file(path).is_ok_and(read) && found == head.as_bytes()
 }
 
 /// Reads a text of at most `most` bytes, from a file or a pipe.
@@ -146,6 +179,20 @@ fn whole(path: &Path, file: File, most: u64, mut is_right: impl FnMut(&[u8]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn addresses_are_no_files() {
+        let refused = |address: &str| bytes(Path::new(address), 9).unwrap_err().to_string();
+        for (address, line) in [
+            ("https://host/a/b.tif?x=1", "gdal_translate /vsicurl/https://host/a/b.tif?x=1 b.tif"),
+            ("HTTP://host/", "gdal_translate /vsicurl/HTTP://host/ OUT.tif"),
+            ("ftp://host/t.CSV#1", "curl -L -o t.CSV ftp://host/t.CSV#1"),
+        ] {
+            let what = "a file on this machine expected, found an address; this fetches it";
+            assert_eq!(refused(address), format!("{address}: {what}: {line}"));
+        }
+        assert!(!refused("file://a").contains("address") && !refused("a/http://b").contains("address"));
+    }
 
     #[test]
     fn what_is_too_long_is_refused_before_it_is_read() {

@@ -2,6 +2,7 @@
 
 use super::format::{Format, describe};
 use super::mask::masked;
+use super::pam::told;
 use super::sun::StatedSun;
 use super::{GeoRef, Raster, geotiff, npy, pds3};
 use crate::{Error, Result};
@@ -92,12 +93,13 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 }
 
 /// Opens a raster file as [`open`] does. Samples stored as `nodata` are invalid, too, as if the file named this value: it is compared with
-/// the stored number, before scale, offset and unit are applied. A mask beside the file (`NAME.msk`, as GDAL writes it) holds, too.
+/// the stored number, before scale, offset and unit are applied. A mask beside the file (`NAME.msk`, as GDAL writes it) holds, too. Of another
+/// side file (`NAME.aux.xml`) that states more than statistics, a warning is noted.
 ///
 /// # Errors
 /// As [`open`]; the same about the mask.
 pub fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
-    masked(path, open_alone(path, nodata)?)
+    Ok(told(path, masked(path, open_alone(path, nodata)?)?))
 }
 
 fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {

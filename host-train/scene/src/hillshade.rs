@@ -42,14 +42,24 @@ pub fn shade_rows(source: &dyn Source, rows: Range<usize>, pixel: PixelSize, sha
     // One more row on each side, where the raster has one.
     let read = rows.start.saturating_sub(1)..(rows.end + 1).min(all_rows);
     let heights_m = source.read(Window { row: read.start, col: 0, rows: read.len(), cols })?;
-    let band = Band { heights_m, first: read.start, all_rows, cols };
-    let lines: Result<Vec<Vec<u8>>> = rows.into_par_iter().map(|row| band.shade(row, pixel, shading)).collect();
-    Ok(lines?.concat())
+    Band { heights_m: &heights_m, first: read.start, all_rows, cols }.shades(rows, pixel, shading)
+}
+
+/// Shades a raster in memory as [`shade_rows`] does. `heights_m` are row-major, whole rows of `cols`.
+///
+/// # Errors
+/// [`Error::Input`] if they are not whole rows.
+pub fn shade_all(heights_m: &[f32], cols: usize, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+    let rows = heights_m.len() / cols.max(1);
+    if rows * cols != heights_m.len() {
+        return Err(Error::input(format!("hillshade: rows of {cols} heights expected, {} found", heights_m.len())));
+    }
+    Band { heights_m, first: 0, all_rows: rows, cols }.shades(0..rows, pixel, shading)
 }
 
 /// Consecutive rows of a raster.
-struct Band {
-    heights_m: Vec<f32>,
+struct Band<'a> {
+    heights_m: &'a [f32],
     /// Row of the raster at which the band begins.
     first: usize,
     /// Number of rows of the raster.
@@ -57,7 +67,12 @@ struct Band {
     cols: usize,
 }
 
-impl Band {
+impl Band<'_> {
+    fn shades(&self, rows: Range<usize>, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+        let lines: Result<Vec<Vec<u8>>> = rows.into_par_iter().map(|row| self.shade(row, pixel, shading)).collect();
+        Ok(lines?.concat())
+    }
+
     fn at(&self, row: usize, col: usize) -> f32 {
         self.heights_m[(row - self.first) * self.cols + col]
     }

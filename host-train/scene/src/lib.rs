@@ -4,6 +4,7 @@
 //! the tiles. [`evaluate`] compares the result with a truth, and [`lola`] compares it with laser tracks. [`diff`] and [`hillshade`] make
 //! rasters from it. [`picture`] draws it. [`prepare`] makes training sets, and [`data`] reads their tiles. [`inspect`] describes a file.
 
+pub mod body;
 pub mod data;
 pub mod diff;
 pub mod evaluate;
@@ -19,3 +20,6 @@ pub mod prepare;
 pub mod progress;
 pub mod sfs;
 pub mod table;
+
+/// What files name as their maker: both programs write the same ones.
+pub const SOFTWARE: &str = concat!("ELunarDTM ", env!("CARGO_PKG_VERSION"));

@@ -3,6 +3,8 @@
 // Each test program uses only a part of this module.
 #![allow(dead_code)]
 
+use elunar_learn::model::init::initial_weights;
+use elunar_net::config::{Head, NetConfig, Preset};
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -15,6 +17,25 @@ pub(crate) struct Shell {
 impl Shell {
     pub(crate) fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    /// Makes a folder with a scene (`s/scene_0000_*.tif`), the shipped `nano.eld`, and `small.safetensors`, weights of a small network.
+    pub(crate) fn with_scene(rows: &str, cols: &str) -> Self {
+        let shell = Self::new();
+        shell.made(&["synth", "--out", "s", "--rows", rows, "--cols", cols, "--seed", "5"]);
+        std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/models/nano.eld"), shell.path("nano.eld")).unwrap();
+        let config = NetConfig {
+            embed: 2,
+            depths: [2, 1, 1, 1],
+            heads: [1, 1, 2, 1],
+            stem: 1,
+            dtm: [1; 5],
+            decoder: [2; 5],
+            head: Head::Residual,
+            ..NetConfig::preset(Preset::Nano)
+        };
+        initial_weights(&config, 1).write(&shell.path("small.safetensors")).unwrap();
+        shell
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {

@@ -253,7 +253,7 @@ typedef struct {
 
 /**
  * A tile in physical units. Maps are row-major, tile_rows * tile_cols samples, first row first; they are read during `eld_begin` only.
- * Samples that are not real (NaN, infinite, PDS3 and ISIS specials) are masked pixels.
+ * Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are masked pixels.
  */
 typedef struct {
     /**

@@ -55,11 +55,13 @@ mod tests {
     fn bits_say_what_the_core_says() {
         for len in [1, 7, 8, 64, 65, 200] {
             let image: Vec<f32> = (0..len).map(|i| if i % 5 == 1 { f32::NAN } else { i as f32 }).collect();
-            let coarse_m: Vec<f32> = (0..len).map(|i| if i % 7 == 2 { -3.4028227e38 } else { -1900.0 }).collect();
+            let voids = [-3.4028227e38, 1e30, -1e32, f32::INFINITY];
+            let coarse_m: Vec<f32> = (0..len).map(|i| if i % 7 == 2 { voids[i % 4] } else { -1900.0 }).collect();
             let mask: Vec<bool> = (0..len).map(|i| i % 3 != 0).collect();
             for valid in [None, Some(&mask[..])] {
                 let mut expected = std::vec![false; len];
                 validity(&image, &coarse_m, valid, &mut expected);
+                assert!(expected.iter().skip(2).step_by(7).all(|valid| !valid));
                 let mut bits = std::vec![0xff; len.div_ceil(8)];
                 let mut bytes = std::vec![9; len];
                 let found = pack(&image, &coarse_m, valid, &mut bits);

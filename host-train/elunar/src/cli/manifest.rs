@@ -1,6 +1,7 @@
 //! `elunar manifest`: makes or checks a manifest.
 
 use super::output::{self, Target};
+use super::predict;
 use super::uses::Uses;
 use crate::cluster::apart::{self, User};
 use crate::cluster::item::Item;
@@ -162,6 +163,7 @@ fn of_table(path: &Path, take: &mut dyn FnMut(Fields) -> Result<()>) -> Result<(
 /// Makes an item of the fields of a table and the options of the command line.
 fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<PathBuf, String>) -> Result<Item> {
     let path = |path: &Path| -> Result<PathBuf> {
+        read::refuse_address(path)?;
         let whole = absolute(path)?;
         Ok(whole.strip_prefix(folder).map(Path::to_path_buf).unwrap_or(whole))
     };
@@ -182,38 +184,7 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
     if shipped::find(&model).is_none() {
         model.metadata().map_err(Error::io(&model))?;
     }
-    // Before all of it is read for its hash.
-    if !hashes.contains_key(&coarse) {
-        source::open(&coarse)?;
-    }
-    match source::open(&image) {
-        Ok(source) => {
-            put("rows", source.info().rows.into());
-            put("cols", source.info().cols.into());
-        }
-        Err(error) => eprintln!("WARNING: {error}; its item will fail"),
-    }
-    for (name, file, wanted) in
-        [("image", &image, args.hash == Hash::All), ("coarse", &coarse, args.hash != Hash::None)]
-    {
-        let Ok(known) = file.metadata() else { continue };
-        put(&format!("{name}_bytes"), known.len().into());
-        if wanted {
-            let hash = match hashes.get(file) {
-                Some(hash) => hash.clone(),
-                None => sha256_of_raster(file)?,
-            };
-            hashes.insert(file.clone(), hash.clone());
-            put(&format!("{name}_sha256"), hash.into());
-        }
-    }
-    let mut options = Map::new();
-    for option in &args.options {
-        let (name, value) = option
-            .split_once('=')
-            .ok_or_else(|| Error::usage(format!("--option: NAME=VALUE expected, {option:?} found")))?;
-        options.insert(name.into(), typed(value));
-    }
+    let mut options = options(&args.options)?;
     for (name, value) in fields {
         match name.strip_prefix("options.") {
             Some(option) => drop(options.insert(option.into(), typed(&value))),
@@ -224,7 +195,44 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
         put("options", options.into());
     }
     let line = Value::Object(line).to_string();
-    Item::parse(&line).map_err(|(field, what)| Error::input(format!("{}: field {field}: {what}", image.display())))
+    let wrong = |(field, what)| Error::input(format!("{}: field {field}: {what}", image.display()));
+    let mut item = Item::parse(&line).map_err(wrong)?;
+    // Before all of it is read for its hash, and as `predict` will read it.
+    predict::Args { coarse: coarse.clone(), ..item.predict(folder)? }.open_coarse()?;
+    match source::open(&image) {
+        Ok(source) => {
+            item.rows.get_or_insert(source.info().rows as u64);
+            item.cols.get_or_insert(source.info().cols as u64);
+        }
+        Err(error) => eprintln!("WARNING: {error}; its item will fail"),
+    }
+    describe(&image, args.hash == Hash::All, (&mut item.image_bytes, &mut item.image_sha256), hashes)?;
+    describe(&coarse, args.hash != Hash::None, (&mut item.coarse_bytes, &mut item.coarse_sha256), hashes)?;
+    Ok(item)
+}
+
+/// Adds the size of a file and, if `wanted`, its hash, which is computed once. What a table states stays.
+fn describe(
+    file: &Path,
+    wanted: bool,
+    (bytes, sha256): (&mut Option<u64>, &mut Option<String>),
+    hashes: &mut HashMap<PathBuf, String>,
+) -> Result<()> {
+    let Ok(known) = file.metadata() else { return Ok(()) };
+    bytes.get_or_insert(known.len());
+    if wanted && sha256.is_none() {
+        let hash = hashes.get(file).map_or_else(|| sha256_of_raster(file), |hash| Ok(hash.clone()))?;
+        hashes.insert(file.into(), hash.clone());
+        *sha256 = Some(hash);
+    }
+    Ok(())
+}
+
+/// Returns the options of the command line.
+fn options(words: &[String]) -> Result<Map<String, Value>> {
+    let wrong = |word| Error::usage(format!("--option: NAME=VALUE expected, {word:?} found"));
+    let pair = |word: &String| word.split_once('=').map(|(name, value)| (name.into(), typed(value)));
+    words.iter().map(|word| pair(word).ok_or_else(|| wrong(word))).collect()
 }
 
 /// Returns a cell as what it looks like: a number, true or false, or a text.

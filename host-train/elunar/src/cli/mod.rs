@@ -1,6 +1,7 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
 pub mod batch;
+pub mod beside;
 pub mod diff;
 pub mod evaluate;
 pub mod export;

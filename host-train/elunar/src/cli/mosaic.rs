@@ -6,6 +6,7 @@ use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
 use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, read};
+use elunar_scene::body;
 use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
 use elunar_scene::progress;
 use std::path::{Path, PathBuf};
@@ -112,6 +113,9 @@ pub fn run(args: Args) -> Result<()> {
     writer.finish()?;
     let (rows, cols) = (grid.rows, grid.cols);
     println!("{}: {rows} x {cols} pixels, {valid} of them valid, {low:.1} to {high:.1} m", args.output.display());
+    if let Some(what) = body::beyond(Some(radius_m), (low, high)) {
+        eprintln!("WARNING: {}: {what}: are the DTMs' heights metres above the sphere?", args.output.display());
+    }
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Output paths: checked and taken before the work starts.
 
-use super::uses::Uses;
+use super::{beside, uses::Uses};
 use elunar_raster::output::{Owner, check_target};
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::{hillshade_path, sum_path, survey_path};
@@ -79,12 +79,14 @@ pub fn take_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<(
 /// Checks the name of a DTM to write, and all that lies beside it and its further outputs.
 ///
 /// # Errors
-/// [`Error::Usage`] if its name is not that of a TIFF, a file would replace an input, or what lies there must not be replaced.
+/// [`Error::Usage`] if its name is not that of a TIFF, a file would replace an input, what lies there must not be replaced, or a file beside it
+/// is another's.
 pub fn check_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<()> {
     extension(output, &["tif", "tiff"])?;
     let targets = [&[Target::Dtm(output)], further].concat();
     keep_apart(&targets, inputs)?;
-    targets.iter().flat_map(|target| target.files()).try_for_each(|file| check_target(&file))
+    targets.iter().flat_map(|target| target.files()).try_for_each(|file| check_target(&file))?;
+    targets.into_iter().try_for_each(beside::check)
 }
 
 /// Refuses outputs of which a file is an input, the image that an input's label describes, or a file of another output.

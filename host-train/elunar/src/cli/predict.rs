@@ -1,7 +1,7 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use super::output::{self, Target};
-use super::words;
+use super::{beside, words};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_net::shipped;
 use elunar_raster::output::Owner;
@@ -114,6 +114,15 @@ pub struct Args {
 }
 
 impl Args {
+    /// Opens the coarse DTM, with what the user says about it.
+    ///
+    /// # Errors
+    /// As [`Input::heights`].
+    pub fn open_coarse(&self) -> Result<Input> {
+        let stated = Statements { srs: self.coarse_srs.clone(), unit: self.coarse_unit };
+        Input::heights(&self.coarse, stated, self.coarse_nodata)
+    }
+
     /// Returns the angles of the Sun that the user gives.
     fn known_sun(&self) -> KnownSun {
         KnownSun { azimuth_deg: self.sun_azimuth, elevation_deg: self.sun_elevation }
@@ -207,6 +216,7 @@ fn make_part(args: &Args, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Bo
     let output = rows_path(&args.output, part_of);
     let inputs: [&Path; 3] = [&args.image, &args.coarse, &args.model];
     output::check_dtm(&args.output, &further(args), &inputs)?;
+    beside::check_rows(&output)?;
     let owner = output::take(&output, &inputs)?;
     let task = Task::new(args, open)?;
     let tiling = task.options.tiling(&task.scene, task.model.tile())?;
@@ -499,11 +509,8 @@ fn metres(text: &str) -> std::result::Result<f32, String> {
 
 /// Opens image and coarse DTM. Angles of the Sun that the user does not give are those of the image's file.
 fn scene(args: &Args, user: KnownSun) -> Result<(Scene, KnownFrom)> {
-    let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
-    let (image, coarse) = (
-        Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?,
-        Input::heights(&args.coarse, coarse, args.coarse_nodata)?,
-    );
+    let image = Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?;
+    let coarse = args.open_coarse()?;
     check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
     let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };
     let sun = KnownFrom::new(user, &image.name, of_file)?;

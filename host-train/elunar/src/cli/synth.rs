@@ -3,7 +3,8 @@
 use elunar_core::terrain::PixelSize;
 use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result};
-use elunar_scene::picture::{Panel, hillshade, sheet, stretch, write_png};
+use elunar_scene::SOFTWARE;
+use elunar_scene::picture::{Panel, hillshades, sheet, stretch, write_png};
 use elunar_scene::{interrupt, progress};
 use elunar_synth::{MANIFEST, Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind, scene_files};
 use rayon::prelude::*;
@@ -114,7 +115,7 @@ pub fn run(args: Args) -> Result<()> {
     bar.finish_and_clear();
     let (scenes, panels): (Vec<SceneEntry>, Vec<Vec<Panel>>) = made?.into_iter().unzip();
     write_png(&args.out.join(SHEET), sheet(&panels.concat(), 3, 480))?;
-    let made_by = concat!("host-train ", env!("CARGO_PKG_VERSION")).into();
+    let made_by = SOFTWARE.into();
     Manifest { made_by, seed: args.seed, options, scenes }.write(&args.out)?;
     println!(
         "{}: {} scenes of {rows} x {cols} pixels, contact_sheet.png, manifest.json",
@@ -131,11 +132,10 @@ fn panels(scene: &SynthScene, entry: &SceneEntry) -> Result<Vec<Panel>> {
         "{} {:?}, Sun {:.0}° high from {:.0}°",
         entry.name, scene.kind, scene.sun_elevation_deg, scene.sun_azimuth_deg
     );
-    Ok(vec![
-        Panel::new(about, stretch(&scene.image, rows, cols)?),
-        Panel::new("truth, shaded from 315°", hillshade(&scene.truth_m, rows, cols, pixel)?),
-        Panel::new("coarse DTM, interpolated and shaded", hillshade(&scene.coarse_on_image_m(), rows, cols, pixel)?),
-    ])
+    let shades = hillshades(&[&scene.truth_m, &scene.coarse_on_image_m()], rows, cols, pixel)?;
+    let captions = ["truth, shaded from 315°", "coarse DTM, interpolated and shaded"];
+    let shaded = captions.into_iter().zip(shades).map(|(caption, shade)| Panel::new(caption, shade));
+    Ok([Panel::new(about, stretch(&scene.image, rows, cols)?)].into_iter().chain(shaded).collect())
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use crate::cli::predict;
 use clap::Parser;
 use elunar_net::shipped;
 use elunar_raster::Result;
+use elunar_raster::read::refuse_address;
 use elunar_scene::predict::sun::check_sun;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -77,7 +78,7 @@ pub type Wrong = (String, String);
 #[derive(Debug, Parser)]
 struct Line {
     #[command(flatten)]
-    _predict: predict::Args,
+    predict: predict::Args,
 }
 
 impl Item {
@@ -124,6 +125,9 @@ impl Item {
             let what = format!("1 to {MOST_ID} letters, digits, '.', '_' and '-' expected, {:?} found", self.id);
             return wrong("id", what);
         }
+        for (path, field) in [(&self.image, "image"), (&self.coarse, "coarse"), (&self.model, "model")] {
+            refuse_address(path).map_err(|error| (field.to_string(), error.to_string()))?;
+        }
         let extension = self.output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         if !matches!(extension.as_str(), "tif" | "tiff") {
             return wrong("output", format!("a name ending in .tif expected, {} found", self.output.display()));
@@ -164,6 +168,16 @@ impl Item {
     #[must_use]
     pub fn uncertainty(&self) -> Option<&Path> {
         self.options.get("uncertainty").and_then(Value::as_str).map(Path::new)
+    }
+
+    /// Returns the command line of `predict` for this item.
+    ///
+    /// # Errors
+    /// If an option is wrong, which [`Self::parse`] refuses.
+    pub fn predict(&self, folder: &Path) -> Result<predict::Args> {
+        let words = std::iter::once("predict".to_string()).chain(self.words(folder)?);
+        let line = Line::try_parse_from(words).map_err(|e| elunar_raster::Error::input(e.to_string()))?;
+        Ok(line.predict)
     }
 
     /// Returns the words of `predict` for this item. Paths that are not absolute are beneath `folder`.
@@ -262,6 +276,8 @@ mod tests {
             (r#""id":"a","#, "", "id", "none found"),
             (r#""image":"a.tif""#, r#""image":7"#, "image", "a text expected, 7 found"),
             ("out/a.tif", "out/a.png", "output", ".tif expected"),
+            ("\"a.tif\"", "\"http://h/a.tif\"", "image", "found an address; this fetches it: gdal_translate"),
+            ("m.eld", "https://h/m.eld", "model", "this fetches it: curl -L -o m.eld https://h/m.eld"),
             ("12.5", "400", "sun_azimuth", "a number from -360 to 360"),
             ("12.5", "\"x\"", "sun_azimuth", "a number expected"),
             ("\"overlap\":80", "\"overlap\":\"x\"", "options.overlap", "invalid value 'x'"),

@@ -2,7 +2,7 @@
 
 use super::outcome::{Outcome, Verdict};
 use elunar_raster::{Error, Result};
-use elunar_scene::picture::{FONT, install_font};
+use elunar_scene::picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;
 use std::collections::BTreeMap;
@@ -26,24 +26,22 @@ pub fn timeline(attempts: &[Outcome]) -> Result<RgbImage> {
     if attempts.is_empty() {
         return Err(Error::input("timeline: an attempt at least expected, none found in the logs"));
     }
-    install_font();
     let mut lanes: BTreeMap<(&str, &str, usize), usize> = BTreeMap::new();
     lanes.extend(attempts.iter().map(|a| ((a.host.as_str(), a.chunk.as_str(), a.slot), 0)));
     lanes.values_mut().enumerate().for_each(|(number, lane)| *lane = number);
     let size = (WIDTH_PX, (140 + 12 * lanes.len() as u32).min(MOST_PX));
     let mut pixels = RgbImage::new(size.0, size.1);
-    draw(&mut pixels, size, attempts, &lanes).map_err(|e| Error::input(format!("timeline: {e}")))?;
+    draw(&mut pixels, attempts, &lanes).map_err(|e| Error::input(format!("timeline: {e}")))?;
     Ok(pixels)
 }
 
 fn draw(
     pixels: &mut RgbImage,
-    size: (u32, u32),
     attempts: &[Outcome],
     lanes: &BTreeMap<(&str, &str, usize), usize>,
 ) -> std::result::Result<(), String> {
     let text = |e: &dyn std::fmt::Display| e.to_string();
-    let area = BitMapBackend::with_buffer(pixels.as_mut(), size).into_drawing_area();
+    let area = Canvas::new(pixels).into_drawing_area();
     area.fill(&WHITE).map_err(|e| text(&e))?;
     let start = attempts.iter().map(|a| a.start_s).fold(f64::INFINITY, f64::min);
     let end = attempts.iter().map(|a| a.start_s + a.seconds).fold(0.0, f64::max);

@@ -2,7 +2,7 @@
 
 use elunar_net::inspect::model::{Plan, TensorLife};
 use elunar_raster::{Error, Result};
-use elunar_scene::picture::{FONT, install_font};
+use elunar_scene::picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -32,7 +32,6 @@ const LIVE: RGBColor = RGBColor(20, 20, 20);
 /// # Errors
 /// [`Error::Usage`] if drawing fails.
 pub fn arena(plan: &Plan) -> Result<RgbImage> {
-    install_font();
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     draw(&mut pixels, plan).map_err(|e| Error::usage(format!("plan: {e}")))?;
     Ok(pixels)
@@ -53,7 +52,7 @@ fn part(name: &str) -> usize {
 
 fn draw(pixels: &mut RgbImage, plan: &Plan) -> std::result::Result<(), String> {
     let text = |e: &dyn std::fmt::Display| e.to_string();
-    let area = BitMapBackend::with_buffer(pixels.as_mut(), SIZE_PX).into_drawing_area();
+    let area = Canvas::new(pixels).into_drawing_area();
     area.fill(&WHITE).map_err(|e| text(&e))?;
     let (end, top) = (plan.macs.max(1) as f64 / 1e6, plan.arena_bytes as f64 / 1e3);
     let name = if plan.name.is_empty() { "model" } else { &plan.name };

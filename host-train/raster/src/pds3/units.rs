@@ -42,14 +42,37 @@ pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
     block.find(key)?.map(finite).transpose()
 }
 
-/// Returns the unit of the samples as the label states it, and the conversion of stored numbers.
+/// Returns the unit of the samples as the label states it, and the conversion of stored numbers. The unit is that of UNIT; without one, that of
+/// SCALING_FACTOR or else of OFFSET. A SCALING_FACTOR or OFFSET in another unit of length is converted to it.
 pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, Conversion), Defect> {
-    let scale = number(image, "SCALING_FACTOR")?.unwrap_or(1.0);
-    if scale == 0.0 {
+    let (factor, constant) = (Quantity::of(image, "SCALING_FACTOR", 1.0)?, Quantity::of(image, "OFFSET", 0.0)?);
+    if factor.value == 0.0 {
         return Err(Defect::missing("a SCALING_FACTOR other than 0 expected, found 0"));
     }
-    let offset = number(image, "OFFSET")?.unwrap_or(0.0);
-    let unit = image.find("UNIT")?.and_then(|item| item.value.text());
+    let unit = image.find("UNIT")?.and_then(|item| item.value.text()).or(factor.length).or(constant.length);
+    let (scale, offset) = (factor.in_unit(unit), constant.in_unit(unit));
     let conversion = conversion(unit, scale, offset, radius.map(|radius| radius.metres));
     Ok((unit.map(str::to_owned), conversion))
+}
+
+/// A number with its unit of length, if it has one.
+struct Quantity<'a> {
+    value: f64,
+    length: Option<&'a str>,
+}
+
+impl<'a> Quantity<'a> {
+    /// Reads a keyword. Its unit may be a length or a length per stored number: `<KM>`, `<M/DN>`.
+    fn of(image: &'a Block, key: &str, default: f64) -> Result<Self, Defect> {
+        let Some(item) = image.find(key)? else { return Ok(Self { value: default, length: None }) };
+        let unit = item.value.unit.as_deref().and_then(|unit| unit.split('/').next());
+        Ok(Self { value: finite(item)?, length: unit.filter(|unit| metres_per(unit).is_some()) })
+    }
+
+    /// Returns the number in another unit; unchanged if one of the two is no known length.
+    fn in_unit(&self, unit: Option<&str>) -> f64 {
+        let metres = |unit: Option<&str>| unit.and_then(metres_per);
+        let ratio = metres(self.length).zip(metres(unit)).map_or(1.0, |(own, other)| own / other);
+        self.value * ratio
+    }
 }

@@ -1,6 +1,7 @@
 //! Curves: losses and errors over training steps.
 
-use super::text::{FONT, install_font};
+use super::canvas::Canvas;
+use super::text::FONT;
 use super::write_png;
 use elunar_raster::{Error, Result};
 use image::RgbImage;
@@ -75,7 +76,6 @@ pub fn plot_log_x(chart: &Chart, series: &[Series]) -> Result<RgbImage> {
 }
 
 fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
-    install_font();
     let fits =
         |(x, y): &(f64, f64)| x.is_finite() && y.is_finite() && (!chart.log_y || *y > 0.0) && (!log_x || *x > 0.0);
     let series: Vec<Series> = series
@@ -88,7 +88,7 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
     };
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     let drawn = {
-        let area = BitMapBackend::with_buffer(pixels.as_mut(), SIZE_PX).into_drawing_area();
+        let area = Canvas::new(&mut pixels).into_drawing_area();
         let mut builder = ChartBuilder::on(&area);
         builder
             .caption(chart.title, (FONT, 20))
@@ -120,7 +120,7 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
 
 /// Draws axes, curves and legend.
 fn fill<'a, X, Y>(
-    mut context: ChartContext<'a, BitMapBackend<'a>, Cartesian2d<X, Y>>,
+    mut context: ChartContext<'a, Canvas<'a>, Cartesian2d<X, Y>>,
     chart: &Chart,
     series: &[Series],
     log_x: bool,

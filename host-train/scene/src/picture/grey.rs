@@ -1,36 +1,35 @@
 //! Grey pictures.
 
 use super::{check_size, percentiles};
-use elunar_core::grid::GridView;
+use crate::hillshade::{Shading, shade_all};
 use elunar_core::terrain::{PixelSize, Sun};
 use elunar_raster::{Error, Result};
 use image::{GrayImage, Luma};
-use rayon::prelude::*;
 
-/// Rows that a thread shades at once.
-const BAND_ROWS: usize = 64;
-
-/// Shades a row-major DTM (metres) as `gdaldem hillshade` does: Sun from the north-west, 45° high. Pixels without a height and the
-/// outermost pixels are black.
+/// Shades a row-major DTM (metres) as `gdaldem hillshade -compute_edges` does: Sun from the north-west, 45° high. Pixels without a height are
+/// black.
 ///
 /// # Errors
 /// [`Error::Input`] if there are not `rows · cols` samples.
 pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) -> Result<GrayImage> {
     check_size(heights_m.len(), rows, cols)?;
-    let misfit = |e: elunar_core::error::LengthError| Error::input(format!("hillshade: {e}"));
-    let mut shade = vec![0; heights_m.len()];
-    let bands = shade.par_chunks_mut((BAND_ROWS * cols).max(1)).enumerate();
-    bands.try_for_each(|(band, out)| {
-        // With the rows above and below.
-        let (first, count) = (band * BAND_ROWS, out.len() / cols);
-        let (above, below) = (first.saturating_sub(1), (first + count + 1).min(rows));
-        let view = GridView::new(&heights_m[above * cols..below * cols], below - above, cols).map_err(misfit)?;
-        let mut shade = vec![0; (below - above) * cols];
-        elunar_core::terrain::hillshade(view, pixel, Sun::default(), &mut shade).map_err(misfit)?;
-        out.copy_from_slice(&shade[(first - above) * cols..][..out.len()]);
-        Ok(())
-    })?;
-    grey(shade, rows, cols)
+    grey(shade_all(heights_m, cols, pixel, &Shading { sun: Sun::default(), compute_edges: true })?, rows, cols)
+}
+
+/// Shades DTMs of one grid as [`hillshade`] does, with one stretch for all: the central 99 % of their shades fill the greys.
+///
+/// # Errors
+/// As [`hillshade`].
+pub fn hillshades(maps_m: &[&[f32]], rows: usize, cols: usize, pixel: PixelSize) -> Result<Vec<GrayImage>> {
+    let mut shades: Vec<GrayImage> =
+        maps_m.iter().map(|map_m| hillshade(map_m, rows, cols, pixel)).collect::<Result<_>>()?;
+    let valid = shades.iter().flat_map(|shade| shade.pixels()).map(|p| f32::from(p.0[0])).filter(|v| *v > 0.0);
+    let (low, high) = percentiles(&valid.collect::<Vec<_>>(), 0.005, 0.995).unwrap_or_default();
+    let gain = 254.0 / (high - low).max(1.0);
+    // Only pixels without a height are black.
+    let stretched = |v: u8| if v == 0 { 0 } else { (1.0 + (f32::from(v) - low) * gain).clamp(1.0, 255.0) as u8 };
+    shades.iter_mut().flat_map(GrayImage::pixels_mut).for_each(|p| p.0 = [stretched(p.0[0])]);
+    Ok(shades)
 }
 
 /// Returns row-major bytes as a picture.

@@ -1,6 +1,7 @@
 //! Histograms.
 
-use super::text::{FONT, install_font};
+use super::canvas::Canvas;
+use super::text::FONT;
 use elunar_raster::{Error, Result};
 use image::RgbImage;
 use plotters::prelude::*;
@@ -18,7 +19,6 @@ const LINE: RGBColor = RGBColor(214, 90, 30);
 /// # Errors
 /// [`Error::Input`] if there is no finite value.
 pub fn histogram(title: &str, x: &str, values: &[f64], lines: &[(String, f64)]) -> Result<RgbImage> {
-    install_font();
     let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     if finite.is_empty() {
         return Err(Error::input(format!("{title}: no value to draw")));
@@ -45,7 +45,7 @@ fn draw(
     lines: &[(String, f64)],
 ) -> std::result::Result<(), String> {
     let text = |e: &dyn std::fmt::Display| e.to_string();
-    let area = BitMapBackend::with_buffer(pixels.as_mut(), SIZE_PX).into_drawing_area();
+    let area = Canvas::new(pixels).into_drawing_area();
     area.fill(&WHITE).map_err(|e| text(&e))?;
     let mut builder = ChartBuilder::on(&area);
     builder.caption(title, (FONT, 20)).margin(10).x_label_area_size(44).y_label_area_size(64);

@@ -3,6 +3,7 @@
 //! Pictures are drawn in memory. [`write_png`] writes them whole or not at all; [`png_bytes`] returns them for embedding.
 
 mod bars;
+mod canvas;
 mod curves;
 mod errors;
 mod grey;
@@ -12,13 +13,14 @@ mod sheet;
 mod text;
 
 pub use bars::{Bars, bars};
+pub use canvas::Canvas;
 pub use curves::{Chart, Series, curves, plot, plot_log_x};
 pub use errors::{ErrorMap, error_map};
-pub use grey::{grey, hillshade, stretch};
+pub use grey::{grey, hillshade, hillshades, stretch};
 pub use histogram::histogram;
 pub use relief::relief;
 pub use sheet::{Panel, sheet};
-pub use text::{FONT, install_font};
+pub use text::FONT;
 
 use elunar_raster::quantile::nearest_rank;
 use elunar_raster::{Error, Result, atomic_write};

@@ -24,11 +24,12 @@ impl Panel {
     }
 }
 
-/// Puts panels side by side, `columns` per row, each caption above its picture. Pictures wider than `panel_px` are reduced to that width
+/// Puts panels side by side, at most `columns` per row and in rows as even as can be, each caption above its picture. Pictures wider than `panel_px` are reduced to that width
 /// with their proportions. Without panels the sheet has one pixel.
 pub fn sheet(panels: &[Panel], columns: usize, panel_px: u32) -> RgbImage {
     let shrunk: Vec<RgbImage> = panels.iter().map(|panel| shrink(&panel.picture, panel_px)).collect();
-    let columns = columns.max(1);
+    let rows = panels.len().div_ceil(columns.max(1)).max(1);
+    let columns = panels.len().div_ceil(rows).max(1);
     let widest = shrunk.iter().map(RgbImage::width).max().unwrap_or(0);
     let row_heights: Vec<u32> = shrunk
         .chunks(columns)

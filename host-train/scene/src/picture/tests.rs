@@ -11,7 +11,26 @@ fn hillshade_is_lit_from_the_north_west() {
     let shade = hillshade(&bowl(60, 80), 60, 80, PixelSize::square(2.0)).unwrap();
     // In a bowl the south-eastern slope faces north-west.
     assert!(shade.get_pixel(60, 50).0[0] > shade.get_pixel(20, 10).0[0] + 50);
-    assert_eq!(shade.get_pixel(0, 0).0[0], 0);
+    assert!(shade.pixels().all(|p| p.0[0] > 0), "no black margin");
+    let mut heights_m = bowl(60, 80);
+    heights_m[80 * 30 + 40] = f32::NAN;
+    let shade = hillshade(&heights_m, 60, 80, PixelSize::square(2.0)).unwrap();
+    assert_eq!(shade.pixels().filter(|p| p.0[0] == 0).count(), 1);
+}
+
+#[test]
+fn hillshades_of_a_row_have_one_stretch() {
+    let (mut steep, pixel) = (bowl(60, 80), PixelSize::square(9.0));
+    let flat: Vec<f32> = steep.iter().map(|z| z / 4.0).collect();
+    steep[0] = f32::NAN;
+    let made = hillshades(&[&steep, &flat], 60, 80, pixel).unwrap();
+    let range = |shade: &image::GrayImage| {
+        let valid = || shade.pixels().map(|p| p.0[0]).filter(|v| *v > 0);
+        u32::from(valid().max().unwrap() - valid().min().unwrap())
+    };
+    assert_eq!(made[0].pixels().filter(|p| p.0[0] == 0).count(), 1);
+    assert!(range(&made[0]) == 254 && range(&made[1]) < 100, "{} {}", range(&made[0]), range(&made[1]));
+    assert!(hillshades(&[&flat, &flat[1..]], 60, 80, pixel).is_err());
 }
 
 #[test]
@@ -55,6 +74,8 @@ fn sheets_hold_all_panels() {
     let black_pixels = made.pixels().filter(|p| p.0 == [0; 3]).count();
     assert!((50 * 40 + 100 * 50 + 30 * 30..8500).contains(&black_pixels), "{black_pixels}");
     assert!(sheet(&[], 3, 100).width() > 0);
+    let six = sheet(&vec![black(50, 40); 6], 4, 100);
+    assert_eq!((six.width(), six.height()), (8 + 3 * 58, 8 + 2 * 68), "three and three, not four and two");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Text in pictures, with a built-in font.
 
+use super::canvas::Canvas;
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -9,8 +10,8 @@ use std::sync::Once;
 /// Name of the font in plotters.
 pub const FONT: &str = "sans-serif";
 
-/// Registers the font; later calls do nothing.
-pub fn install_font() {
+/// Registers the font with plotters, which asks for it; later calls do nothing.
+pub(super) fn install_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for style in [FontStyle::Normal, FontStyle::Bold] {
@@ -32,14 +33,12 @@ pub(super) enum Anchor {
 
 /// Writes dark text of `size` pixels onto the picture. The part beyond the picture is cut off.
 pub(super) fn write(picture: &mut RgbImage, text: &str, col: u32, row: u32, size: u32, anchor: Anchor) {
-    install_font();
-    let (width, height) = picture.dimensions();
     let horizontal = match anchor {
         Anchor::Left => HPos::Left,
         Anchor::Middle => HPos::Center,
     };
     let style = (FONT, size).into_font().color(&RGBColor(30, 30, 30)).pos(Pos::new(horizontal, VPos::Center));
-    let area = BitMapBackend::with_buffer(picture.as_mut(), (width, height)).into_drawing_area();
+    let area = Canvas::new(picture).into_drawing_area();
     // Drawing into memory cannot fail; text outside is clipped.
     let drawn = area.draw_text(text, &style, (col as i32, row as i32));
     debug_assert!(drawn.is_ok(), "text drawn into memory");

@@ -45,5 +45,5 @@ pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows, predi
 pub(crate) use scene::{Band, Cutout};
 pub use scene::{Input, Scene};
 pub use survey::{Brightness, Survey};
-pub use survey_file::{shared_survey, survey_path};
+pub use survey_file::{is_survey, shared_survey, survey_path};
 pub(crate) use tile::Outcome;

@@ -2,7 +2,7 @@
 
 use super::identity::Identity;
 use super::preview::Preview;
-use crate::picture;
+use crate::{SOFTWARE, picture};
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
 use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result, atomic_write};
@@ -32,7 +32,7 @@ impl Provenance<'_> {
             ("LIGHT", light.into()),
             ("IMAGE", image.into()),
             ("COARSE_DTM", coarse.into()),
-            ("SOFTWARE", concat!("host-train ", env!("CARGO_PKG_VERSION")).into()),
+            ("SOFTWARE", SOFTWARE.into()),
         ];
         items.extend(identity.into_iter().flat_map(Identity::items));
         items

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// First line of the file.
 const MAGIC: &str = "elunar rows 1\n";
+/// What it begins with in all versions.
+const KIND: &str = "elunar rows ";
 /// Rows that are compressed together.
 const BLOCK_ROWS: usize = 64;
 /// Longest line about a part, bytes.
@@ -40,6 +42,12 @@ pub fn rows_path(output: &Path, part: PartOf) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}-of-{}.rows", part.k, part.n));
     output.with_file_name(name)
+}
+
+/// Returns whether a file has the rows of a part, of whatever job.
+#[must_use]
+pub fn is_rows(path: &Path) -> bool {
+    read::begins_with(path, KIND)
 }
 
 /// Writes rows that come in blocks.

@@ -10,6 +10,8 @@ use std::time::Duration;
 
 /// First line of the file. The job and the SHA-256 of the survey follow, a line each, then the survey as MessagePack.
 const MAGIC: &str = "elunar survey 2";
+/// What it begins with in all versions.
+const KIND: &str = "elunar survey ";
 /// Time between two looks for the survey that another run makes.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
@@ -53,6 +55,12 @@ pub fn shared_survey(path: &Path, job: &str, make: impl FnOnce() -> Result<Surve
             Err(other) => return Err(other),
         }
     }
+}
+
+/// Returns whether a file is a survey, of whatever job.
+#[must_use]
+pub fn is_survey(path: &Path) -> bool {
+    read::begins_with(path, KIND)
 }
 
 /// Reads the survey of a job; `None` for anything else.

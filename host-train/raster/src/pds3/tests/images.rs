@@ -238,6 +238,14 @@ fn offsets_that_are_radii_are_never_added() {
     assert_eq!(height("UNIT = \"m\" OFFSET = 2", ""), (102.0, metres()));
     assert_eq!(height("UNIT = \"RAW_INSTRUMENT_COUNT\"", ""), (100.0, Some("RAW_INSTRUMENT_COUNT".into())));
     assert_eq!(height("UNIT = 'N/A' OFFSET = 2", ""), (102.0, None));
+    // Units of the keywords themselves.
+    assert_eq!(height("UNIT = METER OFFSET = 2 <KM>", ""), (2100.0, metres()));
+    assert_eq!(height("UNIT = METER SCALING_FACTOR = 0.5 OFFSET = 1737.4 <KM>", ""), (50.0, metres()));
+    assert_eq!(height("SCALING_FACTOR = 0.0005 <KM/DN>", ""), (50.0, metres()));
+    assert_eq!(height("SCALING_FACTOR = 0.01 <KM> OFFSET = 5 <M>", ""), (1005.0, metres()));
+    assert_eq!(height("OFFSET = 1737400 <m>", ""), (100.0, metres()));
+    assert_eq!(height("SCALING_FACTOR = 2 <W/M**2/SR/DN>", ""), (200.0, None), "no length");
+    assert_eq!(height("UNIT = WATT SCALING_FACTOR = 2 <KM>", ""), (200.0, Some("WATT".into())));
     let mars = POLAR.replace("1737.4", "3396.19");
     assert_eq!(height("UNIT = METER OFFSET = 3396190", &mars), (100.0, metres()));
     assert_eq!(height("UNIT = METER OFFSET = 1737400", &mars), (1_737_500.0, metres()));

@@ -1,7 +1,8 @@
 //! Heights that are not metres, or not heights.
 
 use super::super::{Scene, Survey};
-use super::{body, percent};
+use super::percent;
+use crate::body;
 use elunar_core::tile::Window;
 use elunar_raster::Result;
 

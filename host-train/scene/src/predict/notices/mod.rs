@@ -2,7 +2,6 @@
 //!
 //! All limits are our choice, wide enough that ordinary scenes have no warning: a false alarm is worse than a miss.
 
-mod body;
 mod coarse;
 mod exchange;
 mod image;
@@ -18,6 +17,7 @@ pub use light::share_of_relief;
 use super::job::Finished;
 use super::sun::KnownFrom;
 use super::{Scene, Survey};
+use crate::body;
 use elunar_net::illumination::Lighting;
 use elunar_raster::Result;
 use elunar_raster::source::Source;

@@ -1,4 +1,4 @@
-//! Heights that a body has.
+//! Heights that a body has: a warning for DTMs that are made, and for those that are given.
 
 use elunar_raster::MOON_RADIUS_M;
 
@@ -44,7 +44,8 @@ const BODIES: [Body; 4] = [
 
 /// Returns words about heights that the body of a sphere of `radius_m` does not have: what they are, and what they should be. `None` for
 /// heights that it has, and for other bodies, about which nothing is known here.
-pub(super) fn beyond(radius_m: Option<f64>, (low_m, high_m): (f32, f32)) -> Option<String> {
+#[must_use]
+pub fn beyond(radius_m: Option<f64>, (low_m, high_m): (f32, f32)) -> Option<String> {
     let radius_m = radius_m.unwrap_or(MOON_RADIUS_M);
     let Body { whose, heights, limits_m, .. } = BODIES.iter().find(|body| body.radii_m.contains(&radius_m))?;
     (low_m < limits_m.0 || high_m > limits_m.1)
