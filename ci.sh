@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
 # The one check: run it before you commit; continuous integration runs the same file.
 #
-#   ./ci.sh               everything, in this order
-#   ./ci.sh format lint   only these steps: format lint supply test no_std boards checked asan miri backends vulkan cluster
-#   ./ci.sh architecture  not among "everything", because `test` has it: the rules for what may depend on what, in seconds
-#   ./ci.sh fuzz          not among "everything": a minute of libFuzzer for every target, fifteen minutes with what it compiles
-#   ./ci.sh order         not among "everything": all tests in random order, one at a time and eight at once
-#   ./ci.sh no_panic      not among "everything": no panic reachable in the flight archive, on every board
+#   ./ci.sh               every step of `everything`, in its order
+#   ./ci.sh format lint   only these steps, of either list below
 #
 # The first run fetches crates; later runs work offline (CARGO_NET_OFFLINE=true ./ci.sh). With LATEST_START, in seconds since 1970, no step
 # behind `test` begins after that time: it says that it is skipped. Continuous integration must end in time, whatever its machine.
 set -euo pipefail
 cd "$(dirname "$0")"
+
+# The steps: each is a function below.
+everything=(format lint supply test no_std boards checked asan miri backends vulkan cluster)
+on_request=(architecture order fuzz no_panic) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
 flight=onboard/flight/Cargo.toml
@@ -172,6 +172,7 @@ boards() {
     onboard/flight/proofs/run.sh
 }
 
+# No panic reachable in the flight archive, on every board.
 no_panic() {
     has_boards || return 0
     onboard/flight/proofs/run.sh --proof panics
@@ -183,11 +184,12 @@ cluster() {
     host-train/cluster/check.sh "$target/debug/elunar" host-train/models/nano.eld
 }
 
+# The rules for what may depend on what, in seconds.
 architecture() {
     cargo test --locked --quiet -p elunar-tests --test architecture
 }
 
-# Needs a nightly compiler and cargo-fuzz: a minute for every target. The seeded mutations of `test` need neither.
+# Needs a nightly compiler and cargo-fuzz: a minute of libFuzzer for every target, fifteen with what it compiles. The seeded mutations of `test` need neither.
 fuzz() {
     if ! cargo +nightly fuzz --version >/dev/null 2>&1; then
         echo "SKIPPED: fuzzing: no nightly compiler with cargo-fuzz (cargo install cargo-fuzz)"
@@ -207,18 +209,15 @@ in_time() {
     return 1
 }
 
-[ $# -gt 0 ] || set -- format lint supply test no_std boards checked asan miri backends vulkan cluster
+[ $# -gt 0 ] || set -- "${everything[@]}"
 late=()
 for step in "$@"; do
-    case "$step" in
-    format | lint | supply | test | checked | asan | miri | backends | vulkan | no_std | boards | no_panic | order | architecture | cluster | fuzz)
-        say "$step"
-        in_time "$step" || { late+=("$step"); continue; }
-        SECONDS=0
-        "$step"
-        echo "$step: ${SECONDS} s"
-        ;;
-    *) fail "expected a step (format lint supply test no_std boards checked asan miri backends vulkan cluster architecture no_panic order fuzz), found '$step'" ;;
-    esac
+    printf '%s\n' "${everything[@]}" "${on_request[@]}" | grep -qxFe "$step" ||
+        fail "expected a step (${everything[*]} ${on_request[*]}), found '$step'"
+    say "$step"
+    in_time "$step" || { late+=("$step"); continue; }
+    SECONDS=0
+    "$step"
+    echo "$step: ${SECONDS} s"
 done
 say "all good${late:+, not run: ${late[*]}}"

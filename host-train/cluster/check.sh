@@ -109,7 +109,7 @@ undisturbed() {
     # shellcheck disable=SC2046
     same quiet $(all)
     mosaic_same quiet
-    status quiet --html quiet/status.html --timeline quiet/timeline.png --require 100% | tail -1
+    status quiet --html quiet/status.html --require 100% | tail -1
     say "slurm: undisturbed, with the mosaic as dependent job"
 }
 

@@ -122,7 +122,7 @@ suite --suite @@.toml --out out
 suite --model @.eld --out out
 suite --model @.safetensors --out out
 faults @.eld --injections 1
-train-speed --start-from @.safetensors --steps 1
+train-speed --start-from @.safetensors --count 1
 demo --model @.safetensors --out out
 ";
 

@@ -190,7 +190,7 @@ fn status_replaces_neither_manifest_nor_log() {
     std::fs::write(at.join("m.jsonl"), manifest("image", "i.tif", false)).unwrap();
     std::fs::write(at.join("log"), "").unwrap();
     for output in ["m.jsonl", "log", "i.tif", "d/b.tif.part"] {
-        for option in ["--done", "--resubmit", "--timeline", "--html"] {
+        for option in ["--done", "--resubmit", "--html"] {
             if option == "--resubmit" && output.contains('/') {
                 continue;
             }

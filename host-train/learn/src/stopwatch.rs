@@ -28,8 +28,6 @@ pub enum Part {
     Upsampling(Pass),
     /// Batch normalisation, forward and backward.
     BatchNorm(Pass),
-    /// The transformer's blocks, forward and backward.
-    Tokens(Pass),
 }
 
 /// Direction of a pass.
@@ -55,15 +53,14 @@ const STEP: [(Part, &str); 6] = [
 type In = fn(Pass) -> Part;
 
 /// The operators of a pass.
-const OPERATORS: [(In, &str); 4] = [
+const OPERATORS: [(In, &str); 3] = [
     (Part::Convolution, "convolutions"),
     (Part::Upsampling, "upsampling with 5x5 convolution"),
     (Part::BatchNorm, "batch normalisation"),
-    (Part::Tokens, "transformer blocks"),
 ];
 
 static RUNS: AtomicBool = AtomicBool::new(false);
-static NANOSECONDS: [AtomicU64; 14] = [const { AtomicU64::new(0) }; 14];
+static NANOSECONDS: [AtomicU64; 12] = [const { AtomicU64::new(0) }; 12];
 
 impl Part {
     fn sum(self) -> &'static AtomicU64 {
@@ -77,7 +74,6 @@ impl Part {
             Self::Convolution(pass) => 6 + pass as usize,
             Self::Upsampling(pass) => 8 + pass as usize,
             Self::BatchNorm(pass) => 10 + pass as usize,
-            Self::Tokens(pass) => 12 + pass as usize,
         };
         &NANOSECONDS[index]
     }
@@ -178,6 +174,6 @@ mod tests {
         assert!(Part::Tensors.so_far() >= nap);
         let text = table(2, Duration::from_secs(1));
         assert!(text.contains("| all | 500.0 | 100.0 % |"), "{text}");
-        assert_eq!(text.lines().count(), 2 + 6 + 2 * 5 + 2);
+        assert_eq!(text.lines().count(), 2 + 6 + 2 * 4 + 2);
     }
 }

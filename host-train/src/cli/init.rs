@@ -2,7 +2,6 @@
 
 use elunar::cli::output;
 use elunar_learn::model::init::{initial_weights, weights_for};
-use elunar_learn::model::widen::widened;
 use elunar_net::config::{NetConfig, Preset, Switches, config_of};
 use elunar_net::weights::Weights;
 use elunar_raster::Result;
@@ -16,18 +15,16 @@ The switches depart from the paper's network; without any, the network is the pa
 
 With --from, the weights of another network are kept and only its switches change, as far as its tensors still fit: weights for \
 given light, say, also serve weighed maps. Maps that the image gains, a detail stage, and a wider one, change nothing at first.
-With --preset besides, the network becomes that of the preset, of twice its width: it computes the same at first.
 
 Examples:
   host-train init --preset tiny --seed 7 -o tiny.safetensors
-  host-train init --from nano.safetensors --illumination sloped --detail 16 -o start.safetensors
-  host-train init --from nano.safetensors --preset tiny -o tiny.safetensors")]
+  host-train init --from nano.safetensors --illumination sloped --detail 16 -o start.safetensors")]
 pub struct Args {
-    /// Size of the network [default: nano; with --from: the size of its weights].
-    #[arg(long)]
-    pub preset: Option<Preset>,
-    /// Keep the weights and the configuration of this network, and change the switches and the size alone.
-    #[arg(long, value_name = "W.safetensors")]
+    /// Size of the network.
+    #[arg(long, default_value = "nano")]
+    pub preset: Preset,
+    /// Keep the weights and the configuration of this network, and change the switches alone.
+    #[arg(long, value_name = "W.safetensors", conflicts_with = "preset")]
     pub from: Option<PathBuf>,
     /// Changes to the paper's network.
     #[command(flatten)]
@@ -48,17 +45,13 @@ pub fn run(args: Args) -> Result<()> {
     let _owner = output::take(&args.output, &args.from.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let (weights, what) = match &args.from {
         Some(path) => {
-            let mut weights = Weights::read(path)?;
-            if let Some(preset) = args.preset {
-                weights = widened(&weights, preset, args.seed, path)?;
-            }
+            let weights = Weights::read(path)?;
             let config = args.switches.apply(config_of(&weights, path)?)?;
             (weights_for(weights, &config, args.seed, path)?, format!("the weights of {}", path.display()))
         }
         None => {
-            let preset = args.preset.unwrap_or(Preset::Nano);
-            let config = args.switches.apply(NetConfig::preset(preset))?;
-            (initial_weights(&config, args.seed), format!("{preset:?}"))
+            let config = args.switches.apply(NetConfig::preset(args.preset))?;
+            (initial_weights(&config, args.seed), format!("{:?}", args.preset))
         }
     };
     weights.write(&args.output)?;

@@ -56,10 +56,6 @@ pub struct Args {
     /// Take the low frequencies from the networks, not from the coarse DTM, as in the paper.
     #[arg(long)]
     pub no_anchor: bool,
-    /// Predict from coarse to fine, as MADNet 2.0: first with pixels 2^N times as wide, then with half of that, each DTM the next scale's
-    /// coarse DTM.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=6))]
-    pub coarser_scales: u32,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = elunar::cli::threads::number)]
     pub threads: usize,
@@ -83,13 +79,7 @@ pub fn run(args: Args) -> Result<()> {
         println!("{}: {} scenes, and a table of them, scenes.csv", args.out.join(SCENES).display(), list.scene.len());
         return Ok(());
     }
-    let usage = Usage {
-        anchor: !args.no_anchor,
-        tell_sun: !args.hide_sun,
-        threads: args.threads,
-        coarser_scales: args.coarser_scales,
-        ..Usage::default()
-    };
+    let usage = Usage { anchor: !args.no_anchor, tell_sun: !args.hide_sun, threads: args.threads, ..Usage::default() };
     let baselines = Baselines { usage, linear_bound: args.linear_bound, linear_own: args.linear_own };
     let methods = methods(&args, usage)?;
     let list = list(&args, &baselines.methods().iter().chain(&methods).collect::<Vec<_>>())?;

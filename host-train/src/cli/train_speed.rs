@@ -2,8 +2,9 @@
 
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
+use elunar_learn::model::precision::Precision;
 use elunar_learn::train::feed::Feed;
-use elunar_learn::train::recipe::{Recipe, RecipeFlags};
+use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::speed;
 use elunar_net::config::{Preset, config_of, trained_network};
 use elunar_net::weights::Weights;
@@ -35,21 +36,21 @@ pub struct Args {
     /// Number of steps (or batches) that are timed.
     #[arg(long, default_value_t = 20)]
     pub count: usize,
-    /// Number of steps before the timed ones. A GPU's kernels are compiled and chosen in them.
-    #[arg(long, default_value_t = 3, value_name = "N")]
-    pub untimed: usize,
+    /// Precision of the steps.
+    #[arg(long, value_enum, default_value_t)]
+    pub precision: Precision,
     /// Make batches with so many threads instead, without a network.
     #[arg(long, value_name = "THREADS")]
     pub makers: Option<usize>,
-    /// Changes to the preset's recipe. With its --steps, the schedule of the learning rate changes alone.
-    #[command(flatten)]
-    pub recipe: RecipeFlags,
 }
+
+/// Number of steps before the timed ones. A GPU's kernels are compiled and chosen in them.
+const UNTIMED: usize = 3;
 
 /// Runs the command.
 ///
 /// # Errors
-/// If options contradict each other, there is no device, or a step fails.
+/// If a number is 0, there is no device or it lacks the precision, or a step fails.
 pub fn run(args: &Args) -> Result<()> {
     if args.count == 0 || args.makers == Some(0) {
         return Err(Error::usage("--count and --makers: expected at least 1, found 0"));
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> Result<()> {
         _ => trained_network(args.preset),
     };
     // So many steps that the learning rate stays as it is.
-    let recipe = args.recipe.apply(Recipe { steps: 1_000_000_000, ..Recipe::preset(args.preset) })?;
+    let recipe = Recipe { steps: 1_000_000_000, precision: args.precision, ..Recipe::preset(args.preset) };
     let tiles = DataSpec::parse(None, VALIDATION_SEED, Split::Train)?.open()?;
     let feed = Feed::new(tiles, network.clone(), recipe.clone(), 0);
     let preset = format!("{:?}", args.preset).to_lowercase();
@@ -72,11 +73,11 @@ pub fn run(args: &Args) -> Result<()> {
         }
         None => {
             let mut say = |step: usize, loss: f64| {
-                if step <= args.untimed {
-                    eprintln!("step {step} of {} untimed: loss {loss:.6}", args.untimed);
+                if step <= UNTIMED {
+                    eprintln!("step {step} of {UNTIMED} untimed: loss {loss:.6}");
                 }
             };
-            let counts = [args.untimed, args.count];
+            let counts = [UNTIMED, args.count];
             let weights = loaded.unwrap_or_else(|| initial_weights(&network, 0));
             let found = speed::steps(&feed, (&network, &weights), &recipe, args.backend, counts, &mut say)?;
             let mut line = json!({ "backend": args.backend, "precision": recipe.precision, "devices": recipe.devices });

@@ -2,10 +2,9 @@
 
 use crate::cluster::item::Item;
 use crate::cluster::manifest::Manifest;
-use crate::cluster::plan::{Cluster, Costs, model_of, plan, scaling};
+use crate::cluster::plan::{Cluster, Costs, model_of, plan};
 use elunar_net::shipped;
 use elunar_raster::{Error, Result};
-use elunar_scene::picture::{Chart, Series, curves};
 use std::path::PathBuf;
 
 /// Options of `plan`.
@@ -35,9 +34,6 @@ pub struct Args {
     /// Most tasks of an array (MaxArraySize of Slurm, less one).
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=4_000_000))]
     pub most_tasks: u64,
-    /// Draw the speed-up up to 100 nodes, simulated from the measured costs.
-    #[arg(long, value_name = "S.png")]
-    pub scaling: Option<PathBuf>,
     /// Print one object of JSON.
     #[arg(long)]
     pub json: bool,
@@ -54,7 +50,6 @@ pub fn run(args: Args) -> Result<()> {
         }
     }
     let manifest = Manifest::read(&args.manifest)?;
-    let _owners = super::output::take_all(&args.scaling, &[&args.manifest])?;
     let items: Vec<Item> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let model = model_of(&items, &manifest.folder);
@@ -70,17 +65,6 @@ pub fn run(args: Args) -> Result<()> {
         most_tasks: args.most_tasks as usize,
     };
     let made = plan(&items, &costs, &cluster);
-    if let Some(path) = &args.scaling {
-        let found = scaling(&items, &costs, &cluster, 100);
-        let ideal = found.iter().map(|&(nodes, _)| (nodes, nodes)).collect();
-        let title = format!(
-            "Simulated from costs measured on one machine: {} images, {} cores a node, storage {} MB/s",
-            made.items, args.cores, args.storage_mb
-        );
-        let chart = Chart { title: &title, x: "nodes", y: "speed-up over one node", log_y: false };
-        let series = |name: &str, points| Series { name: name.into(), points };
-        curves(path, &chart, &[series("simulated", found), series("linear", ideal)])?;
-    }
     if args.json {
         println!("{}", serde_json::json!({ "costs": costs, "cluster": cluster, "plan": made }));
         return Ok(());

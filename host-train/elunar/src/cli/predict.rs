@@ -9,7 +9,7 @@ use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::interrupt;
-use elunar_scene::mosaic::Blend;
+use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
 use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
 use elunar_scene::predict::job::{Files, ReadRows, fill, finish, light_text, summary, survey};
@@ -93,11 +93,11 @@ pub struct Args {
     /// Folder for the rows of the unfinished DTM, such as a disk of this machine [default: beside the DTM].
     #[arg(long, value_name = "DIR")]
     pub part_dir: Option<PathBuf>,
-    /// SHA-256 of the image, if it is known: the file is not read for it. That of a PDS3 product is LABEL+IMAGE.
-    #[arg(long, value_name = "HEX", value_parser = hashes)]
+    /// SHA-256 of the image: the file is not read for it. That of a PDS3 product is LABEL+IMAGE. A manifest knows it.
+    #[arg(long, value_name = "HEX", value_parser = hashes, hide = true)]
     pub image_sha256: Option<String>,
-    /// SHA-256 of the coarse DTM, if it is known. It spares a reading of a large file.
-    #[arg(long, value_name = "HEX", value_parser = hashes)]
+    /// SHA-256 of the coarse DTM, likewise.
+    #[arg(long, value_name = "HEX", value_parser = hashes, hide = true)]
     pub coarse_sha256: Option<String>,
     /// Print what was taken and found as one JSON object on stdout; the text goes to stderr.
     #[arg(long)]
@@ -105,9 +105,6 @@ pub struct Args {
     /// Overlap of neighbouring tiles, pixels [default: 100, or a third of a smaller tile's shorter side].
     #[arg(long, value_name = "PX")]
     pub overlap: Option<usize>,
-    /// Weights of overlapping tiles.
-    #[arg(long, default_value = "dem-mosaic")]
-    pub blend: Blend,
     /// Take the low frequencies from the network, not from the coarse DTM, as in the paper.
     #[arg(long)]
     pub no_anchor: bool,
@@ -352,7 +349,6 @@ impl Task {
         let (scene, sun) = scene(args, args.known_sun())?;
         let options = Options {
             overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
-            blend: args.blend,
             anchor: !args.no_anchor,
             threads: args.threads,
             sun: sun.sun,
@@ -530,7 +526,7 @@ fn in_words(args: &Args, options: &Options) -> String {
     let number = |value: Option<f64>| value.map(|value| value.to_string());
     identity::words([
         ("overlap_px", Some(options.overlap_px.to_string())),
-        ("blend", words::name(&options.blend)),
+        ("blend", Some(BLEND.into())),
         ("anchor", yes(options.anchor)),
         ("sun_azimuth_deg", number(options.sun.azimuth_deg)),
         ("sun_elevation_deg", number(options.sun.elevation_deg)),

@@ -8,6 +8,7 @@ use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, Error, Result};
 use elunar_scene::interrupt;
+use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
 use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices};
@@ -223,7 +224,7 @@ impl Args {
             ("tolerance", number(Some(settings.tolerance))),
             ("tile_px", Some(format!("{}x{}", settings.tile.0, settings.tile.1))),
             ("overlap_px", Some(settings.overlap_px.to_string())),
-            ("blend", words::name(&settings.blend)),
+            ("blend", Some(BLEND.into())),
             ("image_srs", self.image_srs.as_ref().map(words::srs)),
             ("coarse_srs", self.coarse_srs.as_ref().map(words::srs)),
             ("coarse_unit", self.coarse_unit.as_ref().and_then(words::name)),

@@ -5,12 +5,10 @@ use super::output::Target;
 use crate::cluster::apart::{self, User};
 use crate::cluster::manifest::{Manifest, text};
 use crate::cluster::status::{State, Status, done_list, read_logs};
-use crate::cluster::timeline::timeline;
-use crate::html::{Cell, Picture, document, escaped, figure, table};
+use crate::html::{Cell, document, escaped, table};
 use crate::program;
 use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};
-use elunar_scene::picture::write_png;
 use std::path::{Path, PathBuf};
 
 /// Options of `status`.
@@ -41,10 +39,7 @@ pub struct Args {
     /// Write the lines of the items that are not done and may succeed, beside the manifest.
     #[arg(long, value_name = "AGAIN.jsonl")]
     pub resubmit: Option<PathBuf>,
-    /// Write a picture of all attempts over time.
-    #[arg(long, value_name = "T.png")]
-    pub timeline: Option<PathBuf>,
-    /// Write a page. It holds the picture.
+    /// Write a page.
     #[arg(long, value_name = "P.html")]
     pub html: Option<PathBuf>,
     /// Print one object of JSON.
@@ -66,11 +61,8 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.resubmit {
         atomic_write(path, text(status.of(&[State::TryAgain, State::Waiting]))?.as_bytes())?;
     }
-    if let Some(path) = &args.timeline {
-        write_png(path, timeline(&status.attempts)?)?;
-    }
     if let Some(path) = &args.html {
-        atomic_write(path, page(&args.manifest, &status)?.as_bytes())?;
+        atomic_write(path, page(&args.manifest, &status).as_bytes())?;
     }
     let enough = required(&status, args.require);
     say(&status, args.json, enough.as_ref().err());
@@ -79,12 +71,7 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Takes the files to write, before the work starts: none is the manifest, a log, or a file that an item reads or writes.
 fn take(args: &Args, manifest: &Manifest) -> Result<Vec<Owner>> {
-    let outputs = [
-        (&args.done, "--done"),
-        (&args.resubmit, "--resubmit"),
-        (&args.timeline, "--timeline"),
-        (&args.html, "--html"),
-    ];
+    let outputs = [(&args.done, "--done"), (&args.resubmit, "--resubmit"), (&args.html, "--html")];
     if let Some(path) = &args.resubmit {
         let same = |path: &Path| std::path::absolute(elunar_raster::folder_of(path)).ok();
         if same(path) != same(&args.manifest) {
@@ -158,7 +145,7 @@ fn required(status: &Status, percent: Option<f64>) -> Result<()> {
     }
 }
 
-fn page(manifest: &Path, status: &Status) -> Result<String> {
+fn page(manifest: &Path, status: &Status) -> String {
     let title = format!("Status of {}", manifest.display());
     let mut body = format!("<h1>{}</h1>\n", escaped(&title));
     let row = |name: &str, value: String| vec![Cell::plain(name), Cell::plain(value)];
@@ -178,13 +165,7 @@ fn page(manifest: &Path, status: &Status) -> Result<String> {
             .collect();
         body += &table(&["kind", "items", "such as"], &rows);
     }
-    if !status.attempts.is_empty() {
-        let folder = tempfile::tempdir().map_err(Error::io("temporary folder"))?;
-        let file = folder.path().join("timeline.png");
-        write_png(&file, timeline(&status.attempts)?)?;
-        body += &format!("<h2>Attempts</h2>\n{}", figure(&Picture { file, caption: "Attempts over time".into() })?);
-    }
-    Ok(document(&title, &body))
+    document(&title, &body)
 }
 
 /// Parses a share such as `99%` or `99.5`.

@@ -20,11 +20,11 @@ pub fn srs(crs: &Crs) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_scene::mosaic::Blend;
+    use elunar_raster::stated::HeightUnit;
 
     #[test]
     fn values_are_words() {
-        assert_eq!(name(&Blend::DemMosaic).unwrap(), "dem-mosaic");
+        assert_eq!(name(&HeightUnit::Km).unwrap(), "km");
         let [a, b] = ["IAU_2015:30110", "IAU_2015:30100"].map(|text| srs(&Crs::parse(text).unwrap()));
         assert!(a != b && a.contains("equirectangular,") && a.contains(";keys:"), "{a} {b}");
     }

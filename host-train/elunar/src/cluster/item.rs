@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Options of `predict` that a line may state, by their names with `_` for `-`.
-const OPTIONS: [&str; 10] = [
+const OPTIONS: [&str; 9] = [
     "uncertainty",
     "coarse_sigma",
     "image_srs",
@@ -22,7 +22,6 @@ const OPTIONS: [&str; 10] = [
     "image_nodata",
     "coarse_nodata",
     "overlap",
-    "blend",
 ];
 /// The one without a value besides `fit_sun`.
 const NO_ANCHOR: &str = "no_anchor";

@@ -11,4 +11,3 @@ pub mod manifest;
 pub mod outcome;
 pub mod plan;
 pub mod status;
-pub mod timeline;

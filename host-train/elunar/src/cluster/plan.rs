@@ -205,15 +205,6 @@ fn makespan(seconds: &[f64], chunks: usize, cluster: &Cluster) -> f64 {
     end as f64 / 1e6
 }
 
-/// Returns (nodes, speed-up over one node) up to `most` nodes, simulated.
-#[must_use]
-pub fn scaling(items: &[Item], costs: &Costs, cluster: &Cluster, most: usize) -> Vec<(f64, f64)> {
-    let at = |nodes: usize| plan(items, costs, &Cluster { nodes, ..*cluster }).seconds;
-    let one = at(1);
-    let steps = [1, 2, 3, 5, 7, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100];
-    steps.iter().filter(|nodes| **nodes <= most).map(|&nodes| (nodes as f64, one / at(nodes))).collect()
-}
-
 /// Returns the model of a manifest: that of its first item.
 #[must_use]
 pub fn model_of(items: &[Item], folder: &Path) -> PathBuf {
@@ -248,14 +239,5 @@ mod tests {
         assert!((slow.seconds - (bytes + 7.0 * bytes) / 1e6).abs() < 0.01, "{slow:?}");
         let unknown = plan(&[Item::default()], &COSTS, &cluster(1, 1, 1e6));
         assert_eq!((unknown.items, unknown.unknown, unknown.seconds), (0, 1, 0.0));
-    }
-
-    #[test]
-    fn many_equal_items_scale_until_there_are_too_few() {
-        let items: Vec<Item> = (0..400).map(|_| item(256, 320)).collect();
-        let found = scaling(&items, &COSTS, &cluster(1, 1, 1e12), 100);
-        let at = |nodes: f64| found.iter().find(|(n, _)| *n == nodes).unwrap().1;
-        assert!((at(10.0) - 10.0).abs() < 0.01 && (at(100.0) - 100.0).abs() < 0.1, "{found:?}");
-        assert!(scaling(&items[..20], &COSTS, &cluster(1, 1, 1e12), 100).last().unwrap().1 < 20.1);
     }
 }

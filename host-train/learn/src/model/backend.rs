@@ -1,6 +1,6 @@
 //! Backends of this build, and the devices that each finds on this machine.
 
-#[cfg(any(feature = "cuda", feature = "vulkan-plain", feature = "tch"))]
+#[cfg(any(feature = "cuda", feature = "vulkan-plain"))]
 use burn::tensor::DeviceType;
 use burn::tensor::{Device, FloatDType, Tensor};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -15,8 +15,6 @@ pub enum Backend {
     Flex,
     /// Reference CPU.
     Ndarray,
-    /// libtorch: its first CUDA device, otherwise the CPU.
-    Tch,
     /// NVIDIA GPUs.
     Cuda,
     /// GPUs through Vulkan.
@@ -36,7 +34,7 @@ pub struct Found {
 
 impl Backend {
     /// All backends. The first are the first choice of [`Self::automatic`].
-    pub const ALL: [Self; 5] = [Self::Cuda, Self::Vulkan, Self::Tch, Self::Flex, Self::Ndarray];
+    pub const ALL: [Self; 4] = [Self::Cuda, Self::Vulkan, Self::Flex, Self::Ndarray];
 
     /// Returns the name on the command line.
     #[must_use]
@@ -44,7 +42,6 @@ impl Backend {
         match self {
             Self::Flex => "flex",
             Self::Ndarray => "ndarray",
-            Self::Tch => "tch",
             Self::Cuda => "cuda",
             Self::Vulkan => "vulkan",
         }
@@ -56,7 +53,6 @@ impl Backend {
         match self {
             Self::Flex => true,
             Self::Ndarray => cfg!(feature = "ndarray"),
-            Self::Tch => cfg!(feature = "tch"),
             Self::Cuda => cfg!(feature = "cuda"),
             Self::Vulkan => cfg!(feature = "vulkan-plain"),
         }
@@ -122,13 +118,13 @@ impl Backend {
     #[must_use]
     pub fn wants(self) -> &'static str {
         match self {
-            Self::Flex | Self::Ndarray | Self::Tch => "a processor",
+            Self::Flex | Self::Ndarray => "a processor",
             Self::Cuda => "an NVIDIA GPU with its driver (libcuda)",
             Self::Vulkan => "a Vulkan loader (libvulkan) and a driver",
         }
     }
 
-    #[allow(deprecated)] // ndarray and libtorch serve for comparison as long as the pinned release has them
+    #[allow(deprecated)] // ndarray serves for comparison as long as the pinned release has it
     fn enumerate(self) -> Result<Vec<Device>> {
         #[cfg(feature = "tuned")]
         keep_kernels();
@@ -136,11 +132,6 @@ impl Backend {
             Self::Flex => Ok(vec![Device::flex()]),
             #[cfg(feature = "ndarray")]
             Self::Ndarray => Ok(vec![Device::ndarray()]),
-            #[cfg(feature = "tch")]
-            Self::Tch => {
-                let gpus = Device::enumerate(DeviceType::LibTorch).into_vec();
-                Ok(if gpus.is_empty() { vec![Device::libtorch()] } else { gpus })
-            }
             #[cfg(feature = "cuda")]
             Self::Cuda => Ok(Device::enumerate(DeviceType::Cuda).into_vec()),
             #[cfg(feature = "vulkan-plain")]
@@ -204,12 +195,11 @@ pub fn computes_in_bf16(device: &Device) -> bool {
     device.supports_dtype(FloatDType::BF16)
 }
 
-/// Returns whether Burn's bilinear interpolation and GELU have their own gradients on the device, as they do on flex and libtorch (Burn 0.22.1).
+/// Returns whether Burn's bilinear interpolation and GELU have their own gradients on the device, as they do on flex (Burn 0.22.1).
 /// On ndarray and CubeCL, which computes on GPUs, the first panics, and the second is that of an approximation by tanh, up to 9e-4 off.
 #[must_use]
 pub fn has_exact_gradients(device: &Device) -> bool {
-    let libtorch = || Backend::Tch.is_built() && Backend::Tch.enumerate().is_ok_and(|all| all.contains(device));
-    *device == Device::flex() || libtorch()
+    *device == Device::flex()
 }
 
 /// Returns whether the device is the processor, which is one device for all threads.
@@ -220,8 +210,6 @@ pub fn on_processor(device: &Device) -> bool {
         Device::flex(),
         #[cfg(feature = "ndarray")]
         Device::ndarray(),
-        #[cfg(feature = "tch")]
-        Device::libtorch(),
     ];
     processors.contains(device)
 }

@@ -5,6 +5,7 @@ use super::ops::{Upsampled, conv2d};
 use burn::module::Module;
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 /// Convolution without bias, batch normalisation, optionally ReLU.
@@ -50,7 +51,7 @@ impl ConvBn {
     /// Applies convolution and batch normalisation, adds `other`, and applies a ReLU. Only for a unit without a ReLU of its own.
     pub fn forward_added(&self, x: Tensor<4>, other: Tensor<4>) -> Tensor<4> {
         debug_assert!(!self.relu);
-        self.bn.forward_added(convolve(&self.conv, x), other)
+        relu(self.forward(x).add(other))
     }
 
     /// Applies the unit to an upsampled map: `[B, C_in, H, W]` to `[B, C_out, 2H, 2W]`. For 5x5 kernels.

@@ -15,4 +15,3 @@ pub mod resnet;
 pub mod store;
 pub mod swin;
 pub mod unet;
-pub mod widen;

@@ -1,8 +1,9 @@
-//! Batch normalisation with PyTorch's running statistics.
+//! Normalisations in `f32`: batch normalisation with PyTorch's running statistics, and that of tokens.
 
-use super::ops::{Normalised, batch_norm_train, batch_norm_train_added};
-use super::precision::cast;
+use super::ops::{Normalised, batch_norm_train};
+use super::precision::{cast, in_f32};
 use burn::module::{Initializer, Module, Param, RunningState};
+use burn::nn::LayerNorm;
 use burn::tensor::activation::relu;
 use burn::tensor::module::batch_norm;
 use burn::tensor::{DType, Device, Tensor};
@@ -49,18 +50,6 @@ impl BatchNorm2d {
         cast(self.learn(out, samples), dtype)
     }
 
-    /// Normalises `x`, adds `other`, and applies a ReLU.
-    pub fn forward_added(&self, x: Tensor<4>, other: Tensor<4>) -> Tensor<4> {
-        let (device, dtype) = (x.device(), x.dtype());
-        let (x, other) = (cast(x, DType::F32), cast(other, DType::F32));
-        if !device.is_autodiff() {
-            return cast(relu(self.by_running_statistics(x).add(other)), dtype);
-        }
-        let samples = samples(&x);
-        let out = batch_norm_train_added(x, self.weight.val(), self.bias.val(), EPSILON, other);
-        cast(self.learn(out, samples), dtype)
-    }
-
     fn by_running_statistics(&self, x: Tensor<4>) -> Tensor<4> {
         let (mean, var) = (self.running_mean.value_sync(), self.running_var.value_sync());
         batch_norm(cast(x, DType::F32), self.weight.val(), self.bias.val(), mean, var, EPSILON)
@@ -80,6 +69,11 @@ impl BatchNorm2d {
         blend(&self.running_var, out.variance, unbiased);
         out.output
     }
+}
+
+/// Normalises each token `[.., C]`.
+pub fn layer_norm(norm: &LayerNorm, x: Tensor<4>) -> Tensor<4> {
+    in_f32(x, |x| norm.forward(x))
 }
 
 /// Returns the number of samples of a channel.

@@ -103,7 +103,7 @@ impl Mosaic {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mosaic::{Blend, tile_weights};
+    use crate::mosaic::WeightRules;
     use elunar_core::tile::{Shape, Tiling};
 
     struct Tile {
@@ -139,7 +139,7 @@ mod tests {
             .map(|(k, window)| {
                 let heights_m: Vec<f32> = (0..320).map(|i| ((i * 31 + k * 17) % 97) as f32).collect();
                 let valid: Vec<bool> = (0..320).map(|i| (i * 13 + k) % 29 > 3).collect();
-                let weights = tile_weights(&valid, 16, 20, Blend::DemMosaic);
+                let weights = WeightRules::default().weights(&valid, 16, 20);
                 Tile { row: window.row, col: window.col, cols: 20, heights_m, weights }
             })
             .collect();
@@ -170,7 +170,7 @@ mod tests {
     fn tiles_that_agree_join_without_a_seam() {
         let height = |r: usize, c: usize| -1900.0 + r as f32 * 0.37 - c as f32 * 0.21;
         let mut mosaic = Mosaic::new(40, 70);
-        let weights = tile_weights(&[true; 600], 20, 30, Blend::DemMosaic);
+        let weights = WeightRules::default().weights(&[true; 600], 20, 30);
         for window in Tiling::new(Shape::new(40, 70), Shape::new(20, 30), 7).unwrap().iter() {
             let tile: Vec<f32> = (0..600).map(|i| height(window.row + i / 30, window.col + i % 30)).collect();
             mosaic.add(window.row, window.col, 30, &tile, &weights).unwrap();
@@ -188,7 +188,7 @@ mod tests {
         let mut mosaic = Mosaic::new(70, 90);
         for ((row, col), heights_m) in corners.into_iter().zip(numbers.chunks_exact(tile_px)) {
             let valid: Vec<bool> = heights_m.iter().map(|z| z.is_finite()).collect();
-            mosaic.add(row, col, 60, heights_m, &tile_weights(&valid, 48, 60, Blend::DemMosaic)).unwrap();
+            mosaic.add(row, col, 60, heights_m, &WeightRules::default().weights(&valid, 48, 60)).unwrap();
         }
         let (found, expected) = (mosaic.finish(), &numbers[3 * tile_px..]);
         assert_eq!((found.len(), expected.len()), (6300, 6300));

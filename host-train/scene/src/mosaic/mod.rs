@@ -13,5 +13,5 @@ mod weights;
 pub use blend::Mosaic;
 pub use grid::{Grid, GridOptions, Input};
 pub use join::{JoinRules, join};
-pub use overlap::OverlapWeights;
-pub use weights::{Blend, WeightRules, tile_weights};
+pub use overlap::{BLEND, OverlapWeights};
+pub use weights::WeightRules;

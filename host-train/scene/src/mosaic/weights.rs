@@ -2,16 +2,6 @@
 
 use elunar_core::overlap;
 
-/// How weights follow from the distance to the nearest gap or edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum Blend {
-    /// The default of `dem_mosaic`: the distance, blurred by a Gaussian of 5 px and squared.
-    DemMosaic,
-    /// The distance itself. It blends over the whole overlap, with sudden changes of slope.
-    Linear,
-}
-
 /// Rules by which `dem_mosaic` computes weights from the distance to the nearest gap or edge. The default is that of `dem_mosaic`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WeightRules {
@@ -70,21 +60,6 @@ impl WeightRules {
         let mut kernel = vec![0.0; self.taps() / 2 + 1];
         overlap::half_kernel(self.blur_sigma_px, &mut kernel);
         kernel
-    }
-}
-
-/// Returns the weights of one tile, row-major `rows` x `cols`: 0 exactly where `valid` is false, positive elsewhere.
-///
-/// # Panics
-/// If `valid` does not hold `rows * cols` values.
-#[must_use]
-pub fn tile_weights(valid: &[bool], rows: usize, cols: usize, blend: Blend) -> Vec<f64> {
-    let rules = WeightRules::default();
-    match blend {
-        Blend::DemMosaic => rules.weights(valid, rows, cols),
-        Blend::Linear => {
-            grassfire(valid, rows, cols).into_iter().map(|d| f64::from(d.min(rules.farthest_px()))).collect()
-        }
     }
 }
 
@@ -178,7 +153,7 @@ mod tests {
             let mut next = || { state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); (state >> 33) as f64 / 2f64.powi(31) };
             let valid: Vec<bool> = (0..rows * cols).map(|_| next() < share).collect();
             prop_assert_eq!(grassfire(&valid, rows, cols), naive_grassfire(&valid, rows, cols));
-            let weights = tile_weights(&valid, rows, cols, Blend::DemMosaic);
+            let weights = WeightRules::default().weights(&valid, rows, cols);
             for (weight, valid) in weights.iter().zip(&valid) {
                 prop_assert_eq!(*weight > 0.0, *valid);
             }

@@ -6,7 +6,7 @@ use super::scene::{Band, Scene};
 use super::span::Span;
 use super::sun::check_sun;
 use super::tile::{Outcome, Rules, TileResult, TileWorker};
-use crate::mosaic::{Blend, Mosaic};
+use crate::mosaic::Mosaic;
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::{Error, Raster, Result};
@@ -21,11 +21,8 @@ use std::sync::{Arc, Mutex};
 pub struct Options {
     /// Overlap of neighbouring tiles, pixels; less than either side of a tile. See [`Options::overlap_for`].
     pub overlap_px: usize,
-    /// Weights of overlapping tiles.
-    pub blend: Blend,
-    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]), and of its short waves what the image shows
-    /// ([`elunar_core::norm::FineWaves`]); our choice. Otherwise they come from
-    /// the network (the paper).
+    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]), and of its short waves what the image
+    /// shows ([`elunar_core::norm::FineWaves`]); our choice. Otherwise they come from the network (the paper).
     pub anchor: bool,
     /// Number of threads; 0 takes as many as the machine offers.
     pub threads: usize,
@@ -39,7 +36,6 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             overlap_px: INFERENCE_OVERLAP_PX,
-            blend: Blend::DemMosaic,
             anchor: true,
             threads: 0,
             sun: KnownSun::default(),

@@ -2,7 +2,6 @@
 
 use super::network::{Model, TileNetwork};
 use super::*;
-use crate::mosaic::Blend;
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
 use elunar_core::tile::Shape;
 use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
@@ -143,16 +142,10 @@ fn an_identity_network_returns_the_interpolated_coarse_dtm() {
     for (rows, cols, tile, overlap) in
         [(200, 300, TILE, 20), (64, 80, TILE, 20), (300, 50, TILE, 0), (33, 21, TILE, 30)]
     {
-        for (range_margin, blend) in [(0.0, Blend::DemMosaic), (0.1, Blend::Linear)] {
+        for range_margin in [0.0, 0.1] {
             let scene = scene(&image(rows, cols), &coarse());
             let model = Identity::new(tile, range_margin);
-            let made = predict(
-                &scene,
-                &model,
-                &Options { overlap_px: overlap, blend, threads: 2, ..Options::default() },
-                &mut silent,
-            )
-            .unwrap();
+            let made = predict(&scene, &model, &options(overlap, 2), &mut silent).unwrap();
             assert_eq!((made.dtm.rows, made.dtm.cols, &made.dtm.georef), (rows, cols, &Some(scene.georef.clone())));
             for (found, expected) in made.dtm.samples.iter().zip(&whole(&scene).coarse_m) {
                 assert!((found - expected).abs() < 1e-3, "{rows} x {cols}: {found} {expected}");

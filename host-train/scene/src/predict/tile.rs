@@ -5,7 +5,7 @@ use super::neighbourhoods::SceneLight;
 use super::network::{Model, TileNetwork};
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
-use crate::mosaic::{Blend, OverlapWeights};
+use crate::mosaic::OverlapWeights;
 use elunar_core::nn::{InputRules, Lighting, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
@@ -57,7 +57,6 @@ pub(super) struct Rules {
     pub(super) pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub(super) coarse_px: f32,
-    pub(super) blend: Blend,
     pub(super) anchor: Option<Anchor>,
     pub(super) expected_errors: bool,
     /// What messages call the model.
@@ -69,14 +68,13 @@ impl Rules {
     pub(super) fn new(model: &dyn Model, light: SceneLight, scene: &Scene, options: &Options) -> Self {
         let (input, model) = (model.input_rules(), model.description());
         let anchor = options.anchor.then(|| Anchor::new(scene.coarse_px));
-        let (pixel_m, coarse_px, blend) = (scene.pixel_m, scene.coarse_px, options.blend);
+        let (pixel_m, coarse_px) = (scene.pixel_m, scene.coarse_px);
         Self {
             input,
             scene: Shape::new(scene.rows, scene.cols),
             light,
             pixel_m,
             coarse_px,
-            blend,
             anchor,
             expected_errors: options.expected_errors,
             model,
@@ -95,7 +93,7 @@ pub(super) struct TileWorker<'a> {
 
 impl<'a> TileWorker<'a> {
     pub(super) fn new(network: Box<dyn TileNetwork + 'a>, rules: Rules) -> Self {
-        let weights = OverlapWeights::new(rules.scene, rules.blend);
+        let weights = OverlapWeights::new(rules.scene);
         Self { network, rules, sums: vec![], scratch: vec![], weights }
     }
 

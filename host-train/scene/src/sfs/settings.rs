@@ -1,7 +1,6 @@
 //! Options of shape from shading.
 
 use super::reflectance::Light;
-use crate::mosaic::Blend;
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
 use elunar_raster::{Error, Result};
 use serde::Serialize;
@@ -35,9 +34,6 @@ pub struct Settings {
     pub tile: (usize, usize),
     /// Overlap of neighbouring tiles, pixels.
     pub overlap_px: usize,
-    /// Weights of overlapping tiles.
-    #[serde(skip)]
-    pub blend: Blend,
     /// Number of threads; 0 takes as many as the machine offers. The result does not depend on it.
     #[serde(skip)]
     pub threads: usize,
@@ -59,7 +55,6 @@ impl Settings {
             tolerance: 1e-3,
             tile: (TILE_ROWS, TILE_COLS),
             overlap_px: INFERENCE_OVERLAP_PX,
-            blend: Blend::DemMosaic,
             threads: 0,
         }
     }

@@ -29,7 +29,7 @@ impl<'a> Solver<'a> {
             smoothness_m: settings.smoothness_weight_m,
             dem_per_m: settings.dem_constraint_weight_per_m,
         };
-        Ok(Self { objective, settings, pixel_m, weights: OverlapWeights::new(scene, settings.blend), journal })
+        Ok(Self { objective, settings, pixel_m, weights: OverlapWeights::new(scene), journal })
     }
 }
 

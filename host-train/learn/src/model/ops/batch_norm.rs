@@ -138,39 +138,6 @@ pub(super) fn forward(shape: &Shape, x: &[f32], parameters: &Parameters) -> Vec<
     out
 }
 
-/// Returns the normalised map plus `other`, and then a ReLU of it.
-pub(super) fn forward_added(shape: &Shape, x: &[f32], parameters: &Parameters, other: &[f32]) -> Vec<f32> {
-    let arch = Arch::new();
-    let mut out = vec![0.0; x.len()];
-    let planes = out.par_chunks_mut(shape.pixels).zip(x.par_chunks(shape.pixels)).zip(other.par_chunks(shape.pixels));
-    planes.enumerate().for_each(|(i, ((out, x), other))| {
-        let Channel { mean, shrink, weight, bias } = parameters.channel(i % shape.channels);
-        let scale = shrink * weight;
-        arch.dispatch(|| {
-            let sums = out.iter_mut().zip(x).zip(other);
-            sums.for_each(|((out, x), other)| *out = (scale * (x - mean) + bias + other).max(0.0));
-        });
-    });
-    out
-}
-
-/// Returns the part of the gradient of [`forward_added`] that passed the ReLU. It is the gradient of `other` and of the normalised map.
-pub(super) fn passed_added(shape: &Shape, x: &[f32], parameters: &Parameters, other: &[f32], g: &[f32]) -> Vec<f32> {
-    let arch = Arch::new();
-    let mut out = vec![0.0; x.len()];
-    let maps = x.par_chunks(shape.pixels).zip(other.par_chunks(shape.pixels)).zip(g.par_chunks(shape.pixels));
-    out.par_chunks_mut(shape.pixels).zip(maps).enumerate().for_each(|(i, (out, ((x, other), g)))| {
-        let Channel { mean, shrink, weight, bias } = parameters.channel(i % shape.channels);
-        let scale = shrink * weight;
-        arch.dispatch(|| {
-            for (((out, x), other), &g) in out.iter_mut().zip(x).zip(other).zip(g) {
-                *out = if scale * (x - mean) + bias + other > 0.0 { g } else { 0.0 };
-            }
-        });
-    });
-    out
-}
-
 /// Returns the gradients of the map, the weight and the bias, from the output's gradient. The statistics count as functions of the map.
 pub(super) fn backward(shape: &Shape, x: &[f32], parameters: &Parameters, gradient: &[f32]) -> [Vec<f32>; 3] {
     let arch = Arch::new();

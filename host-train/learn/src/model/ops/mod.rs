@@ -1,38 +1,27 @@
-//! Our own convolutions for the CPU backend, which take most of the training time. Other backends use Burn's, except where its gradient is missing or another (upsampling, GELU).
+//! Our own operators for the CPU backend: convolutions, upsampling with a convolution, and batch normalisation in training. Other backends use
+//! Burn's, except where its gradient is missing or another (upsampling, GELU). With Burn's a step of training takes longer: docs/training.md.
 //!
 //! Burn's flex computes a convolution as a product with a matrix of patches, and its gradients as further convolutions with kernels as
 //! large as the map. Here the kernels read the maps in place ([`product`], [`correlate`]). For all channel counts they use the full width
 //! of the processor's vectors. They are a backend extension of Burn ([`extension`]), so the rest of the network does not depend on them.
 //! Results do not depend on the number of threads.
 
-mod attention;
 mod batch_norm;
-mod border;
 mod conv;
 mod correlate;
-mod dense;
-mod ends;
 mod extension;
 mod frame;
-mod functions;
-mod layer_norm;
-mod perceptron;
 mod product;
 mod scratch;
-mod smooth;
 #[cfg(test)]
 mod tests;
-mod tokens;
 mod up2;
-
-pub use tokens::{layer_norm, perceptron, window_attention};
 
 use crate::model::backend::has_exact_gradients;
 use burn::tensor::Tensor;
 use burn::tensor::activation::relu;
 use burn::tensor::module;
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions};
-use extension::tokens::Affine;
 use extension::{convolutions, norms, takes};
 
 /// Convolves without bias: `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to
@@ -145,22 +134,4 @@ pub fn batch_norm_train(x: Tensor<4>, weight: Tensor<1>, bias: Tensor<1>, epsilo
     let out = module::batch_norm_train(x, weight, bias, epsilon);
     let output = if with_relu { relu(out.output) } else { out.output };
     Normalised { output, mean: out.mean.detach(), variance: out.variance.detach() }
-}
-
-/// Normalises as [`batch_norm_train`], adds `other`, and applies a ReLU.
-pub fn batch_norm_train_added(
-    x: Tensor<4>,
-    weight: Tensor<1>,
-    bias: Tensor<1>,
-    epsilon: f64,
-    other: Tensor<4>,
-) -> Normalised {
-    if takes(&[&x, &other]) {
-        let channels = x.dims()[1];
-        let (output, statistics) = norms::run_added(x, Affine::new(weight, bias), epsilon as f32, other);
-        let figure = |i: usize| statistics.clone().narrow(0, i, 1).reshape([channels]);
-        return Normalised { output, mean: figure(0), variance: figure(1) };
-    }
-    let out = batch_norm_train(x, weight, bias, epsilon, false);
-    Normalised { output: relu(out.output.add(other)), ..out }
 }

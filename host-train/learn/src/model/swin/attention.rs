@@ -1,10 +1,9 @@
 //! Multi-head self-attention inside windows, with a learned relative position bias.
 
-use super::windows::{WindowPlan, relative_index};
-use crate::model::ops::window_attention;
+use super::windows::relative_index;
 use crate::model::precision::cast;
 use burn::module::{Initializer, Module, Param};
-use burn::nn::{LayerNorm, Linear, LinearConfig};
+use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::softmax;
 use burn::tensor::{DType, Device, Tensor};
 
@@ -29,11 +28,6 @@ impl WindowAttention {
             heads,
             window,
         }
-    }
-
-    /// Returns `x` plus the attention of its normalised tokens `[B, H, W, C]`, or `None` where no operator does this in one.
-    pub fn in_one(&self, norm: &LayerNorm, plan: WindowPlan, x: &Tensor<4>) -> Option<Tensor<4>> {
-        window_attention(norm, [&self.qkv, &self.proj], (&self.relative_position_bias_table, self.heads), plan, x)
     }
 
     /// Maps `[B * windows, n, C]` to the same shape; `mask` is that of [`super::windows::WindowPlan::mask`].

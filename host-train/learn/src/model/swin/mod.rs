@@ -7,7 +7,7 @@ pub mod windows;
 
 use self::block::Block;
 use self::depth::BlockFactors;
-use super::ops::layer_norm;
+use super::norm::layer_norm;
 use burn::module::Module;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};

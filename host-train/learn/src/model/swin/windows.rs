@@ -71,23 +71,15 @@ pub fn merge(x: Tensor<3>, k: usize, [b, h, w]: [usize; 3]) -> Tensor<4> {
 }
 
 /// Returns the row of the relative position bias table for each (query, key) pair of a window: `[n * n]`.
-pub fn relative_rows(k: usize) -> Vec<usize> {
+pub fn relative_index(k: usize, device: &Device) -> Tensor<1, Int> {
     let n = k * k;
-    let side = 2 * k - 1;
     let row = |p: usize| {
         let (q, key) = (p / n, p % n);
         let dy = q / k + k - 1 - key / k;
         let dx = q % k + k - 1 - key % k;
-        dy * side + dx
+        (dy * (2 * k - 1) + dx) as i32
     };
-    (0..n * n).map(row).collect()
-}
-
-/// Returns [`relative_rows`] as a tensor.
-pub fn relative_index(k: usize, device: &Device) -> Tensor<1, Int> {
-    let index: Vec<i32> = relative_rows(k).into_iter().map(|row| row as i32).collect();
-    let n = index.len();
-    Tensor::from_data(TensorData::new(index, [n]), device)
+    Tensor::from_data(TensorData::new((0..n * n).map(row).collect::<Vec<i32>>(), [n * n]), device)
 }
 
 #[cfg(test)]

@@ -1,12 +1,10 @@
 //! The convolutions of the extension.
 
 use super::super::{conv, up2};
+use super::step::{Operator, apply, track};
 use super::{dims, numbers, tensor};
 use crate::stopwatch::{Part, Pass, time};
-use burn::backend::autodiff::NodeId;
-use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
-use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, Flex, backend_extension};
 use burn::tensor::Tensor;
@@ -63,12 +61,11 @@ impl Kind {
     }
 }
 
-impl Convolutions for Flex {
-    fn convolve(x: FloatTensor<Self>, weight: FloatTensor<Self>, kind: Kind) -> FloatTensor<Self> {
-        let (x, weight) = (x.to_contiguous(), weight.to_contiguous());
-        let (images, outputs) = (dims::<4>(&x)[0], dims::<4>(&weight)[0]);
-        let (map, kernel) = (numbers(&x), numbers(&weight));
-        let (out, [rows, cols]) = match kind.sized(&x, &weight) {
+impl Operator<2> for Kind {
+    fn forward(&self, [x, weight]: &[FloatTensor<Flex>; 2]) -> FloatTensor<Flex> {
+        let (images, outputs) = (dims::<4>(x)[0], dims::<4>(weight)[0]);
+        let (map, kernel) = (numbers(x), numbers(weight));
+        let (out, [rows, cols]) = match self.sized(x, weight) {
             Sized::Conv(shape) => {
                 (time(Part::Convolution(Pass::Forward), || conv::forward(&shape, map, kernel)), shape.output)
             }
@@ -79,59 +76,33 @@ impl Convolutions for Flex {
         };
         tensor(out, [images, outputs, rows, cols])
     }
-}
 
-/// Returns the requested gradients of `x` and `weight`.
-fn backward(
-    kind: Kind,
-    x: &FloatTensor<Flex>,
-    weight: &FloatTensor<Flex>,
-    gradient: &FloatTensor<Flex>,
-    wanted: [bool; 2],
-) -> [Option<FloatTensor<Flex>>; 2] {
-    let (x, weight, gradient) = (x.to_contiguous(), weight.to_contiguous(), gradient.to_contiguous());
-    let (map, kernel, slope) = (numbers(&x), numbers(&weight), numbers(&gradient));
-    let [of_x, of_weight] = match kind.sized(&x, &weight) {
-        Sized::Conv(shape) => {
-            time(Part::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
-        }
-        Sized::Up2(shape) => {
-            time(Part::Upsampling(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
-        }
-    };
-    [of_x.map(|data| tensor(data, dims::<4>(&x))), of_weight.map(|data| tensor(data, dims::<4>(&weight)))]
-}
-
-/// The step of automatic differentiation.
-#[derive(Debug)]
-struct Step;
-
-impl Backward<Flex, 2> for Step {
-    type State = (NodeId, NodeId, Kind);
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, checkpointer: &mut Checkpointer) {
-        let gradient = grads.consume::<Flex>(&ops.node);
-        let (x, weight, kind) = ops.state;
-        let x = checkpointer.retrieve_node_output::<FloatTensor<Flex>>(x);
-        let weight = checkpointer.retrieve_node_output::<FloatTensor<Flex>>(weight);
-        let wanted = ops.parents.each_ref().map(Option::is_some);
-        let found = backward(kind, &x, &weight, &gradient, wanted);
-        for (node, gradient) in ops.parents.iter().zip(found) {
-            if let (Some(node), Some(gradient)) = (node, gradient) {
-                grads.register::<Flex>(node.id, gradient);
+    fn backward(
+        &self,
+        [x, weight]: &[FloatTensor<Flex>; 2],
+        gradient: &FloatTensor<Flex>,
+        wanted: [bool; 2],
+    ) -> [Option<Vec<f32>>; 2] {
+        let (map, kernel, slope) = (numbers(x), numbers(weight), numbers(gradient));
+        match self.sized(x, weight) {
+            Sized::Conv(shape) => {
+                time(Part::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
+            }
+            Sized::Up2(shape) => {
+                time(Part::Upsampling(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
             }
         }
     }
 }
 
+impl Convolutions for Flex {
+    fn convolve(x: FloatTensor<Self>, weight: FloatTensor<Self>, kind: Kind) -> FloatTensor<Self> {
+        apply(&kind, [x, weight])
+    }
+}
+
 impl<C: CheckpointStrategy> Convolutions for Autodiff<Flex, C> {
     fn convolve(x: FloatTensor<Self>, weight: FloatTensor<Self>, kind: Kind) -> FloatTensor<Self> {
-        match Step.prepare::<C>([x.node(), weight.node()]).compute_bound().stateful() {
-            OpsKind::Tracked(mut prep) => {
-                let state = (prep.checkpoint(&x), prep.checkpoint(&weight), kind);
-                prep.finish(state, Flex::convolve(x.into_primitive(), weight.into_primitive(), kind))
-            }
-            OpsKind::UnTracked(prep) => prep.finish(Flex::convolve(x.into_primitive(), weight.into_primitive(), kind)),
-        }
+        track::<C, 2>(kind, [x, weight])
     }
 }

@@ -3,7 +3,6 @@
 pub(super) mod convolutions;
 pub(super) mod norms;
 mod step;
-pub(super) mod tokens;
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Flex, TensorMetadata, ops::FloatTensorOps};

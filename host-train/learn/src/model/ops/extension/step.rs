@@ -14,8 +14,13 @@ pub(super) trait Operator<const N: usize>: Debug + Clone + Send + 'static {
     /// Applies the operator to contiguous operands.
     fn forward(&self, operands: &[FloatTensor<Flex>; N]) -> FloatTensor<Flex>;
 
-    /// Returns the gradients of contiguous operands from the contiguous gradient of the result.
-    fn backward(&self, operands: &[FloatTensor<Flex>; N], gradient: &FloatTensor<Flex>) -> [Vec<f32>; N];
+    /// Returns the gradients of contiguous operands from the contiguous gradient of the result: at least those that are `wanted`.
+    fn backward(
+        &self,
+        operands: &[FloatTensor<Flex>; N],
+        gradient: &FloatTensor<Flex>,
+        wanted: [bool; N],
+    ) -> [Option<Vec<f32>>; N];
 }
 
 /// The step of an operator.
@@ -29,9 +34,10 @@ impl<const N: usize, O: Operator<N>> Backward<Flex, N> for Step<O> {
         let gradient = grads.consume::<Flex>(&ops.node).to_contiguous();
         let (nodes, operator) = ops.state;
         let operands = nodes.map(|id| checkpointer.retrieve_node_output::<FloatTensor<Flex>>(id).to_contiguous());
-        let found = operator.backward(&operands, &gradient);
+        let wanted = ops.parents.each_ref().map(Option::is_some);
+        let found = operator.backward(&operands, &gradient, wanted);
         for ((node, operand), found) in ops.parents.iter().zip(&operands).zip(found) {
-            if let Some(node) = node {
+            if let (Some(node), Some(found)) = (node, found) {
                 grads.register::<Flex>(node.id, shaped(found, operand));
             }
         }

@@ -6,33 +6,23 @@
 //! 2x3 and 2x2 of them.
 //!
 //! The two steps do not commute at the border, where the upsampling repeats the edge but the convolution has zeros beyond it. Two pixels
-//! along each border are corrected ([`super::border`]).
+//! along each border are corrected ([`border`]).
 
-use super::border::Edge;
+mod border;
+mod ends;
+mod fold;
+mod shape;
+mod smooth;
+
 use super::correlate::correlate;
 use super::frame::Frame;
 use super::product::{Area, Taps, multiply};
 use super::scratch::Scratch;
-use super::smooth;
+use border::Edge;
 use pulp::Arch;
 use rayon::prelude::*;
-
-/// Smallest side of the small map. Below it, the plain order is as fast.
-pub(super) const MIN_SIDE: usize = 3;
-
-/// Number of weights of a kernel.
-const KERNEL: usize = 25;
-
-/// Sizes of the operator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
-    /// Images.
-    pub(super) images: usize,
-    /// Channels in and out.
-    pub(super) channels: [usize; 2],
-    /// Rows and columns of the small map, at least [`MIN_SIDE`].
-    pub(super) small: [usize; 2],
-}
+use shape::KERNEL;
+pub(super) use shape::{MIN_SIDE, Shape};
 
 /// Per axis and phase: (offset of the small pixel, index of the weight that it is multiplied with).
 const TAPS: [&[(isize, usize)]; 2] = [&[(-1, 0), (0, 2), (1, 4)], &[(0, 1), (1, 3)]];
@@ -46,13 +36,6 @@ fn taps(phase: [usize; 2]) -> impl Iterator<Item = (isize, isize, usize)> + Clon
 }
 
 impl Shape {
-    /// Returns the number of values of the input, the weight and the output.
-    pub(super) fn lengths(&self) -> [usize; 3] {
-        let ([input, output], [rows, cols]) = (self.channels, self.small);
-        let pixels = self.images * rows * cols;
-        [pixels * input, input * output * KERNEL, 4 * pixels * output]
-    }
-
     /// Returns the layout of the small map with its edge repeated once around it. Small pixel (y, x) is at (y + 1, x + 1). Neighbours over
     /// the edge fall on the last row and column. Only products with zeros of a gradient read them.
     fn frame(&self) -> Frame {

@@ -3,12 +3,12 @@
 //! A strip convolves its upsampled small row with zeros beyond its ends. At each end, the part of the first two pixels that depends on the
 //! outermost small pixel as in a strip along columns is subtracted: the folded kernels are folded once more, along the strip.
 
-use super::border::{FIRST, Fold, LAST, OUT, SIDE};
-use super::correlate::correlate;
-use super::frame::Frame;
-use super::product::{Area, Taps, multiply};
-use super::scratch::Scratch;
-use super::up2::Shape;
+use super::super::correlate::correlate;
+use super::super::frame::Frame;
+use super::super::product::{Area, Taps, multiply};
+use super::super::scratch::Scratch;
+use super::fold::{FIRST, Fold, LAST, OUT};
+use super::shape::{SIDE, Shape};
 
 /// The two ends: their shares of folded kernels, counted from the end.
 const ENDS: [&Fold; 2] = [&FIRST, &LAST];

@@ -1,4 +1,4 @@
-//! What the two outermost rows or columns along one edge of [`super::up2`] need besides the smoothed phases.
+//! What the two outermost rows or columns along one edge of the upsampled map need besides the smoothed phases.
 //!
 //! The smoothing takes phases beyond the edge as zero, where in truth the edge is repeated. The convolution has zeros beyond the edge of
 //! the upsampled map, where the smoothed phases repeat it. Both differences depend on the outermost small row alone: upsampled along the
@@ -7,74 +7,16 @@
 //! All four edges use the same strip, with one axis from the edge inwards ("deep") and one along it. Kernels are rotated accordingly. At
 //! the corners, strips along two edges meet. So those along rows leave out what belongs to both ([`super::ends`]).
 
-use super::correlate::correlate;
+use super::super::correlate::correlate;
+use super::super::frame::Frame;
+use super::super::product::{Area, Taps, multiply};
+use super::super::scratch::Scratch;
 use super::ends;
-use super::frame::Frame;
-use super::product::{Area, Taps, multiply};
-use super::scratch::Scratch;
-use super::up2::Shape;
-use rayon::prelude::*;
+use super::fold::{FIRST, LAST, OUT, fold, unfold};
+use super::shape::{SIDE, Shape};
 
-/// Side of the kernel.
-pub(super) const SIDE: usize = 5;
-/// Number of weights of a kernel.
-const KERNEL: usize = SIDE * SIDE;
-/// Output rows of a strip.
-pub(super) const OUT: usize = 2;
-/// Least number of kernels for a separate task.
-const MIN_KERNELS: usize = 512;
 /// Columns that a kernel reads.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
-
-/// Shares of a kernel's rows, counted from the edge, in the folded kernel of each output row.
-pub(super) type Fold = [[f32; SIDE]; OUT];
-
-/// Shares at the first row (or column).
-///
-/// With kernel rows K0 to K4 and s the outermost small row: phases V0 = (K0 + K2 + K4) s and V1 = (K1 + K3) s beyond the edge add
-/// (V0 + 3 V1) / 4 to output row 0, and V1 / 4 to row 1. Zeros take (K0 + K1) s from row 0, and K0 s from row 1.
-pub(super) const FIRST: Fold = [[-0.75, -0.25, 0.25, 0.75, 0.25], [-1.0, 0.25, 0.0, 0.25, 0.0]];
-
-/// Shares at the last row (or column). There is one phase row less beyond it.
-///
-/// With kernel rows counted from the edge as well: V0 = (K0 + K2 + K4) s adds V0 / 4 to output row 0. Zeros take the same as in
-/// [`FIRST`].
-pub(super) const LAST: Fold = [[-0.75, -1.0, 0.25, 0.0, 0.25], [-1.0, 0.0, 0.0, 0.0, 0.0]];
-
-#[inline(always)]
-fn weigh(shares: &[f32; SIDE], [a, b, c, d, e]: [f32; SIDE]) -> f32 {
-    shares[0] * a + shares[1] * b + shares[2] * c + shares[3] * d + shares[4] * e
-}
-
-/// Folds every kernel of `weight`. `at(row, column)` is the index of a row and column in the kernel.
-#[inline(always)]
-fn fold(weight: &[f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) -> Scratch {
-    let kernels = weight.len() / KERNEL;
-    let mut folded = Scratch::new(OUT * kernels * SIDE);
-    let (first, second) = folded.split_at_mut(kernels * SIDE);
-    let to = first.par_chunks_exact_mut(SIDE).zip(second.par_chunks_exact_mut(SIDE));
-    to.zip(weight.par_chunks_exact(KERNEL)).with_min_len(MIN_KERNELS).for_each(|((first, second), kernel)| {
-        for x in 0..SIDE {
-            let column: [f32; SIDE] = std::array::from_fn(|row| kernel[at(row, x)]);
-            (first[x], second[x]) = (weigh(&shares[0], column), weigh(&shares[1], column));
-        }
-    });
-    folded
-}
-
-/// Adds the gradient of the folded weights, unfolded, to the gradient of the weights. The rest is as in [`fold`].
-#[inline(always)]
-fn unfold(folded: &[f32], whole: &mut [f32], shares: &'static Fold, at: impl Fn(usize, usize) -> usize + Copy + Sync) {
-    let (first, second) = folded.split_at(whole.len() / KERNEL * SIDE);
-    let from = first.par_chunks_exact(SIDE).zip(second.par_chunks_exact(SIDE));
-    whole.par_chunks_exact_mut(KERNEL).zip(from).with_min_len(MIN_KERNELS).for_each(|(kernel, (first, second))| {
-        for x in 0..SIDE {
-            for row in 0..SIDE {
-                kernel[at(row, x)] += shares[0][row] * first[x] + shares[1][row] * second[x];
-            }
-        }
-    });
-}
 
 /// Writes `[outputs, images, columns]` from lines whose images have one row each.
 fn multiply_rows(taps: &Taps, lines: &[f32], frame: &Frame, cols: usize, out: &mut [f32]) {
