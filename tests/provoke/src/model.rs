@@ -3,7 +3,7 @@
 use elunar_core::nn::file::{
     ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, set_word, u32_at, word,
 };
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
+use elunar_core::nn::{Kernel, MatrixProduct, Model, Progress, RunError, Runner, required};
 
 /// Bytes before and after a lent arena, which must not change.
 const GUARD: usize = 64;
@@ -62,8 +62,9 @@ pub fn kernels(bytes: &[u8]) -> bool {
     }
     let product = |kernel: Kernel| {
         let mut acc = acc.clone();
-        let done = kernel.matrix_product(&mut acc, (pixels, width), (&codes, &starts), (stride, groups), &weights);
-        (done, acc)
+        let (bytes, starts, weights) = (&codes[..], &starts[..], &weights[..]);
+        let product = MatrixProduct { pixels, width, bytes, starts, stride, groups, weights };
+        (kernel.matrix_product(&mut acc, &product), acc)
     };
     let expected = product(Kernel::SCALAR);
     assert!(expected.0.is_ok() || expected.1 == acc, "refused, and yet changed");
