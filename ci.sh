@@ -29,6 +29,8 @@ format() {
 lint() {
     cargo clippy --locked --workspace --all-targets -- -D warnings
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --package elunar-core --package elunar-capi
+    core/docs/api.py "$target/doc" # the public interface is the one that is written down
 }
 
 # What is built in: licences, sources, duplicates, and known faults where the database can be had.

@@ -3,7 +3,7 @@
 use elunar_core::nn::file::{
     Conv, Dtype, MAX_KERNEL, Operator, PHASE_TAPS, Tensor, groups, panel_count, panelled, panels,
 };
-use elunar_core::nn::{Kernel, Model};
+use elunar_core::nn::{Kernel, MatrixProduct, Model};
 
 /// The products of one step of a convolution with one of its sources: all output channels of the step's output pixels (one row or several).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -155,9 +155,10 @@ impl Products {
                         // Blocks of nearly equal size.
                         let left = shape.pixels - done;
                         let now = left.div_ceil(left.div_ceil(Kernel::pixels_at_once(width)));
-                        let (input, steps) = ((&codes[done * shape.stride..], starts), (shape.stride, groups));
+                        let (bytes, stride) = (&codes[done * shape.stride..], shape.stride);
+                        let product = MatrixProduct { pixels: now, width, bytes, starts, stride, groups, weights };
                         kernel
-                            .matrix_product(&mut acc[..now * width], (now, width), input, steps, weights)
+                            .matrix_product(&mut acc[..now * width], &product)
                             .unwrap_or_else(|what| panic!("{shape:?}: {what}"));
                         done += now;
                     }

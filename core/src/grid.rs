@@ -65,76 +65,6 @@ impl<'a, T: Copy> GridView<'a, T> {
         let samples = if rows == 0 || cols == 0 { &[] } else { self.samples.get(row * self.stride + col..)? };
         Some(Self { samples, rows, cols, stride: self.stride })
     }
-
-    /// Copies the image into `out`, without the stride.
-    ///
-    /// # Errors
-    /// [`LengthError`] unless `out` has `rows * cols` samples.
-    pub fn copy_to(&self, out: &mut [T]) -> Result<(), LengthError> {
-        same_length(self.rows * self.cols, out.len())?;
-        for row in 0..self.rows {
-            out[row * self.cols..(row + 1) * self.cols].copy_from_slice(self.row(row));
-        }
-        Ok(())
-    }
-}
-
-/// A borrowed, writable image with the layout of [`GridView`].
-#[derive(Debug, PartialEq)]
-pub struct GridViewMut<'a, T> {
-    samples: &'a mut [T],
-    rows: usize,
-    cols: usize,
-    stride: usize,
-}
-
-impl<'a, T: Copy> GridViewMut<'a, T> {
-    /// Views `samples` as a dense image of `rows * cols` samples.
-    ///
-    /// # Errors
-    /// [`LengthError`] if `samples` has another length.
-    pub fn new(samples: &'a mut [T], rows: usize, cols: usize) -> Result<Self, LengthError> {
-        same_length(rows.saturating_mul(cols), samples.len())?;
-        let rows = if cols == 0 { 0 } else { rows }; // so that no loop runs over empty rows
-        Ok(Self { samples, rows, cols, stride: cols })
-    }
-
-    /// Returns the same image, read-only.
-    pub fn view(&self) -> GridView<'_, T> {
-        GridView { samples: self.samples, rows: self.rows, cols: self.cols, stride: self.stride }
-    }
-
-    /// Returns the samples of one row; an empty slice outside.
-    pub fn row_mut(&mut self, row: usize) -> &mut [T] {
-        if row >= self.rows {
-            return &mut [];
-        }
-        self.samples.get_mut(row * self.stride..row * self.stride + self.cols).unwrap_or(&mut [])
-    }
-
-    /// Returns the part of the image inside `window`, writable; `None` if the window leaves the image.
-    pub fn window_mut(&mut self, window: Window) -> Option<GridViewMut<'_, T>> {
-        let Window { row, col, rows, cols } = window;
-        if row.checked_add(rows)? > self.rows || col.checked_add(cols)? > self.cols {
-            return None;
-        }
-        let samples = if rows == 0 || cols == 0 { &mut [] } else { self.samples.get_mut(row * self.stride + col..)? };
-        Some(GridViewMut { samples, rows, cols, stride: self.stride })
-    }
-
-    /// Copies `source` over the image.
-    ///
-    /// # Errors
-    /// [`LengthError`] with the two sample counts if the shapes differ.
-    pub fn copy_from(&mut self, source: GridView<'_, T>) -> Result<(), LengthError> {
-        if (source.rows, source.cols) != (self.rows, self.cols) {
-            return Err(LengthError { expected: self.rows * self.cols, found: source.rows * source.cols });
-        }
-        for row in 0..self.rows {
-            self.row_mut(row).copy_from_slice(source.row(row));
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
@@ -167,16 +97,9 @@ mod tests {
             let pixels: Vec<usize> = (0..8 * 9).collect();
             let outer = GridView::new(&pixels, 8, 9).unwrap();
             if let Some(inner) = outer.window(Window { row: r, col: c, rows: h, cols: w }) {
-                let mut out = vec![0; h * w];
-                inner.copy_to(&mut out).unwrap();
-                let mut copy = vec![0; 8 * 9];
-                let mut target = GridViewMut::new(&mut copy, 8, 9).unwrap();
-                target.window_mut(Window { row: r, col: c, rows: h, cols: w }).unwrap().copy_from(inner).unwrap();
-                for i in 0..h {
-                    for j in 0..w {
-                        prop_assert_eq!(out[i * w + j], (r + i) * 9 + c + j);
-                        prop_assert_eq!(target.view().get(r + i, c + j), outer.get(r + i, c + j));
-                    }
+                for (i, j) in (0..h).flat_map(|i| (0..w).map(move |j| (i, j))) {
+                    prop_assert_eq!(inner.get(i, j), Some((r + i) * 9 + c + j));
+                    prop_assert_eq!(inner.row(i)[j], (r + i) * 9 + c + j);
                 }
             } else {
                 prop_assert!(r + h > 8 || c + w > 9);

@@ -3,7 +3,7 @@
 //! The weights follow the default of the Ames Stereo Pipeline's `dem_mosaic`: the distance to the nearest edge in steps over 4 neighbours,
 //! blurred by a Gaussian of 5 pixels and squared. But only edges towards other tiles count (our choice): tiles of one scene have the
 //! scene's border and voids in common, so there neither of two neighbours is better. Therefore weights do not depend on the data, and tiles
-//! come in nine kinds.
+//! come in sixteen kinds, by which of the four edges count.
 //!
 //! Nothing is stored: a line of weights is computed on request, with two times [`TAPS`] multiplications per pixel. The same line of the
 //! same tile always has the same bits.

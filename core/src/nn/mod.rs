@@ -48,6 +48,7 @@ pub mod slots;
 mod sum;
 mod suspend;
 mod tensor;
+mod tools;
 
 pub use dispatch::Kernel;
 pub use error::RunError;
@@ -59,6 +60,8 @@ pub use metres::{Begun, validity};
 pub use model::{Model, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
 pub use suspend::Suspended;
+#[doc(hidden)]
+pub use tools::MatrixProduct;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -434,9 +434,8 @@ impl<'a, 'm> Runner<'a, 'm> {
         }
     }
 
-    /// Returns the current bytes of tensor `index` in the arena, from its first to its last: for tests and diagnosis.
-    pub fn tensor_bytes(&self, index: u32) -> &[u8] {
-        let tensor = self.model.tensor(index);
-        part(self.arena.bytes, tensor.offset, tensor.size_bytes())
+    /// Returns the whole arena.
+    pub(super) fn arena(&self) -> &[u8] {
+        self.arena.bytes
     }
 }

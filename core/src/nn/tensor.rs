@@ -68,22 +68,27 @@ pub struct Tensor {
 
 impl Tensor {
     /// A tensor of one u8.
-    pub(crate) const SINGLE: Self = Self {
-        dtype: Dtype::U8,
-        rows: 1,
-        cols: 1,
-        channels: 1,
-        offset: 0,
-        zero: 0,
-        lo: 0,
-        hi: 0,
-        scale: 1.0,
-        ring: 1,
-        pitch: 1,
-        margin: 0,
-        edge: Edge::Zero,
-        sums: 0,
-    };
+    pub(crate) const SINGLE: Self = Self::new(Dtype::U8, (1, 1), 1);
+
+    /// Returns a tensor at the start of the arena that keeps all its rows, without margin, with codes of 0 alone and a step of 1.
+    pub const fn new(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Self {
+        Self {
+            dtype,
+            rows,
+            cols,
+            channels,
+            offset: 0,
+            zero: 0,
+            lo: 0,
+            hi: 0,
+            scale: 1.0,
+            ring: rows,
+            pitch: cols * channels * dtype.bytes(),
+            margin: 0,
+            edge: Edge::Zero,
+            sums: 0,
+        }
+    }
 
     /// Number of samples.
     pub const fn len(&self) -> usize {

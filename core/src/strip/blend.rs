@@ -3,12 +3,13 @@
 //! Only sums of weighted heights are kept. Sums of weights are computed when a line leaves: they depend only on the places of tiles,
 //! because every tile has a height wherever the strip is valid.
 
+use super::cut::Cut;
 use super::expected::{Expected, LineErrors, parts};
 use super::lines::Lines;
 use crate::overlap::{Open, OverlapWeights};
 use crate::part::{item, part, part_mut, put};
 use crate::photoclinometry::Origin;
-use crate::tile::{Shape, Tiling, Window};
+use crate::tile::{Shape, Window};
 
 /// Sums of a ring of lines; NaN where no tile has been added yet.
 #[derive(Debug)]
@@ -19,14 +20,6 @@ pub(super) struct Blend<'m> {
     pub(super) weights: OverlapWeights,
     pub(super) tile: Shape,
     pub(super) cols: usize,
-}
-
-/// The extent of a strip as far as it is known, and its division into tiles.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Cut {
-    /// Rows and columns; `usize::MAX` rows while the end is not known.
-    pub(super) scene: Shape,
-    pub(super) tiling: Tiling,
 }
 
 impl Blend<'_> {
@@ -69,7 +62,8 @@ impl Blend<'_> {
         &mut self,
         cut: &Cut,
         row: usize,
-        (lines, errors): (&Lines<'_>, &Expected<'_>),
+        lines: &Lines<'_>,
+        errors: &Expected<'_>,
         out: LineErrors<'_>,
     ) {
         let (image, coarse_m) = lines.line(row);

@@ -1,6 +1,6 @@
 //! The expected errors of the tiles of a strip, and of a line of it.
 
-use super::blend::Cut;
+use super::cut::Cut;
 use crate::part::{copy, part, part_mut};
 use crate::photoclinometry::{Errors, ExpectedErrors};
 use crate::tile::{Shape, Tiling};

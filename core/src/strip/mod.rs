@@ -72,6 +72,7 @@
 //! in [`Strip::step`], whose pieces are at most as large as a tile. `core/docs/strip.md` gives memory and time, and the response to faults.
 
 mod blend;
+mod cut;
 mod error;
 mod expected;
 mod lines;

@@ -1,6 +1,7 @@
 //! Lines in, tiles through the network, lines out: a state machine driven by the caller.
 
-use super::blend::{Blend, Cut};
+use super::blend::Blend;
+use super::cut::Cut;
 use super::error::{StripError, lent, whole_line};
 use super::expected::{Expected, LineErrors};
 use super::lines::Lines;
@@ -50,7 +51,7 @@ pub struct StripCounters {
     pub tiles_again: u64,
     /// Tiles given up after a second fault, which keep the coarse heights.
     pub tiles_lost: u64,
-    /// The last fault; `None` also for heights that were not finite.
+    /// The last fault; `None` also for heights that were not finite, and for numbers of the header that no model has.
     pub last_fault: Option<RunError>,
 }
 
@@ -257,7 +258,7 @@ impl<'a, 'm> Strip<'a, 'm> {
         whole_line(self.plan.settings.cols, out_m.len())?;
         match self.cut(&self.at).filter(|_| self.ready() > 0) {
             Some(cut) if self.plan.settings.expected_errors => {
-                self.blend.expected(&cut, self.at.taken, (&self.lines, &self.expected), errors);
+                self.blend.expected(&cut, self.at.taken, &self.lines, &self.expected, errors);
             }
             Some(_) => {
                 errors.height_m.fill(f32::NAN);
@@ -347,11 +348,13 @@ impl<'a, 'm> Strip<'a, 'm> {
                 self.expect(&begun.expected.unwrap_or(ExpectedErrors::UNKNOWN));
                 self.at.phase = Phase::Running(begun.scale);
             }
-            Err(TileError::Run(error)) => self.fault(Some(error)),
-            Err(TileError::Norm(_)) => {
+            Err(error) if error.nothing_to_see() => {
                 self.at.counters.tiles_coarse += 1;
                 self.keep_coarse();
             }
+            Err(TileError::Run(error)) => self.fault(Some(error)),
+            // What is left is a model whose header has changed since it was validated.
+            Err(TileError::Norm(_)) => self.fault(None),
         }
     }
 

@@ -6,7 +6,7 @@
 //!
 //! - a pointer with its length refers to existing memory, which nobody else writes during the call (nor reads, if the library writes it);
 //! - the memory lent to `eld_init` and the model stay at their addresses as long as the context is used;
-//! - a context pointer came from `eld_init`, or points to [`HEAD_BYTES`] readable and writable bytes;
+//! - a context pointer came from `eld_init`, or points to `HEAD_BYTES` readable and writable bytes;
 //! - one thread at a time uses a context.
 #![allow(unsafe_code)] // the only file of this package with unsafe code
 #![allow(clippy::missing_safety_doc)] // the promises above hold for every function

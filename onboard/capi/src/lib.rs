@@ -11,9 +11,9 @@
 //! The modules, in the order of a call:
 //!
 //! 1. [`ffi`] validates pointers and lengths and turns them into slices. It has the only functions for C, and the only `unsafe`.
-//! 2. [`sealed`](mod@sealed) reads the context: plain numbers ([`record`](mod@record)), kept twice, each copy under a checksum.
-//! 3. [`layout`](mod@layout) gives the places of the parts in the lent memory.
-//! 4. [`begin`](mod@begin) and [`run`](mod@run) rebuild a runner for the duration of the call and suspend it again.
+//! 2. `sealed` reads the context: plain numbers (`record`), kept twice, each copy under a checksum.
+//! 3. `layout` gives the places of the parts in the lent memory.
+//! 4. `begin` and `run` rebuild a runner for the duration of the call and suspend it again.
 //! 5. [`status`] defines the status word of the call.
 #![no_std]
 

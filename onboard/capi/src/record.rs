@@ -1,6 +1,6 @@
 //! The data of a context between two calls: plain numbers, so that any bit pattern is legal to read.
 
-use elunar_core::nn::{Suspended, Telemetry, Verdict};
+use elunar_core::nn::{Suspended, Verdict};
 
 /// Number of eight-byte words of a record.
 pub(crate) const WORDS: usize = 34;
@@ -46,144 +46,75 @@ pub(crate) struct Record {
     pub(crate) expected_bits: [u32; 6],
 }
 
-/// Returns a word of two numbers.
-const fn pair(low: u32, high: u32) -> u64 {
-    low as u64 | (high as u64) << 32
+/// Returns a word of two numbers; a number of 64 bits stands alone.
+const fn pair(low: u64, high: u32) -> u64 {
+    low | (high as u64) << 32
 }
 
-/// Returns the two numbers of [`pair`].
-const fn halves(word: u64) -> [u32; 2] {
-    [word as u32, (word >> 32) as u32]
+/// Makes [`Record::words`] and [`Record::of`] from one list of words, each one field or a pair of fields of 32 bits.
+macro_rules! words {
+    ($record:ident: $([$low:expr $(, $high:expr)?])+) => {
+        impl Record {
+            /// Returns the record as words, in a fixed order.
+            pub(crate) fn words(&self) -> [u64; WORDS] {
+                let $record = self;
+                [$(pair($low as u64, 0 $(+ $high)?)),+]
+            }
+
+            /// Returns the record of these words.
+            pub(crate) fn of(words: &[u64; WORDS]) -> Self {
+                let mut all = Self::default();
+                let $record = &mut all;
+                let mut words = words.iter();
+                $({
+                    let word = words.next().copied().unwrap_or_default();
+                    $low = word as _;
+                    $($high = (word >> 32) as u32;)?
+                })+
+                all
+            }
+        }
+    };
 }
+
+words!(r:
+    [r.home]
+    [r.home_bytes]
+    [r.model]
+    [r.verdict.header_crc, r.verdict.file_bytes]
+    [r.verdict.scratch_offset, r.verdict.scratch_bytes]
+    [r.verdict.macs]
+    [r.tile, r.busy]
+    [r.suspended.phase, r.suspended.entry]
+    [r.suspended.step, r.suspended.unit]
+    [r.suspended.scrub_chunk, r.suspended.scrub_offset]
+    [r.suspended.scrub_crc, r.mirror]
+    [r.scale_bits[0], r.scale_bits[1]]
+    [r.scale_bits[2], r.valid_px]
+    [r.validity_crc, r.repairs_untold]
+    [r.suspended.telemetry.tiles]
+    [r.suspended.telemetry.steps]
+    [r.suspended.telemetry.macs]
+    [r.suspended.telemetry.inputs_clamped]
+    [r.suspended.telemetry.saturated]
+    [r.suspended.telemetry.scrubbed_bytes]
+    [r.suspended.telemetry.scrub_passes]
+    [r.suspended.telemetry.scrub_faults]
+    [r.suspended.telemetry.self_test_faults]
+    [r.calls]
+    [r.faults]
+    [r.repairs]
+    [r.lights_assumed]
+    [r.tiles_dropped]
+    [r.last_fault]
+    [r.verdict.sum_count, r.suspended.trusting]
+    [r.suspended.telemetry.tile_faults]
+    [r.expected_bits[0], r.expected_bits[1]]
+    [r.expected_bits[2], r.expected_bits[3]]
+    [r.expected_bits[4], r.expected_bits[5]]
+);
 
 impl Record {
-    /// Returns the record as words, in a fixed order.
-    pub(crate) fn words(&self) -> [u64; WORDS] {
-        let (at, t) = (&self.suspended, &self.suspended.telemetry);
-        let [min, relief, nr] = self.scale_bits;
-        let [lit_m, lit_slope, explained, dark_m, dark_slope, dark_below] = self.expected_bits;
-        [
-            self.home,
-            self.home_bytes,
-            self.model,
-            pair(self.verdict.header_crc, self.verdict.file_bytes),
-            pair(self.verdict.scratch_offset, self.verdict.scratch_bytes),
-            self.verdict.macs,
-            pair(self.tile, self.busy),
-            pair(at.phase, at.entry),
-            pair(at.step, at.unit),
-            pair(at.scrub_chunk, at.scrub_offset),
-            pair(at.scrub_crc, self.mirror),
-            pair(min, relief),
-            pair(nr, self.valid_px),
-            pair(self.validity_crc, self.repairs_untold),
-            t.tiles,
-            t.steps,
-            t.macs,
-            t.inputs_clamped,
-            t.saturated,
-            t.scrubbed_bytes,
-            t.scrub_passes,
-            t.scrub_faults,
-            t.self_test_faults,
-            self.calls,
-            self.faults,
-            self.repairs,
-            self.lights_assumed,
-            self.tiles_dropped,
-            self.last_fault as u64,
-            pair(self.verdict.sum_count, at.trusting),
-            t.tile_faults,
-            pair(lit_m, lit_slope),
-            pair(explained, dark_m),
-            pair(dark_slope, dark_below),
-        ]
-    }
-
-    /// Returns the record of these words.
-    pub(crate) fn of(words: &[u64; WORDS]) -> Self {
-        let [
-            home,
-            home_bytes,
-            model,
-            identity,
-            scratch,
-            model_macs,
-            tile,
-            place,
-            step,
-            chunk,
-            crc,
-            range,
-            nr,
-            validity,
-            rest @ ..,
-        ] = *words;
-        let [
-            tiles,
-            steps,
-            macs,
-            inputs_clamped,
-            saturated,
-            scrubbed_bytes,
-            scrub_passes,
-            scrub_faults,
-            self_test_faults,
-            rest @ ..,
-        ] = rest;
-        let [calls, faults, repairs, lights_assumed, tiles_dropped, last_fault, sums, tile_faults, a, b, c] = rest;
-        let ([lit_m, lit_slope], [explained, dark_m], [dark_slope, dark_below]) = (halves(a), halves(b), halves(c));
-        let ([header_crc, file_bytes], [scratch_offset, scratch_bytes]) = (halves(identity), halves(scratch));
-        let ([tile, busy], [phase, entry], [step, unit]) = (halves(tile), halves(place), halves(step));
-        let ([scrub_chunk, scrub_offset], [scrub_crc, mirror]) = (halves(chunk), halves(crc));
-        let ([min, relief], [nr, valid_px], [validity_crc, repairs_untold]) =
-            (halves(range), halves(nr), halves(validity));
-        let telemetry = Telemetry {
-            tiles,
-            steps,
-            macs,
-            inputs_clamped,
-            saturated,
-            scrubbed_bytes,
-            scrub_passes,
-            scrub_faults,
-            self_test_faults,
-            tile_faults,
-        };
-        let [sum_count, trusting] = halves(sums);
-        Self {
-            home,
-            home_bytes,
-            model,
-            verdict: Verdict { header_crc, file_bytes, scratch_offset, scratch_bytes, sum_count, macs: model_macs },
-            tile,
-            busy,
-            suspended: Suspended {
-                phase,
-                trusting,
-                entry,
-                step,
-                unit,
-                scrub_chunk,
-                scrub_offset,
-                scrub_crc,
-                telemetry,
-            },
-            scale_bits: [min, relief, nr],
-            mirror,
-            valid_px,
-            validity_crc,
-            calls,
-            faults,
-            repairs,
-            repairs_untold,
-            last_fault: last_fault as u32,
-            lights_assumed,
-            tiles_dropped,
-            expected_bits: [lit_m, lit_slope, explained, dark_m, dark_slope, dark_below],
-        }
-    }
-
     /// Drops the tile and counts it; the other counters stay unchanged.
     pub(crate) fn lose_tile(&mut self) {
         self.tiles_dropped = self.tiles_dropped.wrapping_add(u64::from(self.tile != EMPTY));

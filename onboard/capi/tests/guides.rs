@@ -6,7 +6,7 @@ mod common;
 use cc::*;
 use common::*;
 use elunar_capi::status::*;
-use elunar_core::nn::file::word;
+use elunar_core::nn::file::{set_word, word};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -71,7 +71,7 @@ fn the_service_mends_what_can_be_mended() {
         run(Command::new(&program).arg(model).arg(&tile).arg(&out));
         assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
         let distrusted = folder.join("distrusted.eld");
-        std::fs::write(&distrusted, changed(|model| set(model, word::SELF_TEST_CRC, 1))).unwrap();
+        std::fs::write(&distrusted, changed(|model| set_word(model, word::SELF_TEST_CRC, 1))).unwrap();
         run(Command::new(&program).arg(distrusted).arg(&tile));
     }
     std::fs::remove_dir_all(&folder).unwrap();

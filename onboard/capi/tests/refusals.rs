@@ -7,7 +7,7 @@ use common::*;
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, crc32c, word};
+use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, crc32c, set_word, word};
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -292,7 +292,7 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_MODEL_MAGIC, "another file", || validated(b"\x89PNG\r\n\x1a\n and so on")),
     (ELD_REFUSED_MODEL_MAGIC, "nothing", || validated(&[])),
-    (ELD_REFUSED_MODEL_VERSION, "a later version", || validated(&changed(|m| set(m, word::VERSION, 99)))),
+    (ELD_REFUSED_MODEL_VERSION, "a later version", || validated(&changed(|m| set_word(m, word::VERSION, 99)))),
     (ELD_REFUSED_MODEL_ENDIANNESS, "words swapped", || {
         let swapped: Vec<u8> =
             nano()[8..].as_chunks::<4>().0.iter().flat_map(|[a, b, c, d]| [*d, *c, *b, *a]).collect();
@@ -309,7 +309,9 @@ const CASES: &[Case] = &[
         model[3_000_000] ^= 0x40;
         validated(&model)
     }),
-    (ELD_REFUSED_MODEL_HEADER, "a negative range", || validated(&changed(|m| set(m, word::NR, (-50f32).to_bits())))),
+    (ELD_REFUSED_MODEL_HEADER, "a negative range", || {
+        validated(&changed(|m| set_word(m, word::NR, (-50f32).to_bits())))
+    }),
     (ELD_REFUSED_MODEL_TENSOR, "a tensor of rubbish", || {
         validated(&changed(|m| {
             let at = header(m, word::TENSORS);
@@ -386,7 +388,7 @@ const CASES: &[Case] = &[
     }),
     (ELD_FAULT_MODEL_CHANGED, "another model in its place", || {
         let (mut model, mut context) = own_model();
-        let other = changed(|m| set(m, word::SELF_TEST_SEED, 5));
+        let other = changed(|m| set_word(m, word::SELF_TEST_SEED, 5));
         model.copy_from_slice(&other);
         context.self_test_begin()
     }),
@@ -429,7 +431,7 @@ const CASES: &[Case] = &[
         status
     }),
     (ELD_FAULT_SELF_TEST, "a result that differs", || {
-        let model = changed(|m| set(m, word::SELF_TEST_CRC, 1));
+        let model = changed(|m| set_word(m, word::SELF_TEST_CRC, 1));
         let mut context = Context::new(&model);
         context.self_test_begin();
         context.finish();

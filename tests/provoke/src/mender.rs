@@ -3,7 +3,9 @@
 use crate::Random;
 use crate::model::{changed, sections, sound_models};
 use crate::programs::{Sizes, program};
-use elunar_core::nn::file::{CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, VERSION, seal_file, word};
+use elunar_core::nn::file::{
+    CHUNK_BYTES, CHUNK_RECORD_BYTES, HEADER_BYTES, MAGIC, VERSION, seal_file, set_word, u32_at, word,
+};
 
 /// Makes everything right that a validation checks before it looks at records: magic, version, length, number of chunks, checksums.
 pub fn mend(bytes: &mut [u8]) {
@@ -20,7 +22,7 @@ pub fn mend(bytes: &mut [u8]) {
         (word::CHUNKS, chunks),
     ];
     for (index, value) in fields {
-        bytes[4 * index..4 * index + 4].copy_from_slice(&(value as u32).to_le_bytes());
+        set_word(bytes, index, value as u32);
     }
     seal_file(bytes);
 }
@@ -54,9 +56,9 @@ pub fn mutate(
         let words = size.min(len.saturating_sub(start)) / 4;
         if words > 0 {
             let at = start + 4 * below(words);
-            let old = u32::from_le_bytes(std::array::from_fn(|i| model[at + i]));
+            let old = u32_at(model, at);
             let new = changed(old, below(256) as u8, below(1 << 32) as u32);
-            model[at..at + 4].copy_from_slice(&new.to_le_bytes());
+            set_word(model, at / 4, new);
         }
     }
     mend(model);

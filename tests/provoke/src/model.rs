@@ -1,7 +1,9 @@
 //! Arbitrary bytes as input of the integer runner: as products, as models, as changes to sound models.
 
-use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
+use elunar_core::nn::file::{
+    ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, set_word, u32_at, word,
+};
+use elunar_core::nn::{Kernel, MatrixProduct, Model, Progress, RunError, Runner, required};
 
 /// Bytes before and after a lent arena, which must not change.
 const GUARD: usize = 64;
@@ -60,8 +62,9 @@ pub fn kernels(bytes: &[u8]) -> bool {
     }
     let product = |kernel: Kernel| {
         let mut acc = acc.clone();
-        let done = kernel.matrix_product(&mut acc, (pixels, width), (&codes, &starts), (stride, groups), &weights);
-        (done, acc)
+        let (bytes, starts, weights) = (&codes[..], &starts[..], &weights[..]);
+        let product = MatrixProduct { pixels, width, bytes, starts, stride, groups, weights };
+        (kernel.matrix_product(&mut acc, &product), acc)
     };
     let expected = product(Kernel::SCALAR);
     assert!(expected.0.is_ok() || expected.1 == acc, "refused, and yet changed");
@@ -100,11 +103,11 @@ pub fn mutated(patches: &[u8]) -> Vec<u8> {
     while !reader.0.is_empty() {
         let (start, len) = sections[reader.byte() as usize % sections.len()];
         let at = start + reader.word() as usize % (len / 4).max(1) * 4;
-        let old = u32::from_le_bytes(std::array::from_fn(|i| bytes[at + i]));
+        let old = u32_at(&bytes, at);
         let new = changed(old, reader.byte(), reader.word());
         // The number of chunks gives the place of the checksums; with another number they could not be renewed.
         if at != 4 * word::CHUNKS {
-            bytes[at..at + 4].copy_from_slice(&new.to_le_bytes());
+            set_word(&mut bytes, at / 4, new);
         }
     }
     seal_file(&mut bytes);
@@ -113,7 +116,7 @@ pub fn mutated(patches: &[u8]) -> Vec<u8> {
 
 /// Returns offset and length of the header, and of the sections that contain records or constants.
 pub(crate) fn sections(bytes: &[u8]) -> [(usize, usize); 5] {
-    let field = |i: usize| u32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b])) as usize;
+    let field = |i: usize| u32_at(bytes, 4 * i) as usize;
     let section = |index: usize, size: usize| (field(index), field(index + 1) * size);
     [
         section(word::TENSORS, TENSOR_BYTES),

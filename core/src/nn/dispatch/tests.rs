@@ -1,6 +1,8 @@
 //! Compares every kernel with the scalar one, and the scalar one with the formula.
 
 use super::*;
+use crate::nn::MatrixProduct;
+use crate::nn::kernels::{ACCUMULATORS, pixels_at_once};
 use crate::nn::tests::Random;
 use proptest::prelude::*;
 
@@ -61,8 +63,10 @@ impl Product {
 
     fn by(&self, kernel: Kernel) -> Result<Vec<i32>, &'static str> {
         let mut acc = self.acc.clone();
-        let (size, codes) = ((self.pixels, self.width), (&self.bytes[..], &self.starts[..]));
-        let result = kernel.matrix_product(&mut acc, size, codes, (self.stride, self.groups), &self.weights);
+        let &Self { pixels, width, stride, groups, .. } = self;
+        let (bytes, starts, weights) = (&self.bytes[..], &self.starts[..], &self.weights[..]);
+        let product = MatrixProduct { pixels, width, bytes, starts, stride, groups, weights };
+        let result = kernel.matrix_product(&mut acc, &product);
         if result.is_err() {
             assert_eq!(acc, self.acc, "{kernel:?}: refused, and yet changed");
         }

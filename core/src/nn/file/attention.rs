@@ -8,7 +8,7 @@ use super::count::{at_least_one, min};
 /// `shift + window`, ... into windows, of which the outer ones are smaller, gives the same result. The input holds q, k, v side by side,
 /// each `heads * head channels`, u8 with zero 128. The map is extended to whole windows at the right and bottom. In the extension q, k and
 /// v are `pad_codes` (the bias of the projection, because the padding is zero after the norm), and count like others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Attention {
     /// Output tensor, `[rows, cols, heads * head channels]`.
     pub out: u32,

@@ -62,6 +62,34 @@ pub struct Conv {
     pub relu: bool,
 }
 
+impl Default for Conv {
+    /// One sample times one weight, rounded by a shift of 1; constants at offset 0.
+    fn default() -> Self {
+        Self {
+            out: 0,
+            first: 0,
+            second: None,
+            kernel_rows: 1,
+            kernel_cols: 1,
+            stride: 1,
+            stride_cols: 1,
+            pad: 0,
+            block: 1,
+            fold: false,
+            weights: 0,
+            bias: 0,
+            multipliers: 0,
+            shift: 1,
+            add: None,
+            add_multipliers: 0,
+            add_shift: 0,
+            table: None,
+            table_zero: 0,
+            relu: false,
+        }
+    }
+}
+
 impl Conv {
     /// Returns the sources in order.
     pub fn sources(&self) -> impl Iterator<Item = u32> {

@@ -4,7 +4,7 @@
 ///
 /// With sum S, V = C·Σx² − S² and d = C·x − S: `y = d / √(V + C²ε)`, in integers; then
 /// `code = clamp(zero + (y*G[c] + B[c] + half) >> shift)` with y in 16 fraction bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LayerNorm {
     /// Output tensor.
     pub out: u32,

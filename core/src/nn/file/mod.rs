@@ -4,13 +4,15 @@
 //! ([`Operator`]), and a schedule ([`Entry`]) with the order in which operators compute the rows of their outputs. An operator may run a
 //! few rows ahead of its reader, so that only those rows need memory.
 //!
-//! Every record has `encode` and `decode`; every enum in the file has `code` and `from_code`. [`seal_file`] writes all checksums at the
-//! end. [`super::Model::new`] validates a file. `onboard/docs/icd.md` describes the file byte by byte.
+//! [`Content`] writes a file, and [`super::Model::new`] validates it. Every record has `encode` and `decode`; every enum in the file has
+//! `code` and `from_code`. After a change of single bytes [`seal_file`] makes all checksums right. `onboard/docs/icd.md` describes the file
+//! byte by byte.
 
 mod attention;
 mod bytes;
 mod checksums;
 mod codes;
+mod content;
 mod conv;
 pub(crate) mod count;
 mod entry;
@@ -30,6 +32,7 @@ pub use super::tensor::{Dtype, Edge, Tensor};
 pub use attention::Attention;
 pub use bytes::{i32_at, i64_at, u32_at};
 pub use checksums::seal_file;
+pub use content::{Content, set_word};
 pub(crate) use conv::VARIANT_KINDS;
 pub use conv::{Conv, PHASE_TAPS, PHASES, Phase};
 pub use entry::{ENTRY_BYTES, Entry};

@@ -48,6 +48,7 @@ impl<'a> Model<'a> {
     ///
     /// # Errors
     /// As [`Self::new`].
+    #[doc(hidden)] // for tests
     pub fn new_counted(bytes: &'a [u8], work: &mut u64) -> Result<Self, ModelError> {
         *work = 0;
         let raw = RawModel::new(bytes)?;

@@ -11,12 +11,13 @@
 //! ```
 //! The softmax is not normalised before the product with v.
 
+use super::attention_layout::Layout;
 use super::{Constants, Prepared};
-use crate::nn::arena::{Arena, OVERREAD, Row};
+use crate::nn::arena::{Arena, Row};
 use crate::nn::file::{Attention, MAX_WINDOW, MEAN_FRACTION_BITS};
 use crate::nn::kernels::softmax::{MAX_TOKENS, Softmax};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch};
-use crate::nn::panels::{PANEL, groups, panelled, panels};
+use crate::nn::panels::{PANEL, groups, panels};
 use crate::nn::tensor::Tensor;
 use crate::part::{head, head_mut, item, part, part_mut, put};
 use crate::quant::limit::limit_wide;
@@ -26,31 +27,6 @@ use crate::quant::round_shift;
 /// Bits of the reciprocal of the sum of exponentials.
 const RECIPROCAL_BITS: u32 = 43;
 const _: () = assert!(MAX_WINDOW * MAX_WINDOW == MAX_TOKENS);
-
-/// Sizes of the parts of the scratch memory, bytes.
-#[derive(Clone, Copy)]
-pub(crate) struct Layout {
-    keys: usize,
-    values: usize,
-    row: usize,
-}
-
-impl Layout {
-    /// Returns the sizes for windows of `tokens` tokens and heads of `channels` channels.
-    #[inline(always)]
-    pub(crate) const fn new(tokens: usize, channels: usize) -> Self {
-        Self {
-            keys: 4 * groups(channels) * panelled(tokens),
-            values: 4 * groups(tokens) * panelled(channels),
-            row: 4 * groups(tokens),
-        }
-    }
-
-    /// Total bytes: packed keys, packed values, two planes of exponentials for a row of queries.
-    pub(crate) const fn bytes(&self) -> usize {
-        self.keys + self.values + 2 * MAX_WINDOW * self.row + OVERREAD
-    }
-}
 
 /// One window: a range of rows and a range of columns of the extended map.
 struct Window<'a> {
@@ -116,7 +92,8 @@ impl Walk<'_> {
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
     constants: &Constants<'_>,
-    (a, prepared): (&Attention, &Prepared),
+    a: &Attention,
+    prepared: &Prepared,
     arena: &mut Arena<'_>,
     step: usize,
     unit: usize,

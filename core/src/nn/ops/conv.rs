@@ -67,11 +67,22 @@ struct Stretch<'m> {
     filters: [Option<Filter<'m>>; 2],
 }
 
+/// Patches side by side that are multiplied by the same filters.
+struct Patches<'f, 'm> {
+    filters: &'f [Option<Filter<'m>>; 2],
+    /// Columns from the filters' first patch to the first of these.
+    skip: usize,
+    count: usize,
+    /// Input columns from one patch to the next.
+    input_step: usize,
+}
+
 /// Runs unit `unit` (the number of the panel) of step `step`.
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
     constants: &Constants<'_>,
-    (conv, prepared): (&Conv, &Prepared),
+    conv: &Conv,
+    prepared: &Prepared,
     arena: &mut Arena<'_>,
     step: usize,
     unit: usize,
@@ -166,8 +177,7 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
         let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let requantise =
-            requantise(self.constants, self.conv, (&self.out, self.add), (self.first, self.width), variants);
+        let requantise = requantise(self.constants, self.conv, &self.out, self.add, self.first, self.width, variants);
         let mut acc = [0; ACCUMULATORS];
         let mut cut = 0;
         let mut done = 0;
@@ -175,11 +185,14 @@ impl<'m> Job<'_, 'm> {
             // Blocks of nearly equal size, because small ones leave registers unused.
             let left = stretch.count - done;
             let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)).max(1));
-            self.products::<I>(arena, &mut acc, &stretch.filters, (done * stretch.input_step, now), stretch.input_step);
+            let (filters, input_step) = (&stretch.filters, stretch.input_step);
+            let patches = Patches { filters, skip: done * input_step, count: now, input_step };
+            self.products::<I>(arena, &mut acc, &patches);
             if self.conv.fold {
                 for pixel in [0, stretch.count - 1] {
                     if (done..done + now).contains(&pixel) {
-                        self.correct::<I>(arena, &mut acc, pixel - done, (stretch.row, stretch.col + 2 * pixel));
+                        let corrections = self.corrections(stretch.row, stretch.col + 2 * pixel);
+                        self.correct::<I>(arena, &mut acc, pixel - done, &corrections);
                     }
                 }
             }
@@ -193,10 +206,15 @@ impl<'m> Job<'_, 'm> {
 
     /// Adds the corrections for an output pixel to its sums, `acc[pixel]`.
     #[inline(always)]
-    fn correct<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, pixel: usize, (row, col): (usize, usize)) {
-        let corrections = self.corrections(row, col);
+    fn correct<I: Isa>(
+        &self,
+        arena: &mut Arena<'_>,
+        acc: &mut Accumulators,
+        pixel: usize,
+        corrections: &[Option<Filter<'m>>; 2],
+    ) {
         let mut more = [0; ACCUMULATORS];
-        self.products::<I>(arena, &mut more, &corrections, (0, 1), 1);
+        self.products::<I>(arena, &mut more, &Patches { filters: corrections, skip: 0, count: 1, input_step: 1 });
         for filter in corrections.iter().flatten() {
             let first = filter.variant * self.out.channels + self.first;
             let channels = self.width.min(self.out.channels - self.first);
@@ -209,22 +227,15 @@ impl<'m> Job<'_, 'm> {
         }
     }
 
-    /// Sets `acc` to the products of the filters with `now` patches. The first patch is `skip` columns further right.
+    /// Sets `acc` to the products of the patches and their filters.
     #[inline(always)]
-    fn products<I: Isa>(
-        &self,
-        arena: &mut Arena<'_>,
-        acc: &mut Accumulators,
-        filters: &[Option<Filter<'m>>; 2],
-        (skip, now): (usize, usize),
-        input_step: usize,
-    ) {
+    fn products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, patches: &Patches<'_, 'm>) {
         let mut begun = false;
         if self.wide {
-            self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 1), &mut begun);
-            head_mut(acc, now * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
+            self.plane::<I>(arena, acc, patches, 1, &mut begun);
+            head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
-        self.plane::<I>(arena, acc, filters, (skip, now), (input_step, 0), &mut begun);
+        self.plane::<I>(arena, acc, patches, 0, &mut begun);
     }
 
     /// Adds the products of one plane of all sources; the first products replace the sums.
@@ -233,11 +244,11 @@ impl<'m> Job<'_, 'm> {
         &self,
         arena: &mut Arena<'_>,
         acc: &mut Accumulators,
-        filters: &[Option<Filter<'m>>; 2],
-        (skip, now): (usize, usize),
-        (input_step, plane): (usize, usize),
+        patches: &Patches<'_, 'm>,
+        plane: usize,
         begun: &mut bool,
     ) {
+        let &Patches { filters, skip, count, input_step } = patches;
         for filter in filters.iter().flatten() {
             for (source, t) in self.sources.iter().enumerate() {
                 let Some(t) = t.as_ref().filter(|t| plane == 0 || t.dtype == Dtype::I16) else { continue };
@@ -253,7 +264,7 @@ impl<'m> Job<'_, 'm> {
                     *start = if row == inside || self.conv.fold {
                         t.row_offset(inside as usize) + col
                     } else {
-                        let len = (now - 1) * stride + 4 * groups;
+                        let len = (count - 1) * stride + 4 * groups;
                         part_mut(arena.bytes, arena.scratch, len).fill(zero_code(t, plane));
                         arena.scratch
                     };
@@ -261,9 +272,9 @@ impl<'m> Job<'_, 'm> {
                 let patch = Patch { bytes: arena.bytes, starts: head(&starts, filter.rows), stride, groups };
                 let weights = item(&filter.weights, source);
                 if *begun {
-                    I::gemm(acc, now, &patch, weights, self.width);
+                    I::gemm(acc, count, &patch, weights, self.width);
                 } else {
-                    I::gemm_from_zero(acc, now, &patch, weights, self.width);
+                    I::gemm_from_zero(acc, count, &patch, weights, self.width);
                 }
                 *begun = true;
             }

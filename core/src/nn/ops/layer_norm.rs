@@ -10,7 +10,8 @@ use crate::nn::kernels::layer_norm::{Job, PIXELS};
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
     constants: &Constants<'_>,
-    (norm, prepared): (&LayerNorm, &Prepared),
+    norm: &LayerNorm,
+    prepared: &Prepared,
     arena: &mut Arena<'_>,
     row: usize,
 ) -> u64 {

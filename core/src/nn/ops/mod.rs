@@ -5,6 +5,7 @@
 //! each is compiled for the kernel's instruction set.
 
 mod attention;
+mod attention_layout;
 mod constants;
 mod conv;
 mod layer_norm;
@@ -30,9 +31,9 @@ pub(crate) fn run<I: Isa>(
     unit: usize,
 ) -> u64 {
     match &prepared.operator {
-        Operator::Conv(op) => conv::run::<I>(constants, (op, prepared), arena, step, unit),
-        Operator::LayerNorm(op) => layer_norm::run::<I>(constants, (op, prepared), arena, step),
-        Operator::Attention(op) => attention::run::<I>(constants, (op, prepared), arena, step, unit),
+        Operator::Conv(op) => conv::run::<I>(constants, op, prepared, arena, step, unit),
+        Operator::LayerNorm(op) => layer_norm::run::<I>(constants, op, prepared, arena, step),
+        Operator::Attention(op) => attention::run::<I>(constants, op, prepared, arena, step, unit),
         Operator::Upsample2(_) => upsample::run(prepared, arena, step),
     }
 }

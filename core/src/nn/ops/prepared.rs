@@ -1,6 +1,6 @@
 //! An operator that is ready to run, and its cost.
 
-use super::attention::Layout;
+use super::attention_layout::Layout;
 use crate::nn::arena::OVERREAD;
 use crate::nn::file::{Conv, Operator, Phase};
 use crate::nn::panels::{panel, panel_count};

@@ -12,8 +12,10 @@ use crate::quant::lut::CODE_TABLE_LEN;
 pub(super) fn requantise<'a>(
     constants: &Constants<'a>,
     conv: &Conv,
-    (out, add): (&'a Tensor, Option<Tensor>),
-    (first, width): (usize, usize),
+    out: &'a Tensor,
+    add: Option<Tensor>,
+    first: usize,
+    width: usize,
     variants: [Option<usize>; 2],
 ) -> Requantise<'a> {
     let channels = out.channels.saturating_sub(first).min(width);

@@ -2,7 +2,7 @@
 //! that were not neighbours before.
 
 use super::Random;
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use super::unit::{Expected, Map, check, random_map};
 use crate::nn::file::{Attention, Dtype, Operator, Tensor};
 use proptest::prelude::*;
@@ -39,13 +39,18 @@ impl Case {
         let small = r.size(1, 12);
         let head = if r.one_in(8) { r.size(30, 40) } else { small };
         let mut draft = Draft::new(size);
-        let qkv_t =
-            Tensor { zero: 128, lo: 1, hi: 255, margin: r.size(0, 2), ..map(Dtype::U8, size, 3 * heads * head) };
+        let qkv_t = Tensor {
+            zero: 128,
+            lo: 1,
+            hi: 255,
+            margin: r.size(0, 2),
+            ..Tensor::new(Dtype::U8, size, 3 * heads * head)
+        };
         let qkv = random_map(r, &qkv_t);
         let input = draft.made(qkv_t);
         let dtype = r.pick(&[Dtype::U8, Dtype::I16]);
         let (zero, lo, hi) = if dtype == Dtype::U8 { (128, 1, 255) } else { (0, -20000, 20000) };
-        let out_t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..map(dtype, size, heads * head) };
+        let out_t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..Tensor::new(dtype, size, heads * head) };
         let out = draft.place(out_t);
         let side = 2 * window - 1;
         // Tables with any legal values: decreasing like an exponential, or not.

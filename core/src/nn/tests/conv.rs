@@ -1,7 +1,7 @@
 //! Compares convolutions, with and without a contained upsampling, with sums over all taps.
 
 use super::Random;
-use super::draft::{Draft, EMPTY, map};
+use super::draft::Draft;
 use super::unit::{Expected, Map, check, random_map};
 use crate::nn::file::{Conv, Dtype, Edge, Operator, PHASE_TAPS, PHASES, Tensor};
 use proptest::prelude::*;
@@ -30,7 +30,7 @@ fn random_tensor(random: &mut Random, dtype: Dtype, size: (usize, usize), channe
     let lo = if random.one_in(3) { zero } else { random.within(low, zero) };
     let margin = random.size(0, 2);
     let edge = random.pick(&[Edge::Zero, Edge::Nearest]);
-    let tensor = map(dtype, size, channels);
+    let tensor = Tensor::new(dtype, size, channels);
     let hi = random.within(zero, high) as i32;
     let scale = random.within(1, 99) as f32 / 64.0;
     let tensor = Tensor { zero: zero as i32, lo: lo as i32, hi, margin, edge, scale, ..tensor };
@@ -79,14 +79,14 @@ impl Case {
             block: r.size(1, 4.min(out_size.0)),
             pad,
             fold,
-            ..EMPTY
+            ..Conv::default()
         };
         let weights = random_weights(r, &conv, &mut tensors);
         let out_channels = weights.0;
         let dtype = r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16, Dtype::F32]);
         let mut out = random_tensor(r, dtype, out_size, out_channels);
         if dtype == Dtype::F32 {
-            out = map(dtype, out_size, out_channels);
+            out = Tensor::new(dtype, out_size, out_channels);
         }
         // A step of a folded convolution writes two rows for each row of the block.
         out.ring = r.size(out.rows.min(conv.block * (1 + fold as usize)), out.rows);
@@ -370,10 +370,10 @@ fn sums_reach_the_ends_of_32_bits() {
     // All codes and weights at their limits: sums of both signs within a few steps of the limits of 32 bits, with wrapping on the way.
     for (weight, code) in [(127, 1), (127, -1), (-127, 1), (-127, -1)] {
         let mut case = Case::new(0, false);
-        case.out = Tensor { lo: -32767, hi: 32767, ..map(Dtype::I16, (6, 30), 40) };
-        case.conv = Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, stride: 1, ..EMPTY };
+        case.out = Tensor { lo: -32767, hi: 32767, ..Tensor::new(Dtype::I16, (6, 30), 40) };
+        case.conv = Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, stride: 1, ..Conv::default() };
         let limit = i32::MAX / (127 * 25 * 21);
-        let t = Tensor { lo: -limit, hi: limit, margin: 2, ..map(Dtype::I16, (6, 30), 21) };
+        let t = Tensor { lo: -limit, hi: limit, margin: 2, ..Tensor::new(Dtype::I16, (6, 30), 21) };
         case.sources = vec![(t, vec![code * limit as i64; t.len()])];
         case.weights = vec![vec![weight; 40 * 25 * 21]];
         (case.bias, case.add, case.table) = (vec![0; 40], None, None);

@@ -1,9 +1,6 @@
-//! Model files of a few operators, written only from the description of the format.
+//! Model files of a few operators.
 
-use crate::nn::file::{
-    CHUNK_BYTES, CHUNK_RECORD_BYTES, Conv, Dtype, Edge, Entry, HEADER_BYTES, MAGIC, NONE, Operator, Tensor, VERSION,
-    seal_file, word,
-};
+use crate::nn::file::{Content, Conv, Dtype, Entry, NONE, Operator, Tensor};
 
 /// A model under construction.
 #[derive(Clone)]
@@ -30,7 +27,7 @@ impl Draft {
             coarse: NONE,
             output: NONE,
         };
-        draft.place(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, tile, 1) });
+        draft.place(Tensor { lo: 0, hi: 255, ..Tensor::new(Dtype::U8, tile, 1) });
         draft
     }
 
@@ -82,7 +79,7 @@ impl Draft {
             bias,
             multipliers,
             shift: one as u32,
-            ..EMPTY
+            ..Conv::default()
         }
     }
 
@@ -96,7 +93,7 @@ impl Draft {
 
     /// Adds the output, computed from the image.
     pub(crate) fn finish(&mut self) {
-        self.output = self.place(Tensor { lo: 0, hi: 0, ..map(Dtype::F32, self.tile, 1) });
+        self.output = self.place(Tensor { lo: 0, hi: 0, ..Tensor::new(Dtype::F32, self.tile, 1) });
         let conv = self.silent(0, self.output, (1, 1, 0));
         self.operator(Operator::Conv(conv));
     }
@@ -112,92 +109,17 @@ impl Draft {
 
     /// Returns the bytes of the file.
     pub(crate) fn file(&self) -> Vec<u8> {
-        let text = b"{}".to_vec();
-        let mut sums = 0;
-        let counted = |t: &Tensor| {
-            let counted = Tensor { sums, ..*t };
-            sums += t.ring;
-            counted.encode()
+        let content = Content {
+            tensors: &self.tensors,
+            operators: &self.operators,
+            schedule: &self.schedule,
+            constants: &self.constants,
+            tile: self.tile,
+            roles: [0, self.coarse, self.output],
+            ..Content::default()
         };
-        let sections: [(usize, Vec<u8>, usize); 5] = [
-            (word::TEXT, text, 2),
-            (word::TENSORS, self.tensors.iter().flat_map(counted).collect(), self.tensors.len()),
-            (word::OPERATORS, self.operators.iter().flat_map(Operator::encode).collect(), self.operators.len()),
-            (word::SCHEDULE, self.schedule.iter().flat_map(Entry::encode).collect(), self.schedule.len()),
-            (word::CONSTANTS, self.constants.clone(), self.constants.len()),
-        ];
-        let body: usize = sections.iter().map(|s| s.1.len()).sum();
-        let chunks = body.div_ceil(CHUNK_BYTES);
-        let mut bytes = vec![0; HEADER_BYTES + CHUNK_RECORD_BYTES * chunks];
-        bytes[..8].copy_from_slice(&MAGIC);
-        let set = |bytes: &mut [u8], index: usize, value: u32| {
-            bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
-        };
-        for (index, section, count) in sections {
-            let start = bytes.len() as u32;
-            set(&mut bytes, index, start);
-            set(&mut bytes, index + 1, count as u32);
-            bytes.extend(section);
-        }
-        let file_bytes = bytes.len() as u32;
-        let fields = [
-            (word::VERSION, VERSION),
-            (word::FILE_BYTES, file_bytes),
-            (word::CHUNK_BYTES, CHUNK_BYTES as u32),
-            (word::CHUNKS, chunks as u32),
-            (word::TILE, self.tile.0 as u32),
-            (word::TILE + 1, self.tile.1 as u32),
-            (word::NR, 50f32.to_bits()),
-            (word::IMAGE, 0),
-            (word::COARSE, self.coarse),
-            (word::OUTPUT, self.output),
-        ];
-        fields.into_iter().for_each(|(index, value)| set(&mut bytes, index, value));
-        seal_file(&mut bytes);
+        let mut bytes = vec![0; content.file_bytes()];
+        content.write(&mut bytes).unwrap();
         bytes
     }
 }
-
-/// Returns a tensor that keeps all rows, without margin; [`Draft::place`] makes the pitch large enough.
-pub(crate) fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
-    Tensor {
-        sums: 0,
-        dtype,
-        rows,
-        cols,
-        channels,
-        offset: 0,
-        zero: 0,
-        lo: 0,
-        hi: 0,
-        scale: 1.0,
-        ring: rows,
-        pitch: 0,
-        margin: 0,
-        edge: Edge::Zero,
-    }
-}
-
-/// A convolution with all fields 0 or absent.
-pub(crate) const EMPTY: Conv = Conv {
-    out: 0,
-    first: 0,
-    second: None,
-    kernel_rows: 1,
-    kernel_cols: 1,
-    stride: 1,
-    stride_cols: 1,
-    block: 1,
-    pad: 0,
-    fold: false,
-    weights: 0,
-    bias: 0,
-    multipliers: 0,
-    shift: 1,
-    add: None,
-    add_multipliers: 0,
-    add_shift: 0,
-    table: None,
-    table_zero: 0,
-    relu: false,
-};

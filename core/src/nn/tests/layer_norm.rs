@@ -1,7 +1,7 @@
 //! Compares layer norms and patch merging with mean and variance in floating point.
 
 use super::Random;
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use super::unit::{Expected, check, random_map};
 use crate::nn::file::{Dtype, LayerNorm, Operator, Tensor};
 use proptest::prelude::*;
@@ -19,14 +19,14 @@ proptest! {
         let mut draft = Draft::new(size);
         let dtype = r.pick(&[Dtype::I16, Dtype::I16, Dtype::U8]);
         let (zero, lo, hi) = if dtype == Dtype::U8 { (r.within(0, 255) as i32, 0, 255) } else { (0, -32767, 32767) };
-        let t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..map(dtype, size, channels) };
+        let t = Tensor { zero, lo, hi, margin: r.size(0, 2), ..Tensor::new(dtype, size, channels) };
         let mut values = random_map(r, &t);
         // Pixels with little variance are the difficult ones.
         let divisor = r.pick(&[1, 1, 1000, 40000]);
         values.iter_mut().for_each(|v| *v /= divisor);
         let input = draft.made(t);
         let small = (size.0 / merge, size.1 / merge);
-        let out_t = Tensor { zero: 128, lo: 1, hi: 255, margin: r.size(0, 2), ring: r.size(1, small.0), ..map(Dtype::U8, small, wide) };
+        let out_t = Tensor { zero: 128, lo: 1, hi: 255, margin: r.size(0, 2), ring: r.size(1, small.0), ..Tensor::new(Dtype::U8, small, wide) };
         let out = draft.place(out_t);
         // y * gain / 2^shift in code steps: up to 40 per standard deviation.
         let shift = 40;

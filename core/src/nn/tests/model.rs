@@ -1,6 +1,6 @@
 //! Refusals of [`Model`] for a single operator that mutated files of whole networks do not reach.
 
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use crate::nn::file::{Conv, Dtype, Edge, Operator, OperatorFault, Tensor};
 use crate::nn::{Model, ModelError, required};
 
@@ -8,7 +8,7 @@ use crate::nn::{Model, ModelError, required};
 fn validate(change: impl Fn(&mut Conv, &mut Draft)) -> Result<(), ModelError> {
     let mut draft = Draft::new((8, 8));
     (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
-    let out = draft.place(Tensor { hi: 255, ..map(Dtype::U8, (8, 8), 2) });
+    let out = draft.place(Tensor { hi: 255, ..Tensor::new(Dtype::U8, (8, 8), 2) });
     let mut conv = draft.silent(0, out, (3, 1, 1));
     let index = draft.operator(Operator::Conv(conv));
     draft.finish();
@@ -112,7 +112,7 @@ fn memory_asked_for_is_that_of_tensors_and_one_row_of_padding() {
     assert_eq!(model.scratch_bytes(), 0, "without padding there is no such row");
     let mut draft = Draft::new((8, 8));
     (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 10);
-    draft.output = draft.place(map(Dtype::F32, (8, 8), 1));
+    draft.output = draft.place(Tensor::new(Dtype::F32, (8, 8), 1));
     let conv = draft.silent(0, draft.output, (3, 1, 1));
     draft.operator(Operator::Conv(conv));
     draft.in_order();
@@ -125,7 +125,7 @@ fn memory_asked_for_is_that_of_tensors_and_one_row_of_padding() {
 fn an_output_may_hold_columns_as_channels() {
     for (cols, channels, legal) in [(8, 1, true), (4, 2, true), (1, 8, true), (4, 1, false), (8, 2, false)] {
         let mut draft = Draft::new((8, 8));
-        draft.output = draft.place(map(Dtype::F32, (8, cols), channels));
+        draft.output = draft.place(Tensor::new(Dtype::F32, (8, cols), channels));
         let mut conv = draft.silent(0, draft.output, (1, 1, 0));
         conv.stride_cols = 8 / cols;
         draft.operator(Operator::Conv(conv));

@@ -1,7 +1,6 @@
 //! Encodes and decodes records.
 
 use super::Random;
-use super::draft::map;
 use crate::nn::file::{
     Attention, Conv, Dtype, Edge, Entry, LayerNorm, MAX_MARGIN, NONE, OPERATOR_BYTES, Operator, OperatorFault, Tensor,
     Upsample2, seal_record,
@@ -27,7 +26,9 @@ fn legal_tensor(r: &mut Random) -> Tensor {
         pitch,
         margin: if dtype == Dtype::F32 { 0 } else { r.size(0, MAX_MARGIN) },
         edge: r.pick(&[Edge::Zero, Edge::Nearest]),
-        ..map(dtype, (rows, r.size(0, u32::MAX as usize)), r.size(0, u32::MAX as usize))
+        cols: r.size(0, u32::MAX as usize),
+        channels: r.size(0, u32::MAX as usize),
+        ..Tensor::new(dtype, (rows, 1), 1)
     }
 }
 
@@ -134,9 +135,9 @@ proptest! {
 
 #[test]
 fn tensors_outside_their_limits_are_refused() {
-    let good = Tensor { hi: 255, zero: 7, pitch: 8, ..map(Dtype::U8, (4, 4), 2) };
-    let wide = Tensor { lo: -5, hi: 5, pitch: 16, ..map(Dtype::I16, (4, 4), 2) };
-    let float = Tensor { pitch: 32, ..map(Dtype::F32, (4, 4), 2) };
+    let good = Tensor { hi: 255, zero: 7, pitch: 8, ..Tensor::new(Dtype::U8, (4, 4), 2) };
+    let wide = Tensor { lo: -5, hi: 5, pitch: 16, ..Tensor::new(Dtype::I16, (4, 4), 2) };
+    let float = Tensor { pitch: 32, ..Tensor::new(Dtype::F32, (4, 4), 2) };
     for (name, bad) in [
         ("code below u8", Tensor { lo: -1, ..good }),
         ("code above u8", Tensor { hi: 256, ..good }),
@@ -204,7 +205,7 @@ fn unknown_kinds_are_refused() {
 
 #[test]
 fn rows_lie_where_the_ring_says() {
-    let t = Tensor { offset: 100, ring: 3, margin: 2, pitch: 80, ..map(Dtype::I16, (10, 5), 4) };
+    let t = Tensor { offset: 100, ring: 3, margin: 2, pitch: 80, ..Tensor::new(Dtype::I16, (10, 5), 4) };
     // 5 + 2 + 2 columns of 4 channels in two planes.
     assert_eq!((t.row_bytes(), t.plane_bytes(), t.size_bytes()), (72, 36, 232));
     let places: Vec<usize> = (0..10).map(|row| t.row_offset(row)).collect();

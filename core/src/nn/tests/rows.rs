@@ -2,7 +2,6 @@
 
 use super::Random;
 use super::conv::phases;
-use super::draft::{EMPTY, map};
 use crate::nn::file::{Attention, Conv, Dtype, LayerNorm, Operator, PHASE_TAPS, Phase, Tensor, Upsample2};
 use crate::nn::ops::Prepared;
 use proptest::prelude::*;
@@ -29,21 +28,7 @@ fn phases_read_what_an_upsampled_patch_needs() {
 }
 
 fn attention(window: usize, shift_rows: usize) -> Attention {
-    Attention {
-        out: 0,
-        input: 0,
-        heads: 1,
-        window,
-        shift_rows,
-        shift_cols: 0,
-        pad_codes: 0,
-        logit_multipliers: 0,
-        logit_shift: 0,
-        position_bias: 0,
-        exp_table: 0,
-        multipliers: 0,
-        shift: 0,
-    }
+    Attention { heads: 1, window, shift_rows, ..Attention::default() }
 }
 
 #[test]
@@ -69,7 +54,7 @@ fn pieces_are_the_windows_of_the_cyclic_shift_without_the_masked_part() {
             let a = attention(window, shift);
             let found: Vec<(usize, usize)> = (0..a.pieces(len, shift)).map(|i| a.piece(len, shift, i)).collect();
             assert_eq!(found, pieces, "{len} pixels, windows of {window}, shift {shift}");
-            let (op, out) = (Operator::Attention(a), map(Dtype::U8, (len, 1), 1));
+            let (op, out) = (Operator::Attention(a), Tensor::new(Dtype::U8, (len, 1), 1));
             assert_eq!((op.rows_after(&out, 0), op.rows_after(&out, op.steps(&out))), (0, len));
             for (step, piece) in pieces.iter().enumerate() {
                 assert_eq!(op.rows_read(&out, 0, len, step), piece.0..piece.1.min(len));
@@ -90,8 +75,8 @@ proptest! {
         rows in 1usize..40, kernel in 1usize..16, pad in 0usize..15, stride in 1usize..16,
     ) {
         prop_assume!(pad < kernel && rows + 2 * pad >= kernel);
-        let out = map(Dtype::U8, ((rows + 2 * pad - kernel) / stride + 1, 1), 1);
-        let conv = Conv { kernel_rows: kernel, kernel_cols: kernel, stride, pad, ..EMPTY };
+        let out = Tensor::new(Dtype::U8, ((rows + 2 * pad - kernel) / stride + 1, 1), 1);
+        let conv = Conv { kernel_rows: kernel, kernel_cols: kernel, stride, pad, ..Conv::default() };
         let op = Operator::Conv(conv);
         for step in 0..op.steps(&out) {
             let under = (step * stride..step * stride + kernel).filter_map(|r| r.checked_sub(pad)).filter(|r| *r < rows);
@@ -104,8 +89,8 @@ proptest! {
 
     #[test]
     fn upsamplings_make_two_rows_from_their_neighbours(rows in 4usize..40) {
-        let out = map(Dtype::U8, (2 * rows, 1), 1);
-        let upsample = Operator::Upsample2(Upsample2 { out: 0, input: 0 });
+        let out = Tensor::new(Dtype::U8, (2 * rows, 1), 1);
+        let upsample = Operator::Upsample2(Upsample2::default());
         prop_assert_eq!(upsample.steps(&out), rows);
         for step in 0..rows {
             let bilinear = |at: usize| {
@@ -121,8 +106,8 @@ proptest! {
 
     #[test]
     fn folded_convolutions_read_what_their_phases_read(rows in 4usize..40, block in 1usize..17) {
-        let out = map(Dtype::U8, (2 * rows, 1), 1);
-        let fold = Operator::Conv(Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, block, ..EMPTY });
+        let out = Tensor::new(Dtype::U8, (2 * rows, 1), 1);
+        let fold = Operator::Conv(Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, block, ..Conv::default() });
         prop_assert_eq!(fold.steps(&out), rows.div_ceil(block));
         for step in 0..fold.steps(&out) {
             let made = 2 * block * step..(2 * block * (step + 1)).min(2 * rows);
@@ -137,8 +122,8 @@ proptest! {
 
     #[test]
     fn norms_read_the_rows_they_merge(step in 0usize..50, merge in 1usize..3) {
-        let norm = LayerNorm { out: 0, input: 0, merge, gains: 0, biases: 0, shift: 1, epsilon: 1 };
-        let (op, out) = (Operator::LayerNorm(norm), map(Dtype::U8, (50, 1), 1));
+        let norm = LayerNorm { merge, shift: 1, epsilon: 1, ..LayerNorm::default() };
+        let (op, out) = (Operator::LayerNorm(norm), Tensor::new(Dtype::U8, (50, 1), 1));
         prop_assert_eq!(op.rows_read(&out, 0, 50 * merge, step), merge * step..merge * (step + 1));
         prop_assert_eq!((op.steps(&out), op.rows_after(&out, step)), (50, step));
     }
@@ -187,12 +172,12 @@ proptest! {
 /// Returns an operator, its output and the rows of its input.
 fn any_reach(r: &mut Random) -> (Operator, Tensor, usize) {
     let rows = r.size(16, 60);
-    let out = |rows: usize| map(Dtype::U8, (rows, 20), 1);
+    let out = |rows: usize| Tensor::new(Dtype::U8, (rows, 20), 1);
     match r.size(0, 5) {
-        0 => (Operator::Upsample2(Upsample2 { out: 0, input: 0 }), out(2 * rows), rows),
+        0 => (Operator::Upsample2(Upsample2::default()), out(2 * rows), rows),
         1 => {
             let merge = r.size(1, 2);
-            let norm = LayerNorm { out: 0, input: 0, merge, gains: 0, biases: 0, shift: 1, epsilon: 1 };
+            let norm = LayerNorm { merge, shift: 1, epsilon: 1, ..LayerNorm::default() };
             (Operator::LayerNorm(norm), out(rows), merge * rows)
         }
         2 => {
@@ -202,14 +187,14 @@ fn any_reach(r: &mut Random) -> (Operator, Tensor, usize) {
         }
         3 => {
             let block = r.size(1, 16);
-            let fold = Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, block, ..EMPTY };
+            let fold = Conv { kernel_rows: 5, kernel_cols: 5, pad: 2, fold: true, block, ..Conv::default() };
             (Operator::Conv(fold), out(2 * rows), rows)
         }
         _ => {
             let kernel_rows = r.size(1, 15);
             let pad = r.size(0, kernel_rows - 1);
             let (stride, block) = (r.size(1, 15), r.size(1, 16));
-            let conv = Conv { kernel_rows, kernel_cols: kernel_rows, pad, stride, block, ..EMPTY };
+            let conv = Conv { kernel_rows, kernel_cols: kernel_rows, pad, stride, block, ..Conv::default() };
             (Operator::Conv(conv), out((rows + 2 * pad - kernel_rows) / stride + 1), rows)
         }
     }

@@ -1,7 +1,7 @@
 //! Schedules: legal ones run, and reads of missing rows are refused.
 
 use super::Random;
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use super::shadow;
 use crate::nn::file::{Dtype, Entry, Operator, Tensor};
 use crate::nn::{Model, ModelError, Progress, Runner, required};
@@ -27,14 +27,14 @@ const OUT: usize = 4;
 fn chain() -> Chain {
     let mut draft = Draft::new((ROWS, 6));
     (draft.tensors[0].margin, draft.tensors[0].pitch) = (1, 8);
-    let t = Tensor { hi: 255, margin: 1, ..map(Dtype::U8, (ROWS, 6), 2) };
+    let t = Tensor { hi: 255, margin: 1, ..Tensor::new(Dtype::U8, (ROWS, 6), 2) };
     let end = draft.tensors[0].size_bytes();
     let mut add = |tensor: Tensor| {
         draft.tensors.push(Tensor { offset: end + 1000 * draft.tensors.len(), pitch: tensor.row_bytes(), ..tensor });
         draft.tensors.len() as u32 - 1
     };
     let (a, b, c, sum) = (add(Tensor { ring: 3, ..t }), add(Tensor { ring: 1, ..t }), add(t), add(t));
-    let out = add(map(Dtype::F32, (ROWS, 6), 1));
+    let out = add(Tensor::new(Dtype::F32, (ROWS, 6), 1));
     for (input, made, form) in
         [(0, a, (3, 1, 1)), (a, b, (3, 1, 1)), (0, c, (1, 1, 0)), (b, sum, (1, 1, 0)), (sum, out, (1, 1, 0))]
     {
@@ -226,7 +226,7 @@ fn the_two_inputs_may_not_share_bytes() {
     for (offset, pitch, legal) in [(0, 8, false), (8, 8, false), (7, 8, false), (8, 16, true), (11, 16, false)] {
         chain.draft.tensors[0].pitch = pitch;
         chain.draft.tensors[0].offset = 100_000;
-        let coarse = Tensor { hi: 255, offset: 100_000 + offset, pitch, ..map(Dtype::U8, (ROWS, 6), 1) };
+        let coarse = Tensor { hi: 255, offset: 100_000 + offset, pitch, ..Tensor::new(Dtype::U8, (ROWS, 6), 1) };
         let number = chain.draft.tensors.len() as u32;
         chain.draft.tensors.push(coarse);
         chain.draft.coarse = number;
@@ -364,7 +364,7 @@ fn random_program(r: &mut Random) -> Draft {
     let count = r.size(1, 4);
     for number in 1..=count + 1 {
         let last = number > count;
-        let t = if last { map(Dtype::F32, (ROWS, 6), 1) } else { map(Dtype::U8, (ROWS, 6), 2) };
+        let t = if last { Tensor::new(Dtype::F32, (ROWS, 6), 1) } else { Tensor::new(Dtype::U8, (ROWS, 6), 2) };
         let t = Tensor { hi: if last { 0 } else { 255 }, margin: !last as usize, ..t };
         let ring = if last || r.one_in(2) { ROWS } else { r.size(1, ROWS) };
         draft.tensors.push(Tensor { offset: place(r), pitch: pitch.max(t.row_bytes()), ring, ..t });

@@ -1,6 +1,6 @@
 //! Runs that are suspended and resumed after every unit of work, and positions that no run has.
 
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use crate::nn::file::{Dtype, Tensor, word};
 use crate::nn::{Kernel, Model, ModelError, Progress, RunError, Runner, Suspended, Verdict, required};
 
@@ -9,7 +9,7 @@ fn file() -> Vec<u8> {
     let tile = (12, 10);
     let mut draft = Draft::new(tile);
     for channels in [70, 40] {
-        draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, tile, channels) });
+        draft.made(Tensor { lo: 0, hi: 255, ..Tensor::new(Dtype::U8, tile, channels) });
     }
     draft.finish();
     draft.in_order();
@@ -60,7 +60,7 @@ fn a_run_resumed_after_every_unit_is_the_same_run() {
 fn bytes_that_are_compared_and_summed_count_as_work() {
     let tile = (12, 10);
     let mut draft = Draft::new(tile);
-    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, tile, 70) });
+    draft.made(Tensor { lo: 0, hi: 255, ..Tensor::new(Dtype::U8, tile, 70) });
     draft.finish();
     draft.in_order();
     let file = draft.file();

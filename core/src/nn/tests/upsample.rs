@@ -1,7 +1,7 @@
 //! Compares upsamplings with bilinear interpolation.
 
 use super::Random;
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use super::unit::{Expected, check, random_map};
 use crate::nn::file::{Dtype, Edge, Operator, Tensor, Upsample2};
 use proptest::prelude::*;
@@ -18,10 +18,10 @@ proptest! {
         let (zero, lo, hi) = if dtype == Dtype::U8 { (r.within(0, 255) as i32, 0, 255) } else { (0, -32767, 32767) };
         let channels = r.size(1, 40);
         let edge = |r: &mut Random| r.pick(&[Edge::Zero, Edge::Nearest]);
-        let t = Tensor { zero, lo, hi, margin: r.size(0, 3), edge: edge(r), ..map(dtype, size, channels) };
+        let t = Tensor { zero, lo, hi, margin: r.size(0, 3), edge: edge(r), ..Tensor::new(dtype, size, channels) };
         let values = random_map(r, &t);
         let input = draft.made(t);
-        let large = map(dtype, (2 * size.0, 2 * size.1), channels);
+        let large = Tensor::new(dtype, (2 * size.0, 2 * size.1), channels);
         let large = Tensor { zero, lo, hi, margin: r.size(0, 3), edge: edge(r), ring: r.size(2, 2 * size.0), ..large };
         let out = draft.place(large);
         let index = draft.operator(Operator::Upsample2(Upsample2 { out, input }));

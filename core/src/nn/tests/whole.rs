@@ -1,6 +1,7 @@
 //! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (a missing part fails a test
 //! of this crate, see [`crate::part`]).
 
+use crate::nn::file::{Content, Entry, Operator, Tensor, word};
 use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Light;
 use crate::tile::Shape;
@@ -55,5 +56,36 @@ fn healthy_models_use_only_what_is_there() {
             run(kernel, Model::new(&bytes).unwrap(), true);
         }
         run(Kernel::best(), Model::new(&bytes).unwrap(), false);
+    }
+}
+
+#[test]
+fn a_file_that_is_read_and_written_again_is_the_same_file() {
+    for file in files() {
+        let bytes = std::fs::read(&file).unwrap();
+        let model = Model::new(&bytes).unwrap();
+        let tensors: Vec<Tensor> = (0..model.tensor_count()).map(|i| model.tensor(i as u32)).collect();
+        let operators: Vec<Operator> = (0..model.operator_count()).map(|i| model.operator(i).unwrap()).collect();
+        let schedule: Vec<Entry> = (0..model.entry_count()).map(|i| model.entry(i).unwrap()).collect();
+        let constants = model.raw().section(word::CONSTANTS, model.constants_bytes() as u64).unwrap();
+        let content = Content {
+            text: model.text(),
+            tensors: &tensors,
+            operators: &operators,
+            schedule: &schedule,
+            constants,
+            tile: (model.tile().rows, model.tile().cols),
+            nr: model.nr(),
+            range_margin: model.range_margin(),
+            truth_range: model.truth_range(),
+            illumination: model.illumination(),
+            roles: [model.image_tensor(), model.raw().word(word::COARSE), model.output_tensor()],
+            self_test: model.self_test(),
+            alignment: 8,
+        };
+        let mut again = vec![0xff; content.file_bytes()];
+        content.write(&mut again).unwrap();
+        assert!(again == bytes, "{}", file.display());
+        assert_eq!(content.write(&mut again[1..]), None, "a byte too few");
     }
 }

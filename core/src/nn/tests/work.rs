@@ -1,6 +1,6 @@
 //! The work of a validation is proportional to the file: files made to take long are accepted or refused within the limit.
 
-use super::draft::{Draft, map};
+use super::draft::Draft;
 use crate::nn::file::{Attention, Dtype, Entry, MAX_WORK, ModelError, Operator, OperatorFault, Tensor};
 use crate::nn::{Model, ModelError as Error};
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ fn validate(name: &str, draft: &Draft) -> Result<(), Error> {
 fn line(count: usize, rows: usize, offset: impl Fn(usize) -> usize) -> Draft {
     let mut draft = Draft::new((rows, 1));
     draft.tensors[0].offset = offset(0);
-    let t = Tensor { hi: 255, pitch: 1, ..map(Dtype::U8, (rows, 1), 1) };
+    let t = Tensor { hi: 255, pitch: 1, ..Tensor::new(Dtype::U8, (rows, 1), 1) };
     let first = draft.silent(0, 0, (1, 1, 0));
     for number in 1..count {
         draft.tensors.push(Tensor { offset: offset(number), ..t });
@@ -31,7 +31,7 @@ fn line(count: usize, rows: usize, offset: impl Fn(usize) -> usize) -> Draft {
     }
     let end = draft.tensors.iter().map(|t| t.offset + t.size_bytes()).max().unwrap();
     draft.output = count as u32;
-    draft.tensors.push(Tensor { offset: end.next_multiple_of(64), pitch: 4, ..map(Dtype::F32, (rows, 1), 1) });
+    draft.tensors.push(Tensor { offset: end.next_multiple_of(64), pitch: 4, ..Tensor::new(Dtype::F32, (rows, 1), 1) });
     let conv = draft.silent(count as u32 - 1, draft.output, (1, 1, 0));
     draft.operator(Operator::Conv(conv));
     draft
@@ -105,8 +105,8 @@ fn schedules_of_single_steps() {
 fn attentions_with_many_windows() {
     let (side, count) = ((4096, 4096), 500);
     let mut draft = Draft::new(side);
-    let input = draft.made(Tensor { zero: 128, lo: 1, hi: 255, ring: 1, ..map(Dtype::U8, side, 3) });
-    let out = draft.place(Tensor { hi: 255, ring: 1, ..map(Dtype::U8, side, 1) });
+    let input = draft.made(Tensor { zero: 128, lo: 1, hi: 255, ring: 1, ..Tensor::new(Dtype::U8, side, 3) });
+    let out = draft.place(Tensor { hi: 255, ring: 1, ..Tensor::new(Dtype::U8, side, 1) });
     let one = draft.words([1]);
     let (pad_codes, position_bias) = (draft.constant([1; 3]), draft.constant([0; 2]));
     let exp_table = draft.constant([0, 0x40].repeat(96));
@@ -136,7 +136,7 @@ fn weights_that_many_operators_share() {
     for (count, legal) in [(500, false), (10, true)] {
         let channels = 1024;
         let mut draft = Draft::new((1, 1));
-        let t = Tensor { hi: 255, ..map(Dtype::U8, (1, 1), channels) };
+        let t = Tensor { hi: 255, ..Tensor::new(Dtype::U8, (1, 1), channels) };
         let first = draft.made(t);
         let second = draft.place(t);
         let shared = draft.silent(first, second, (1, 1, 0));

@@ -3,7 +3,7 @@
 use crate::fill::fill_gaps;
 use crate::mask::is_real;
 use crate::nn::file::{Conv, Dtype, Operator, Tensor};
-use crate::nn::tests::draft::{Draft, map};
+use crate::nn::tests::draft::Draft;
 use crate::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required};
 use crate::norm::Anchor;
 use crate::overlap::{Open, OverlapWeights};
@@ -16,7 +16,7 @@ pub(super) const TILE: Shape = Shape::new(12, 10);
 pub(super) fn file() -> Vec<u8> {
     let mut draft = Draft::new((TILE.rows, TILE.cols));
     draft.tensors[0].scale = 1.0 / 255.0;
-    draft.made(Tensor { lo: 0, hi: 255, ..map(Dtype::U8, (TILE.rows, TILE.cols), 40) });
+    draft.made(Tensor { lo: 0, hi: 255, ..Tensor::new(Dtype::U8, (TILE.rows, TILE.cols), 40) });
     draft.finish();
     let Some(Operator::Conv(Conv { weights, multipliers, .. })) = draft.operators.last().copied() else { panic!() };
     draft.constants[weights] = 1;

@@ -6,10 +6,9 @@ use super::codes::wide_by_rule;
 use super::graph::{Graph, Operation};
 use super::plan::order_and_plan;
 use super::quantise::{Program, quantise};
-use super::write::{Content, file_bytes};
 use crate::config::NetConfig;
 use crate::weights::Weights;
-use elunar_core::nn::file::{NONE, Operator};
+use elunar_core::nn::file::{Content, NONE, Operator};
 use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_raster::{Error, Result};
 use std::path::Path;
@@ -97,9 +96,10 @@ pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool],
         illumination: config.illumination,
         roles,
         self_test: (SELF_TEST_SEED, 0),
+        alignment: 8,
     };
-    content.self_test.1 = self_test(&file_bytes(&content))?;
-    let bytes = file_bytes(&content);
+    content.self_test.1 = self_test(&file_bytes(&content)?)?;
+    let bytes = file_bytes(&content)?;
     Ok(Export { bytes, graph, program })
 }
 
@@ -120,6 +120,13 @@ fn text(config: &NetConfig, program: &Program, name: &str, precision: &str) -> S
         "operators": program.names,
     })
     .to_string()
+}
+
+fn file_bytes(content: &Content<'_>) -> Result<Vec<u8>> {
+    let mut bytes = vec![0; content.file_bytes()];
+    let written = content.write(&mut bytes);
+    written.ok_or_else(|| Error::input(format!("export: expected a file below 4 GiB, found {} bytes", bytes.len())))?;
+    Ok(bytes)
 }
 
 /// Returns the checksum of the self-test tile's output.

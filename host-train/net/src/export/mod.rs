@@ -3,7 +3,7 @@
 //! [`build`] makes the operator [`graph`] from the configuration and the weights, with batch norm folded in. [`float`] runs it on real
 //! numbers, which shows that the graph equals the network and measures the ranges of its maps ([`calibrate`]). [`quantise`] converts it to
 //! integers: [`codes`] defines the codes of maps, `fold` makes upsamplings part of filters, `pack` puts weights in the kernels' order.
-//! [`schedule`] orders the steps. [`plan`] chooses the number of rows kept and their place in the arena. [`write`] writes the file.
+//! [`schedule`] orders the steps. [`plan`] chooses the number of rows kept and their place in the arena. [`Content`](elunar_core::nn::file::Content) writes the file.
 //! [`compile`] does all of this.
 
 pub mod build;
@@ -22,7 +22,6 @@ pub mod report;
 mod rounding;
 pub mod schedule;
 pub mod sensitivity;
-pub mod write;
 
 pub use calibrate::CalibrationTile;
 pub use compile::{Options, Precision, export};

@@ -4,7 +4,7 @@
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::file::seal_file;
+use elunar_core::nn::file::{seal_file, u32_at};
 use elunar_core::nn::{KnownSun, Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
 use elunar_core::norm::LightFit;
 use elunar_core::photoclinometry::{Contrast, ExpectedErrors};
@@ -255,7 +255,7 @@ impl Context {
 
 /// Returns word `index` of a model's header.
 pub(crate) fn header(model: &[u8], index: usize) -> usize {
-    u32::from_le_bytes(model[4 * index..4 * index + 4].try_into().unwrap()) as usize
+    u32_at(model, 4 * index) as usize
 }
 
 /// Returns the shipped model with changes and valid checksums.
@@ -264,9 +264,4 @@ pub(crate) fn changed(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     change(&mut model);
     seal_file(&mut model);
     model
-}
-
-/// Sets a word of a header.
-pub(crate) fn set(model: &mut [u8], index: usize, value: u32) {
-    model[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
 }

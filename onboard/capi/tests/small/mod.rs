@@ -2,20 +2,17 @@
 #![allow(dead_code)] // each test file uses only some functions
 
 use elunar_core::nn::file::*;
-use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
+use elunar_core::nn::{Kernel, Model, Progress, Runner, TruthRange, required};
 
 /// Rows and columns of the tile.
 pub(crate) const SHAPE: (usize, usize) = (4, 6);
 /// Number of pixels.
 pub(crate) const PX: usize = SHAPE.0 * SHAPE.1;
 
-/// Returns a tensor that keeps all rows, `margin` columns wider on each side.
-fn tensor(dtype: Dtype, (rows, cols): (usize, usize), margin: usize, offset: usize) -> Tensor {
-    let hi = if dtype == Dtype::U8 { 255 } else { 0 };
-    let pitch = (cols + 2 * margin) * dtype.bytes();
-    let (zero, lo, scale, channels) = (0, 0, 1.0 / 255.0, 1);
-    let edge = Edge::Zero;
-    Tensor { dtype, rows, cols, channels, offset, zero, lo, hi, scale, ring: rows, pitch, margin, edge, sums: 0 }
+/// Returns a tensor of one channel, `margin` columns wider on each side.
+fn tensor(dtype: Dtype, size: (usize, usize), margin: usize, offset: usize) -> Tensor {
+    let t = Tensor { margin, offset, scale: 1.0 / 255.0, ..Tensor::new(dtype, size, 1) };
+    Tensor { hi: if dtype == Dtype::U8 { 255 } else { 0 }, pitch: t.row_bytes(), ..t }
 }
 
 /// Returns a convolution of one channel by a square kernel, with the constants of [`constants`].
@@ -23,24 +20,14 @@ fn conv(first: usize, out: usize, kernel: usize, float: bool) -> Operator {
     Operator::Conv(Conv {
         out: out as u32,
         first: first as u32,
-        second: None,
         kernel_rows: kernel,
         kernel_cols: kernel,
-        stride: 1,
-        stride_cols: 1,
         pad: kernel / 2,
-        block: 1,
-        fold: false,
         weights: if kernel == 1 { 108 } else { 0 },
         bias: 96,
         multipliers: if float { 104 } else { 100 },
         shift: if float { 0 } else { 8 },
-        add: None,
-        add_multipliers: 0,
-        add_shift: 0,
-        table: None,
-        table_zero: 0,
-        relu: false,
+        ..Conv::default()
     })
 }
 
@@ -54,42 +41,19 @@ fn constants() -> Vec<u8> {
 
 /// Returns the file of a program over an image, tensor 0; the last operator writes the last tensor.
 fn file(shape: (usize, usize), tensors: &[Tensor], operators: &[Operator], schedule: &[Entry]) -> Vec<u8> {
-    let mut sums = 0;
-    let mut counted = |t: &Tensor| {
-        sums += t.ring;
-        Tensor { sums: sums - t.ring, ..*t }.encode()
+    let content = Content {
+        tensors,
+        operators,
+        schedule,
+        constants: &constants(),
+        tile: shape,
+        truth_range: TruthRange::Reference,
+        roles: [0, NONE, tensors.len() as u32 - 1],
+        alignment: 8,
+        ..Content::default()
     };
-    let sections: [(usize, Vec<u8>, usize); 5] = [
-        (word::TEXT, b"{}      ".to_vec(), 2),
-        (word::TENSORS, tensors.iter().flat_map(&mut counted).collect(), tensors.len()),
-        (word::OPERATORS, operators.iter().flat_map(Operator::encode).collect(), operators.len()),
-        (word::SCHEDULE, schedule.iter().flat_map(Entry::encode).collect(), schedule.len()),
-        (word::CONSTANTS, constants(), constants().len()),
-    ];
-    let chunks = sections.iter().map(|s| s.1.len()).sum::<usize>().div_ceil(CHUNK_BYTES);
-    let mut bytes = vec![0; HEADER_BYTES + CHUNK_RECORD_BYTES * chunks];
-    bytes[..8].copy_from_slice(&MAGIC);
-    let mut fields = vec![
-        (word::VERSION, VERSION),
-        (word::CHUNK_BYTES, CHUNK_BYTES as u32),
-        (word::CHUNKS, chunks as u32),
-        (word::TILE, shape.0 as u32),
-        (word::TILE + 1, shape.1 as u32),
-        (word::NR, 50f32.to_bits()),
-        (word::TARGET_RANGE, 1),
-        (word::IMAGE, 0),
-        (word::COARSE, NONE),
-        (word::OUTPUT, tensors.len() as u32 - 1),
-    ];
-    for (index, section, count) in sections {
-        fields.extend([(index, bytes.len() as u32), (index + 1, count as u32)]);
-        bytes.extend(section);
-    }
-    fields.push((word::FILE_BYTES, bytes.len() as u32));
-    for (index, value) in fields {
-        bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
-    }
-    seal_file(&mut bytes);
+    let mut bytes = vec![0; content.file_bytes()];
+    content.write(&mut bytes).unwrap();
     bytes
 }
 
@@ -105,7 +69,7 @@ pub(crate) fn model() -> Vec<u8> {
     runner.begin_self_test().unwrap();
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
     let crc = runner.output_crc().unwrap();
-    bytes[4 * word::SELF_TEST_CRC..4 * word::SELF_TEST_CRC + 4].copy_from_slice(&crc.to_le_bytes());
+    set_word(&mut bytes, word::SELF_TEST_CRC, crc);
     seal_file(&mut bytes);
     bytes
 }

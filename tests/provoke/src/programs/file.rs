@@ -1,5 +1,6 @@
 //! A program under construction, and its file with correct checksums.
 
+use elunar_core::nn::Illumination;
 use elunar_core::nn::file::*;
 
 /// A program of the integer runner. Tensor 0 takes the image.
@@ -17,8 +18,8 @@ pub struct Program {
     pub tile: (usize, usize),
     /// Number of the tensor that takes the coarse DTM, or [`NONE`].
     pub coarse: u32,
-    /// The header's word about the light.
-    pub illumination: u32,
+    /// The light that the network knows.
+    pub illumination: Illumination,
     /// Seed of the self test's tile.
     pub seed: u32,
 }
@@ -54,58 +55,22 @@ impl Program {
         (0..tensors.len()).any(|a| (0..a).any(|b| tensors[a].overlaps(&tensors[b])))
     }
 
-    /// Writes the places of the tensors into [`Self::file`]'s bytes of the same program.
-    pub(super) fn place(&self, bytes: &mut [u8]) {
-        let start = u32_at(bytes, 4 * word::TENSORS) as usize;
-        let mut sums = 0;
-        for (t, record) in self.tensors.iter().zip(bytes[start..].chunks_exact_mut(TENSOR_BYTES)) {
-            record.copy_from_slice(&Tensor { sums, ..*t }.encode());
-            sums += t.ring;
-        }
-        seal_file(bytes);
-    }
-
     /// Returns the bytes of the file.
     #[must_use]
     pub fn file(&self) -> Vec<u8> {
-        let mut sums = 0;
-        let mut tensors = Vec::new();
-        for t in &self.tensors {
-            tensors.extend(Tensor { sums, ..*t }.encode());
-            sums += t.ring;
-        }
-        let sections: [(usize, Vec<u8>, usize); 5] = [
-            (word::TEXT, b"{}".to_vec(), 2),
-            (word::TENSORS, tensors, self.tensors.len()),
-            (word::OPERATORS, self.operators.iter().flat_map(Operator::encode).collect(), self.operators.len()),
-            (word::SCHEDULE, self.schedule.iter().flat_map(Entry::encode).collect(), self.schedule.len()),
-            (word::CONSTANTS, self.constants.clone(), self.constants.len()),
-        ];
-        let chunks = sections.iter().map(|s| s.1.len()).sum::<usize>().div_ceil(CHUNK_BYTES);
-        let mut bytes = vec![0; HEADER_BYTES + CHUNK_RECORD_BYTES * chunks];
-        bytes[..8].copy_from_slice(&MAGIC);
-        let mut fields = vec![
-            (word::VERSION, VERSION),
-            (word::CHUNK_BYTES, CHUNK_BYTES as u32),
-            (word::CHUNKS, chunks as u32),
-            (word::TILE, self.tile.0 as u32),
-            (word::TILE + 1, self.tile.1 as u32),
-            (word::NR, 50f32.to_bits()),
-            (word::IMAGE, 0),
-            (word::COARSE, self.coarse),
-            (word::OUTPUT, self.tensors.len() as u32 - 1),
-            (word::ILLUMINATION, self.illumination),
-            (word::SELF_TEST_SEED, self.seed),
-        ];
-        for (index, section, count) in sections {
-            fields.extend([(index, bytes.len() as u32), (index + 1, count as u32)]);
-            bytes.extend(section);
-        }
-        fields.push((word::FILE_BYTES, bytes.len() as u32));
-        for (index, value) in fields {
-            bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
-        }
-        seal_file(&mut bytes);
+        let content = Content {
+            tensors: &self.tensors,
+            operators: &self.operators,
+            schedule: &self.schedule,
+            constants: &self.constants,
+            tile: self.tile,
+            illumination: self.illumination,
+            roles: [0, self.coarse, self.tensors.len() as u32 - 1],
+            self_test: (self.seed, 0),
+            ..Content::default()
+        };
+        let mut bytes = vec![0; content.file_bytes()];
+        content.write(&mut bytes).expect("a small file");
         bytes
     }
 }

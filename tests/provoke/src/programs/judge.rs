@@ -49,8 +49,7 @@ pub fn judge(
     random: &mut Random,
     lend: &mut impl FnMut(Lent, usize) -> &'static mut [u8],
 ) -> Judged {
-    let mut bytes = program.file();
-    let model = match Model::new(lent_copy(&bytes, lend)) {
+    let model = match Model::new(lent_copy(&program.file(), lend)) {
         Ok(model) => model,
         Err(error) => return Judged::Illegal(error),
     };
@@ -65,8 +64,7 @@ pub fn judge(
             let before = wild.tensors.clone();
             places::redraw(d, &mut wild);
             let small = wild.end() <= d.sizes.arena_bytes;
-            wild.place(&mut bytes);
-            if small && Model::new(&bytes).is_ok() {
+            if small && Model::new(&wild.file()).is_ok() {
                 changed = true;
             } else {
                 refused += 1;
@@ -74,8 +72,7 @@ pub fn judge(
             }
         }
         if changed {
-            wild.place(&mut bytes);
-            let model = Model::new(lent_copy(&bytes, lend)).expect("accepted before");
+            let model = Model::new(lent_copy(&wild.file(), lend)).expect("accepted before");
             runs += compare(expected, model, d, lend, &wild);
             layouts += 1;
             shared += usize::from(wild.shares_bytes());

@@ -14,6 +14,7 @@ pub use sizes::Sizes;
 
 use crate::Random;
 use dice::{Dice, ends};
+use elunar_core::nn::Illumination;
 use elunar_core::nn::file::NONE;
 
 /// Returns a program with all tensors apart and kept whole; `None` if the random choices do not lead to one. What a choice makes illegal, the
@@ -24,7 +25,8 @@ pub fn program(random: &mut Random, sizes: &Sizes) -> Option<Program> {
     let tile = (d.size(1, sizes.tile.0), d.size(1, sizes.tile.1));
     let (tensors, operators, schedule, constants) = Default::default();
     let seed = d.size(0, u32::MAX as usize) as u32;
-    let mut program = Program { tensors, operators, schedule, constants, tile, coarse: NONE, illumination: 0, seed };
+    let (coarse, illumination) = (NONE, Illumination::Any);
+    let mut program = Program { tensors, operators, schedule, constants, tile, coarse, illumination, seed };
     operators::inputs(d, &mut program);
     for _ in 0..d.size(1, sizes.operators) {
         operators::add(d, &mut program)?;

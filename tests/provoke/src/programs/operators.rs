@@ -1,16 +1,13 @@
 //! Random inputs and operators with constants within their limits. What a choice makes illegal, the model's validation refuses.
 
 use super::{Dice, Program, ends};
+use elunar_core::nn::Illumination;
 use elunar_core::nn::file::*;
 
-/// The header's number for a light that is given as a guide.
-const GUIDED: u32 = 2;
-
-/// Returns a map that keeps all rows; its place and pitch are chosen later.
-fn map(dtype: Dtype, (rows, cols): (usize, usize), channels: usize) -> Tensor {
-    let ((lo, hi), (zero, offset, pitch, margin, sums)) = (ends(dtype), (0, 0, 1, 0, 0));
-    let (scale, edge) = (1.0, Edge::Zero);
-    Tensor { dtype, rows, cols, channels, offset, zero, lo, hi, scale, ring: rows, pitch, margin, edge, sums }
+/// Returns a map with all codes of its type; its place and pitch are chosen later.
+fn map(dtype: Dtype, size: (usize, usize), channels: usize) -> Tensor {
+    let (lo, hi) = ends(dtype);
+    Tensor { lo, hi, ..Tensor::new(dtype, size, channels) }
 }
 
 /// Chooses codes, and margins up to `margin`.
@@ -31,7 +28,7 @@ pub(super) fn inputs(d: &mut Dice<'_>, p: &mut Program) {
     let dtype = d.pick(&[Dtype::U8, Dtype::I16]);
     // The image alone, or as the four maps of a guide.
     let channels = if d.chance(10) { 4 } else { 1 };
-    p.illumination = if channels == 4 { GUIDED } else { 0 };
+    p.illumination = if channels == 4 { Illumination::Given } else { Illumination::Any };
     let mut image = dress(d, map(dtype, p.tile, channels), 4);
     image.scale = d.pick(&[1.0 / 255.0, 1.0, 1e-3, 1e-30]);
     p.tensors.push(image);
@@ -88,7 +85,7 @@ fn attention(d: &mut Dice<'_>, p: &mut Program, input: u32) -> Option<()> {
     let projected = number(p);
     p.tensors.push(qkv);
     let block = d.size(1, 4);
-    finish(d, p, Conv { out: projected, first: input, block, ..EMPTY });
+    finish(d, p, Conv { out: projected, first: input, block, ..Conv::default() });
     let dtype = d.pick(&[Dtype::U8, Dtype::I16]);
     let out = dress(d, map(dtype, (x.rows, x.cols), channels), 3);
     let pad: Vec<u8> = (0..3 * channels).map(|_| d.size(1, 255) as u8).collect();
@@ -136,7 +133,7 @@ fn upsampling(d: &mut Dice<'_>, p: &mut Program, input: u32) -> Option<()> {
 
 fn conv(d: &mut Dice<'_>, p: &mut Program, first: u32, last: bool) -> Option<()> {
     let x = p.tensor(first);
-    let mut c = Conv { out: number(p), first, block: d.size(1, 5), ..EMPTY };
+    let mut c = Conv { out: number(p), first, block: d.size(1, 5), ..Conv::default() };
     let alike = |p: &Program, fits: &dyn Fn(&Tensor) -> bool| -> Vec<u32> {
         (0..p.tensors.len() as u32).filter(|t| fits(&p.tensor(*t))).collect()
     };
@@ -241,27 +238,3 @@ fn weights(d: &mut Dice<'_>, p: &Program, c: &Conv) -> Vec<u8> {
 fn number(p: &Program) -> u32 {
     p.tensors.len() as u32
 }
-
-/// A convolution of one sample with all places of constants 0.
-const EMPTY: Conv = Conv {
-    out: 0,
-    first: 0,
-    second: None,
-    kernel_rows: 1,
-    kernel_cols: 1,
-    stride: 1,
-    stride_cols: 1,
-    pad: 0,
-    block: 1,
-    fold: false,
-    weights: 0,
-    bias: 0,
-    multipliers: 0,
-    shift: 1,
-    add: None,
-    add_multipliers: 0,
-    add_shift: 0,
-    table: None,
-    table_zero: 0,
-    relu: false,
-};

@@ -89,71 +89,96 @@ unsafe fn product<const ADD: bool>(
             let left = pixels - first;
             first += match width {
                 32 => wide::<ADD>(at.add(32 * first), first, left, patch, weights),
-                16 => single::<false, ADD>(at.add(16 * first), first, left, patch, weights),
-                _ => single::<true, ADD>(at.add(8 * first), first, left, patch, weights),
+                16 => single::<ADD>(at.add(16 * first), first, left, patch, weights),
+                _ => half::<ADD>(at.add(8 * first), first, left, patch, weights),
             }
         }
     }
 }
 
-/// # Safety
-/// The processor has AVX-512; [`Patch::fits`].
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn wide<const ADD: bool>(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        match left {
-            9 => two_vectors::<9, ADD>(acc, first, patch, weights),
-            8 => two_vectors::<8, ADD>(acc, first, patch, weights),
-            7 => two_vectors::<7, ADD>(acc, first, patch, weights),
-            6 => two_vectors::<6, ADD>(acc, first, patch, weights),
-            5 => two_vectors::<5, ADD>(acc, first, patch, weights),
-            4 => two_vectors::<4, ADD>(acc, first, patch, weights),
-            3 => two_vectors::<3, ADD>(acc, first, patch, weights),
-            2 => two_vectors::<2, ADD>(acc, first, patch, weights),
-            1 => one_pixel::<2, ADD>(acc, first, patch, weights),
-            _ => two_vectors::<10, ADD>(acc, first, patch, weights),
-        }
-    }
+/// Lanes of sums of i32.
+trait Lanes: Copy {
+    /// Bytes of a vector.
+    const BYTES: usize = size_of::<Self>();
+
+    /// # Safety
+    /// The processor has AVX-512, here and below; [`Self::BYTES`] bytes at `at` are readable, or writable.
+    unsafe fn load(at: *const u8) -> Self;
+    /// # Safety
+    /// As [`Self::load`].
+    unsafe fn store(self, at: *mut u8);
+    /// # Safety
+    /// As [`Self::load`].
+    unsafe fn repeat(value: i32) -> Self;
+    /// Adds the four products of every lane.
+    ///
+    /// # Safety
+    /// As [`Self::load`].
+    unsafe fn plus(self, codes: Self, weights: Self) -> Self;
 }
 
-/// # Safety
-/// The processor has AVX-512; [`Patch::fits`].
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn single<const HALF: bool, const ADD: bool>(
-    acc: *mut i32,
-    first: usize,
-    left: usize,
-    patch: &Patch<'_>,
-    weights: &[u8],
-) -> usize {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        match left {
-            19 => one_vector::<19, HALF, ADD>(acc, first, patch, weights),
-            18 => one_vector::<18, HALF, ADD>(acc, first, patch, weights),
-            17 => one_vector::<17, HALF, ADD>(acc, first, patch, weights),
-            16 => one_vector::<16, HALF, ADD>(acc, first, patch, weights),
-            15 => one_vector::<15, HALF, ADD>(acc, first, patch, weights),
-            14 => one_vector::<14, HALF, ADD>(acc, first, patch, weights),
-            13 => one_vector::<13, HALF, ADD>(acc, first, patch, weights),
-            12 => one_vector::<12, HALF, ADD>(acc, first, patch, weights),
-            11 => one_vector::<11, HALF, ADD>(acc, first, patch, weights),
-            10 => one_vector::<10, HALF, ADD>(acc, first, patch, weights),
-            9 => one_vector::<9, HALF, ADD>(acc, first, patch, weights),
-            8 => one_vector::<8, HALF, ADD>(acc, first, patch, weights),
-            7 => one_vector::<7, HALF, ADD>(acc, first, patch, weights),
-            6 => one_vector::<6, HALF, ADD>(acc, first, patch, weights),
-            5 => one_vector::<5, HALF, ADD>(acc, first, patch, weights),
-            4 => one_vector::<4, HALF, ADD>(acc, first, patch, weights),
-            3 => one_vector::<3, HALF, ADD>(acc, first, patch, weights),
-            2 => one_vector::<2, HALF, ADD>(acc, first, patch, weights),
-            1 if !HALF => one_pixel::<1, ADD>(acc, first, patch, weights),
-            1 => one_vector::<1, HALF, ADD>(acc, first, patch, weights),
-            _ => one_vector::<20, HALF, ADD>(acc, first, patch, weights),
+/// Implements [`Lanes`] by intrinsics.
+macro_rules! lanes {
+    ($vector:ty, $load:ident, $store:ident, $repeat:ident, $plus:ident) => {
+        impl Lanes for $vector {
+            #[inline(always)]
+            unsafe fn load(at: *const u8) -> Self {
+                // SAFETY: guaranteed by the caller, here and below.
+                unsafe { $load(at.cast()) }
+            }
+            #[inline(always)]
+            unsafe fn store(self, at: *mut u8) {
+                // SAFETY: as above.
+                unsafe { $store(at.cast(), self) }
+            }
+            #[inline(always)]
+            unsafe fn repeat(value: i32) -> Self {
+                // SAFETY: as above.
+                unsafe { $repeat(value) }
+            }
+            #[inline(always)]
+            unsafe fn plus(self, codes: Self, weights: Self) -> Self {
+                // SAFETY: as above.
+                unsafe { $plus(self, codes, weights) }
+            }
         }
-    }
+    };
 }
+
+lanes!(__m512i, _mm512_loadu_si512, _mm512_storeu_si512, _mm512_set1_epi32, _mm512_dpbusd_epi32);
+lanes!(__m256i, _mm256_loadu_si256, _mm256_storeu_si256, _mm256_set1_epi32, _mm256_dpbusd_epi32);
+
+/// Makes a function for panels of `vectors` vectors that computes up to `most` pixels together.
+macro_rules! blocks {
+    ($name:ident, $vector:ty, $vectors:literal, $most:literal, [$($count:literal),+], $single:expr) => {
+        /// Computes as many pixels as are left, up to the number whose sums fit into registers; returns their number.
+        ///
+        /// # Safety
+        /// The processor has AVX-512; [`Patch::fits`].
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+        unsafe fn $name<const ADD: bool>(acc: *mut i32, first: usize, left: usize, patch: &Patch<'_>, weights: &[u8]) -> usize {
+            // SAFETY: guaranteed by the caller.
+            unsafe {
+                match left {
+                    1 => $single(acc, first, patch, weights),
+                    $($count => block::<$vector, $count, $vectors, ADD>(acc, first, patch, weights),)+
+                    _ => block::<$vector, $most, $vectors, ADD>(acc, first, patch, weights),
+                }
+            }
+        }
+    };
+}
+
+blocks!(wide, __m512i, 2, 10, [2, 3, 4, 5, 6, 7, 8, 9], one_pixel::<2, ADD>);
+blocks!(single, __m512i, 1, 20, [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19], one_pixel::<1, ADD>);
+blocks!(
+    half,
+    __m256i,
+    1,
+    20,
+    [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19],
+    block::<__m256i, 1, 1, ADD>
+);
 
 /// Reads four codes as one number.
 ///
@@ -165,104 +190,50 @@ unsafe fn codes(at: *const u8) -> i32 {
     unsafe { at.cast::<i32>().read_unaligned() }
 }
 
-/// # Safety
-/// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn two_vectors<const P: usize, const ADD: bool>(
-    acc: *mut i32,
-    first: usize,
-    patch: &Patch<'_>,
-    weights: &[u8],
-) -> usize {
-    let stride = patch.stride;
-    let mut w = weights.as_ptr();
-    let mut sums = [[_mm512_setzero_si512(); 2]; P];
-    // SAFETY: `fits` bounds every address below.
-    unsafe {
-        if ADD {
-            for p in 0..P {
-                sums[p][0] = _mm512_loadu_si512(acc.add(32 * p).cast());
-                sums[p][1] = _mm512_loadu_si512(acc.add(32 * p + 16).cast());
-            }
-        }
-        for &start in patch.starts {
-            let mut x = patch.bytes.as_ptr().add(start + first * stride);
-            for _ in 0..patch.groups {
-                let (w0, w1) = (_mm512_loadu_si512(w.cast()), _mm512_loadu_si512(w.add(64).cast()));
-                for p in 0..P {
-                    let codes = _mm512_set1_epi32(codes(x.add(p * stride)));
-                    sums[p][0] = _mm512_dpbusd_epi32(sums[p][0], codes, w0);
-                    sums[p][1] = _mm512_dpbusd_epi32(sums[p][1], codes, w1);
-                }
-                x = x.add(4);
-                w = w.add(128);
-            }
-        }
-        for p in 0..P {
-            _mm512_storeu_si512(acc.add(32 * p).cast(), sums[p][0]);
-            _mm512_storeu_si512(acc.add(32 * p + 16).cast(), sums[p][1]);
-        }
-    }
-    P
-}
-
-/// Computes with one vector of 16 channels, or with `HALF` of 8.
+/// Computes `P` pixels against a panel of `N` vectors.
 ///
 /// # Safety
 /// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn one_vector<const P: usize, const HALF: bool, const ADD: bool>(
+unsafe fn block<V: Lanes, const P: usize, const N: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
     weights: &[u8],
 ) -> usize {
-    let stride = patch.stride;
+    let (stride, acc) = (patch.stride, acc.cast::<u8>());
     let mut w = weights.as_ptr();
     // SAFETY: `fits` bounds every address below.
     unsafe {
-        if HALF {
-            let mut sums = [_mm256_setzero_si256(); P];
-            if ADD {
-                for p in 0..P {
-                    sums[p] = _mm256_loadu_si256(acc.add(8 * p).cast());
-                }
-            }
-            for &start in patch.starts {
-                let mut x = patch.bytes.as_ptr().add(start + first * stride);
-                for _ in 0..patch.groups {
-                    let w0 = _mm256_loadu_si256(w.cast());
-                    for p in 0..P {
-                        sums[p] = _mm256_dpbusd_epi32(sums[p], _mm256_set1_epi32(codes(x.add(p * stride))), w0);
-                    }
-                    x = x.add(4);
-                    w = w.add(32);
-                }
-            }
-            for p in 0..P {
-                _mm256_storeu_si256(acc.add(8 * p).cast(), sums[p]);
-            }
-            return P;
-        }
-        let mut sums = [_mm512_setzero_si512(); P];
+        let mut sums = [[V::repeat(0); N]; P];
         if ADD {
             for p in 0..P {
-                sums[p] = _mm512_loadu_si512(acc.add(16 * p).cast());
+                for v in 0..N {
+                    sums[p][v] = V::load(acc.add(V::BYTES * (N * p + v)));
+                }
             }
         }
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);
             for _ in 0..patch.groups {
-                let w0 = _mm512_loadu_si512(w.cast());
+                let mut panel = [V::repeat(0); N];
+                for v in 0..N {
+                    panel[v] = V::load(w.add(V::BYTES * v));
+                }
                 for p in 0..P {
-                    sums[p] = _mm512_dpbusd_epi32(sums[p], _mm512_set1_epi32(codes(x.add(p * stride))), w0);
+                    let codes = V::repeat(codes(x.add(p * stride)));
+                    for v in 0..N {
+                        sums[p][v] = sums[p][v].plus(codes, panel[v]);
+                    }
                 }
                 x = x.add(4);
-                w = w.add(64);
+                w = w.add(V::BYTES * N);
             }
         }
         for p in 0..P {
-            _mm512_storeu_si512(acc.add(16 * p).cast(), sums[p]);
+            for v in 0..N {
+                sums[p][v].store(acc.add(V::BYTES * (N * p + v)));
+            }
         }
     }
     P

@@ -17,19 +17,16 @@ impl Model<'_> {
             // Largest sum of each kind; a pixel at a corner adds one variant of every kind.
             let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
             for variant in 0..conv.variants() {
-                // Largest sum of products, and the contribution of zero codes.
-                let (mut sums, mut zeros) = ([0u64; PANEL], [0i64; PANEL]);
+                let mut panel = Panel { first, width, channels: out.channels, sums: [0; PANEL], zeros: [0; PANEL] };
+                let (rows, cols) = conv.extent(variant);
                 for t in [Some(&first_source), second_source.as_ref()].into_iter().flatten() {
-                    at += self.add_weights(
-                        work,
-                        conv.extent(variant),
-                        t,
-                        (at, first, width, out.channels),
-                        (&mut sums, &mut zeros),
-                    )?;
+                    let weights = self.constant_slice(work, at, rows, 4 * width * groups(cols * t.channels))?;
+                    panel.add(weights, t, cols)?;
+                    at += weights.len();
                 }
                 let Some(largest) = largest.get_mut(conv.variant_kind(variant)) else { continue };
-                let channels = largest.iter_mut().zip(sums).zip(zeros).take(width.min(out.channels - first));
+                let channels =
+                    largest.iter_mut().zip(panel.sums).zip(panel.zeros).take(width.min(out.channels - first));
                 for (channel, ((largest, sum), zero)) in channels.enumerate() {
                     let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
                     // Sums wrap, so the stored bias may have wrapped too.
@@ -60,25 +57,31 @@ impl Model<'_> {
         let largest = sum as f64 * f64::from(scale.abs()) + added;
         largest <= MAX_OUTPUT * f64::from(self.nr()) && largest <= f64::from(f32::MAX / 2.0)
     }
+}
 
-    /// Adds the largest sums of a set of filters of one source and one panel; returns its bytes.
-    fn add_weights(
-        &self,
-        work: &Work,
-        (rows, cols): (usize, usize),
-        t: &Tensor,
-        (at, first, width, channels): (usize, usize, usize, usize),
-        (sums, zeros): (&mut [u64; PANEL], &mut [i64; PANEL]),
-    ) -> Result<usize, OperatorFault> {
+/// A panel of a convolution's output channels, and what a set of filters can give in each of them.
+struct Panel {
+    /// First channel, width, and number of channels of the output.
+    first: usize,
+    width: usize,
+    channels: usize,
+    /// Largest sums of products.
+    sums: [u64; PANEL],
+    /// Contributions of zero codes.
+    zeros: [i64; PANEL],
+}
+
+impl Panel {
+    /// Adds the weights of one source, `cols` columns in a kernel row.
+    fn add(&mut self, weights: &[u8], t: &Tensor, cols: usize) -> Result<(), OperatorFault> {
         let used = cols * t.channels;
         let (magnitude, zero) = (t.magnitude() as u64, if t.dtype == Dtype::I16 { 128 * 256 } else { t.zero as i64 });
-        let weights = self.constant_slice(work, at, rows, 4 * width * groups(used))?;
         for (i, four) in weights.as_chunks::<4>().0.iter().enumerate() {
-            let (channel, group) = (i % width.max(1), i / width.max(1) % groups(used).max(1));
-            let (Some(sum), Some(total)) = (sums.get_mut(channel), zeros.get_mut(channel)) else { continue };
+            let (channel, group) = (i % self.width.max(1), i / self.width.max(1) % groups(used).max(1));
+            let (Some(sum), Some(total)) = (self.sums.get_mut(channel), self.zeros.get_mut(channel)) else { continue };
             for (b, &w) in four.iter().enumerate() {
                 let w = w as i8;
-                let filling = 4 * group + b >= used || first + channel >= channels;
+                let filling = 4 * group + b >= used || self.first + channel >= self.channels;
                 if w == i8::MIN || (filling && w != 0) {
                     return Err(OperatorFault::Constants);
                 }
@@ -86,6 +89,6 @@ impl Model<'_> {
                 *total += w as i64 * zero;
             }
         }
-        Ok(weights.len())
+        Ok(())
     }
 }

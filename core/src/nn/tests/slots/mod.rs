@@ -6,8 +6,8 @@ mod flash;
 mod refusals;
 mod sequences;
 
-use super::draft::{Draft, map};
-use crate::nn::file::{Dtype, Operator, seal_file, word};
+use super::draft::Draft;
+use crate::nn::file::{Dtype, Operator, Tensor, seal_file, set_word, word};
 use crate::nn::slots::*;
 use crate::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use flash::Flash;
@@ -16,7 +16,7 @@ use flash::Flash;
 fn model(weight: u8, filling: usize) -> Vec<u8> {
     let mut draft = Draft::new((4, 4));
     draft.tensors[0].scale = 1.0 / 255.0;
-    draft.output = draft.place(map(Dtype::F32, (4, 4), 1));
+    draft.output = draft.place(Tensor::new(Dtype::F32, (4, 4), 1));
     let conv = draft.silent(0, draft.output, (1, 1, 0));
     draft.constants[conv.weights] = weight;
     draft.constants[conv.multipliers..conv.multipliers + 4].copy_from_slice(&1f32.to_le_bytes());
@@ -38,7 +38,7 @@ fn failing_model(weight: u8) -> Vec<u8> {
 }
 
 fn set(file: &mut [u8], index: usize, value: u32) {
-    file[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
+    set_word(file, index, value);
     seal_file(file);
 }
 
