@@ -98,12 +98,7 @@ done
 
 # 2. How fast? PyTorch beside ours, on the same weights.
 for preset in $presets; do
-    case "$preset" in
-    nano | tiny) more="--target-range pixel --illumination weighed --bn-momentum 0.02" ;;
-    *) more="" ;;
-    esac
-    # shellcheck disable=SC2086 # several words on purpose
-    "$host_train" init --preset "$preset" --head residual $more --seed 1 -o "$work/$preset.safetensors" >/dev/null
+    "$host_train" init --preset "$preset" --set network.head=residual --seed 1 -o "$work/$preset.safetensors" >/dev/null
     if python3 -c 'import torch, safetensors, sys; sys.exit(not torch.cuda.is_available())' 2>/dev/null; then
         trial 60 "PyTorch $preset" python3 benches/peers/gpu_steps.py "$preset=$work/$preset.safetensors" || true
     else
@@ -162,7 +157,7 @@ EOF
 # 5. Training with the time that is left; Ctrl-C's signal makes it write a checkpoint.
 read -r backend _ <<<"$right" || true
 if [ -n "$backend" ] && [ "$(left)" -gt 30 ]; then
-    begin=(--preset nano --backend "$backend" --steps 60000 --checkpoint-minutes 2 --checkpoint-every 1000000 --validate-every 2000)
+    begin=(--preset nano --backend "$backend" --steps 60000 --set recipe.checkpoint_minutes=2 recipe.checkpoint_every=1000000 recipe.validate_every=2000)
     [ ! -f "$run/checkpoint/state.json" ] || begin=(--resume)
     echo "training nano on $backend in $run for $(($(left) - 20)) s" >&2
     timeout -s INT -k 20 $(($(left) - 20)) "$host_train" train --out "$run" --profile "${begin[@]}" >"$work/train" 2>&1 || true

@@ -65,7 +65,8 @@ def weights(name, head, host_train):
     """The weight file called so: a preset, for random weights, or the file itself."""
     if name in PRESETS:
         path = MADE / f"{name}-{head}.safetensors"
-        init = [host_train, "init", "--preset", name, "--head", head, "--seed", 1, "-o"]
+        paper = ["target_range=own", "illumination=any", "detail=0", "bn_momentum=0.1", f"head={head}"]
+        init = [host_train, "init", "--preset", name, "--seed", 1, "--set", *(f"network.{key}" for key in paper), "-o"]
         make(path, [host_train], lambda path: run(*init, path))
         return path
     if not Path(name).is_file():

@@ -33,7 +33,7 @@ sbatch --wait --parsable --dependency="afterok:$array" --output=compare.log \
 echo "$SECONDS s  experiments: two seeds, one task queued again, and their comparison"
 
 "$HOST_TRAIN" init --preset nano --seed 1 -o start.safetensors >/dev/null
-few=(--preset nano --steps "$steps" --batch 1 --crop 64 64 --validation-tiles 1 --validate-every "$steps")
+few=(--preset nano --steps "$steps" --batch 1 --set "recipe.crop=[64,64]" recipe.validation_tiles=1 "recipe.validate_every=$steps")
 array="$(sbatch --parsable --array=1-2 --output=seed-%a.log "$here/slurm/seeds.sh" start.safetensors runs "${few[@]}")"
 sbatch --wait --parsable --dependency="afterok:$array" --output=average.log \
     --wrap "'$HOST_TRAIN' average runs/*/best.safetensors -o mean.safetensors" >/dev/null || fail "seeds: the mean failed"

@@ -61,7 +61,7 @@ record() { # name, arguments of the program
 launches() { awk '{ sum += $1 } END { print sum }' "$work/$1/launches.txt"; }
 
 # 3. A forward pass, and training. The first run tries kernels out; the others find the choice on disk and differ by two steps.
-train=(train --preset nano --backend cuda --batch 2 --crop 64 64 --validation-tiles 1 --checkpoint-every 1000 --out run)
+train=(train --preset nano --backend cuda --batch 2 --set "recipe.crop=[64,64]" recipe.validation_tiles=1 recipe.checkpoint_every=1000 --out run)
 record forward latency --model "$model" --backend cuda --tiles 1
 record first "${train[@]}" --steps 2
 record two "${train[@]}" --steps 2

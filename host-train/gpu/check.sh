@@ -17,7 +17,7 @@ fail() { printf 'ERROR: check.sh: %s: %s\n' "$backend" "$*" >&2; exit 1; }
 # Greatest relative difference of the losses of steps, and of the heights of DTMs in metres. Sums are in another order on every device.
 # Without slopes and detail stage: with them the third loss is 4e-5 apart on one driver (lavapipe), though flex and ndarray agree to six digits.
 # The cause is not known.
-network="--illumination weighed --detail 0 --pool 0 --transpose false --crops-per-tile 1"
+network="--set network.illumination=weighed network.detail=0 recipe.pool=0 recipe.transpose=false recipe.crops_per_tile=1 recipe.crop=[64,64] recipe.validation_tiles=1 recipe.checkpoint_every=1"
 loss_tolerance=1e-5
 height_tolerance=1e-3
 # Seeds 3 and 4 agree in all decimals on lavapipe. With others a step can differ, by 9e-6 with seed 2 and by 6.7e-5 with the default one, after equal
@@ -43,7 +43,7 @@ fi
 
 # The smallest run with all parts of a run. $1: folder, $2: backend, $3: steps.
 train() {
-    "$program" train --preset nano $network --seed "$seed" --batch 2 --crop 64 64 --validation-tiles 1 --validate-every "$3" --checkpoint-every 1 \
+    "$program" train --preset nano --seed "$seed" $network "recipe.validate_every=$3" --batch 2 \
         --backend "$2" --steps "$3" --out "$1" >/dev/null 2>"$1.log" || { tail -3 "$1.log" >&2; fail "training: expected $3 steps"; }
 }
 # Compares the losses (third column) of two runs and prints the greatest relative difference.
@@ -59,7 +59,7 @@ say "training: $said"
 [ -s "$work/gpu/best.safetensors" ] || fail "training: expected weights of the validation, found none"
 
 # Killed after the first checkpoint, then resumed.
-"$program" train --preset nano $network --seed "$seed" --batch 2 --crop 64 64 --validation-tiles 1 --validate-every 3 --checkpoint-every 1 \
+"$program" train --preset nano --seed "$seed" $network recipe.validate_every=3 --batch 2 \
     --backend "$backend" --steps 3 --out "$work/killed" >/dev/null 2>&1 &
 pid=$!
 for _ in $(seq 3000); do

@@ -114,7 +114,7 @@ init --from @.safetensors -o out.safetensors
 check @.safetensors
 train --start-from @.safetensors --steps 1 --out out
 train --preset small --swin @.safetensors --steps 1 --out out
-train --moon @@.toml --steps 1 --out out
+train --config @@.toml --steps 1 --out out
 average @.safetensors @.safetensors -o out.safetensors
 experiment @@.toml --out out
 experiment host-train.toml --suite @@.toml --out out

@@ -27,8 +27,8 @@ const LIST: &str = "name = 'two'\n[[scene]]\nname = 'a'\nground = 'g'\nsynth = {
 fn jobs() -> Vec<Job> {
     let job = |words: &'static str, passing, is_once| Job { words: words.split(' ').collect(), passing, is_once };
     let scene = "prepare --image s/scene_0000_image.tif --coarse s/scene_0000_coarse.tif --dtm s/scene_0000_truth.tif --shard-tiles 1 --out out";
-    let train = "train --start-from small.safetensors --steps 1 --batch 1 --crop 32 32 --crops-per-tile 8 --pool 1 --balanced false \
-        --validation-tiles 1 --profile --out out";
+    let train = "train --start-from small.safetensors --steps 1 --batch 1 --set recipe.crop=[32,32] recipe.crops_per_tile=8 recipe.pool=1 \
+        recipe.balanced=false recipe.validation_tiles=1 --profile --out out";
     vec![
         job("synth --scenes 2 --rows 40 --cols 50 --out out", &[], false),
         job(scene, &["unfinished/", "unfinished/plan", "unfinished/scene_0000.json", "train-00099.safetensors"], false),
@@ -60,11 +60,7 @@ fn jobs() -> Vec<Job> {
 fn bench() -> Shell {
     let shell = Shell::with_scene("520", "650");
     let full = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/full.toml")).unwrap();
-    let small = [
-        ("name = \"full\"", "name = \"e\""),
-        ("validation_tiles = 32", "validation_tiles = 1"),
-        ("batch = 2", "batch = 1"),
-    ];
+    let small = [("validation_tiles = 32", "validation_tiles = 1"), ("batch = 2", "batch = 1")];
     std::fs::write(shell.path("e.toml"), small.iter().fold(full, |text, (from, to)| text.replace(from, to))).unwrap();
     std::fs::write(shell.path("list.toml"), LIST).unwrap();
     shell

@@ -47,9 +47,8 @@ fn jobs() -> Vec<Job> {
         let split = |text: &str| text.split_whitespace().map(|word| &*word.to_string().leak()).collect::<Vec<_>>();
         Job { name, words: split(&format!("{name} {words}")), other: split(other), resume: None }
     };
-    let small =
-        "--start-from small.safetensors --steps 8 --batch 1 --crop 32 32 --crops-per-tile 8 --pool 1 --balanced false";
-    let often = "--validation-tiles 1 --validate-every 4 --checkpoint-every 2 --out out";
+    let small = "--start-from small.safetensors --steps 8 --batch 1 --set recipe.crop=[32,32] recipe.crops_per_tile=8 recipe.pool=1 recipe.balanced=false";
+    let often = "recipe.validation_tiles=1 recipe.validate_every=4 recipe.checkpoint_every=2 --out out";
     let mut train = job("train", &format!("{small} {often}"), "--seed 9");
     train.resume = Some(("run.json", vec!["train", "--out", "out", "--resume"]));
     vec![

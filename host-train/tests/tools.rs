@@ -149,7 +149,7 @@ fn prepared_tiles_follow_their_options() {
     .unwrap();
     bench.made(&["prepare", "--list", "scenes/list.csv", "--out", "listed"]);
     let data = ["train", "--data", "plain", "--validation", "synth", "--steps", "1", "--out", "run"];
-    let out = bench.run(&[&data[..], &["--batch", "1", "--validation-tiles", "1"]].concat());
+    let out = bench.run(&[&data[..], &["--batch", "1", "--set", "recipe.validation_tiles=1"]].concat());
     let text = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success() && text.contains("training: 2 tiles\n"), "{text}");
     let text = bench.refused(&["train", "--data", "plain", "--out", "another"]);
@@ -166,7 +166,7 @@ fn training_says_which_images_give_no_tile() {
         std::fs::rename(low, bench.path(&format!("scenes/low_{kind}.tif"))).unwrap();
     }
     let data = ["train", "--data", "scenes", "--validation", "scenes", "--steps", "1", "--out", "run"];
-    let out = bench.run(&[&data[..], &["--batch", "1", "--validation-tiles", "1"]].concat());
+    let out = bench.run(&[&data[..], &["--batch", "1", "--set", "recipe.validation_tiles=1"]].concat());
     let text = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success(), "{text}");
     for what in ["training", "validation"] {

@@ -11,6 +11,7 @@ pub mod fit;
 pub mod illumination;
 pub mod inspect;
 mod names;
+pub mod preset;
 pub mod published;
 pub mod shipped;
 pub mod weights;

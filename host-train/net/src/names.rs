@@ -1,11 +1,10 @@
-//! Names of two enums of `core` in files and on command lines. `core` itself has no such names.
+//! Names of two enums of `core` in files. `core` itself has no such names.
 
 use elunar_core::nn::{Illumination, TruthRange};
 use serde::{Deserialize, Serialize};
 
 /// Which DTM's minimum and relief normalise the true DTM.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(remote = "TruthRange", rename_all = "lowercase")]
 pub(crate) enum TruthRangeName {
     /// The truth's own (Sec. III-A1). Scale recovery by the coarse range (Eq. 8) then shrinks relief by 6 to 10 %.
@@ -19,7 +18,6 @@ pub(crate) enum TruthRangeName {
 
 /// Light for which the network is trained.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(remote = "Illumination", rename_all = "lowercase")]
 pub(crate) enum IlluminationName {
     /// The Sun in any direction (the paper's).
@@ -35,32 +33,3 @@ pub(crate) enum IlluminationName {
     /// As weighed. In addition, the network is given the slopes of the first estimate and the direction of the light (our choice).
     Sloped,
 }
-
-#[cfg(feature = "clap")]
-mod options {
-    use super::{Illumination, IlluminationName, TruthRange, TruthRangeName};
-    use clap::builder::{EnumValueParser, TypedValueParser};
-
-    /// Returns the parser of the option's value.
-    pub(crate) fn truth_range() -> impl TypedValueParser<Value = TruthRange> {
-        EnumValueParser::<TruthRangeName>::new().map(|name| match name {
-            TruthRangeName::Own => TruthRange::Own,
-            TruthRangeName::Reference => TruthRange::Reference,
-            TruthRangeName::Pixel => TruthRange::Pixel,
-        })
-    }
-
-    /// Returns the parser of the option's value.
-    pub(crate) fn illumination() -> impl TypedValueParser<Value = Illumination> {
-        EnumValueParser::<IlluminationName>::new().map(|name| match name {
-            IlluminationName::Any => Illumination::Any,
-            IlluminationName::Northwest => Illumination::Northwest,
-            IlluminationName::Given => Illumination::Given,
-            IlluminationName::Weighed => Illumination::Weighed,
-            IlluminationName::Sloped => Illumination::Sloped,
-        })
-    }
-}
-
-#[cfg(feature = "clap")]
-pub(crate) use options::{illumination, truth_range};

@@ -1,6 +1,7 @@
 //! `host-train experiment`: runs experiments and writes their comparison.
 
-use crate::experiment::{self, Experiment, Manner, table, train};
+use crate::config::Configuration;
+use crate::experiment::{self, Manner, table, train};
 use crate::suite::list::List;
 use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
@@ -53,11 +54,11 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let list = args.suite.as_deref().map_or_else(List::built_in, List::read)?;
     let read = |path: &PathBuf| {
-        let experiment = Experiment::read(path)?;
+        let experiment = Configuration::read(path)?;
         args.steps.map_or(Ok(experiment.clone()), |steps| experiment.with_steps(steps))
     };
-    let experiments: Vec<Experiment> = args.files.iter().map(read).collect::<Result<_>>()?;
-    let experiments: Vec<Experiment> = experiments.iter().flat_map(|one| one.with_seeds(args.seeds)).collect();
+    let experiments: Vec<Configuration> = args.files.iter().map(read).collect::<Result<_>>()?;
+    let experiments: Vec<Configuration> = experiments.iter().flat_map(|one| one.with_seeds(args.seeds)).collect();
     if let Some(task) = args.task {
         return run_task(&experiments, task, &args.out);
     }
@@ -73,7 +74,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Trains one experiment. Its training owns the folder of the experiment alone, so that tasks run side by side.
-fn run_task(experiments: &[Experiment], task: usize, out: &Path) -> Result<()> {
+fn run_task(experiments: &[Configuration], task: usize, out: &Path) -> Result<()> {
     let all = experiments.len();
     let wrong = || Error::usage(format!("--task: a number from 1 to {all} expected, {task} found"));
     let experiment = task.checked_sub(1).and_then(|index| experiments.get(index)).ok_or_else(wrong)?;

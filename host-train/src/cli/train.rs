@@ -1,21 +1,19 @@
 //! `host-train train`: train a network.
 
-use crate::toml_file;
+use crate::config::Configuration;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::stopwatch;
-use elunar_learn::train::recipe::{Recipe, RecipeFlags};
 use elunar_learn::train::run::{BEST, COMMAND, LAST, Outcome, PROFILE, RECORD, Record, Run, begun};
-use elunar_net::config::{NetConfig, Preset, Switches, TruthRange, config_of, trained_network};
+use elunar_net::config::{NetConfig, Preset, TruthRange, config_of};
 use elunar_net::published;
 use elunar_net::weights::Weights;
 use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
-use elunar_synth::SynthOptions;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -23,18 +21,22 @@ use std::time::{Duration, Instant};
 /// Options of `train`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The paper's network and recipe are those of the presets paper and small. The presets tiny and nano depart from it: head \
-residual, target range pixel, illumination weighed, batch-norm momentum 0.02, target anchored. Ctrl-C writes a checkpoint and \
-stops; --resume goes on.
+The configuration says what is trained: by default the preset nano; paper and small are the paper's. --print-config shows every \
+key, host-train/models/presets/paper.toml explains them, and --set changes one. Ctrl-C writes a checkpoint and stops; --resume \
+goes on.
 
 Examples:
   host-train train --preset nano --data synth --out runs/nano
+  host-train train --config my.toml --set recipe.pool=64 network.detail=32 --out runs/mine
   host-train train --out runs/nano --resume
   host-train train --preset paper --data tiles/ --validation held-out/ --out runs/paper --backend cuda")]
 pub struct Args {
     /// Folder of the run: record, checkpoints, weights, curves.
-    #[arg(long, value_name = "RUN")]
-    pub out: PathBuf,
+    #[arg(long, value_name = "RUN", required_unless_present = "print_config")]
+    pub out: Option<PathBuf>,
+    /// Print the configuration and stop. After a line `preset = ...` it is a file for --config.
+    #[arg(long, conflicts_with = "resume")]
+    pub print_config: bool,
     /// Continue from the folder's checkpoint. All other options come from its record.
     #[arg(long)]
     pub resume: bool,
@@ -49,23 +51,35 @@ pub struct Args {
 /// Options that determine a new run.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct Start {
-    /// Size of the network, and its recipe [default: nano].
+    /// Network, recipe, data and use of a preset [default: nano].
     #[arg(long)]
     pub preset: Option<Preset>,
-    /// `synth`, a folder of `prepare`, or a folder of *_image.tif, *_coarse.tif, *_truth.tif triples [default: synth].
+    /// The configuration of a file instead.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "preset")]
+    pub config: Option<PathBuf>,
+    /// Change keys of the configuration, as recipe.crop=[64,64] network.head=relu.
+    #[arg(long = "set", value_name = "KEY=VALUE", num_args = 1..)]
+    pub settings: Vec<String>,
+    /// `synth`, a folder of `prepare`, or a folder of *_image.tif, *_coarse.tif, *_truth.tif triples [default: the configuration's].
     #[arg(long, value_name = "DIR|synth")]
     pub data: Option<PathBuf>,
-    /// Tiles for validation: `synth` (a Moon of another seed) or a folder [default: the validation tiles of a prepared folder, otherwise
-    /// synth].
+    /// Tiles for validation: `synth` (a Moon of another seed) or a folder [default: the configuration's; the validation tiles of a prepared
+    /// folder, otherwise synth].
     #[arg(long, value_name = "DIR|synth")]
     pub validation: Option<PathBuf>,
-    /// Options of the synthetic Moon that differ from those of the training Moon (keys of `SynthOptions`).
-    #[arg(long, value_name = "MOON.toml")]
-    pub moon: Option<PathBuf>,
-    /// Seed of weights, data and cropping [default: 0].
+    /// Seed of weights, data and cropping [default: the configuration's].
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Start from these weights and their configuration, instead of random weights.
+    /// Number of optimiser steps [default: the configuration's].
+    #[arg(long)]
+    pub steps: Option<usize>,
+    /// Number of tiles or crops per step [default: the configuration's].
+    #[arg(long)]
+    pub batch: Option<usize>,
+    /// Learning rate at the start of the cosine [default: the configuration's].
+    #[arg(long)]
+    pub learning_rate: Option<f64>,
+    /// Start from these weights and their network, instead of random weights.
     #[arg(long, value_name = "W.safetensors")]
     pub start_from: Option<PathBuf>,
     /// Start the image encoder from a published Swin checkpoint (timm or original names).
@@ -74,12 +88,6 @@ pub struct Start {
     /// Backend [default: flex].
     #[arg(long, value_parser = Backend::parser())]
     pub backend: Option<Backend>,
-    /// Changes to the preset's recipe.
-    #[command(flatten)]
-    pub recipe: RecipeFlags,
-    /// Changes to the preset's network.
-    #[command(flatten)]
-    pub switches: Switches,
 }
 
 /// Runs the command.
@@ -87,7 +95,15 @@ pub struct Start {
 /// # Errors
 /// If options contradict each other, data or weights cannot be read, or the run fails.
 pub fn run(args: Args) -> Result<()> {
-    let run = if args.resume { resume(&args)? } else { start(args.start, &args.out)? };
+    let run = match &args.out {
+        Some(out) if args.resume => resume(&args.start, out)?,
+        Some(out) if !args.print_config => start(args.start, out)?,
+        _ => {
+            let (configuration, _) = configured(&args.start)?;
+            print!("{}", configuration.text()?);
+            return Ok(());
+        }
+    };
     let (record, folder) = (run.record.clone(), run.folder.clone());
     eprintln!(
         "{}: {} parameters, {} steps of {} crops {}x{}, {}",
@@ -168,33 +184,28 @@ fn weights(folder: &Path) -> String {
     format!("weights: {best}{at}/{LAST}")
 }
 
-fn resume(args: &Args) -> Result<Run> {
-    if args.start != Start::default() {
+fn resume(start: &Start, out: &Path) -> Result<Run> {
+    if *start != Start::default() {
         return Err(Error::usage("--resume takes everything from the run's record: leave out all options but --out"));
     }
-    if !args.out.join(RECORD).exists() {
+    if !out.join(RECORD).exists() {
         let what = "expected a run to resume, found none; a run that was stopped before its first checkpoint begins anew without --resume";
-        return Err(Error::usage(format!("{}: {what}", args.out.display())));
+        return Err(Error::usage(format!("{}: {what}", out.display())));
     }
-    let record = Record::read(&args.out)?;
-    let initial = if begun(&args.out) { None } else { Some(again(&record, &args.out)?) };
+    let record = Record::read(out)?;
+    let initial = if begun(out) { None } else { Some(again(&record, out)?) };
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
-    Ok(Run { folder: args.out.clone(), record, initial, training, validation, stop_after: None })
+    Ok(Run { folder: out.into(), record, initial, training, validation, stop_after: None })
 }
 
 /// Returns the initial weights of a run that has a record alone, as older programs left them: made again if they were random.
 fn again(record: &Record, out: &Path) -> Result<Weights> {
-    if record.started_from == random(record.seed) {
+    if record.started_from == format!("random weights, seed {}", record.seed) {
         eprintln!("{}: no checkpoint yet, beginning anew", out.display());
         return Ok(initial_weights(&record.network, record.seed));
     }
     let what = format!("expected a checkpoint, found none, and the run started from {}", record.started_from);
     Err(Error::usage(format!("{}: {what}; give its options again without --resume to begin anew", out.display())))
-}
-
-/// Returns what a record says of random weights.
-fn random(seed: u64) -> String {
-    format!("random weights, seed {seed}")
 }
 
 /// Returns the network with the NR of a prepared set (Eq. 1), and says so. Other data, and networks whose heights have no range, change
@@ -204,23 +215,47 @@ fn in_range_of(network: NetConfig, data: &DataSpec) -> Result<NetConfig> {
     let Some(nr) = nr else { return Ok(network) };
     let network = NetConfig { nr, ..network };
     network.check().map_err(Error::usage)?;
-    eprintln!("NR {nr:.2}: that of the prepared tiles (Eq. 1); --nr takes another");
+    eprintln!("NR {nr:.2}: that of the prepared tiles (Eq. 1); --set network.nr=... takes another");
     Ok(network)
 }
 
-/// Returns the synthetic Moon with the options that a file states.
-fn on_moon(data: DataSpec, path: &Path) -> Result<DataSpec> {
-    let DataSpec::Synth { seed, options } = data else {
-        return Err(Error::usage("--moon: expected with the synthetic Moon alone, --data names a folder"));
+/// Returns the configuration that the options state, and the weights to start from, if there are any.
+fn configured(start: &Start) -> Result<(Configuration, Option<Weights>)> {
+    let mut made = match &start.config {
+        Some(path) => Configuration::read(path)?,
+        None => Configuration::preset(start.preset.unwrap_or(Preset::Nano))?,
     };
-    // Alone they are read first, so that an error has its line.
-    toml_file::read::<SynthOptions>(path)?;
-    let wrong = |e: &dyn std::fmt::Display| Error::broken(path, e.to_string());
-    let mut all = toml::Table::try_from(&options).map_err(|e| wrong(&e))?;
-    all.extend(toml_file::read::<toml::Table>(path)?);
-    let options: SynthOptions = all.try_into().map_err(|e: toml::de::Error| wrong(&e))?;
-    options.validate().map_err(|e| e.about(&path.display().to_string()))?;
-    Ok(DataSpec::Synth { seed, options })
+    let loaded = start.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    if let (Some(weights), Some(path)) = (&loaded, &start.start_from) {
+        made.network = config_of(weights, path)?;
+    }
+    if let Some(seed) = start.seed {
+        made.seed = seed;
+        if let DataSpec::Synth { seed: moon, .. } = &mut made.data {
+            *moon = seed;
+        }
+    }
+    if start.data.is_some() {
+        made.data = DataSpec::parse(start.data.clone(), made.seed, Split::Train)?;
+    }
+    if start.validation.is_some() {
+        let seed = made.seed.wrapping_add(VALIDATION_SEED);
+        made.validation_data = Some(DataSpec::parse(start.validation.clone(), seed, Split::Validation)?);
+    }
+    let typed = [
+        ("steps", start.steps.map(|n| n.to_string())),
+        ("batch", start.batch.map(|n| n.to_string())),
+        ("learning_rate", start.learning_rate.map(|rate| format!("{rate:e}"))),
+    ];
+    let typed = typed.into_iter().filter_map(|(key, value)| value.map(|value| format!("recipe.{key}={value}")));
+    for setting in typed.chain(start.settings.iter().cloned()) {
+        made = made.set(&setting)?;
+    }
+    if loaded.is_none() && !start.settings.iter().any(|setting| setting.trim_start().starts_with("network.nr")) {
+        made.network = in_range_of(made.network, &made.data)?;
+    }
+    made.check().map_err(Error::usage)?;
+    Ok((made, loaded))
 }
 
 /// Makes a new run from the options.
@@ -228,46 +263,17 @@ fn on_moon(data: DataSpec, path: &Path) -> Result<DataSpec> {
 /// # Errors
 /// If options contradict each other, or data or weights cannot be read.
 pub fn start(start: Start, out: &Path) -> Result<Run> {
-    let preset = start.preset.unwrap_or(Preset::Nano);
-    let seed = start.seed.unwrap_or(0);
-    let loaded = start.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
-    let network = match (&loaded, &start.start_from) {
-        (Some(weights), Some(path)) => config_of(weights, path)?,
-        _ => trained_network(preset),
-    };
-    let data = DataSpec::parse(start.data, seed, Split::Train)?;
-    let data = match &start.moon {
-        Some(path) => on_moon(data, path)?,
-        None => data,
-    };
-    let mut network = start.switches.apply(network)?;
-    if loaded.is_none() && start.switches.nr.is_none() {
-        network = in_range_of(network, &data)?;
-    }
+    let (configuration, loaded) = configured(&start)?;
     let mut started_from = match &start.start_from {
         Some(path) => path.display().to_string(),
-        None => random(seed),
+        None => configuration.random_weights(),
     };
-    let mut initial = loaded.unwrap_or_else(|| initial_weights(&network, seed));
+    let mut initial = loaded.unwrap_or_else(|| initial_weights(&configuration.network, configuration.seed));
     if let Some(path) = &start.swin {
         published::load_swin(&mut initial, &Weights::read(path)?, path)?;
         started_from += &format!(", image encoder {}", path.display());
     }
-    // The validation Moon and the training Moon share only their statistics.
-    let validation_seed = seed.wrapping_add(VALIDATION_SEED);
-    let validation_data = match start.validation {
-        None => data.validation(validation_seed),
-        named => DataSpec::parse(named, validation_seed, Split::Validation)?,
-    };
-    let record = Record {
-        network,
-        recipe: start.recipe.apply(Recipe::preset(preset))?,
-        data,
-        validation_data,
-        seed,
-        backend: start.backend.unwrap_or(Backend::Flex),
-        started_from,
-    };
+    let record = configuration.record(start.backend.unwrap_or(Backend::Flex), started_from);
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
     Ok(Run { folder: out.into(), record, initial: Some(initial), training, validation, stop_after: None })
 }
@@ -275,8 +281,10 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_net::config::trained_network;
     use elunar_scene::prepare::Parameters;
     use elunar_scene::prepare::manifest::{FORMAT, MANIFEST};
+    use elunar_synth::SynthOptions;
     use serde_json::json;
 
     #[test]
@@ -308,43 +316,30 @@ mod tests {
 
     #[test]
     fn a_moon_has_the_options_of_its_file_and_the_others_of_the_training_moon() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("moon.toml");
-        let plain = DataSpec::parse(None, 7, Split::Train).unwrap();
-        let DataSpec::Synth { options, .. } = plain.clone() else { panic!("no Moon") };
-        let of = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            on_moon(plain.clone(), &path)
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/models/wide-moon.toml");
+        let of = |config: Option<&str>| {
+            let start = Start { config: config.map(Into::into), seed: Some(7), ..Start::default() };
+            configured(&start).unwrap().0
         };
-        assert_eq!(of("").unwrap(), plain);
-        let wide = SynthOptions { complex_craters: 0.25, also_pixel_m: vec![4.0], ..options };
-        let found = of("complex_craters = 0.25\nalso_pixel_m = [4]").unwrap();
-        assert_eq!(found, DataSpec::Synth { seed: 7, options: wide });
-        assert_ne!(found, plain);
-        for (text, expected) in
-            [("craters = 1", "line 1"), ("relief = 3", "line 1"), ("complex_craters = 2", "moon.toml")]
-        {
-            let error = of(text).unwrap_err().to_string();
-            assert!(error.contains("moon.toml") && error.contains(expected), "{error}");
-        }
-        let elsewhere = DataSpec::Folder { path: folder.path().into() };
-        assert!(on_moon(elsewhere, &path).unwrap_err().to_string().contains("--data names a folder"));
-        // The one that is at hand.
-        let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/models/wide-moon.toml");
-        assert_ne!(on_moon(plain.clone(), Path::new(shipped)).unwrap(), plain);
+        let (plain, found) = (of(None), of(Some(path)));
+        let DataSpec::Synth { options, .. } = plain.data else { panic!("no Moon") };
+        let wide = SynthOptions { complex_craters: 0.35, albedo_features: 0.5, ..options };
+        assert_eq!(found.data, DataSpec::Synth { seed: 7, options: wide.clone() });
+        assert_eq!(found.validation(), DataSpec::Synth { seed: 7 + VALIDATION_SEED, options: wide });
+        assert_eq!((found.network, found.recipe), (plain.network, plain.recipe));
     }
 
     #[test]
     fn a_run_that_was_killed_before_its_first_checkpoint_is_no_dead_end() {
         let folder = tempfile::tempdir().unwrap();
-        let args = Args { out: folder.path().into(), resume: true, profile: false, start: Start::default() };
-        let refused = || resume(&args).err().expect("an error").to_string();
+        let resume = || resume(&Start::default(), folder.path());
+        let refused = || resume().err().expect("an error").to_string();
         assert!(refused().contains("begins anew without --resume"), "{}", refused());
         let run = start(Start { seed: Some(3), ..Start::default() }, folder.path()).unwrap();
         let write =
             |record: &Record| std::fs::write(folder.path().join(RECORD), serde_json::to_vec(record).unwrap()).unwrap();
         write(&run.record);
-        let again = resume(&args).unwrap();
+        let again = resume().unwrap();
         assert!(again.record == run.record && again.initial.unwrap().to_bytes() == run.initial.unwrap().to_bytes());
         // Weights from a file are not made again.
         write(&Record { started_from: "w.safetensors".into(), ..run.record });

@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> Result<()> {
     let recipe = Recipe { steps: 1_000_000_000, precision: args.precision, ..Recipe::preset(args.preset) };
     let tiles = DataSpec::parse(None, VALIDATION_SEED, Split::Train)?.open()?;
     let feed = Feed::new(tiles, network.clone(), recipe.clone(), 0);
-    let preset = format!("{:?}", args.preset).to_lowercase();
+    let preset = args.preset.name();
     let batch = json!({ "preset": preset, "batch": recipe.batch, "crop": recipe.crop });
     let line = match args.makers {
         Some(makers) => {

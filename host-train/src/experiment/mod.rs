@@ -1,12 +1,12 @@
 //! Experiments from files: each is trained, validated and tested, and one table compares them.
 //!
-//! A [`file`] describes an experiment. [`train`] trains it once and validates it (Table V). [`run`] tests all of them on the scenes of a
+//! A [`Configuration`] describes an experiment. [`train`] trains it once and validates it (Table V). [`run`] tests all of them on the scenes of a
 //! suite (Table VI). [`table`] makes the tables.
 
-pub mod file;
 pub mod table;
 pub mod train;
 
+use crate::config::Configuration;
 use crate::inner::check_inner;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
@@ -14,7 +14,6 @@ use crate::suite::results::{RESULTS, Results};
 use crate::suite::{self, Baselines};
 use elunar_raster::output::{Owner, check_names};
 use elunar_raster::{Error, Result, atomic_write, read};
-pub use file::Experiment;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 pub use train::Trained;
@@ -63,7 +62,7 @@ pub struct Manner {
 /// # Errors
 /// If two experiments share a name, or training, testing or writing fails. After an interrupted training, the error says how to continue.
 pub fn run(
-    experiments: &[Experiment],
+    experiments: &[Configuration],
     list: &List,
     out: &Path,
     manner: Manner,
@@ -113,7 +112,7 @@ pub fn run(
 }
 
 /// Checks that neither a training nor the test would replace anything of others, before the first one begins.
-fn check_files(experiments: &[Experiment], list: &List, out: &Path, baselines: Baselines) -> Result<()> {
+fn check_files(experiments: &[Configuration], list: &List, out: &Path, baselines: Baselines) -> Result<()> {
     experiments.iter().try_for_each(|experiment| train::check_files(&out.join(&experiment.name)))?;
     check_inner(&out.join(TEST))?;
     let own = baselines.methods();

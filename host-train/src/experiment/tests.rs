@@ -1,9 +1,10 @@
 //! Experiments on miniature networks and tiles, and one step of every shipped experiment.
 
-use super::file::files;
 use super::*;
+use crate::config::files;
 use crate::suite::results::{COARSE, UNTRAINED};
-use elunar_learn::train::run::{Record, Run};
+use elunar_learn::model::backend::Backend;
+use elunar_learn::train::run::Run;
 use elunar_net::config::NetConfig;
 use elunar_scene::data::source::DataSpec;
 use elunar_synth::SynthOptions;
@@ -15,7 +16,7 @@ fn shipped() -> Vec<PathBuf> {
 }
 
 /// Returns the experiment on tiles of 64 x 64 pixels, in `steps` steps.
-fn small(experiment: Experiment, steps: usize) -> Experiment {
+fn small(experiment: Configuration, steps: usize) -> Configuration {
     let tiles = |data: &DataSpec| match data {
         DataSpec::Synth { seed, options } => {
             let options = SynthOptions { rows: 64, cols: 64, ..options.clone() };
@@ -23,9 +24,9 @@ fn small(experiment: Experiment, steps: usize) -> Experiment {
         }
         other => other.clone(),
     };
-    let mut made = Experiment {
+    let mut made = Configuration {
         data: tiles(&experiment.data),
-        validation_data: tiles(&experiment.validation_data),
+        validation_data: Some(tiles(&experiment.validation())),
         ..experiment.with_steps(steps).unwrap()
     };
     let recipe = &mut made.recipe;
@@ -35,8 +36,8 @@ fn small(experiment: Experiment, steps: usize) -> Experiment {
 }
 
 /// Returns an experiment with the narrowest possible network.
-fn miniature(name: &str, steps: usize) -> Experiment {
-    let full = Experiment::read(&shipped()[0].with_file_name("full.toml")).unwrap();
+fn miniature(name: &str, steps: usize) -> Configuration {
+    let full = Configuration::read(&shipped()[0].with_file_name("full.toml")).unwrap();
     let network = NetConfig {
         embed: 8,
         depths: [1; 4],
@@ -47,19 +48,19 @@ fn miniature(name: &str, steps: usize) -> Experiment {
         decoder: [8, 8, 8, 4, 4],
         ..full.network.clone()
     };
-    Experiment { name: name.into(), network, ..small(full, steps) }
+    Configuration { name: name.into(), network, ..small(full, steps) }
 }
 
 #[test]
 fn every_shipped_experiment_is_read_and_makes_a_step() {
     let paths = shipped();
-    let names: Vec<String> = paths.iter().map(|p| Experiment::read(p).unwrap().name).collect();
+    let names: Vec<String> = paths.iter().map(|p| Configuration::read(p).unwrap().name).collect();
     for expected in ["full", "no-coarse", "resnet", "upb", "l1", "max-min", "anchored", "ours", "dlunardtmnet"] {
         assert!(names.iter().any(|name| name == expected), "{expected} among {names:?}");
     }
     let folder = tempfile::tempdir().unwrap();
     for path in &paths {
-        let experiment = Experiment::read(path).unwrap();
+        let experiment = Configuration::read(path).unwrap();
         assert!(experiment.like.starts_with("preset") || !experiment.changes.is_empty(), "{}", experiment.name);
         let at = folder.path().join(&experiment.name);
         let found = train::train(&small(experiment, 1), &at, false, &mut |_| {}).unwrap();
@@ -76,15 +77,7 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
     let first = train::train(&experiment, &whole, false, &mut |_| {}).unwrap();
 
     // The run was killed after the first step.
-    let record = Record {
-        network: experiment.network.clone(),
-        recipe: experiment.recipe.clone(),
-        data: experiment.data.clone(),
-        validation_data: experiment.validation_data.clone(),
-        seed: experiment.seed,
-        backend: elunar_learn::model::backend::Backend::Flex,
-        started_from: "random weights, seed 1; experiment e".into(),
-    };
+    let record = experiment.record(Backend::Flex, "random weights, seed 1; experiment e".into());
     let (training, validation) = (record.data.open().unwrap(), record.validation_data.open().unwrap());
     let initial = Some(elunar_learn::model::init::initial_weights(&record.network, record.seed));
     let run = Run { folder: parts.join(train::TRAINING), record, initial, training, validation, stop_after: Some(1) };
@@ -115,7 +108,7 @@ fn a_killed_experiment_goes_on_bit_for_bit_and_a_finished_one_is_left_alone() {
     assert!((third.validation.rmse / second.validation.rmse - 1.0).abs() < 1e-12);
     assert_eq!(third.experiment, second.experiment);
     assert_eq!(said, ["e: trained before"]);
-    let other = Experiment { seed: 9, ..experiment };
+    let other = Configuration { seed: 9, ..experiment };
     let refused = train::train(&other, &parts, true, &mut |_| {}).unwrap_err().to_string();
     assert!(refused.contains("other settings"), "{refused}");
 }
@@ -128,7 +121,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let other = scene.replace("'a'", "'b'").replace("90", "270");
     std::fs::write(&list, format!("name = 'two'\n{scene}{other}")).unwrap();
     let list = List::read(&list).unwrap();
-    let experiments = [miniature("one", 1), Experiment { seed: 2, ..miniature("two", 1) }];
+    let experiments = [miniature("one", 1), Configuration { seed: 2, ..miniature("two", 1) }];
     let out = folder.path().join("out");
     let found = run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap();
     assert_eq!(found.trained.len(), 2);

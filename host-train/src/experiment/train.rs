@@ -1,7 +1,7 @@
 //! Training of one experiment from random weights, and its scores on the validation tiles.
 
 use super::COMMAND;
-use super::file::Experiment;
+use crate::config::Configuration;
 use crate::inner::check_inner;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
@@ -25,7 +25,7 @@ const FINISHED: &str = "experiment.json";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trained {
     /// The experiment.
-    pub experiment: Experiment,
+    pub experiment: Configuration,
     /// Number of trainable parameters of the network.
     pub parameters: usize,
     /// Scores of its best weights on the validation tiles, against the unchanged truth, whatever the recipe's target.
@@ -61,7 +61,7 @@ pub fn model(folder: &Path) -> PathBuf {
 /// # Errors
 /// [`Error::Input`] if the folder holds another experiment, or an unfinished one without `resume`, or training was interrupted. Errors of
 /// the training are passed on.
-pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn FnMut(&str)) -> Result<Trained> {
+pub fn train(experiment: &Configuration, folder: &Path, resume: bool, say: &mut dyn FnMut(&str)) -> Result<Trained> {
     let name = &experiment.name;
     if let Some(found) = finished(folder)? {
         if !same(&found.experiment, experiment) {
@@ -74,7 +74,7 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
     let run_folder = folder.join(TRAINING);
     // A run that was killed before its first checkpoint begins anew.
     let begun = begun(&run_folder);
-    let record = record(experiment);
+    let record = record_of(experiment);
     if begun && Record::read(&run_folder)? != record {
         return Err(another(folder));
     }
@@ -114,16 +114,9 @@ pub fn train(experiment: &Experiment, folder: &Path, resume: bool, say: &mut dyn
     Ok(trained)
 }
 
-fn record(experiment: &Experiment) -> Record {
-    Record {
-        network: experiment.network.clone(),
-        recipe: experiment.recipe.clone(),
-        data: experiment.data.clone(),
-        validation_data: experiment.validation_data.clone(),
-        seed: experiment.seed,
-        backend: Backend::Flex,
-        started_from: format!("random weights, seed {}; experiment {}", experiment.seed, experiment.name),
-    }
+fn record_of(experiment: &Configuration) -> Record {
+    let started_from = format!("{}; experiment {}", experiment.random_weights(), experiment.name);
+    experiment.record(Backend::Flex, started_from)
 }
 
 fn finished(folder: &Path) -> Result<Option<Trained>> {
@@ -136,8 +129,8 @@ fn finished(folder: &Path) -> Result<Option<Trained>> {
 }
 
 /// Returns whether training would be the same. Descriptions, and the use of the trained network, may differ.
-fn same(a: &Experiment, b: &Experiment) -> bool {
-    record(a) == record(b)
+fn same(a: &Configuration, b: &Configuration) -> bool {
+    record_of(a) == record_of(b)
 }
 
 fn another(folder: &Path) -> Error {

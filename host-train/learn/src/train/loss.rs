@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use elunar_core::loss::PAD_EPS;
 
 /// Elevation term of the loss. The paper's ablation replaces it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Elevation {
     /// L1 between elevations, each divided by its own tile mean (Eq. 6–7).
@@ -92,10 +92,6 @@ pub struct LossWeights {
 impl LossWeights {
     /// Eq. 5 with the paper's weights.
     pub const PAPER: Self = Self { elevation: 10.0, gradient: 1.0, normal: 1.0 };
-
-    /// Weights for heights in pixels with the plain L1 term (our choice). Gradients are then slopes. They have most weight, because an
-    /// image shows the shape of the ground.
-    pub const PIXELS: Self = Self { elevation: 0.1, gradient: 4.0, normal: 4.0 };
 
     /// Returns the weighted sum (Eq. 5).
     pub fn total(&self, terms: &Terms) -> Tensor<1> {

@@ -7,11 +7,11 @@ use super::sample::RawTile;
 use crate::model::precision::Precision;
 use elunar_core::tile::TILE;
 use elunar_net::config::Preset;
-use elunar_raster::{Error, Result};
+use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 
 /// Target of the training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
     /// The unchanged truth (the paper).
@@ -40,16 +40,12 @@ pub struct Recipe {
     pub batch: usize,
     /// Number of parts into which a device's batch of a step is divided. They are processed one after the other, to save memory. Batch
     /// normalisation uses one part at a time.
-    #[serde(default = "one")]
     pub accumulate: usize,
     /// Number of devices that share a step's batch. Each processes `accumulate` parts of it. `accumulate` times `devices` divides `batch`.
-    #[serde(default = "one")]
     pub devices: usize,
     /// Whether cheap operations are computed again for the gradients, to save memory.
-    #[serde(default)]
     pub checkpointing: bool,
     /// Precision of the network.
-    #[serde(default)]
     pub precision: Precision,
     /// Number of optimiser steps. The cosine ends at the last one.
     pub steps: usize,
@@ -68,16 +64,13 @@ pub struct Recipe {
     /// Elevation term.
     pub elevation: Elevation,
     /// Whether every sample's loss is divided by the slope error that it begins with ([`super::loss::balance`]). Heights must be in pixels.
-    #[serde(default)]
     pub balanced: bool,
     /// Target of training and validation.
     pub target: Target,
     /// Critic of adversarial training, used after the elevation-only steps; `None` without it.
-    #[serde(default)]
     pub adversarial: Option<Adversarial>,
     /// Stochastic depth: share of a residual branch's samples that the last Swin block leaves out; it grows linearly from 0 in the first block.
     /// Swin's segmentation code has 0.2, the paper is silent. 0 leaves out nothing.
-    #[serde(default)]
     pub drop_path: f64,
     /// Share of the tiles whose known Sun is given to the network. For the others, the light is fitted.
     pub known_sun: f64,
@@ -86,14 +79,11 @@ pub struct Recipe {
     /// Number of crops of one tile.
     pub crops_per_tile: usize,
     /// Number of the latest tiles from which every crop's tile is drawn, so that a tile serves several steps; 0: each step's own tiles.
-    #[serde(default)]
     pub pool: usize,
     /// Whether half of the crops have rows and columns exchanged.
-    #[serde(default)]
     pub transpose: bool,
     /// Number of steps over which the weights are averaged ([`super::average::Average`]), at most a quarter of the run's steps. The mean is
     /// validated and written. 0: no mean.
-    #[serde(default)]
     pub average_steps: usize,
     /// Number of steps between validations.
     pub validate_every: usize,
@@ -102,76 +92,14 @@ pub struct Recipe {
     /// Number of steps between checkpoints.
     pub checkpoint_every: usize,
     /// Greatest time between checkpoints, minutes. The time does not change the result.
-    #[serde(default = "minutes")]
     pub checkpoint_minutes: f64,
 }
 
-fn one() -> usize {
-    1
-}
-
-fn minutes() -> f64 {
-    5.0
-}
-
 impl Recipe {
-    /// Returns the recipe of a preset: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
+    /// Returns the recipe of a preset's document: the paper's for `paper` and `small`; short, cropped and fast for `tiny` and `nano`.
+    #[must_use]
     pub fn preset(preset: Preset) -> Self {
-        let paper = Self {
-            batch: 4,
-            accumulate: 1,
-            devices: 1,
-            checkpointing: false,
-            precision: Precision::F32,
-            steps: 60_000,
-            learning_rate: 1e-4,
-            warm_up: 0,
-            weight_decay: 1e-4,
-            clip_norm: 1.0,
-            elevation_only: ElevationOnly::Steps(5_000),
-            weights: LossWeights::PAPER,
-            elevation: Elevation::MeanNormalised,
-            balanced: false,
-            target: Target::Truth,
-            adversarial: None,
-            drop_path: 0.2,
-            known_sun: 0.5,
-            crop: [256, 320],
-            crops_per_tile: 1,
-            pool: 0,
-            transpose: false,
-            average_steps: 0,
-            validate_every: 5_000,
-            validation_tiles: 64,
-            checkpoint_every: 1_000,
-            checkpoint_minutes: minutes(),
-        };
-        match preset {
-            Preset::Paper | Preset::Small => paper,
-            Preset::Tiny | Preset::Nano => Self {
-                batch: 2,
-                steps: 2_400,
-                learning_rate: 1e-3,
-                warm_up: 100,
-                elevation_only: ElevationOnly::Steps(0),
-                // Small networks, trained for few steps on tiles that never repeat, do not overfit (our choice).
-                drop_path: 0.0,
-                weights: LossWeights::PIXELS,
-                elevation: Elevation::L1,
-                balanced: true,
-                target: Target::Anchored,
-                // The whole height of a tile, twice: the transformer sees relief as wide as in a prediction (our choice).
-                crop: [256, 256],
-                crops_per_tile: 2,
-                pool: 32,
-                transpose: true,
-                average_steps: 1_000,
-                validate_every: 200,
-                validation_tiles: 32,
-                checkpoint_every: 100,
-                ..paper
-            },
-        }
+        preset.table("recipe")
     }
 
     /// Returns the number of micro-batches of a step.
@@ -211,6 +139,12 @@ impl Recipe {
             if n == 0 || !n.is_multiple_of(32) {
                 return Err(format!("{name}: expected a multiple of 32, found {n}"));
             }
+        }
+        if self.transpose && self.crop[1] > TILE.rows {
+            let (rows, cols) = (TILE.rows, self.crop[1]);
+            return Err(format!(
+                "transpose: expected crops of at most {rows} columns, which fit a tile turned, found {cols}"
+            ));
         }
         let counts = [
             ("batch", self.batch),
@@ -256,125 +190,6 @@ impl Recipe {
     }
 }
 
-/// Changes to a recipe, as command-line options.
-#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
-pub struct RecipeFlags {
-    /// Number of optimiser steps [default: the preset's].
-    #[arg(long)]
-    pub steps: Option<usize>,
-    /// Number of tiles or crops per step [default: the preset's].
-    #[arg(long)]
-    pub batch: Option<usize>,
-    /// Number of parts into which the batch is divided to save memory. Batch normalisation uses one part at a time [default: 1].
-    #[arg(long, value_name = "N")]
-    pub accumulate: Option<usize>,
-    /// Number of devices that share a batch: GPUs, or parts of the processor's threads. Batch normalisation uses one part at a time
-    /// [default: 1].
-    #[arg(long, value_name = "N")]
-    pub devices: Option<usize>,
-    /// Compute cheap operations again for the gradients, to save memory.
-    #[arg(long)]
-    pub checkpointing: bool,
-    /// Precision of products and convolutions [default: f32].
-    #[arg(long)]
-    pub precision: Option<Precision>,
-    /// Learning rate at the start of the cosine [default: the preset's].
-    #[arg(long)]
-    pub learning_rate: Option<f64>,
-    /// Number of steps of linear warm-up [default: the preset's].
-    #[arg(long)]
-    pub warm_up: Option<usize>,
-    /// Rows and columns of the crop [default: the preset's].
-    #[arg(long, num_args = 2, value_names = ["ROWS", "COLS"])]
-    pub crop: Option<Vec<usize>>,
-    /// Number of crops of one tile [default: the preset's].
-    #[arg(long)]
-    pub crops_per_tile: Option<usize>,
-    /// Number of the latest tiles from which every crop's tile is drawn; 0: each step's own tiles [default: the preset's].
-    #[arg(long, value_name = "TILES")]
-    pub pool: Option<usize>,
-    /// Exchange rows and columns of half of the crops [default: the preset's; no, if a turned crop is higher than a tile].
-    #[arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")]
-    pub transpose: Option<bool>,
-    /// Validate and write the mean of the weights of so many steps; 0: the weights [default: the preset's].
-    #[arg(long, value_name = "STEPS")]
-    pub average_steps: Option<usize>,
-    /// First steps, which use the elevation term alone: a whole number of steps, or a share of them with a decimal point (0.25) [default: the
-    /// preset's].
-    #[arg(long, value_name = "STEPS")]
-    pub elevation_only: Option<ElevationOnly>,
-    /// Stochastic depth: share of the samples for which the last Swin block's branches are left out [default: the preset's].
-    #[arg(long, value_name = "SHARE")]
-    pub drop_path: Option<f64>,
-    /// Elevation term of the loss [default: mean-normalised].
-    #[arg(long)]
-    pub elevation: Option<Elevation>,
-    /// Divide every sample's loss by the slope error that it begins with: rough and smooth ground count alike [default: the preset's].
-    #[arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")]
-    pub balanced: Option<bool>,
-    /// Target of training and validation [default: the preset's].
-    #[arg(long)]
-    pub target: Option<Target>,
-    /// Share of the tiles whose known Sun is given to the network [default: the preset's].
-    #[arg(long)]
-    pub known_sun: Option<f64>,
-    /// Weights of elevation, gradient and normal term [default: the preset's].
-    #[arg(long, num_args = 3, value_names = ["ELEVATION", "GRADIENT", "NORMAL"])]
-    pub loss_weights: Option<Vec<f32>>,
-    /// Number of steps between validations [default: the preset's].
-    #[arg(long)]
-    pub validate_every: Option<usize>,
-    /// Number of tiles of the validation set [default: the preset's].
-    #[arg(long)]
-    pub validation_tiles: Option<usize>,
-    /// Number of steps between checkpoints [default: the preset's].
-    #[arg(long)]
-    pub checkpoint_every: Option<usize>,
-    /// Greatest time between checkpoints, minutes [default: 5].
-    #[arg(long, value_name = "MINUTES")]
-    pub checkpoint_minutes: Option<f64>,
-}
-
-impl RecipeFlags {
-    /// Returns `recipe` with the given options set.
-    ///
-    /// # Errors
-    /// [`Error::Input`] with the option that is out of range.
-    pub fn apply(&self, mut recipe: Recipe) -> Result<Recipe> {
-        recipe.steps = self.steps.unwrap_or(recipe.steps);
-        recipe.batch = self.batch.unwrap_or(recipe.batch);
-        recipe.accumulate = self.accumulate.unwrap_or(recipe.accumulate);
-        recipe.devices = self.devices.unwrap_or(recipe.devices);
-        recipe.checkpointing |= self.checkpointing;
-        recipe.precision = self.precision.unwrap_or(recipe.precision);
-        recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
-        recipe.warm_up = self.warm_up.unwrap_or(recipe.warm_up).min(recipe.steps / 2);
-        if let Some([rows, cols]) = self.crop.as_deref() {
-            recipe.crop = [*rows, *cols];
-        }
-        recipe.crops_per_tile = self.crops_per_tile.unwrap_or(recipe.crops_per_tile);
-        recipe.pool = self.pool.unwrap_or(recipe.pool);
-        // Turned, the crop must still fit a tile.
-        recipe.transpose = self.transpose.unwrap_or(recipe.transpose && recipe.crop[1] <= TILE.rows);
-        recipe.average_steps = self.average_steps.unwrap_or(recipe.average_steps);
-        recipe.elevation_only = self.elevation_only.unwrap_or(recipe.elevation_only);
-        recipe.drop_path = self.drop_path.unwrap_or(recipe.drop_path);
-        recipe.elevation = self.elevation.unwrap_or(recipe.elevation);
-        recipe.balanced = self.balanced.unwrap_or(recipe.balanced);
-        recipe.target = self.target.unwrap_or(recipe.target);
-        recipe.known_sun = self.known_sun.unwrap_or(recipe.known_sun);
-        if let Some([elevation, gradient, normal]) = self.loss_weights.as_deref() {
-            recipe.weights = LossWeights { elevation: *elevation, gradient: *gradient, normal: *normal };
-        }
-        recipe.validate_every = self.validate_every.unwrap_or(recipe.validate_every);
-        recipe.validation_tiles = self.validation_tiles.unwrap_or(recipe.validation_tiles);
-        recipe.checkpoint_every = self.checkpoint_every.unwrap_or(recipe.checkpoint_every);
-        recipe.checkpoint_minutes = self.checkpoint_minutes.unwrap_or(recipe.checkpoint_minutes);
-        recipe.check().map_err(Error::input)?;
-        Ok(recipe)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -388,13 +203,12 @@ mod tests {
     }
 
     #[test]
-    fn crops_are_turned_where_they_fit_unless_stated() {
-        let of = |crop: Option<[usize; 2]>, transpose| {
-            let options = RecipeFlags { crop: crop.map(Vec::from), transpose, ..RecipeFlags::default() };
-            options.apply(Recipe::preset(Preset::Nano)).unwrap().transpose
-        };
-        assert_eq!([of(None, None), of(Some([128, 160]), None), of(Some([256, 320]), None)], [true, true, false]);
-        assert_eq!([of(None, Some(false)), of(Some([256, 320]), Some(true))], [false, true]);
+    fn turned_crops_fit_a_tile() {
+        let nano = Recipe::preset(Preset::Nano);
+        assert_eq!(nano.check(), Ok(()));
+        let whole = Recipe { crop: [256, 320], ..nano };
+        assert!(whole.check().unwrap_err().contains("at most 256 columns"));
+        assert_eq!(Recipe { transpose: false, ..whole }.check(), Ok(()));
     }
 
     #[test]
@@ -420,12 +234,10 @@ mod tests {
     }
 
     #[test]
-    fn recipes_of_older_programs_are_read() {
-        let mut old = serde_json::to_value(Recipe::preset(Preset::Paper)).unwrap();
-        old["elevation_only"] = serde_json::json!(0.25);
-        old.as_object_mut().unwrap().remove("drop_path");
-        let recipe: Recipe = serde_json::from_value(old).unwrap();
+    fn a_first_part_is_a_number_of_steps_or_a_share() {
+        let mut stated = serde_json::to_value(Recipe::preset(Preset::Paper)).unwrap();
+        stated["elevation_only"] = serde_json::json!(0.25);
+        let recipe: Recipe = serde_json::from_value(stated).unwrap();
         assert!(recipe.elevation_alone(14_999) && !recipe.elevation_alone(15_000));
-        assert_eq!(recipe.drop_path, 0.0);
     }
 }

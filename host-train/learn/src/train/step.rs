@@ -76,7 +76,7 @@ impl Trainer {
         if recipe.balanced && config.target_range != TruthRange::Pixel {
             let found = config.target_range;
             return Err(Error::input(format!(
-                "balanced: expected heights in pixels (--target-range pixel), found {found:?}; take --balanced false"
+                "balanced: expected heights in pixels (network.target_range pixel), found {found:?}; take recipe.balanced=false"
             )));
         }
         let differentiate = |device: Device| {
@@ -85,7 +85,7 @@ impl Trainer {
         };
         if let Some(device) = devices.iter().find(|device| !recipe.precision.runs_on(device)) {
             let what = "precision bf16: expected a device that computes in bfloat16, found";
-            return Err(Error::input(format!("{what} {}; take --precision f32", describe(device).name)));
+            return Err(Error::input(format!("{what} {}; take recipe.precision=f32", describe(device).name)));
         }
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::input("devices: expected at least one, found none"))?.clone();

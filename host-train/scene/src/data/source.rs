@@ -3,6 +3,7 @@
 use super::sample::RawTile;
 use crate::prepare::{Manifest, Split};
 use elunar_net::illumination::KnownSun;
+use elunar_net::preset::Preset;
 use elunar_raster::Result;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
@@ -54,27 +55,11 @@ pub enum DataSpec {
     },
 }
 
-/// Options of the Moon for training. Their ranges are wide, because a network does not generalise beyond its training data (our choice).
-/// Every other tile is like most NAC DTMs; the tiles between them are finer and coarser. The Sun is sometimes low. Ground is up to three
-/// times as rough as usual, and often smoother than an image could show; half of it has landforms other than craters. Patches have none to
-/// three times the usual contrast. Blur, photometry
-/// and tones differ from a NAC's, the average ground's and a calibrated camera's. Coarse DTMs have none to 4 m of long-wave error, stripes and
-/// steps.
+/// Options of the Moon for training: those of the presets (`host-train/models/presets/paper.toml`).
 fn training_moon() -> SynthOptions {
-    SynthOptions {
-        also_pixel_m: vec![1.0, 2.0, 3.0, 2.0, 1.5, 2.0, 5.0],
-        sun_elevation_deg: (7.0, 64.0),
-        relief: (0.7, 3.0),
-        albedo_contrast: (0.0, 3.0),
-        coarse_error_m: (0.0, 4.0),
-        lunar_weight_shift: (-0.3, 0.3),
-        response_exponent: (0.7, 1.3),
-        pedestal: (0.0, 0.2),
-        blur_px: (0.2, 0.9),
-        smooth_ground_px: 2.5,
-        landforms: 0.5,
-        coarse_stripes_m: (0.0, 1.5),
-        ..SynthOptions::default()
+    match Preset::Paper.table("data") {
+        DataSpec::Synth { options, .. } => options,
+        DataSpec::Folder { .. } | DataSpec::Prepared { .. } => SynthOptions::default(),
     }
 }
 
