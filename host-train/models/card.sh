@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Makes the figures of the shipped `nano` and `ground` anew, and writes them into its card, docs/accuracy.md and the README:
+# Makes the tables of the shipped `nano` and `ground` anew, and writes them into docs/accuracy.md and the README:
 #
 #   host-train/models/card.sh DATA OUT
 #
 # DATA: data of other origin (suites/external.py says what a folder must hold). OUT gets scenes, DTMs and tables. What lies there already is not made
 # again, so remove what a new model changes: OUT/*.done. PROGRAM: host-train (default: built by cargo). Needs python3 with numpy, scipy and
-# rasterio. Figures in sentences are printed, not written.
+# rasterio.
 set -euo pipefail
-[ $# = 2 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 64; }
+[ $# = 2 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0"; exit 64; }
 here="$(cd "$(dirname "$0")/.." && pwd)"
 data="$(realpath "$1")"
 mkdir -p "$2"
@@ -46,7 +46,7 @@ all_sure() {
 part lists python3 "$here/suites/external.py" "$data" "$out/lists"
 part real run suite --real "$data/real" "${models[@]}" --linear-own --out "$out/real"
 part real-azimuth run suite --suite "$out/lists/real-azimuth.toml" "${models[@]}" --out "$out/real-azimuth"
-for list in variants unrelated unrelated-azimuth; do part "$list" run suite --suite "$out/lists/$list.toml" --model ground=host-train/models/ground.eld --out "$out/$list"; done
+for list in variants unrelated unrelated-azimuth noise; do part "$list" run suite --suite "$out/lists/$list.toml" --model ground=host-train/models/ground.eld --out "$out/$list"; done
 for list in apollo15 independent stereolunar; do both "$list"; done
 part nac run suite --suite "$out/lists/nac.toml" --model "nano=$nano" --out "$out/nac"
 part real-sfs "$here/suites/sfs.sh" "$out/real-sfs" --real "$data/real"

@@ -102,6 +102,26 @@ def nac_apollo15(folder, out):
     about = ("Real relief of a stereo DTM (crop of 257 x 257 pixels of 2 m, smoothed), rendered by this program without albedo; coarse DTM "
              "averaged from it over 60 m, without error.")
     write(out, "apollo15", about, scenes)
+    noise(out, truth, padded)
+
+
+def noise(out, truth, heights):
+    """The crop under one Sun, with noise and albedo of known spectra in its image."""
+    azimuth, elevation = 300, 25
+    clean = lambert(heights, 2, azimuth, elevation)
+    contrast, scenes = clean.std() / clean.mean(), []
+    with rasterio.open(truth) as file:
+        place, crs = file.transform, file.crs
+    for number, (noisy, patchy) in enumerate([(0, 0), (0.01, 0), (0.03, 0), (0.1, 0), (0, 0.5), (0, 1), (0.03, 0.5)]):
+        name = f"apollo15-noise{noisy}-albedo{patchy}"
+        white = np.random.default_rng(number).standard_normal(clean.shape)
+        image = clean * (1 + patchy * contrast * albedo(clean.shape, number)) + noisy * clean.mean() * white
+        scenes.append(dict(name=name, kind="noise", truth=truth, image=save(out.resolve() / f"{name}_image.tif", image, place, crs),
+                           sun_azimuth_deg=azimuth, sun_elevation_deg=elevation))
+    about = ("The crop of the Apollo 15 DTM under one Sun, with white noise (of the mean) and with albedo without a direction (of the relief's "
+             "contrast) in its image. Waves of 2 to 4 pixels are 4 to 8 m long.")
+    write(out, "noise", about, scenes)
+
 
 
 def nac_pair(folder, out):
