@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.md what they found so far.
+# Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.csv what they found so far.
 #
 #   tests/campaigns/run.sh                  all of them
 #   tests/campaigns/run.sh slots kills      these: programs slots kills races endless foreign manifests miri fuzz
