@@ -2,17 +2,10 @@
 
 use crate::error::same_length;
 use crate::mask;
-use crate::norm::NormError;
+use crate::norm::{NormError, RELIEF_EPS_M, RELIEF_MAX_M};
 
 /// Upper end of the normalised elevation range in the paper, whose Eq. 1 gave 50 over its training tiles.
 pub const NR: f32 = 50.0;
-
-/// Largest relief, in metres, that counts as flat: heights of some kilometres have a rounding error of a millimetre in `f32` (our choice;
-/// the paper does not mention flat tiles).
-pub const RELIEF_EPS_M: f32 = 0.01;
-
-/// Largest relief, in metres (our choice: hundreds of times the Moon's diameter). With more, heights of a network could be infinite.
-pub const RELIEF_MAX_M: f32 = 1e9;
 
 /// Returns NR from the reliefs ΔZ of a set of tiles, in metres: their harmonic mean (Eq. 1), NR = N / Σ 1/ΔZ.
 ///

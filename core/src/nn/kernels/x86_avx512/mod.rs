@@ -96,8 +96,8 @@ unsafe fn product<const ADD: bool>(
     }
 }
 
-/// Lanes of sums of i32.
-trait Lanes: Copy {
+/// SumLanes of sums of i32.
+trait SumLanes: Copy {
     /// Bytes of a vector.
     const BYTES: usize = size_of::<Self>();
 
@@ -117,10 +117,10 @@ trait Lanes: Copy {
     unsafe fn plus(self, codes: Self, weights: Self) -> Self;
 }
 
-/// Implements [`Lanes`] by intrinsics.
+/// Implements [`SumLanes`] by intrinsics.
 macro_rules! lanes {
     ($vector:ty, $load:ident, $store:ident, $repeat:ident, $plus:ident) => {
-        impl Lanes for $vector {
+        impl SumLanes for $vector {
             #[inline(always)]
             unsafe fn load(at: *const u8) -> Self {
                 // SAFETY: guaranteed by the caller, here and below.
@@ -195,7 +195,7 @@ unsafe fn codes(at: *const u8) -> i32 {
 /// # Safety
 /// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn block<V: Lanes, const P: usize, const N: usize, const ADD: bool>(
+unsafe fn block<V: SumLanes, const P: usize, const N: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
