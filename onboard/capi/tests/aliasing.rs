@@ -255,7 +255,10 @@ fn heights_are_finite_whatever_the_coarse_heights() {
             unsafe {
                 let status = eld_begin(rig.context, &tile(&maps));
                 if !worked(status) {
-                    assert_eq!(status, ELD_REFUSED_TILE_NO_RELIEF, "{size:e}");
+                    // What is 1e30 or more from zero is a void.
+                    let voids = maps.coarse_m.iter().filter(|z| z.abs() >= 1e30).count();
+                    let masked = PX - voids < 2 && status == ELD_REFUSED_TILE_MASKED;
+                    assert!(masked || status == ELD_REFUSED_TILE_NO_RELIEF, "{size:e}: {status:#x}");
                     continue;
                 }
                 while eld_step(rig.context, u64::MAX) == ELD_RUNNING {}
