@@ -69,7 +69,7 @@ impl GradientErrors {
     }
 
     /// Adds every pixel whose 3 x 3 neighbourhood is real in both grids and for whose true gradient `counts` returns `true`. Heights are in
-    /// metres, gradients after Horn ([`gradient`]).
+    /// metres, gradients after Horn ([`crate::terrain::gradient`]).
     ///
     /// # Errors
     /// [`LengthError`] with the two sample counts if the shapes differ.

@@ -2,7 +2,7 @@
 //! size of a scene.
 //!
 //! [`height`] works in metres (the paper's test metrics: MAE, RMSE, share of |e| below 2, 4 and 10 m) and [`relative`] on normalised
-//! elevations (Eq. 11–17). [`slope`] works on slopes in degrees and [`gradient`] on slopes as vectors, which no metric of the paper
+//! elevations (Eq. 11–17). [`slope`] works on slopes in degrees and [`mod@gradient`] on slopes as vectors, which no metric of the paper
 //! measures. [`correlation`] works on any two maps. Every accumulator can `merge` another one, so every thread can have its own.
 
 pub mod correlation;
