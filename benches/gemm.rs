@@ -13,7 +13,7 @@ use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets};
 use elunar_benches::peak::{self, Peak};
 use elunar_benches::samples::{Samples, measure, seconds};
-use elunar_benches::shapes::{self, Products, Shape, Use};
+use elunar_benches::shapes::{self, Products, StepShape, Use};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model};
 use std::time::Duration;
@@ -100,7 +100,7 @@ fn gemm(criterion: &mut Criterion) {
 
 /// Fraction of peak at which a kernel makes the second half of a step's products: what the first half costs contains calls,
 /// loads and stores of sums. `None` where there are too few to halve.
-fn inner_loop(products: &Products, shape: &Shape, kernel: &Kernel, peak: &Peak) -> Option<f64> {
+fn inner_loop(products: &Products, shape: &StepShape, kernel: &Kernel, peak: &Peak) -> Option<f64> {
     let (all, half) = (shape.groups(), shape.groups() / 2);
     if all < 8 {
         return None;
@@ -136,7 +136,7 @@ fn products(rows: &[Row], networks: &[&str], kernels: &[Kernel]) -> Table {
     head.push("inner loop");
     let mut table = Table::new("products", &head);
     for row in rows {
-        let Shape { sets, lines, pixels, stride, rows: kernel_rows, samples, .. } = row.use_.shape;
+        let StepShape { sets, lines, pixels, stride, rows: kernel_rows, samples, .. } = row.use_.shape;
         let shape = &row.use_.shape;
         let mut cells = vec![shape.widths(), sets.to_string(), format!("{lines} x {pixels}"), stride.to_string()];
         cells.push(format!("{kernel_rows} x {samples}"));

@@ -93,15 +93,17 @@ fn network(group: &mut BenchmarkGroup<'_, WallTime>, preset: Preset, table: &mut
                 arenas.iter_mut().map(|arena| Worker::new(kernel, model, arena)).collect();
             let (samples, _) = measure(group, &id, |tiles| together(&mut workers, tiles), || 0.0);
             let sizes = [bytes.len(), threads * required(&model)].map(|size| size.to_string());
-            row(table, (name(preset), kernel.name()), (threads, &samples), Some(model.macs()), sizes);
+            row(table, name(preset), kernel.name(), threads, &samples, Some(model.macs()), sizes);
         }
     }
 }
 
 fn row(
     table: &mut Table,
-    (network, kernel): (&str, &str),
-    (threads, samples): (usize, &Samples),
+    network: &str,
+    kernel: &str,
+    threads: usize,
+    samples: &Samples,
     macs: Option<u64>,
     sizes: [String; 2],
 ) {
@@ -125,7 +127,7 @@ fn float_network(group: &mut BenchmarkGroup<'_, WallTime>, table: &mut Table) {
     group.throughput(Throughput::Elements(1));
     let mut once = || worker.predict(&image, &coarse, &mut output).expect("no fault");
     let (samples, _) = measure(group, "nano/float-flex", |tiles| seconds(|| (0..tiles).for_each(|_| once())), || 0.0);
-    row(table, ("nano, float", "flex, its own threads"), (1, &samples), None, ["", ""].map(String::from));
+    row(table, "nano, float", "flex, its own threads", 1, &samples, None, ["", ""].map(String::from));
 }
 
 fn tile_latency(criterion: &mut Criterion) {

@@ -7,7 +7,7 @@ use elunar_core::nn::{Kernel, MatrixProduct, Model};
 
 /// The products of one step of a convolution with one of its sources: all output channels of the step's output pixels (one row or several).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Shape {
+pub struct StepShape {
     /// Output channels.
     pub channels: usize,
     /// Sets of filters applied in a step, each with its own weights: 1, or 4 with a folded upsampling.
@@ -32,14 +32,14 @@ pub struct Shape {
 #[derive(Debug, Clone, Copy)]
 pub struct Use {
     /// The shape.
-    pub shape: Shape,
+    pub shape: StepShape,
     /// Number of uses per tile.
     pub times: u64,
     /// Bytes from one input row to the next, in the first operator of this shape.
     pub pitch: usize,
 }
 
-impl Shape {
+impl StepShape {
     /// Number of four-byte groups of a kernel row.
     pub fn groups(&self) -> usize {
         groups(self.samples)
@@ -97,7 +97,7 @@ pub fn of(model: &Model<'_>) -> Vec<Use> {
     found
 }
 
-fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
+fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> StepShape {
     let (channels, stride) = (out.channels, conv.stride_cols * source.channels);
     if conv.fold {
         // Inner filters have four taps in both directions; two rows and two columns of phases make four sets.
@@ -105,19 +105,29 @@ fn shape(conv: &Conv, out: &Tensor, source: &Tensor) -> Shape {
         let samples = taps * source.channels;
         let pixels = out.cols / 2;
         let lines = conv.block.min(out.rows / 2);
-        return Shape { channels, sets: 4, lines, line_step: 1, pixels, stride, rows: taps, samples, read: samples };
+        return StepShape {
+            channels,
+            sets: 4,
+            lines,
+            line_step: 1,
+            pixels,
+            stride,
+            rows: taps,
+            samples,
+            read: samples,
+        };
     }
     let samples = conv.kernel_cols * source.channels;
     // Columns that are computed as channels of one pixel read the kernel of all of them; each column uses its own part.
     let read = (conv.kernel_cols - (conv.stride_cols - conv.stride)) * source.channels;
     let (lines, line_step) = (conv.block.min(out.rows), conv.stride);
-    Shape { channels, sets: 1, lines, line_step, pixels: out.cols, stride, rows: conv.kernel_rows, samples, read }
+    StepShape { channels, sets: 1, lines, line_step, pixels: out.cols, stride, rows: conv.kernel_rows, samples, read }
 }
 
 /// A shape with its own memory in the runner's layout: input rows with their pitch, weights one panel after the other.
 #[derive(Debug)]
 pub struct Products {
-    shape: Shape,
+    shape: StepShape,
     pitch: usize,
     codes: Vec<u8>,
     weights: Vec<u8>,

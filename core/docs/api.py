@@ -23,6 +23,8 @@ def text(fragment):
     return line.replace("( ", "(").replace(", )", ")")
 
 
+if not (root / "all.html").is_file():
+    sys.exit(f"ERROR: {root}: expected rustdoc's pages, found none")
 lines = []
 for page in re.findall(r'<li><a href="([^"#]+\.html)"', (root / "all.html").read_text()):
     module = "::".join(page.split("/")[:-1])

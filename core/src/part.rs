@@ -1,5 +1,7 @@
 //! Parts of slices without a panic. After validation every part exists. If memory changes later, a missing part is empty, and the linker
-//! finds no path to a panic.
+//! finds no path to a panic. What has changed is reported by the comparisons of a run, not from here: records by their seals before use, rows at
+//! every read, the model after the last step. A report from here would need a global (the interface promises none) or an argument of every
+//! function that reads a slice.
 //!
 //! In this crate's tests a missing part fails the test and names its place ([`defaults`]), because an intact model has none.
 

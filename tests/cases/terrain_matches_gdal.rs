@@ -81,7 +81,7 @@ const HAZARD_DEG: f32 = 25.0;
 const HAZARD_M: f32 = 3.0;
 
 /// All maps of the grid.
-struct Maps {
+struct WholeMaps {
     slope_deg: Vec<f32>,
     hillshade: Vec<u8>,
     footprint_slope_deg: Vec<f32>,
@@ -90,14 +90,14 @@ struct Maps {
 }
 
 /// Returns the maps of the whole grid, computed line by line.
-fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> Maps {
+fn by_lines(case: &Case, sun: Sun, radius_px: usize) -> WholeMaps {
     let (cols, len) = (case.shape.1, case.heights_m.len());
     let limits = HazardLimits::new(HAZARD_DEG, HAZARD_M).unwrap();
     let options = LineOptions { cols, pixel: case.pixel, radius_px, sun, limits };
     let mut memory = vec![0.0; options.memory_len()];
     let mut lines = TerrainLines::new(options, &mut memory).unwrap();
     let floats = || vec![0.0f32; len];
-    let mut found = Maps {
+    let mut found = WholeMaps {
         slope_deg: floats(),
         hillshade: vec![0; len],
         footprint_slope_deg: floats(),
@@ -136,7 +136,7 @@ fn lines_give_what_gdal_gives() {
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     for shade in case.json["hillshade"].as_array().unwrap() {
         let sun = sun(shade);
-        let Maps { slope_deg: found, hillshade: shades, .. } = by_lines(&case, sun, 2);
+        let WholeMaps { slope_deg: found, hillshade: shades, .. } = by_lines(&case, sun, 2);
         assert_eq!(bits(&found), bits(&slopes), "bit for bit the whole grid's, which is GDAL's");
         assert_eq!(shades, numbers(&shade["bytes"]).into_iter().map(|b| b as u8).collect::<Vec<_>>(), "{sun:?}");
     }

@@ -1,9 +1,9 @@
 //! Errors of the slope as a vector, in metres per metre: the direction of the slope counts, not only its steepness (our choice).
 
-use super::mean;
+use super::{each_gradient, mean};
 use crate::error::LengthError;
 use crate::grid::GridView;
-use crate::terrain::{PixelSize, gradient};
+use crate::terrain::PixelSize;
 
 /// Smallest slope towards or away from the Sun that counts as bright or shaded (Sec. VI-C): 3 degrees.
 const LEAST_SLOPE_TOWARDS: f64 = 0.052407779283041196; // tan 3°
@@ -69,7 +69,7 @@ impl GradientErrors {
     }
 
     /// Adds every pixel whose 3 x 3 neighbourhood is real in both grids and for whose true gradient `counts` returns `true`. Heights are in
-    /// metres, gradients after Horn ([`gradient`]).
+    /// metres, gradients after Horn ([`crate::terrain::gradient`]).
     ///
     /// # Errors
     /// [`LengthError`] with the two sample counts if the shapes differ.
@@ -80,19 +80,11 @@ impl GradientErrors {
         pixel: PixelSize,
         counts: impl Fn((f64, f64)) -> bool,
     ) -> Result<(), LengthError> {
-        let (rows, cols) = (truth_m.rows(), truth_m.cols());
-        if (rows, cols) != (predicted_m.rows(), predicted_m.cols()) {
-            return Err(LengthError { expected: rows * cols, found: predicted_m.rows() * predicted_m.cols() });
-        }
-        for row in 0..rows {
-            for col in 0..cols {
-                let Some(truth) = gradient(truth_m, row, col, pixel).filter(|g| counts(*g)) else { continue };
-                if let Some(predicted) = gradient(predicted_m, row, col, pixel) {
-                    self.push(truth, predicted);
-                }
+        each_gradient(truth_m, predicted_m, pixel, |truth, predicted| {
+            if counts(truth) {
+                self.push(truth, predicted);
             }
-        }
-        Ok(())
+        })
     }
 
     /// Adds the pixels of another accumulator.

@@ -1,9 +1,10 @@
 //! Slope errors in degrees. A smooth DTM has such errors even where its heights are right (our choice).
 
-use super::mean;
+use super::{each_gradient, mean};
 use crate::error::LengthError;
 use crate::grid::GridView;
-use crate::terrain::{PixelSize, slope::at_deg};
+use crate::terrain::PixelSize;
+use crate::terrain::slope::from_gradient_deg;
 
 /// Accumulates differences of Horn slope, predicted minus true.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -34,19 +35,9 @@ impl SlopeErrors {
         predicted_m: GridView<'_, f32>,
         pixel: PixelSize,
     ) -> Result<(), LengthError> {
-        let (rows, cols) = (truth_m.rows(), truth_m.cols());
-        if (rows, cols) != (predicted_m.rows(), predicted_m.cols()) {
-            return Err(LengthError { expected: rows * cols, found: predicted_m.rows() * predicted_m.cols() });
-        }
-        for row in 0..rows {
-            for col in 0..cols {
-                let slopes = (at_deg(truth_m, row, col, pixel), at_deg(predicted_m, row, col, pixel));
-                if let (Some(truth_deg), Some(predicted_deg)) = slopes {
-                    self.push(truth_deg, predicted_deg);
-                }
-            }
-        }
-        Ok(())
+        each_gradient(truth_m, predicted_m, pixel, |truth, predicted| {
+            self.push(from_gradient_deg(truth), from_gradient_deg(predicted));
+        })
     }
 
     /// Adds the pixels of another accumulator.

@@ -119,7 +119,7 @@ impl TileInput<'_> {
             let pixel_m = f64::from(self.pixel_m);
             let fit = LightFit::of_tile(self.image, self.coarse_m, self.valid, shape.cols, pixel_m, self.coarse_px);
             let contrast = match illumination.is_guided() {
-                true => Contrast::of_image(self.image, self.valid, (shape, self.coarse_px), scratch).ok(),
+                true => Contrast::of_image(self.image, self.valid, shape, self.coarse_px, scratch).ok(),
                 false => None,
             };
             fit.with_axis(contrast.and_then(|contrast| contrast.axis()))
@@ -248,7 +248,7 @@ impl<'t, 's> TileMaps<'t, 's> {
             let guide = Guide::new(&plan, input, &elevation, lighting.light.mirrored(mirror), scratch)?;
             let expected = rules.illumination.is_weighed().then(|| {
                 let light = lighting.estimate();
-                ExpectedErrors::of_share(guide.share(), &light, (tile.pixel_m, coarse_px), guide.dark_below())
+                ExpectedErrors::of_share(guide.share(), &light, tile.pixel_m, coarse_px, guide.dark_below())
             });
             let fine = if expected.is_some() { FineWaves::of_share(guide.share()) } else { scale.fine };
             let scale = TileScale { fine, ..scale };

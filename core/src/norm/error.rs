@@ -3,6 +3,13 @@
 use crate::error::LengthError;
 use core::fmt;
 
+/// Largest relief, in metres, that counts as flat: heights of some kilometres have a rounding error of a millimetre in `f32` (our choice;
+/// the paper does not mention flat tiles).
+pub const RELIEF_EPS_M: f32 = 0.01;
+
+/// Largest relief, in metres (our choice: hundreds of times the Moon's diameter). With more, heights of a network could be infinite.
+pub const RELIEF_MAX_M: f32 = 1e9;
+
 /// The reason why values cannot be normalised or recovered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormError {
@@ -46,7 +53,7 @@ impl fmt::Display for NormError {
                 write!(f, "expected at least {} valid pixels, found {found}", crate::mask::MIN_VALID_PX)
             }
             Self::Relief { relief_m } => {
-                let (above, most) = (crate::norm::RELIEF_EPS_M, crate::norm::RELIEF_MAX_M);
+                let (above, most) = (RELIEF_EPS_M, RELIEF_MAX_M);
                 write!(f, "expected a relief above {above} m and at most {most} m, found {relief_m} m")
             }
             Self::ConstantImage => f.write_str("expected an image with contrast, found one constant value"),

@@ -7,7 +7,7 @@
 //! - Both sides of the regression have the same smoothing. Slopes are means over a square cell as wide as a coarse pixel. The coarse DTM
 //!   itself is a mean over a coarse pixel, so brightness is averaged over cell and coarse pixel, one after the other: with a tent.
 //! - An octave is the variation of four cells, two by two, about their mean: a nested analysis of variance. The next octave takes these
-//!   means as cells. Cells overlap ([`cells`]): one begins at every half cell, so that all ground counts, and a mirrored scene has the
+//!   means as cells. Cells overlap: one begins at every half cell, so that all ground counts, and a mirrored scene has the
 //!   mirrored light.
 //! - A square of half a cell's side whose every pixel is dark (below a tenth of the mean brightness) lies in shadow, which shows no slope.
 //!   Cells with such a square under their tent are left out (our choice: if only cells go that are dark throughout, a shadow over half of an

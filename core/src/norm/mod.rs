@@ -10,8 +10,8 @@ pub mod light_fit;
 pub mod shading;
 
 pub use anchor::Anchor;
-pub use elevation::{ElevationScale, NR, RELIEF_EPS_M, RELIEF_MAX_M, nr_from_reliefs};
-pub use error::NormError;
+pub use elevation::{ElevationScale, NR, nr_from_reliefs};
+pub use error::{NormError, RELIEF_EPS_M, RELIEF_MAX_M};
 pub use fine::FineWaves;
 pub use light::{Light, Mirror};
 pub(crate) use light_fit::DIRECTED_RELIEF;

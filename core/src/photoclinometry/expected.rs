@@ -96,18 +96,18 @@ impl ExpectedErrors {
     /// Returns those of a tile with this share of relief under a light. `pixel_m` is the ground size of a pixel, `coarse_px` the side of a
     /// coarse pixel in pixels of the image, `dark_below` the brightness below which a pixel is dark.
     #[must_use]
-    pub fn of_share(share: &Share, light: &LightEstimate, (pixel_m, coarse_px): (f32, f32), dark_below: f32) -> Self {
+    pub fn of_share(share: &Share, light: &LightEstimate, pixel_m: f32, coarse_px: f32, dark_below: f32) -> Self {
         let azimuth_sd = light.azimuth_sd_deg.to_radians();
         let spoiled = (light.log_strength_sd * light.log_strength_sd + azimuth_sd * azimuth_sd).min(1.0);
         let trust = light.trust * light.related * (1.0 - spoiled);
-        let with = |trust| open(share, trust, (pixel_m, coarse_px));
+        let with = |trust| open(share, trust, pixel_m, coarse_px);
         Self { lit: with(trust), dark: Errors { explained: 0.0, dark: 1.0, ..with(0.0) }, dark_below }
     }
 
     /// Returns those of a tile whose coarse heights are kept: of its image nothing is known. Its fine slopes are taken to be as large as those
     /// of the coarse DTM, and its fine heights those of waves of two coarse pixels (our choice). `coarse_m` is row-major, `cols` wide, metres.
     #[must_use]
-    pub fn of_coarse(coarse_m: &[f32], cols: usize, (pixel_m, coarse_px): (f32, f32)) -> Self {
+    pub fn of_coarse(coarse_m: &[f32], cols: usize, pixel_m: f32, coarse_px: f32) -> Self {
         let (mut sum, mut count) = (0.0f64, 0.0f64);
         let lines = coarse_m.chunks_exact(cols.max(1));
         for (line, below) in lines.clone().zip(lines.skip(1)) {
@@ -144,7 +144,7 @@ impl ExpectedErrors {
 }
 
 /// Returns what is left open with this trust.
-fn open(share: &Share, trust: f32, (pixel_m, coarse_px): (f32, f32)) -> Errors {
+fn open(share: &Share, trust: f32, pixel_m: f32, coarse_px: f32) -> Errors {
     let (mut slopes, mut heights, mut all) = (0.0f32, 0.0f32, 0.0f32);
     for octave in 0..OCTAVES {
         // The middle of the octave.
@@ -178,7 +178,8 @@ mod tests {
         log_strength_sd: 0.0,
         azimuth_sd_deg: 0.0,
     };
-    const SIZES: (f32, f32) = (2.0, 30.0);
+    const PIXEL_M: f32 = 2.0;
+    const COARSE_PX: f32 = 30.0;
 
     /// The share of ground whose slopes have the variance `slope_variance` in the octave of 4 to 8 pixels alone.
     fn share(slope_variance: f64) -> Share {
@@ -191,7 +192,7 @@ mod tests {
     #[test]
     fn nothing_trusted_leaves_all_open() {
         let none = LightEstimate { trust: 0.0, ..SURE };
-        let errors = ExpectedErrors::of_share(&share(0.02), &none, SIZES, 10.0);
+        let errors = ExpectedErrors::of_share(&share(0.02), &none, PIXEL_M, COARSE_PX, 10.0);
         let Errors { height_m, slope, explained, .. } = errors.lit();
         // sqrt(0.02 / 2) along either axis; the height of waves of 5.7 pixels of 2 m.
         assert!((slope - 0.1).abs() < 1e-3, "{slope}");
@@ -202,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_surer_the_light_the_smaller_the_errors() {
-        let of = |doubt| ExpectedErrors::of_share(&share(0.02), &doubt, SIZES, 10.0).lit();
+        let of = |doubt| ExpectedErrors::of_share(&share(0.02), &doubt, PIXEL_M, COARSE_PX, 10.0).lit();
         let sure = of(SURE);
         let doubts = [
             LightEstimate { trust: 0.8, ..SURE },
@@ -221,7 +222,7 @@ mod tests {
 
     #[test]
     fn dark_pixels_show_nothing() {
-        let errors = ExpectedErrors::of_share(&share(0.02), &SURE, SIZES, 10.0);
+        let errors = ExpectedErrors::of_share(&share(0.02), &SURE, PIXEL_M, COARSE_PX, 10.0);
         assert!(errors.is_dark(9.0) && !errors.is_dark(11.0) && !errors.is_dark(f32::NAN));
         assert_eq!(ExpectedErrors::from_values(errors.to_values()), errors);
         assert!(errors.at(0.0).slope > 1.2 * errors.at(100.0).slope && errors.at(0.0).explained == 0.0);
@@ -244,8 +245,8 @@ mod tests {
 
     #[test]
     fn long_waves_are_the_coarse_dtms() {
-        let near = ExpectedErrors::of_share(&share(0.02), &SURE, (2.0, 30.0), 0.1).lit();
-        let finer = ExpectedErrors::of_share(&share(0.02), &SURE, (2.0, 2.0), 0.1).lit();
+        let near = ExpectedErrors::of_share(&share(0.02), &SURE, 2.0, 30.0, 0.1).lit();
+        let finer = ExpectedErrors::of_share(&share(0.02), &SURE, 2.0, 2.0, 0.1).lit();
         assert!(finer.slope < 0.7 * near.slope && finer.height_m < 0.7 * near.height_m);
     }
 
@@ -253,11 +254,11 @@ mod tests {
     fn kept_coarse_heights_err_as_their_slopes() {
         // One metre per pixel of 2 m, to the east.
         let ramp: Vec<f32> = (0..64).map(|i| (i % 8) as f32).collect();
-        let found = ExpectedErrors::of_coarse(&ramp, 8, SIZES);
+        let found = ExpectedErrors::of_coarse(&ramp, 8, PIXEL_M, COARSE_PX);
         assert!((found.lit().slope - 0.5f32.sqrt() * 0.5).abs() < 1e-6);
         assert!((found.lit().height_m - 0.5 * 2.0 * 60.0 / TAU).abs() < 1e-3);
         assert_eq!(found.at(-1.0), found.lit());
-        assert_eq!(ExpectedErrors::of_coarse(&[], 0, SIZES).lit(), Errors::default());
-        assert_eq!(ExpectedErrors::of_coarse(&[f32::NAN; 9], 3, SIZES).lit(), Errors::default());
+        assert_eq!(ExpectedErrors::of_coarse(&[], 0, PIXEL_M, COARSE_PX).lit(), Errors::default());
+        assert_eq!(ExpectedErrors::of_coarse(&[f32::NAN; 9], 3, PIXEL_M, COARSE_PX).lit(), Errors::default());
     }
 }

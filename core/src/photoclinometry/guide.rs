@@ -1,6 +1,6 @@
 //! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
-use super::{Photoclinometry, Relief, Share};
+use super::{LitTile, Photoclinometry, Relief, Share};
 use crate::mask;
 use crate::norm::NormError;
 use crate::norm::shading::SLOPE_UNIT;
@@ -114,10 +114,11 @@ impl<'t, 's> Guide<'t, 's> {
                 *out = scale.normalised(item(coarse_m, pixel));
             }
         };
+        let lit = LitTile { brightness, coarse, shading: &shading, light, coarse_px };
         let (share, trust) = match weight {
             Weight::Plain => (Share::WHOLE, 1.0),
             Weight::Trust { trust, long_share } => {
-                let contrast = plan.contrast((&brightness, &coarse), (&shading, light), coarse_px, scratch)?;
+                let contrast = plan.contrast(&lit, scratch)?;
                 (contrast.share(light).limited(long_share, coarse_px), trust)
             }
         };
@@ -126,7 +127,7 @@ impl<'t, 's> Guide<'t, 's> {
             Weight::Plain => (1.0, 1.0 / light.strength()),
             Weight::Trust { trust, .. } => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
         };
-        let relief = plan.relief((brightness, coarse), (&shading, light), coarse_px, (&share, trust), scratch)?;
+        let relief = plan.relief(&lit, &share, trust, scratch)?;
         let direction = Photoclinometry::direction(light);
         Ok(Self { tile, shape, scale: *scale, shading, direction, kept, uncertainty, share, relief })
     }

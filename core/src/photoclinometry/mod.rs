@@ -52,6 +52,22 @@ pub struct Photoclinometry {
     cols: Order,
 }
 
+/// A tile as its relief is found from it. `B` writes a row of the image, NaN where it is invalid; `C` writes a row of the coarse DTM in
+/// pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct LitTile<'a, B, C> {
+    /// Rows of the image.
+    pub brightness: B,
+    /// Rows of the coarse DTM.
+    pub coarse: C,
+    /// From brightness to slope.
+    pub shading: &'a Shading,
+    /// The light of the tile.
+    pub light: Light,
+    /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+    pub coarse_px: f32,
+}
+
 impl Photoclinometry {
     /// Makes the plan for tiles of this shape.
     #[must_use]
@@ -75,48 +91,42 @@ impl Photoclinometry {
         ((self.rows.len() - self.tile.rows) / 2, (self.cols.len() - self.tile.cols) / 2)
     }
 
-    /// Finds the relief of a tile. `brightness` writes a row of the image, NaN where it is invalid; `coarse` writes a row of the coarse DTM
-    /// in pixels. `coarse_px` is the side of a pixel of the coarse DTM on its own grid, in pixels of the image. `share` weighs slopes, and
-    /// the relief is multiplied by `trust`.
+    /// Finds the relief of a tile. `share` weighs slopes, and the relief is multiplied by `trust`.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn relief<'s>(
         &self,
-        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
-        (shading, light): (&Shading, Light),
-        coarse_px: f32,
-        (share, trust): (&Share, f32),
+        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        share: &Share,
+        trust: f32,
         scratch: &'s mut [f32],
     ) -> Result<Relief<'s>, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        let direction = Self::direction(light);
-        self.fill(field, (brightness, coarse), (shading, light), coarse_px);
+        self.fill(field, tile);
         self.mirror_cols(field);
         self.rows_forward(field, col_roots);
         self.mirror_rows(field);
         transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
-        self.filter(field, direction, coarse_px, share, trust);
+        self.filter(field, Self::direction(tile.light), tile.coarse_px, share, trust);
         transform(field, &self.rows, row_roots, self.columns(), Way::Backward);
         self.rows_backward(field, col_roots);
         let ((top, left), stride) = (self.corner(), self.cols.len());
         Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
     }
 
-    /// Measures the contrast of a tile, from the same arguments as [`Self::relief`]: the slopes along the light that the coarse DTM does not
+    /// Measures the contrast of a tile: the slopes along the light that the coarse DTM does not
     /// explain. They are tapered towards the tile's edges (by a raised cosine over a quarter of a side), so that no wave is cut.
     ///
     /// # Errors
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn contrast(
         &self,
-        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
-        (shading, light): (&Shading, Light),
-        coarse_px: f32,
+        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
         scratch: &mut [f32],
     ) -> Result<Contrast, LengthError> {
         let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        self.fill(field, (brightness, coarse), (shading, light), coarse_px);
+        self.fill(field, tile);
         let squares = f64::from(self.taper(field));
         self.rows_forward(field, col_roots);
         self.clear_margins(field);
@@ -158,17 +168,12 @@ impl Photoclinometry {
 
     /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, and subtracts its mean
     /// over lit ground. It is 0 where the image is invalid, or a shadow hides the ground.
-    fn fill(
-        &self,
-        field: &mut [f32],
-        (brightness, coarse): (impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])),
-        (shading, light): (&Shading, Light),
-        coarse_px: f32,
-    ) {
-        let ([east, south], strength) = (Self::direction(light), light.strength());
+    fn fill(&self, field: &mut [f32], tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>) {
+        let LitTile { brightness, coarse, shading, light, coarse_px } = tile;
+        let ([east, south], strength) = (Self::direction(*light), light.strength());
         let dark_below = shading.dark_below();
         // `as` turns NaN and negative numbers into 0.
-        let hidden_px = ((HIDDEN_COARSE_PX * coarse_px) as usize).max(1);
+        let hidden_px = ((HIDDEN_COARSE_PX * *coarse_px) as usize).max(1);
         let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
         let (margin, tile) = self.margin(field);
         // Space for three rows of the coarse DTM and one of the image.
@@ -202,7 +207,7 @@ impl Photoclinometry {
                 let across = item(here, after.min(cols.saturating_sub(1))) - item(here, before);
                 put(out, col, missing(across, item(below, col) - item(above, col), item(bright, col)));
             }
-            hide(out, bright, (dark_below, hidden_px));
+            hide(out, bright, dark_below, hidden_px);
             for (v, _) in out.iter().zip(bright.iter()).filter(|(v, bright)| !v.is_nan() && **bright >= dark_below) {
                 sum += f64::from(*v);
                 known += 1;
@@ -424,7 +429,7 @@ struct Field<'s> {
 }
 
 /// Sets the slopes of a row to NaN where `hidden_px` or more pixels side by side are dark.
-fn hide(slopes: &mut [f32], brightness: &[f32], (dark_below, hidden_px): (f32, usize)) {
+fn hide(slopes: &mut [f32], brightness: &[f32], dark_below: f32, hidden_px: usize) {
     let mut dark = 0;
     for end in 0..=brightness.len() {
         if brightness.get(end).is_some_and(|v| *v < dark_below) {

@@ -12,7 +12,7 @@
 //! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
 //! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
 
-use super::{Photoclinometry, SMOOTHNESS};
+use super::{LitTile, Photoclinometry, SMOOTHNESS};
 use crate::mask;
 use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
 use crate::part::{item, put};
@@ -74,7 +74,8 @@ impl Contrast {
     pub fn of_image(
         image: &[f32],
         valid: Option<&[bool]>,
-        (shape, coarse_px): (Shape, f32),
+        shape: Shape,
+        coarse_px: f32,
         scratch: &mut [f32],
     ) -> Result<Self, NormError> {
         crate::error::same_length(shape.pixels(), image.len())?;
@@ -87,7 +88,8 @@ impl Contrast {
             }
         };
         let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-        Ok(Photoclinometry::new(shape).contrast((brightness, level), (&shading, light), coarse_px, scratch)?)
+        let tile = LitTile { brightness, coarse: level, shading: &shading, light, coarse_px };
+        Ok(Photoclinometry::new(shape).contrast(&tile, scratch)?)
     }
 
     /// Adds another tile, or several.

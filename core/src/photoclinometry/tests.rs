@@ -78,7 +78,14 @@ fn relief(
     let row = |map: &[f32], row: usize, out: &mut [f32]| out.copy_from_slice(&map[row * out.len()..][..out.len()]);
     let (bright, heights) =
         (|r: usize, out: &mut [f32]| row(image, r, out), |r: usize, out: &mut [f32]| row(coarse, r, out));
-    let found = plan.relief((bright, heights), (&shading, light), coarse_px, weight, &mut scratch).unwrap();
+    let found = plan
+        .relief(
+            &LitTile { brightness: bright, coarse: heights, shading: &shading, light, coarse_px },
+            weight.0,
+            weight.1,
+            &mut scratch,
+        )
+        .unwrap();
     (0..plan.tile.rows).flat_map(|r| found.part(r * plan.tile.cols, plan.tile.cols).to_vec()).collect()
 }
 
@@ -160,12 +167,14 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let (dark, level) = (|_: usize, out: &mut [f32]| out.fill(f32::NAN), |_: usize, out: &mut [f32]| out.fill(4.0));
     for coarse_px in [30.0, 0.0, f32::NAN] {
-        let relief = plan.relief((dark, level), (&shading, light), coarse_px, PLAIN, &mut scratch).unwrap();
+        let tile = LitTile { brightness: dark, coarse: level, shading: &shading, light, coarse_px };
+        let relief = plan.relief(&tile, PLAIN.0, PLAIN.1, &mut scratch).unwrap();
         assert!((0..16).all(|row| relief.part(16 * row, 16) == [0.0; 16]));
         let beyond = crate::part::defaults::Expected::new();
         assert!(relief.part(100 * 100, 16).is_empty() && beyond.count() == 1);
     }
-    let short = plan.relief((dark, level), (&shading, light), 30.0, PLAIN, &mut scratch[1..]);
+    let tile = LitTile { brightness: dark, coarse: level, shading: &shading, light, coarse_px: 30.0 };
+    let short = plan.relief(&tile, PLAIN.0, PLAIN.1, &mut scratch[1..]);
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
     let (mirror, weight) = (Mirror::default(), Weight::Trust { trust: 1.0, long_share: None });
@@ -182,7 +191,11 @@ fn contrast(plan: &Photoclinometry, image: &[f32], light: Light) -> Contrast {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    plan.contrast((bright, level), (&shading, light), 30.0, &mut scratch).unwrap()
+    plan.contrast(
+        &LitTile { brightness: bright, coarse: level, shading: &shading, light, coarse_px: 30.0 },
+        &mut scratch,
+    )
+    .unwrap()
 }
 
 /// Returns noise with waves of 4 pixels and more: means over 4 x 4 values.
@@ -244,7 +257,12 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-    let found = plan.contrast((bright, level), (&shading, light), 30.0, &mut scratch).unwrap();
+    let found = plan
+        .contrast(
+            &LitTile { brightness: bright, coarse: level, shading: &shading, light, coarse_px: 30.0 },
+            &mut scratch,
+        )
+        .unwrap();
 
     let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
     let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();

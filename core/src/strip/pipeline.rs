@@ -406,9 +406,8 @@ impl<'a, 'm> Strip<'a, 'm> {
     fn keep_coarse(&mut self) {
         let settings = self.plan.settings;
         if settings.expected_errors {
-            let sizes = (settings.pixel_m, settings.coarse_px);
             self.expect(&if self.runner.model().illumination().is_weighed() {
-                ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, sizes)
+                ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, settings.pixel_m, settings.coarse_px)
             } else {
                 ExpectedErrors::UNKNOWN
             });

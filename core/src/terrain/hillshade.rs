@@ -31,7 +31,7 @@ impl Default for Sun {
 pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: &mut [u8]) -> Result<(), LengthError> {
     let (rows, cols) = (heights_m.rows(), heights_m.cols());
     same_length(rows * cols, out.len())?;
-    let light = Light::of(sun);
+    let light = SunVector::of(sun);
     for (i, out) in out.iter_mut().enumerate() {
         *out = gradient(heights_m, i / cols, i % cols, pixel).map_or(0, |gradient| light.shade(gradient));
     }
@@ -40,13 +40,13 @@ pub fn hillshade(heights_m: GridView<'_, f32>, pixel: PixelSize, sun: Sun, out: 
 
 /// The direction and the exaggeration of a [`Sun`].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Light {
+pub(super) struct SunVector {
     /// Unit vector: east, north, up.
     direction: [f64; 3],
     exaggeration: f64,
 }
 
-impl Light {
+impl SunVector {
     pub(super) fn of(sun: Sun) -> Self {
         let (azimuth, elevation) = (sun.azimuth_deg.to_radians(), sun.elevation_deg.to_radians());
         let direction = [

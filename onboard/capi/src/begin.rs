@@ -1,7 +1,7 @@
 //! Begins a tile. Every argument is validated before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{Record, SELF_TEST, TILE};
+use crate::record::{ContextRecord, SELF_TEST, TILE};
 use crate::run::{run_status, runner};
 use crate::status::*;
 use crate::types::eld_status_t;
@@ -58,13 +58,13 @@ pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
 
 /// Updates the previous tile after the next one could not begin: a refusal leaves it unchanged; a fault of the model, found on the way into
 /// the arena, loses it.
-fn half_begun(record: &mut Record, status: eld_status_t) {
+fn half_begun(record: &mut ContextRecord, status: eld_status_t) {
     if severity(status) == FAULT {
         record.lose_tile();
     }
 }
 
-fn keep(record: &mut Record, scale: &TileScale) {
+fn keep(record: &mut ContextRecord, scale: &TileScale) {
     let TileScale { elevation, mirror, .. } = scale;
     record.scale_bits = [elevation.min_m(), elevation.relief_m(), elevation.nr()].map(f32::to_bits);
     record.mirror = mirror.rows as u32 | (mirror.cols as u32) << 1;

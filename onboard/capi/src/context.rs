@@ -1,6 +1,6 @@
 //! A context for the duration of a call: opened, validated and repaired at its start, written back at its end.
 
-use crate::record::{EMPTY, Record};
+use crate::record::{ContextRecord, EMPTY};
 use crate::sealed::{self, Head};
 use crate::status::*;
 use crate::types::eld_status_t;
@@ -19,12 +19,12 @@ pub(crate) struct Lent<'m> {
 /// An open context.
 pub(crate) struct Context<'h> {
     head: &'h mut Head,
-    pub(crate) record: Record,
+    pub(crate) record: ContextRecord,
 }
 
 impl<'h> Context<'h> {
     /// Writes a new context.
-    pub(crate) fn make(head: &'h mut Head, record: Record) {
+    pub(crate) fn make(head: &'h mut Head, record: ContextRecord) {
         sealed::write(head, &record);
     }
 

@@ -15,7 +15,7 @@
 use crate::begin;
 use crate::context::{Context, Lent, Outcome};
 use crate::layout::{ALIGN_BYTES, Layout};
-use crate::record::Record;
+use crate::record::ContextRecord;
 use crate::sealed::{HEAD_BYTES, Head};
 use crate::status::*;
 use crate::types::*;
@@ -160,7 +160,7 @@ unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_sta
 }
 
 /// Refuses a buffer that shares bytes with the lent memory or the model.
-fn apart_from_ours(record: &Record, buffer: &Range<usize>) -> Result<(), eld_status_t> {
+fn apart_from_ours(record: &ContextRecord, buffer: &Range<usize>) -> Result<(), eld_status_t> {
     let (home, model) = (record.home as usize, record.model as usize);
     apart(buffer, &(home..home.saturating_add(record.home_bytes as usize)))?;
     apart(buffer, &(model..model.saturating_add(record.verdict.file_bytes as usize)))
@@ -258,12 +258,12 @@ pub unsafe extern "C" fn eld_init(
         // Every byte is written before any is read, because memory with error correction may contain words that were never written.
         // SAFETY: within the lent memory.
         unsafe { memory.cast::<u8>().write_bytes(0, layout.bytes()) };
-        let record = Record {
+        let record = ContextRecord {
             home: memory.expose_provenance() as u64,
             home_bytes: layout.bytes() as u64,
             model: model.expose_provenance() as u64,
             verdict: validated.verdict(),
-            ..Record::default()
+            ..ContextRecord::default()
         };
         // SAFETY: the layout is longer than the head; `Head` is an array of bytes; the caller promises that the memory is not shared.
         Context::make(unsafe { &mut *memory.cast::<Head>() }, record);

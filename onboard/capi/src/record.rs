@@ -14,7 +14,7 @@ pub(crate) const SELF_TEST: u32 = 2;
 
 /// The data of a context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Record {
+pub(crate) struct ContextRecord {
     /// Address and length of the lent memory, bytes.
     pub(crate) home: u64,
     pub(crate) home_bytes: u64,
@@ -51,10 +51,10 @@ const fn pair(low: u64, high: u32) -> u64 {
     low | (high as u64) << 32
 }
 
-/// Makes [`Record::words`] and [`Record::of`] from one list of words, each one field or a pair of fields of 32 bits.
+/// Makes [`ContextRecord::words`] and [`ContextRecord::of`] from one list of words, each one field or a pair of fields of 32 bits.
 macro_rules! words {
     ($record:ident: $([$low:expr $(, $high:expr)?])+) => {
-        impl Record {
+        impl ContextRecord {
             /// Returns the record as words, in a fixed order.
             pub(crate) fn words(&self) -> [u64; WORDS] {
                 let $record = self;
@@ -114,7 +114,7 @@ words!(r:
     [r.expected_bits[4], r.expected_bits[5]]
 );
 
-impl Record {
+impl ContextRecord {
     /// Drops the tile and counts it; the other counters stay unchanged.
     pub(crate) fn lose_tile(&mut self) {
         self.tiles_dropped = self.tiles_dropped.wrapping_add(u64::from(self.tile != EMPTY));
@@ -130,12 +130,12 @@ mod tests {
     #[test]
     fn words_come_back_as_they_were() {
         let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
-        let back = Record::of(&words).words();
+        let back = ContextRecord::of(&words).words();
         // The last fault is half a word.
         assert_eq!(back[..28], words[..28]);
         assert_eq!(back[28], words[28] & 0xffff_ffff);
         assert_eq!(back[29..], words[29..]);
-        let all_ones = Record::of(&[u64::MAX; WORDS]);
-        assert_eq!(Record::of(&all_ones.words()), all_ones);
+        let all_ones = ContextRecord::of(&[u64::MAX; WORDS]);
+        assert_eq!(ContextRecord::of(&all_ones.words()), all_ones);
     }
 }

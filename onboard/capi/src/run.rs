@@ -1,7 +1,7 @@
 //! Works on a tile, returns its heights, checks the self test, and scrubs the model.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{EMPTY, Record, SELF_TEST, TILE};
+use crate::record::{ContextRecord, EMPTY, SELF_TEST, TILE};
 use crate::status::*;
 use crate::types::{
     ELD_PHASE_EMPTY, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_errors_t,
@@ -17,7 +17,7 @@ use elunar_core::norm::{ElevationScale, FineWaves, Mirror};
 /// # Errors
 /// [`ELD_FAULT_RUN`] if the position does not exist in the model.
 pub(crate) fn runner<'a, 'm>(
-    record: &Record,
+    record: &ContextRecord,
     model: Model<'a>,
     arena: &'m mut [u8],
 ) -> Result<Runner<'a, 'm>, eld_status_t> {
@@ -95,7 +95,7 @@ pub(crate) fn scrub(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>,
 }
 
 /// Returns the counters.
-pub(crate) fn telemetry(record: &Record, struct_bytes: u32) -> eld_telemetry_t {
+pub(crate) fn telemetry(record: &ContextRecord, struct_bytes: u32) -> eld_telemetry_t {
     let (at, t) = (&record.suspended, &record.suspended.telemetry);
     let done = at.phase == Suspended::DONE;
     let phase = match record.tile {

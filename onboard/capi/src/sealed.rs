@@ -7,7 +7,7 @@
 //! Every bit is under a checksum. A copy whose checksum does not match is replaced by the other. If both match and differ, a write was cut
 //! short; the first copy is valid, because it is written first.
 
-use crate::record::{Record, WORDS};
+use crate::record::{ContextRecord, WORDS};
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
@@ -21,7 +21,7 @@ type Copy = [u8; COPY_BYTES];
 /// Both copies.
 pub(crate) type Head = [u8; HEAD_BYTES];
 
-fn encode(record: &Record) -> Copy {
+fn encode(record: &ContextRecord) -> Copy {
     let mut copy = [0; COPY_BYTES];
     let slots = copy.as_chunks_mut::<8>().0;
     for (slot, word) in slots.iter_mut().zip([MAGIC].into_iter().chain(record.words())) {
@@ -43,7 +43,7 @@ fn sealed(crc: u32) -> u64 {
     crc as u64 | (!crc as u64) << 32
 }
 
-fn decode(copy: &Copy) -> Option<Record> {
+fn decode(copy: &Copy) -> Option<ContextRecord> {
     let mut words = [0; WORDS];
     let (magic, body) = copy.as_chunks::<8>().0.split_first()?;
     for (word, &bytes) in words.iter_mut().zip(body) {
@@ -51,11 +51,11 @@ fn decode(copy: &Copy) -> Option<Record> {
     }
     let seal = u64::from_le_bytes(*copy.last_chunk()?);
     let whole = u64::from_le_bytes(*magic) == MAGIC && seal == sealed(crc_of(copy));
-    whole.then(|| Record::of(&words))
+    whole.then(|| ContextRecord::of(&words))
 }
 
 /// Writes both copies.
-pub(crate) fn write(head: &mut Head, record: &Record) {
+pub(crate) fn write(head: &mut Head, record: &ContextRecord) {
     let copy = encode(record);
     for slot in head.as_chunks_mut().0 {
         *slot = copy;
@@ -63,7 +63,7 @@ pub(crate) fn write(head: &mut Head, record: &Record) {
 }
 
 /// Reads the record; `true` if a copy was damaged. The caller writes both copies at the end of every call. `None` if both are damaged.
-pub(crate) fn read(head: &Head) -> Option<(Record, bool)> {
+pub(crate) fn read(head: &Head) -> Option<(ContextRecord, bool)> {
     let [first, second] = head.as_chunks::<COPY_BYTES>().0 else { return None };
     match (decode(first), decode(second)) {
         (Some(record), second) => Some((record, second.is_none())),
@@ -77,9 +77,9 @@ mod tests {
     extern crate std;
     use super::*;
 
-    fn head() -> (Record, Head) {
+    fn head() -> (ContextRecord, Head) {
         let mut head = [0; HEAD_BYTES];
-        let record = Record { home: 0x1234_5678_9abc, calls: 77, ..Record::default() };
+        let record = ContextRecord { home: 0x1234_5678_9abc, calls: 77, ..ContextRecord::default() };
         write(&mut head, &record);
         (record, head)
     }
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn the_first_copy_holds_if_a_write_was_cut_short() {
         let (record, mut old) = head();
-        let next = Record { calls: 78, ..record };
+        let next = ContextRecord { calls: 78, ..record };
         old[..COPY_BYTES].copy_from_slice(&encode(&next));
         assert_eq!(read(&old), Some((next, false)));
         // Cut within the first copy: the second is still valid.

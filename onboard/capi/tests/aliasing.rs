@@ -75,18 +75,18 @@ impl Rig {
     }
 }
 
-struct Maps {
+struct Inputs {
     image: Vec<f32>,
     coarse_m: Vec<f32>,
     valid: Vec<u8>,
 }
 
-fn maps() -> Maps {
+fn maps() -> Inputs {
     let image = (0..PX).map(|i| (i * 7 % 11) as f32).collect();
-    Maps { image, coarse_m: (0..PX).map(|i| i as f32).collect(), valid: vec![1; PX] }
+    Inputs { image, coarse_m: (0..PX).map(|i| i as f32).collect(), valid: vec![1; PX] }
 }
 
-fn tile(maps: &Maps) -> eld_tile_t {
+fn tile(maps: &Inputs) -> eld_tile_t {
     eld_tile_t {
         struct_bytes: size_of::<eld_tile_t>() as u32,
         pixel_m: 2.0,
@@ -255,7 +255,10 @@ fn heights_are_finite_whatever_the_coarse_heights() {
             unsafe {
                 let status = eld_begin(rig.context, &tile(&maps));
                 if !worked(status) {
-                    assert_eq!(status, ELD_REFUSED_TILE_NO_RELIEF, "{size:e}");
+                    // What is 1e30 or more from zero is a void.
+                    let voids = maps.coarse_m.iter().filter(|z| z.abs() >= 1e30).count();
+                    let masked = PX - voids < 2 && status == ELD_REFUSED_TILE_MASKED;
+                    assert!(masked || status == ELD_REFUSED_TILE_NO_RELIEF, "{size:e}: {status:#x}");
                     continue;
                 }
                 while eld_step(rig.context, u64::MAX) == ELD_RUNNING {}

@@ -6,7 +6,7 @@
 //!
 //! [`Content`] writes a file, and [`super::Model::new`] validates it. Every record has `encode` and `decode`; every enum in the file has
 //! `code` and `from_code`. After a change of single bytes [`seal_file`] makes all checksums right. `onboard/docs/icd.md` describes the file
-//! byte by byte.
+//! byte by byte; `onboard/capi/tests/icd/reader.rs` reads it by that page alone, without this module.
 
 mod attention;
 mod bytes;

@@ -10,7 +10,7 @@
 #![allow(unsafe_code)]
 
 use super::requantise::{Requantise, Target};
-use super::{Accumulators, Isa, Patch};
+use super::{Accumulators, Isa, Patch, add, blocks};
 use core::arch::asm;
 
 /// DSP extension.
@@ -36,36 +36,29 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     if !patch.fits(pixels, weights, width) {
         return;
     }
-    for channel in (0..width).step_by(2) {
-        let mut first = 0;
-        while first < pixels {
-            // The last of an odd number of pixels is computed twice; the second result is not stored.
-            let second = (first + 1 < pixels) as usize;
-            let mut sums = [0; 4];
-            let mut w = weights.as_ptr().wrapping_add(4 * channel);
-            for &start in patch.starts {
-                let x = patch.bytes.as_ptr().wrapping_add(start + first * patch.stride);
-                let stride = second * patch.stride;
-                // SAFETY: the target has the instructions, and `fits` has bounded every read.
-                unsafe {
-                    match width {
-                        32 => row::<128>(&mut sums, x, stride, w, patch.groups),
-                        16 => row::<64>(&mut sums, x, stride, w, patch.groups),
-                        _ => row::<32>(&mut sums, x, stride, w, patch.groups),
-                    }
-                }
-                w = w.wrapping_add(4 * width * patch.groups);
-            }
-            for (p, sums) in sums.as_chunks::<2>().0.iter().enumerate().take(1 + second) {
-                for (c, sum) in sums.iter().enumerate() {
-                    if let Some(at) = acc.get_mut((first + p) * width + channel + c) {
-                        *at = at.wrapping_add(*sum);
-                    }
+    blocks(width, 2, pixels, |channel, first, left| {
+        // The last of an odd number of pixels is computed twice; the second result is not stored.
+        let second = (left > 1) as usize;
+        let mut sums = [0; 4];
+        let mut w = weights.as_ptr().wrapping_add(4 * channel);
+        for &start in patch.starts {
+            let x = patch.bytes.as_ptr().wrapping_add(start + first * patch.stride);
+            let stride = second * patch.stride;
+            // SAFETY: the target has the instructions, and `fits` has bounded every read.
+            unsafe {
+                match width {
+                    32 => row::<128>(&mut sums, x, stride, w, patch.groups),
+                    16 => row::<64>(&mut sums, x, stride, w, patch.groups),
+                    _ => row::<32>(&mut sums, x, stride, w, patch.groups),
                 }
             }
-            first += 2;
+            w = w.wrapping_add(4 * width * patch.groups);
         }
-    }
+        for (p, sums) in sums.as_chunks::<2>().0.iter().enumerate().take(1 + second) {
+            add(acc, width, first + p, channel, sums);
+        }
+        2
+    });
 }
 
 /// Adds one row's products of two pixels and two channels: `groups` words at `x` and at `x + stride`, pairs of words `STEP` bytes apart at

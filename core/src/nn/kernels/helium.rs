@@ -14,7 +14,7 @@
 #![allow(unsafe_code)]
 
 use super::requantise::{Requantise, Target};
-use super::{Accumulators, Isa, Patch, scalar::Scalar};
+use super::{Accumulators, Isa, Patch, add, blocks, scalar::Scalar};
 use core::arch::asm;
 
 /// Helium, integers.
@@ -60,32 +60,22 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
         *deficit = sum.wrapping_mul(-128);
     }
     let offsets = [0, 4 * width, 8 * width, 12 * width];
-    for channel in (0..width).step_by(2) {
-        let mut first = 0;
-        while first < pixels {
-            // Missing pixels repeat the last one and are not stored.
-            let pixel = [first, (first + 1).min(pixels - 1), (first + 2).min(pixels - 1)];
-            let mut sums = [[0; 2]; PIXELS];
-            for (sums, p) in sums.iter_mut().zip(pixel) {
-                *sums = [deficits[p.min(MOST - 1)]; 2];
-            }
-            let mut w = weights.as_ptr().wrapping_add(4 * channel);
-            for &start in patch.starts {
-                let x = pixel.map(|p| patch.bytes.as_ptr().wrapping_add(start + p * patch.stride));
-                // SAFETY: as above.
-                unsafe { row(&mut sums, x, w, &offsets, patch.groups) };
-                w = w.wrapping_add(4 * width * patch.groups);
-            }
-            for (sums, p) in sums.iter().zip(first..pixels) {
-                for (c, sum) in sums.iter().enumerate() {
-                    if let Some(at) = acc.get_mut(p * width + channel + c) {
-                        *at = at.wrapping_add(*sum);
-                    }
-                }
-            }
-            first += PIXELS;
+    blocks(width, 2, pixels, |channel, first, left| {
+        // Missing pixels repeat the last one and are not stored.
+        let pixel = [first, (first + 1).min(pixels - 1), (first + 2).min(pixels - 1)];
+        let mut sums = pixel.map(|p| [deficits[p.min(MOST - 1)]; 2]);
+        let mut w = weights.as_ptr().wrapping_add(4 * channel);
+        for &start in patch.starts {
+            let x = pixel.map(|p| patch.bytes.as_ptr().wrapping_add(start + p * patch.stride));
+            // SAFETY: as above.
+            unsafe { row(&mut sums, x, w, &offsets, patch.groups) };
+            w = w.wrapping_add(4 * width * patch.groups);
         }
-    }
+        for (p, sums) in sums.iter().enumerate().take(left) {
+            add(acc, width, first + p, channel, sums);
+        }
+        PIXELS
+    });
 }
 
 /// Returns `sum` plus the sum of `len` codes.

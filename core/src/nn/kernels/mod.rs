@@ -37,7 +37,7 @@ pub(super) mod x86_avx2;
 pub(super) mod x86_avx512;
 
 use super::panels::PANEL;
-use crate::part::head_mut;
+use crate::part::{head_mut, part_mut};
 use requantise::{Requantise, Target};
 use softmax::Softmax;
 
@@ -77,6 +77,31 @@ impl Patch<'_> {
             inside &= start <= self.bytes.len() && last <= self.bytes.len() - start;
         }
         inside && weights.len() >= 4 * self.starts.len() * self.groups * width
+    }
+}
+
+/// Calls `block` for every block of a product: `channels` channels of the panel after another, and for each all pixels. `block` gets the
+/// first channel, the first pixel and the number of pixels left, and returns how many it has computed.
+#[inline(always)]
+pub(crate) fn blocks(
+    width: usize,
+    channels: usize,
+    pixels: usize,
+    mut block: impl FnMut(usize, usize, usize) -> usize,
+) {
+    for channel in (0..width).step_by(channels) {
+        let mut first = 0;
+        while first < pixels {
+            first += block(channel, first, pixels - first);
+        }
+    }
+}
+
+/// Adds the sums of pixel `pixel` from channel `channel` on.
+#[inline(always)]
+pub(crate) fn add<const C: usize>(acc: &mut Accumulators, width: usize, pixel: usize, channel: usize, sums: &[i32; C]) {
+    for (at, sum) in part_mut(acc, pixel * width + channel, C).iter_mut().zip(sums) {
+        *at = at.wrapping_add(*sum);
     }
 }
 

@@ -17,7 +17,7 @@
 //! With the dot-product extension one `sdot` replaces the three instructions: see `neon_dot`.
 #![allow(unsafe_code)]
 
-use super::{Accumulators, Isa, PANEL, Patch};
+use super::{Accumulators, Isa, PANEL, Patch, blocks};
 use core::arch::aarch64::*;
 
 /// NEON without extensions.
@@ -42,28 +42,16 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     // SAFETY: NEON is part of the target, and `fits` has bounded every read and write.
     unsafe {
         let excess = excess(patch, weights, width);
-        if width == 8 {
-            let mut first = 0;
-            while first < pixels {
-                let to = at.add(8 * first);
-                first += match pixels - first {
-                    4.. => block::<4, 4>(to, first, 0, patch, weights, width, &excess),
-                    2..4 => block::<2, 4>(to, first, 0, patch, weights, width, &excess),
-                    _ => block::<1, 4>(to, first, 0, patch, weights, width, &excess),
-                };
+        blocks(width, width.clamp(8, 16), pixels, |channel, first, left| {
+            let to = at.add(width * first + channel);
+            match (width, left) {
+                (8, 4..) => block::<4, 4>(to, first, channel, patch, weights, width, &excess),
+                (8, 2..) => block::<2, 4>(to, first, channel, patch, weights, width, &excess),
+                (8, _) => block::<1, 4>(to, first, channel, patch, weights, width, &excess),
+                (_, 2..) => block::<2, 8>(to, first, channel, patch, weights, width, &excess),
+                _ => block::<1, 8>(to, first, channel, patch, weights, width, &excess),
             }
-            return;
-        }
-        for channel in (0..width).step_by(16) {
-            let mut first = 0;
-            while first < pixels {
-                let to = at.add(width * first + channel);
-                first += match pixels - first {
-                    2.. => block::<2, 8>(to, first, channel, patch, weights, width, &excess),
-                    _ => block::<1, 8>(to, first, channel, patch, weights, width, &excess),
-                };
-            }
-        }
+        });
     }
 }
 

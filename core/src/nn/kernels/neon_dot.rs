@@ -12,7 +12,7 @@
 #![allow(unsafe_code)]
 
 use super::neon::excess;
-use super::{Accumulators, Isa, PANEL, Patch};
+use super::{Accumulators, Isa, PANEL, Patch, blocks};
 use core::arch::aarch64::*;
 use core::arch::asm;
 
@@ -38,21 +38,17 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     // SAFETY: the target has the instructions, and `fits` has bounded every read and write.
     unsafe {
         let excess = excess(patch, weights, width);
-        let step = width.min(16);
-        for channel in (0..width).step_by(step.max(1)) {
-            let mut first = 0;
-            while first < pixels {
-                let (to, left) = (at.add(width * first + channel), pixels - first);
-                first += match (step, left) {
-                    (8, 8..) => block::<8, 2>(to, first, channel, patch, weights, width, &excess),
-                    (8, 4..) => block::<4, 2>(to, first, channel, patch, weights, width, &excess),
-                    (8, _) => block::<1, 2>(to, first, channel, patch, weights, width, &excess),
-                    (_, 4..) => block::<4, 4>(to, first, channel, patch, weights, width, &excess),
-                    (_, 2..) => block::<2, 4>(to, first, channel, patch, weights, width, &excess),
-                    _ => block::<1, 4>(to, first, channel, patch, weights, width, &excess),
-                };
+        blocks(width, width.clamp(8, 16), pixels, |channel, first, left| {
+            let to = at.add(width * first + channel);
+            match (width, left) {
+                (8, 8..) => block::<8, 2>(to, first, channel, patch, weights, width, &excess),
+                (8, 4..) => block::<4, 2>(to, first, channel, patch, weights, width, &excess),
+                (8, _) => block::<1, 2>(to, first, channel, patch, weights, width, &excess),
+                (_, 4..) => block::<4, 4>(to, first, channel, patch, weights, width, &excess),
+                (_, 2..) => block::<2, 4>(to, first, channel, patch, weights, width, &excess),
+                _ => block::<1, 4>(to, first, channel, patch, weights, width, &excess),
             }
-        }
+        });
     }
 }
 

@@ -1,4 +1,4 @@
-//! Window attention: all heads of one window.
+//! TokenWindow attention: all heads of one window.
 //!
 //! ```text
 //! for every head
@@ -29,14 +29,14 @@ const RECIPROCAL_BITS: u32 = 43;
 const _: () = assert!(MAX_WINDOW * MAX_WINDOW == MAX_TOKENS);
 
 /// One window: a range of rows and a range of columns of the extended map.
-struct Window<'a> {
+struct TokenWindow<'a> {
     a: &'a Attention,
     input: &'a Tensor,
     rows: (usize, usize),
     cols: (usize, usize),
 }
 
-impl Window<'_> {
+impl TokenWindow<'_> {
     #[inline(always)]
     fn width(&self) -> usize {
         self.cols.1 - self.cols.0
@@ -58,7 +58,7 @@ impl Window<'_> {
 
 /// A walk over the tokens of a window, without a division per token.
 struct Walk<'a> {
-    window: &'a Window<'a>,
+    window: &'a TokenWindow<'a>,
     channel: usize,
     row: usize,
     col: usize,
@@ -100,7 +100,7 @@ pub(crate) fn run<I: Isa>(
 ) -> u64 {
     let (input, out) = (prepared.input(0), prepared.out);
     let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
-    let window = Window { a, input: &input, rows, cols };
+    let window = TokenWindow { a, input: &input, rows, cols };
     let mut cut = 0;
     for head in 0..a.heads {
         let (offsets, layout) = pack(constants, &window, &out, arena, head);
@@ -121,7 +121,7 @@ pub(crate) fn run<I: Isa>(
 #[inline(always)]
 fn pack(
     constants: &Constants<'_>,
-    window: &Window<'_>,
+    window: &TokenWindow<'_>,
     out: &Tensor,
     arena: &mut Arena<'_>,
     head: usize,
@@ -132,70 +132,98 @@ fn pack(
     let (keys, rest) = scratch.split_at_mut_checked(layout.keys).unwrap_or_default();
     let values = head_mut(rest, layout.values);
     let pad = constants.slice(window.a.pad_codes, window.input.channels);
-    let mut offsets = [0; MAX_TOKENS];
-    let from = out.channels + head * channels;
-    let mut walk = window.walk(from);
-    for (first, width) in panels(tokens) {
-        let panel = part_mut(keys, 4 * first * groups(channels), 4 * width * groups(channels));
-        if tokens < first + width || !channels.is_multiple_of(4) {
-            panel.fill(0);
-        }
-        for token in first..tokens.min(first + width) {
-            let codes = match walk.next_place() {
-                Some(at) => part(tensors, at, channels),
-                None => part(pad, from, channels),
-            };
-            let mut sum = 0;
-            let (fours, rest) = codes.as_chunks::<4>();
-            for (g, four) in fours.iter().enumerate() {
-                let word = u32::from_ne_bytes(*four) ^ 0x8080_8080;
-                if let Some(to) = panel.get_mut(4 * (g * width + token - first)..).and_then(|to| to.first_chunk_mut()) {
-                    *to = word.to_ne_bytes();
-                }
-                sum += four[0] as i32 + four[1] as i32 + four[2] as i32 + four[3] as i32;
-            }
-            for (b, &code) in rest.iter().enumerate() {
-                put(panel, 4 * (fours.len() * width + token - first) + b, code ^ 0x80);
-                sum += code as i32;
-            }
-            sum -= 128 * channels as i32;
-            put(&mut offsets, token, -128 * sum);
-        }
-    }
-    for (first, width) in panels(channels) {
-        let panel = part_mut(values, 4 * first * groups(tokens), 4 * width * groups(tokens));
-        let count = (channels - first).min(width);
-        if count < width {
-            panel.fill(0);
-        }
-        let from = 2 * out.channels + head * channels + first;
-        let mut walk = window.walk(from);
-        for (group, to) in panel.chunks_exact_mut((4 * width).max(1)).enumerate() {
-            // Missing tokens are zeros: the code 128.
-            const NOTHING: [u8; PANEL] = [128; PANEL];
-            let mut four = [part(&NOTHING, 0, count); 4];
-            for (b, codes) in four.iter_mut().enumerate() {
-                let token = 4 * group + b;
-                if token < tokens {
-                    *codes = match walk.next_place() {
-                        Some(at) => part(tensors, at, count),
-                        None => part(pad, from, count),
-                    };
-                }
-            }
-            let [a, b, c, d] = four;
-            for ((((to, a), b), c), d) in to.as_chunks_mut::<4>().0.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                *to = [a ^ 0x80, b ^ 0x80, c ^ 0x80, d ^ 0x80];
-            }
-        }
-    }
+    let source = Source { window, tensors, pad, tokens, channels };
+    let offsets = source.pack_keys(out.channels + head * channels, keys);
+    source.pack_values(2 * out.channels + head * channels, values);
     (offsets, layout)
+}
+
+/// Where k or v of one head is read.
+struct Source<'a> {
+    window: &'a TokenWindow<'a>,
+    tensors: &'a [u8],
+    pad: &'a [u8],
+    tokens: usize,
+    channels: usize,
+}
+
+impl Source<'_> {
+    /// Packs k, which begins at sample `from` of a token.
+    #[inline(always)]
+    fn pack_keys(&self, from: usize, keys: &mut [u8]) -> [i32; MAX_TOKENS] {
+        let &Self { window, tensors, pad, tokens, channels } = self;
+        let mut offsets = [0; MAX_TOKENS];
+        let mut walk = window.walk(from);
+        for (first, width) in panels(tokens) {
+            let panel = part_mut(keys, 4 * first * groups(channels), 4 * width * groups(channels));
+            if tokens < first + width || !channels.is_multiple_of(4) {
+                panel.fill(0);
+            }
+            for token in first..tokens.min(first + width) {
+                let codes = match walk.next_place() {
+                    Some(at) => part(tensors, at, channels),
+                    None => part(pad, from, channels),
+                };
+                let mut sum = 0;
+                let (fours, rest) = codes.as_chunks::<4>();
+                for (g, four) in fours.iter().enumerate() {
+                    let word = u32::from_ne_bytes(*four) ^ 0x8080_8080;
+                    if let Some(to) =
+                        panel.get_mut(4 * (g * width + token - first)..).and_then(|to| to.first_chunk_mut())
+                    {
+                        *to = word.to_ne_bytes();
+                    }
+                    sum += four[0] as i32 + four[1] as i32 + four[2] as i32 + four[3] as i32;
+                }
+                for (b, &code) in rest.iter().enumerate() {
+                    put(panel, 4 * (fours.len() * width + token - first) + b, code ^ 0x80);
+                    sum += code as i32;
+                }
+                sum -= 128 * channels as i32;
+                put(&mut offsets, token, -128 * sum);
+            }
+        }
+        offsets
+    }
+
+    /// Packs v, which begins at sample `start` of a token.
+    #[inline(always)]
+    fn pack_values(&self, start: usize, values: &mut [u8]) {
+        let &Self { window, tensors, pad, tokens, channels } = self;
+        for (first, width) in panels(channels) {
+            let panel = part_mut(values, 4 * first * groups(tokens), 4 * width * groups(tokens));
+            let count = (channels - first).min(width);
+            if count < width {
+                panel.fill(0);
+            }
+            let from = start + first;
+            let mut walk = window.walk(from);
+            for (group, to) in panel.chunks_exact_mut((4 * width).max(1)).enumerate() {
+                // Missing tokens are zeros: the code 128.
+                const NOTHING: [u8; PANEL] = [128; PANEL];
+                let mut four = [part(&NOTHING, 0, count); 4];
+                for (b, codes) in four.iter_mut().enumerate() {
+                    let token = 4 * group + b;
+                    if token < tokens {
+                        *codes = match walk.next_place() {
+                            Some(at) => part(tensors, at, count),
+                            None => part(pad, from, count),
+                        };
+                    }
+                }
+                let [a, b, c, d] = four;
+                for ((((to, a), b), c), d) in to.as_chunks_mut::<4>().0.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                    *to = [a ^ 0x80, b ^ 0x80, c ^ 0x80, d ^ 0x80];
+                }
+            }
+        }
+    }
 }
 
 /// One packed head of a window.
 struct Head<'a, 'm> {
     constants: &'a Constants<'m>,
-    window: &'a Window<'a>,
+    window: &'a TokenWindow<'a>,
     out: &'a Tensor,
     head: usize,
     layout: Layout,

@@ -21,7 +21,7 @@ impl<S: Storage> Slots<S> {
             match (trial.boots_left.checked_sub(1), verdict) {
                 (Some(boots_left), Ok(verdict)) => {
                     let counted = Some(Trial { boots_left, ..trial });
-                    if self.store(Record { trial: counted, ..record }).is_ok() {
+                    if self.store(SlotRecord { trial: counted, ..record }).is_ok() {
                         return Ok(self.run(trial.entry.slot, Standing::Trial, verdict));
                     }
                 }
@@ -53,8 +53,8 @@ impl<S: Storage> Slots<S> {
         if boot.standing == Standing::Confirmed {
             return Ok(());
         }
-        let confirmed = Some(Entry { slot: boot.slot, id });
-        self.store(Record { confirmed, trial: None, ..self.record().unwrap_or_default() })?;
+        let confirmed = Some(SlotEntry { slot: boot.slot, id });
+        self.store(SlotRecord { confirmed, trial: None, ..self.record().unwrap_or_default() })?;
         self.run(boot.slot, Standing::Confirmed, boot.verdict);
         Ok(())
     }
@@ -95,7 +95,7 @@ impl<S: Storage> Slots<S> {
     }
 
     /// Returns the confirmed model, else any.
-    fn fall_back(&mut self, record: Record) -> Result<Boot, SlotError> {
+    fn fall_back(&mut self, record: SlotRecord) -> Result<Boot, SlotError> {
         if let Some(confirmed) = record.confirmed {
             let verdict = self.validate(confirmed).map(|model| model.verdict());
             if let Ok(verdict) = verdict {
@@ -109,7 +109,7 @@ impl<S: Storage> Slots<S> {
     fn salvage(&mut self, slots: &[Slot]) -> Result<Boot, SlotError> {
         for &slot in slots {
             let id = ModelId::of(self.storage.bytes(Region::Model(slot)));
-            let verdict = self.validate(Entry { slot, id }).map(|model| model.verdict());
+            let verdict = self.validate(SlotEntry { slot, id }).map(|model| model.verdict());
             if let Ok(verdict) = verdict {
                 return Ok(self.run(slot, Standing::Salvaged, verdict));
             }
@@ -118,7 +118,7 @@ impl<S: Storage> Slots<S> {
         Err(SlotError::NothingRuns)
     }
 
-    fn end_trial(&mut self, record: Record) -> Result<(), SlotError> {
-        self.store(Record { trial: None, rollbacks: record.rollbacks.saturating_add(1), ..record })
+    fn end_trial(&mut self, record: SlotRecord) -> Result<(), SlotError> {
+        self.store(SlotRecord { trial: None, rollbacks: record.rollbacks.saturating_add(1), ..record })
     }
 }

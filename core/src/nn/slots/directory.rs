@@ -8,8 +8,8 @@ const COPIES: [Region; 2] = [Region::Record, Region::RecordCopy];
 
 impl<S: Storage> Slots<S> {
     /// Returns the record; `None` if neither copy is intact.
-    pub fn record(&self) -> Option<Record> {
-        let [first, second] = COPIES.map(|copy| Record::decode(self.storage.bytes(copy)));
+    pub fn record(&self) -> Option<SlotRecord> {
+        let [first, second] = COPIES.map(|copy| SlotRecord::decode(self.storage.bytes(copy)));
         match (first, second) {
             (Some(first), Some(second)) => Some(if second.sequence > first.sequence { second } else { first }),
             (first, second) => first.or(second),
@@ -19,17 +19,17 @@ impl<S: Storage> Slots<S> {
     /// Number of copies of the record that are intact and equal, for housekeeping: 2, unless the storage is worn or damaged.
     pub fn record_copies(&self) -> usize {
         let record = self.record();
-        let whole = |copy: &&Region| record.is_some() && Record::decode(self.storage.bytes(**copy)) == record;
+        let whole = |copy: &&Region| record.is_some() && SlotRecord::decode(self.storage.bytes(**copy)) == record;
         COPIES.iter().filter(whole).count()
     }
 
     /// Writes the next record: over the older copy, then over the other. It is valid as soon as the first copy is intact. If the second
     /// write fails, the next boot repairs the copy.
-    pub(super) fn store(&mut self, record: Record) -> Result<(), SlotError> {
+    pub(super) fn store(&mut self, record: SlotRecord) -> Result<(), SlotError> {
         let held = self.record();
         let sequence = held.map_or(0, |held| held.sequence).saturating_add(1);
-        let bytes = Record { sequence, ..record }.encode();
-        let [first, second] = match Record::decode(self.storage.bytes(COPIES[0])) {
+        let bytes = SlotRecord { sequence, ..record }.encode();
+        let [first, second] = match SlotRecord::decode(self.storage.bytes(COPIES[0])) {
             newest if newest.is_some() && newest == held => [COPIES[1], COPIES[0]],
             _ => COPIES,
         };
@@ -42,7 +42,7 @@ impl<S: Storage> Slots<S> {
     pub(super) fn mend(&mut self) {
         let Some(record) = self.record() else { return };
         for copy in COPIES {
-            if Record::decode(self.storage.bytes(copy)) != Some(record) {
+            if SlotRecord::decode(self.storage.bytes(copy)) != Some(record) {
                 let _ = self.put(copy, 0, &record.encode());
             }
         }

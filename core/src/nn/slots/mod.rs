@@ -8,7 +8,7 @@
 //!      +------------- reject, or a reset too many: rolled back -------------------+
 //! ```
 //!
-//! One [`Record`] is kept without power. It is stored twice, each copy under a checksum and in a sector of its own. A change writes the
+//! One [`SlotRecord`] is kept without power. It is stored twice, each copy under a checksum and in a sector of its own. A change writes the
 //! older copy first and then the other, so that at any moment at least one copy is intact; the newer intact one is valid. The progress of
 //! an upload needs no record, because a model file contains checksums of its chunks. No call writes to a byte of the confirmed model.
 //!
@@ -27,7 +27,7 @@ mod upload;
 
 pub use error::SlotError;
 pub use passed::SelfTestPassed;
-pub use record::{Entry, RECORD_BYTES, Record, Trial};
+pub use record::{RECORD_BYTES, SlotEntry, SlotRecord, Trial};
 pub use storage::{Region, Slot, Storage, StorageError};
 
 #[cfg(doc)]
@@ -107,7 +107,7 @@ enum State {
 ///         let test = |arena| {
 ///             let mut runner = Runner::new(slots.model().map_err(|_| RunError::State)?, arena)?;
 ///             runner.begin_self_test()?;
-///             while runner.step(5_000_000)? == Progress::Running {} // kick the watchdog
+///             while runner.step(5_000_000)? == Progress::State {} // kick the watchdog
 ///             SelfTestPassed::of(&mut runner)
 ///         };
 ///         match test(&mut *arena) {
@@ -152,7 +152,7 @@ impl<S: Storage> Slots<S> {
     }
 
     /// Validates that a slot holds this model, and that the runner accepts it.
-    fn validate(&self, Entry { slot, id }: Entry) -> Result<Model<'_>, SlotError> {
+    fn validate(&self, SlotEntry { slot, id }: SlotEntry) -> Result<Model<'_>, SlotError> {
         let file = self.file(slot, id.file_bytes);
         id.same(ModelId::of(file))?;
         Ok(Model::new(file)?)

@@ -20,7 +20,7 @@ const MAGIC: u32 = u32::from_le_bytes(*b"ELS\x01");
 
 /// A model in a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry {
+pub struct SlotEntry {
     /// The slot of the model.
     pub slot: Slot,
     /// The identity of the model.
@@ -31,30 +31,30 @@ pub struct Entry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Trial {
     /// The model.
-    pub entry: Entry,
+    pub entry: SlotEntry,
     /// Boots that may still run it.
     pub boots_left: u32,
 }
 
 /// The data kept without power.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Record {
+pub struct SlotRecord {
     /// Number that grows by one with every change.
     pub sequence: u64,
     /// The model that passed its self test last; `None` before the first one.
-    pub confirmed: Option<Entry>,
+    pub confirmed: Option<SlotEntry>,
     /// The model on trial, in the other slot.
     pub trial: Option<Trial>,
     /// Number of trials that ended without confirmation, since the first record.
     pub rollbacks: u32,
 }
 
-impl Record {
+impl SlotRecord {
     /// Returns the bytes of the record.
     pub(super) fn encode(&self) -> [u8; RECORD_BYTES] {
-        let entry = |entry: Option<Entry>| match entry {
+        let entry = |entry: Option<SlotEntry>| match entry {
             None => [NONE, 0, 0],
-            Some(Entry { slot, id }) => [slot as u32, id.file_bytes, id.header_crc],
+            Some(SlotEntry { slot, id }) => [slot as u32, id.file_bytes, id.header_crc],
         };
         let (confirmed, trial) = (entry(self.confirmed), entry(self.trial.map(|trial| trial.entry)));
         let boots_left = self.trial.map_or(0, |trial| trial.boots_left);
@@ -81,7 +81,7 @@ impl Record {
                 1 => Some(Slot::B),
                 _ => None,
             };
-            slot.map(|slot| Entry { slot, id: ModelId { file_bytes: word(at + 1), header_crc: word(at + 2) } })
+            slot.map(|slot| SlotEntry { slot, id: ModelId { file_bytes: word(at + 1), header_crc: word(at + 2) } })
         };
         let record = Self {
             sequence: u64::from(word(1)) | u64::from(word(2)) << 32,

@@ -83,10 +83,10 @@ impl<S: Storage> Slots<S> {
         if there != id.file_bytes as usize {
             return Err(SlotError::Length { expected: id.file_bytes as usize, found: there });
         }
-        let entry = Entry { slot, id };
+        let entry = SlotEntry { slot, id };
         self.validate(entry)?;
         let trial = Some(Trial { entry, boots_left: boots });
-        self.store(Record { trial, ..self.record().unwrap_or_default() })?;
+        self.store(SlotRecord { trial, ..self.record().unwrap_or_default() })?;
         self.upload = None;
         Ok(())
     }

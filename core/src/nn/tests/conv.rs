@@ -38,6 +38,22 @@ fn random_tensor(random: &mut Random, dtype: Dtype, size: (usize, usize), channe
     Tensor { pitch: random.pick(&[0, pitch]), ..tensor }
 }
 
+/// Returns one or two sources with the margin that the convolution needs.
+fn random_sources(r: &mut Random, size: (usize, usize), pad: usize, fold: bool) -> Vec<Tensor> {
+    let count = r.size(1, 2);
+    let dtypes: Vec<Dtype> = (0..count).map(|_| r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16])).collect();
+    let (margin, edge) = if fold { (2, Edge::Nearest) } else { (pad, Edge::Zero) };
+    let source = |dtype| {
+        let channels = channels(r);
+        let mut t = random_tensor(r, dtype, size, channels);
+        if margin > 0 {
+            (t.margin, t.edge) = (margin + r.size(0, 1), edge);
+        }
+        t
+    };
+    dtypes.into_iter().map(source).collect()
+}
+
 fn channels(random: &mut Random) -> usize {
     let (few, many) = (random.size(1, 9), random.size(1, 70));
     random.pick(&[1, few, few, many])
@@ -54,18 +70,7 @@ impl Case {
         let pad = if fold { 2 } else { r.size(0, 2) };
         let (rows, cols) = if fold { (5, 5) } else { (kernel(r, size.0, pad), kernel(r, size.1, pad)) };
         let (stride, stride_cols) = if fold { (1, 1) } else { (r.size(1, 3), r.pick(&[1, 2, 3, 8])) };
-        let count = r.size(1, 2);
-        let dtypes: Vec<Dtype> = (0..count).map(|_| r.pick(&[Dtype::U8, Dtype::U8, Dtype::I16])).collect();
-        let mut tensors: Vec<Tensor> = Vec::new();
-        for dtype in dtypes {
-            let channels = channels(r);
-            let mut t = random_tensor(r, dtype, size, channels);
-            let (margin, edge) = if fold { (2, Edge::Nearest) } else { (pad, Edge::Zero) };
-            if margin > 0 {
-                (t.margin, t.edge) = (margin + r.size(0, 1), edge);
-            }
-            tensors.push(t);
-        }
+        let mut tensors = random_sources(r, size, pad, fold);
         let extent = |len: usize, kernel: usize, stride: usize| match fold {
             true => 2 * len,
             false => (len + 2 * pad - kernel) / stride + 1,

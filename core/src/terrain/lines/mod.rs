@@ -1,7 +1,7 @@
 //! Terrain maps line by line, as the lines of a DTM arrive. Only the lines under one footprint are kept.
 
 use super::footprint::{self, MAX_RADIUS_PX, MAX_SIDE};
-use super::hillshade::{Light, Sun};
+use super::hillshade::{Sun, SunVector};
 use super::slope::from_gradient_deg;
 use super::{HazardLimits, PixelSize, of_lines};
 use crate::error::{LengthError, same_length};
@@ -120,7 +120,7 @@ impl LineMaps<'_> {
 #[derive(Debug)]
 pub struct TerrainLines<'m> {
     options: LineOptions,
-    light: Light,
+    light: SunVector,
     /// The last 2r + 1 lines; line k is in place k mod (2r + 1). The errors of their slopes follow.
     memory: &'m mut [f32],
     /// Number of lines pushed, and number of lines returned.
@@ -141,7 +141,7 @@ impl<'m> TerrainLines<'m> {
             return Err(TerrainError::Length(LengthError { expected, found }));
         }
         let memory = head_mut(memory, expected);
-        Ok(Self { options, light: Light::of(options.sun), memory, taken: 0, given: 0, finishing: false })
+        Ok(Self { options, light: SunVector::of(options.sun), memory, taken: 0, given: 0, finishing: false })
     }
 
     /// Takes the next line: `cols` heights in metres, NaN or a special value of [`crate::mask`] for voids. If there is a line whose window

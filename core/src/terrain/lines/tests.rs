@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 /// All maps of a grid.
 #[derive(Debug, PartialEq)]
-struct Maps {
+struct WholeMaps {
     slope_deg: Vec<f32>,
     hillshade: Vec<u8>,
     footprint_slope_deg: Vec<f32>,
@@ -15,7 +15,7 @@ struct Maps {
     hazard: Vec<u8>,
 }
 
-impl Maps {
+impl WholeMaps {
     fn new(len: usize) -> Self {
         let floats = || vec![-9.0; len];
         Self {
@@ -41,9 +41,9 @@ impl Maps {
 }
 
 /// Pushes a grid line by line; all lines must be returned, in order.
-fn run(lines: &mut TerrainLines<'_>, heights_m: &[f32]) -> Maps {
+fn run(lines: &mut TerrainLines<'_>, heights_m: &[f32]) -> WholeMaps {
     let cols = lines.options.cols;
-    let (rows, mut maps, mut next) = ((heights_m.len() / cols) as u64, Maps::new(heights_m.len()), 0);
+    let (rows, mut maps, mut next) = ((heights_m.len() / cols) as u64, WholeMaps::new(heights_m.len()), 0);
     for (row, line) in heights_m.chunks(cols).enumerate() {
         let given = lines.push(line, &mut maps.line(next, cols)).unwrap();
         assert_eq!(given, (row >= lines.options.radius_px).then_some(next), "r lines later");
@@ -63,7 +63,7 @@ fn options(cols: usize, radius_px: usize) -> LineOptions {
     LineOptions { cols, pixel: PixelSize { row_m: 3.0, col_m: 2.0 }, radius_px, sun, limits }
 }
 
-fn maps_of(options: LineOptions, heights_m: &[f32]) -> Maps {
+fn maps_of(options: LineOptions, heights_m: &[f32]) -> WholeMaps {
     let mut memory = vec![f32::NAN; options.memory_len()];
     run(&mut TerrainLines::new(options, &mut memory).unwrap(), heights_m)
 }

@@ -251,7 +251,7 @@ impl Band {
             let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
             let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
             // Darkness and sameness have no contrast.
-            Contrast::of_image(&image, None, (tile, coarse_px), scratch).ok()
+            Contrast::of_image(&image, None, tile, coarse_px, scratch).ok()
         };
         let found: Vec<Option<Contrast>> = corners.par_iter().map_init(scratch, of_tile).collect();
         // In order, so that the sum does not depend on the number of threads.

@@ -117,7 +117,7 @@ impl<'a> TileWorker<'a> {
             None => {
                 let Rules { pixel_m, coarse_px, .. } = self.rules;
                 let errors = if self.rules.input.illumination.is_weighed() {
-                    ExpectedErrors::of_coarse(&coarse_m, window.cols, (pixel_m, coarse_px))
+                    ExpectedErrors::of_coarse(&coarse_m, window.cols, pixel_m, coarse_px)
                 } else {
                     ExpectedErrors::UNKNOWN
                 };

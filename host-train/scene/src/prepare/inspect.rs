@@ -3,7 +3,7 @@
 use super::manifest::{Parameters, Reason};
 use super::offset::{Offset, measure};
 use super::scene::{Maps, Scene};
-use elunar_core::norm::elevation::RELIEF_EPS_M;
+use elunar_core::norm::RELIEF_EPS_M;
 use elunar_core::terrain::Sun;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_raster::Result;

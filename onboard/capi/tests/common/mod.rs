@@ -112,8 +112,9 @@ impl Tile {
         fit.add_masked(&self.image, &self.coarse_m, mask.as_deref(), COLS, pixel, cell_px);
         let mut scratch = vec![0.0; runner.scratch_len()];
         if model.illumination().is_guided() {
-            let shape = (model.tile(), self.coarse_px);
-            fit = fit.with_axis(Contrast::of_image(&self.image, mask.as_deref(), shape, &mut scratch).unwrap().axis());
+            let (shape, coarse_px) = (model.tile(), self.coarse_px);
+            let contrast = Contrast::of_image(&self.image, mask.as_deref(), shape, coarse_px, &mut scratch).unwrap();
+            fit = fit.with_axis(contrast.axis());
         }
         let [azimuth_deg, elevation_deg] = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
         let sun = KnownSun { azimuth_deg, elevation_deg };

@@ -9,6 +9,7 @@
 //!         y = (C·x − S) * root;  v = (y * gain + bias) >> shift, + zero;  count, cut, store
 //! ```
 
+use super::requantise::{high, join};
 use crate::nn::kernels::layer_norm::{Job, PIXELS};
 use crate::quant::rsqrt::ReciprocalRoot;
 use core::arch::x86_64::*;
@@ -22,31 +23,14 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
     let (input, out) = (job.input, job.out);
     let (m, part, channels) = (job.merge, input.channels, out.channels);
     let (gains, biases) = (job.gains, job.biases);
-    // End of the samples of each row that are read or written.
-    let end = (col + pixels) * m * part;
-    let fits = part % 8 == 0
-        && pixels <= PIXELS
-        && m * m * part == channels
-        && job.rows[0].high != 0
-        && (gains.len(), biases.len()) == (4 * channels, 8 * channels)
-        && job.rows.iter().all(|row| row.at + row.high + end <= bytes.len())
-        && job.to.at + job.to.high + (col + pixels) * channels <= bytes.len();
-    if !fits {
+    if !fits(job, bytes.len(), col, pixels) {
         return job.portable(bytes, col, pixels);
     }
     let at = bytes.as_mut_ptr();
-    let (mut sums, mut roots) = ([0i32; PIXELS], [ReciprocalRoot::of(1); PIXELS]);
-    for p in 0..pixels {
-        // SAFETY: `fits` bounds every address of this function.
-        let (sum, square) = unsafe { statistics(job, at, col + p) };
-        sums[p] = sum;
-        let sum = sum as i64;
-        roots[p] = ReciprocalRoot::of(channels as i64 * square - sum * sum + job.epsilon);
-    }
+    // SAFETY: `fits` bounds every address of this function.
+    let (sums, roots) = unsafe { roots(job, at, col, pixels) };
     let half = _mm512_set1_epi64(1 << (job.shift.max(1) - 1));
     let shift = _mm_cvtsi64_si128((job.shift & 63) as i64);
-    // Limits far beyond any code, and far from the ends of 32 bits.
-    let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
     let (zero, count) = (_mm512_set1_epi32(out.zero), _mm512_set1_epi32(channels as i32));
     let (lo, hi) = (_mm512_set1_epi32(out.lo), _mm512_set1_epi32(out.hi));
     let floor = if out.lo == out.zero { _mm512_set1_epi32(i32::MIN) } else { lo };
@@ -80,10 +64,7 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
                     let y_odd = _mm512_sra_epi64(_mm512_add_epi64(y_odd, root_half), root_shift);
                     let v = _mm512_add_epi64(_mm512_mul_epi32(y, gain), bias_even);
                     let v_odd = _mm512_add_epi64(_mm512_mul_epi32(y_odd, gain_odd), bias_odd);
-                    let (v, v_odd) = (_mm512_sra_epi64(v, shift), _mm512_sra_epi64(v_odd, shift));
-                    let v = _mm512_min_epi64(_mm512_max_epi64(v, bottom), top);
-                    let v_odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(v_odd, bottom), top));
-                    let v = _mm512_add_epi32(_mm512_mask_blend_epi32(0xaaaa, v, v_odd), zero);
+                    let v = _mm512_add_epi32(join::<true>(v, v_odd, shift, shift), zero);
                     let over = _mm512_mask_cmpgt_epi32_mask(mask, v, hi);
                     let under = _mm512_mask_cmplt_epi32_mask(mask, v, floor);
                     cuts = _mm512_mask_add_epi32(cuts, over | under, cuts, one);
@@ -91,14 +72,45 @@ pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels:
                     let to = at.add(job.to.at + (col + p) * channels + channel);
                     store(to, lanes, _mm512_cvtepi32_epi8(code));
                     if job.to.high != 0 {
-                        let high = _mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128));
-                        store(to.add(job.to.high), lanes, _mm512_cvtepi32_epi8(high));
+                        store(to.add(job.to.high), lanes, high(code));
                     }
                 }
             }
         }
     }
     _mm512_reduce_add_epi32(cuts) as u64
+}
+
+/// Returns whether this file computes the job, and all its reads and writes stay within `bytes` bytes.
+#[inline(always)]
+fn fits(job: &Job<'_>, bytes: usize, col: usize, pixels: usize) -> bool {
+    let (m, part, channels) = (job.merge, job.input.channels, job.out.channels);
+    // End of the samples of each row that are read or written.
+    let end = (col + pixels) * m * part;
+    part % 8 == 0
+        && pixels <= PIXELS
+        && m * m * part == channels
+        && job.rows[0].high != 0
+        && (job.gains.len(), job.biases.len()) == (4 * channels, 8 * channels)
+        && job.rows.iter().all(|row| row.at + row.high + end <= bytes)
+        && job.to.at + job.to.high + (col + pixels) * channels <= bytes
+}
+
+/// Returns S and the root of every pixel.
+///
+/// # Safety
+/// The processor has AVX-512; [`fits`].
+#[inline(always)]
+unsafe fn roots(job: &Job<'_>, at: *const u8, col: usize, pixels: usize) -> ([i32; PIXELS], [ReciprocalRoot; PIXELS]) {
+    let (mut sums, mut roots) = ([0i32; PIXELS], [ReciprocalRoot::of(1); PIXELS]);
+    for p in 0..pixels {
+        // SAFETY: guaranteed by the caller.
+        let (sum, square) = unsafe { statistics(job, at, col + p) };
+        sums[p] = sum;
+        let sum = sum as i64;
+        roots[p] = ReciprocalRoot::of(job.out.channels as i64 * square - sum * sum + job.epsilon);
+    }
+    (sums, roots)
 }
 
 /// Returns the sum of a pixel's samples, at most 8192 of them, and the sum of their squares.

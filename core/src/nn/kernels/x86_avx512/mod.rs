@@ -96,59 +96,44 @@ unsafe fn product<const ADD: bool>(
     }
 }
 
-/// Lanes of sums of i32.
-trait Lanes: Copy {
-    /// Bytes of a vector.
-    const BYTES: usize = size_of::<Self>();
-
+/// A vector of sums of i32.
+trait Sums: Copy {
+    /// Returns a number in all lanes.
+    ///
     /// # Safety
-    /// The processor has AVX-512, here and below; [`Self::BYTES`] bytes at `at` are readable, or writable.
-    unsafe fn load(at: *const u8) -> Self;
-    /// # Safety
-    /// As [`Self::load`].
-    unsafe fn store(self, at: *mut u8);
-    /// # Safety
-    /// As [`Self::load`].
+    /// The processor has AVX-512.
     unsafe fn repeat(value: i32) -> Self;
+
     /// Adds the four products of every lane.
     ///
     /// # Safety
-    /// As [`Self::load`].
+    /// The processor has AVX-512.
     unsafe fn plus(self, codes: Self, weights: Self) -> Self;
 }
 
-/// Implements [`Lanes`] by intrinsics.
-macro_rules! lanes {
-    ($vector:ty, $load:ident, $store:ident, $repeat:ident, $plus:ident) => {
-        impl Lanes for $vector {
-            #[inline(always)]
-            unsafe fn load(at: *const u8) -> Self {
-                // SAFETY: guaranteed by the caller, here and below.
-                unsafe { $load(at.cast()) }
-            }
-            #[inline(always)]
-            unsafe fn store(self, at: *mut u8) {
-                // SAFETY: as above.
-                unsafe { $store(at.cast(), self) }
-            }
+/// Implements [`Sums`] by two intrinsics.
+macro_rules! sums {
+    ($vector:ty, $repeat:ident, $plus:ident) => {
+        impl Sums for $vector {
             #[inline(always)]
             unsafe fn repeat(value: i32) -> Self {
-                // SAFETY: as above.
+                // SAFETY: guaranteed by the caller.
                 unsafe { $repeat(value) }
             }
+
             #[inline(always)]
             unsafe fn plus(self, codes: Self, weights: Self) -> Self {
-                // SAFETY: as above.
+                // SAFETY: guaranteed by the caller.
                 unsafe { $plus(self, codes, weights) }
             }
         }
     };
 }
 
-lanes!(__m512i, _mm512_loadu_si512, _mm512_storeu_si512, _mm512_set1_epi32, _mm512_dpbusd_epi32);
-lanes!(__m256i, _mm256_loadu_si256, _mm256_storeu_si256, _mm256_set1_epi32, _mm256_dpbusd_epi32);
+sums!(__m512i, _mm512_set1_epi32, _mm512_dpbusd_epi32);
+sums!(__m256i, _mm256_set1_epi32, _mm256_dpbusd_epi32);
 
-/// Makes a function for panels of `vectors` vectors that computes up to `most` pixels together.
+/// Makes a function for panels of some vectors that computes up to `most` pixels together.
 macro_rules! blocks {
     ($name:ident, $vector:ty, $vectors:literal, $most:literal, [$($count:literal),+], $single:expr) => {
         /// Computes as many pixels as are left, up to the number whose sums fit into registers; returns their number.
@@ -195,21 +180,21 @@ unsafe fn codes(at: *const u8) -> i32 {
 /// # Safety
 /// The processor has AVX-512; [`Patch::fits`] for `first + P` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn block<V: Lanes, const P: usize, const N: usize, const ADD: bool>(
+unsafe fn block<V: Sums, const P: usize, const N: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
     weights: &[u8],
 ) -> usize {
-    let (stride, acc) = (patch.stride, acc.cast::<u8>());
-    let mut w = weights.as_ptr();
+    let (stride, acc) = (patch.stride, acc.cast::<V>());
+    let mut w = weights.as_ptr().cast::<V>();
     // SAFETY: `fits` bounds every address below.
     unsafe {
         let mut sums = [[V::repeat(0); N]; P];
         if ADD {
             for p in 0..P {
                 for v in 0..N {
-                    sums[p][v] = V::load(acc.add(V::BYTES * (N * p + v)));
+                    sums[p][v] = acc.add(N * p + v).read_unaligned();
                 }
             }
         }
@@ -218,7 +203,7 @@ unsafe fn block<V: Lanes, const P: usize, const N: usize, const ADD: bool>(
             for _ in 0..patch.groups {
                 let mut panel = [V::repeat(0); N];
                 for v in 0..N {
-                    panel[v] = V::load(w.add(V::BYTES * v));
+                    panel[v] = w.add(v).read_unaligned();
                 }
                 for p in 0..P {
                     let codes = V::repeat(codes(x.add(p * stride)));
@@ -227,12 +212,12 @@ unsafe fn block<V: Lanes, const P: usize, const N: usize, const ADD: bool>(
                     }
                 }
                 x = x.add(4);
-                w = w.add(V::BYTES * N);
+                w = w.add(N);
             }
         }
         for p in 0..P {
             for v in 0..N {
-                sums[p][v].store(acc.add(V::BYTES * (N * p + v)));
+                acc.add(N * p + v).write_unaligned(sums[p][v]);
             }
         }
     }

@@ -124,27 +124,14 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     look_up: impl Fn(__m128i) -> __m128i,
 ) -> Option<u64> {
     let out = requantise.out;
-    let (start, pitch) = target.place(out, requantise.first);
-    let (added_at, added_pitch) = requantise.add.as_ref().map_or((0, 0), |add| target.place(add, requantise.first));
-    let reach = target.pixels.saturating_sub(1);
-    let end = |t: &Tensor, at: usize, pitch: usize| {
-        at + reach * pitch + requantise.channels + (t.dtype.bytes() - 1) * t.plane_bytes()
-    };
-    let fits = target.pixels * requantise.width <= ACCUMULATORS
-        && end(out, start, pitch) <= bytes.len()
-        && requantise.add.as_ref().is_none_or(|add| end(add, added_at, added_pitch) <= bytes.len());
-    if !fits {
-        return None;
-    }
+    let [(start, pitch), (added_at, added_pitch)] = places(requantise, target, bytes.len())?;
     let at = bytes.as_mut_ptr();
     // SAFETY: the caller has the instructions, here and below.
     unsafe {
         let half = _mm512_set1_epi64(requantise.half + (requantise.zero << requantise.shift));
         let (lo, hi) = (_mm512_set1_epi32(requantise.lo as i32), _mm512_set1_epi32(requantise.hi as i32));
         let shift = _mm_cvtsi64_si128(requantise.shift as i64);
-        // Moves results of odd lanes into the upper half, where they belong.
         let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(requantise.shift as i64 - 32) };
-        let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
         let add_shift = _mm_cvtsi64_si128(requantise.add_shift as i64);
         // With eight channels a vector holds two pixels.
         let together = if requantise.width == 8 { 2 } else { 1 };
@@ -153,64 +140,112 @@ unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
         while first < requantise.channels {
             let channels = (requantise.channels - first).min(LANES / together);
             let mask = ((1u32 << channels) - 1) as u16;
-            // Lists have 32 entries and `first` is 0 or 16; the other accesses are bounded above and by masks.
-            {
-                let bias = list(&requantise.bias, first, together);
-                let multiplier = list(&requantise.multiplier, first, together);
-                let multiplier_odd = _mm512_srli_epi64::<32>(multiplier);
-                let add_multiplier = list(&requantise.add_multiplier, first, together);
-                let add_multiplier_odd = _mm512_srli_epi64::<32>(add_multiplier);
-                let mut p = 0;
-                while p < target.pixels {
-                    let now = (target.pixels - p).min(together);
-                    let there = if now == 2 { mask | mask << 8 } else { mask };
-                    // Loads have the size of the matrix product's stores; loads of another size would wait for the cache.
-                    let from = acc.as_ptr().add(p * requantise.width + first);
-                    let mut v = if together == 1 {
-                        _mm512_loadu_si512(from.cast())
-                    } else {
-                        let next = _mm256_loadu_si256(from.add(8 * (now - 1)).cast());
-                        _mm512_inserti64x4::<1>(_mm512_castsi256_si512(_mm256_loadu_si256(from.cast())), next)
-                    };
-                    v = _mm512_add_epi32(v, bias);
-                    let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, multiplier), half);
-                    let odd = _mm512_srli_epi64::<32>(v);
-                    let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, multiplier_odd), half);
-                    if let (true, Some(add)) = (ADD, &requantise.add) {
-                        let from = at.add(added_at + p * added_pitch + first);
-                        let value = values(add, from, added_pitch, mask, now);
-                        let product = _mm512_mul_epi32(value, add_multiplier);
-                        even = _mm512_add_epi64(even, _mm512_sll_epi64(product, add_shift));
-                        let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), add_multiplier_odd);
-                        odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
-                    }
-                    (even, odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, odd_shift));
-                    if LONG {
-                        even = _mm512_min_epi64(_mm512_max_epi64(even, bottom), top);
-                        odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(odd, bottom), top));
-                    }
-                    let v = _mm512_mask_blend_epi32(0xaaaa, even, odd);
-                    let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
-                    if COUNT != NOTHING {
-                        let cut = match COUNT {
-                            ABOVE => _mm512_mask_cmpgt_epi32_mask(there, v, hi),
-                            _ => _mm512_mask_cmpneq_epi32_mask(there, v, code),
-                        };
-                        cuts = _mm512_mask_add_epi32(cuts, cut, cuts, one);
-                    }
-                    let to = at.add(start + p * pitch + first);
-                    store(to, pitch, channels, now, look_up(_mm512_cvtepi32_epi8(code)));
-                    if out.dtype == Dtype::I16 {
-                        let high = _mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128));
-                        store(to.add(out.plane_bytes()), pitch, channels, now, _mm512_cvtepi32_epi8(high));
-                    }
-                    p += together;
+            // Lists have 32 entries and `first` is 0 or 16; `places` and masks bound the other accesses.
+            let bias = list(&requantise.bias, first, together);
+            let multiplier = list(&requantise.multiplier, first, together);
+            let multiplier_odd = _mm512_srli_epi64::<32>(multiplier);
+            let add_multiplier = list(&requantise.add_multiplier, first, together);
+            let add_multiplier_odd = _mm512_srli_epi64::<32>(add_multiplier);
+            let mut p = 0;
+            while p < target.pixels {
+                let now = (target.pixels - p).min(together);
+                let there = if now == 2 { mask | mask << 8 } else { mask };
+                let from = acc.as_ptr().add(p * requantise.width + first);
+                let v = _mm512_add_epi32(sums(from, together, now), bias);
+                let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, multiplier), half);
+                let odd = _mm512_srli_epi64::<32>(v);
+                let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, multiplier_odd), half);
+                if let (true, Some(add)) = (ADD, &requantise.add) {
+                    let from = at.add(added_at + p * added_pitch + first);
+                    let value = values(add, from, added_pitch, mask, now);
+                    let product = _mm512_mul_epi32(value, add_multiplier);
+                    even = _mm512_add_epi64(even, _mm512_sll_epi64(product, add_shift));
+                    let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), add_multiplier_odd);
+                    odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
                 }
+                let v = join::<LONG>(even, odd, shift, odd_shift);
+                let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
+                if COUNT != NOTHING {
+                    let cut = match COUNT {
+                        ABOVE => _mm512_mask_cmpgt_epi32_mask(there, v, hi),
+                        _ => _mm512_mask_cmpneq_epi32_mask(there, v, code),
+                    };
+                    cuts = _mm512_mask_add_epi32(cuts, cut, cuts, one);
+                }
+                let to = at.add(start + p * pitch + first);
+                store(to, pitch, channels, now, look_up(_mm512_cvtepi32_epi8(code)));
+                if out.dtype == Dtype::I16 {
+                    store(to.add(out.plane_bytes()), pitch, channels, now, high(code));
+                }
+                p += together;
             }
             first += LANES;
         }
         Some(_mm512_reduce_add_epi32(cuts) as u64)
     }
+}
+
+/// Returns where the output and the added map begin, and bytes from pixel to pixel; `None` if a read or write leaves the slices.
+#[inline(always)]
+fn places(requantise: &Requantise<'_>, target: &Target, bytes: usize) -> Option<[(usize, usize); 2]> {
+    let place = |t: &Tensor| {
+        let (at, pitch) = target.place(t, requantise.first);
+        let reach = target.pixels.saturating_sub(1) * pitch + requantise.channels;
+        (at + reach + (t.dtype.bytes() - 1) * t.plane_bytes() <= bytes).then_some((at, pitch))
+    };
+    let added = requantise.add.as_ref().map_or(Some((0, 0)), place)?;
+    (target.pixels * requantise.width <= ACCUMULATORS).then_some([place(requantise.out)?, added])
+}
+
+/// Reads the sums of a pixel, or of two with eight channels each (`together` 2), of which `now` are there. Loads have the size of the matrix
+/// product's stores; loads of another size would wait for the cache.
+///
+/// # Safety
+/// The processor has AVX-512; these sums are readable.
+#[inline(always)] // Into functions that have the target features.
+unsafe fn sums(from: *const i32, together: usize, now: usize) -> __m512i {
+    // SAFETY: guaranteed by the caller.
+    unsafe {
+        if together == 1 {
+            return _mm512_loadu_si512(from.cast());
+        }
+        let next = _mm256_loadu_si256(from.add(8 * (now - 1)).cast());
+        _mm512_inserti64x4::<1>(_mm512_castsi256_si512(_mm256_loadu_si256(from.cast())), next)
+    }
+}
+
+/// Shifts results in 64-bit lanes right, and puts those of even and odd lanes side by side. With `LONG` they are cut to 31 bits, far beyond any
+/// code; without, `odd_shift` is 32 less, which moves odd results into the upper half, where they belong.
+///
+/// # Safety
+/// The processor has AVX-512.
+#[inline(always)] // Into functions that have the target features.
+pub(super) unsafe fn join<const LONG: bool>(
+    even: __m512i,
+    odd: __m512i,
+    shift: __m128i,
+    odd_shift: __m128i,
+) -> __m512i {
+    // SAFETY: guaranteed by the caller.
+    unsafe {
+        let (mut even, mut odd) = (_mm512_sra_epi64(even, shift), _mm512_sra_epi64(odd, odd_shift));
+        if LONG {
+            let (top, bottom) = (_mm512_set1_epi64(1 << 30), _mm512_set1_epi64(-(1 << 30)));
+            even = _mm512_min_epi64(_mm512_max_epi64(even, bottom), top);
+            odd = _mm512_slli_epi64::<32>(_mm512_min_epi64(_mm512_max_epi64(odd, bottom), top));
+        }
+        _mm512_mask_blend_epi32(0xaaaa, even, odd)
+    }
+}
+
+/// Returns the high bytes of 16-bit codes, plus 128.
+///
+/// # Safety
+/// The processor has AVX-512.
+#[inline(always)] // Into functions that have the target features.
+pub(super) unsafe fn high(code: __m512i) -> __m128i {
+    // SAFETY: guaranteed by the caller.
+    unsafe { _mm512_cvtepi32_epi8(_mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128))) }
 }
 
 /// Reads constants of 16 lanes.
