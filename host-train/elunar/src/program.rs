@@ -234,7 +234,9 @@ mod tests {
             assert_eq!(code_of(&error), code, "{error}");
             // What is added to the message changes no code.
             let text = error.to_string();
+            let kind = std::mem::discriminant(&error);
             let longer = error.and("; more").about("scene 1");
+            assert_eq!(std::mem::discriminant(&longer), kind, "{text}");
             assert!(longer.to_string().contains("; more") && longer.to_string().contains("scene 1"), "{longer}");
             assert_eq!(code_of(&longer), code, "{text}");
         }

@@ -114,7 +114,7 @@ impl NetConfig {
         }
     }
 
-    /// Returns the number of the image's maps: 1 for brightness, 4 for a guide.
+    /// Returns the number of the image's maps: 1 for brightness, 4 for a guide, 8 for one with slopes.
     pub fn image_maps(&self) -> usize {
         self.illumination.image_maps()
     }

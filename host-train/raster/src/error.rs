@@ -75,16 +75,14 @@ impl Error {
         Self::Stopped(what.into())
     }
 
-    /// Begins the message with what it is about. The kind stays, and so does the system's.
+    /// Says what the message is about: before it, or, if it begins with a file, behind it. The kind stays.
     #[must_use]
     pub fn about(self, what: &str) -> Self {
-        let text = format!("{what}: {self}");
         match self {
-            Self::Io { path, source } => Self::Io { path: format!("{what}: {}", path.display()).into(), source },
-            Self::Busy { path, what: why } => Self::Busy { path, what: format!("{why} ({what})") },
-            Self::Stopped(_) => Self::Stopped(text),
-            Self::Usage(_) => Self::Usage(text),
-            _ => Self::Input(text),
+            Self::Usage(text) => Self::Usage(format!("{what}: {text}")),
+            Self::Input(text) => Self::Input(format!("{what}: {text}")),
+            Self::Stopped(text) => Self::Stopped(format!("{what}: {text}")),
+            of_file => of_file.and(&format!(" ({what})")),
         }
     }
 

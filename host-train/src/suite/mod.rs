@@ -60,6 +60,7 @@ impl Baselines {
 ///
 /// # Errors
 /// If two methods share a name, or making scenes, predicting or writing fails. Results are written last.
+#[expect(clippy::too_many_lines, reason = "the steps of a suite, in their order")]
 pub fn run(
     list: &List,
     baselines: Baselines,

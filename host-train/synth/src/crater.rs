@@ -207,7 +207,7 @@ pub(super) fn stamp(
     });
     let glow = (0.35 * (-crater.tau / 0.006).exp()) as f32;
     if glow > 0.05 && crater.radius_m > 3.0 * pixel_m {
-        // Ejecta brightness falls with the cube of the distance, like their thickness. Rays have more ejecta.
+        // Ejecta brightness falls with the square of the distance (our choice: slower than their thickness). Rays have more ejecta.
         let lobes = (crater.stretch.1 * 7.0).cos() as f32 * 3.0;
         each_pixel(crater, 5.0, pixel_m, log_albedo, cols, |u, v, albedo| {
             let (x, angle) = ((u * u + v * v).sqrt(), v.atan2(u));

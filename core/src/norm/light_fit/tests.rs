@@ -329,6 +329,7 @@ fn a_mirrored_scene_has_the_mirrored_light() {
 }
 
 /// Cells against sums over their pixels, written down plainly; with voids, a mask, and pixels longer than wide.
+#[allow(clippy::too_many_lines, reason = "the sums, written down plainly")]
 #[test]
 fn cells_are_means_under_a_box_and_a_tent() {
     const SIDE: usize = 12;

@@ -187,6 +187,7 @@ impl Quantiser<'_> {
         self.constant(values.into_iter().flat_map(|v| v.to_le_bytes()))
     }
 
+    #[expect(clippy::too_many_lines, reason = "every field of the record, in its order")]
     fn conv(&mut self, id: NodeId, sources: &[Source], kernel: &Kernel, form: Form) -> Option<Operator> {
         let read_scales: Vec<f64> =
             sources.iter().flat_map(|s| self.program.codes[s.node].scales.iter().copied()).collect();

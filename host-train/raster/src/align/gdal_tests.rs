@@ -8,130 +8,97 @@ use rand::{Rng, SeedableRng};
 use std::path::Path;
 use std::sync::Arc;
 
-fn raster(rows: usize, cols: usize, transform: [f64; 6], system: &str, height: impl Fn(usize, usize) -> f32) -> Raster {
+/// Rows, columns, geotransform and reference system.
+type Grid = (usize, usize, [f64; 6], &'static str);
+
+/// Metres of a degree on the Moon's sphere.
+const DEGREE: f64 = 1_737_400.0 * std::f64::consts::PI / 180.0;
+
+/// Pairs of a rough source and a finer target in very different systems: simple cylindrical under a polar image, the source across the 180
+/// degree seam of the target's longitudes, a pole in the middle, geographic from -180 under 0 to 360.
+const PAIRS: [(&str, Grid, Grid); 9] = [
+    (
+        "polar on simple cylindrical",
+        (60, 300, [-0.5 * DEGREE, 0.25 * DEGREE, 0.0, -70.0 * DEGREE, 0.0, -0.25 * DEGREE], "IAU_2015:30115"),
+        (120, 150, [-150_000.0, 2_000.0, 0.0, -300_000.0, 0.0, -2_000.0], "IAU_2015:30135"),
+    ),
+    (
+        "equirectangular with another parallel and meridian",
+        (90, 90, [170.0, 0.25, 0.0, 30.0, 0.0, -0.25], "IAU_2015:30100"),
+        (130, 140, [-60_000.0, 900.0, 20.0, 25.0 * DEGREE, 15.0, -950.0], "+proj=eqc +lat_ts=25 +lon_0=180 +R=1737400"),
+    ),
+    (
+        "the pole in the middle",
+        (40, 720, [0.0, 0.5, 0.0, 90.0, 0.0, -0.5], "IAU_2015:30100"),
+        (110, 100, [-100_000.0, 2_000.0, 0.0, 100_000.0, 0.0, -2_000.0], "IAU_2015:30130"),
+    ),
+    (
+        "two polar maps",
+        (70, 80, [-80_000.0, 2_000.0, 0.0, 70_000.0, 0.0, -2_000.0], "IAU_2015:30135"),
+        (
+            100,
+            90,
+            [1_980_000.0, 250.0, 0.0, 2_010_000.0, 0.0, -250.0],
+            "+proj=stere +lat_0=-90 +lon_0=30 +k=0.994 +x_0=2000000 +y_0=2000000 +R=1737400",
+        ),
+    ),
+    (
+        "orthographic on a transverse Mercator zone",
+        (
+            90,
+            90,
+            [107_500.0, 2_500.0, 0.0, 415_500.0, 0.0, -2_500.0],
+            "+proj=tmerc +lon_0=21 +k=0.999 +x_0=250000 +R=1737400",
+        ),
+        (110, 130, [-60_000.0, 900.0, 0.0, 50_000.0, 0.0, -900.0], "+proj=ortho +lat_0=10 +lon_0=20 +R=1737400"),
+    ),
+    (
+        "Mercator on sinusoidal",
+        (80, 90, [-254_970.0, 2_500.0, 0.0, 706_466.0, 0.0, -2_500.0], "IAU_2015:30125"),
+        (100, 120, [-196_455.0, 1_000.0, 0.0, 607_260.0, 0.0, -1_000.0], "+proj=merc +lon_0=180 +k=0.9 +R=1737400"),
+    ),
+    (
+        "oblique stereographic on Lambert conformal",
+        (
+            100,
+            100,
+            [-43_000.0, 3_000.0, 0.0, 301_600.0, 0.0, -3_000.0],
+            "+proj=lcc +lat_1=30 +lat_2=50 +lat_0=40 +lon_0=15 +R=1737400",
+        ),
+        (
+            90,
+            90,
+            [-67_500.0, 1_500.0, 10.0, 67_500.0, 20.0, -1_500.0],
+            "+proj=stere +lat_0=45 +lon_0=20 +k=0.99 +R=1737400",
+        ),
+    ),
+    (
+        "a disc with what is off it",
+        (360, 720, [0.0, 0.5, 0.0, 90.0, 0.0, -0.5], "IAU_2015:30100"),
+        (
+            100,
+            100,
+            [-2_000_000.0, 40_000.0, 0.0, 2_000_000.0, 0.0, -40_000.0],
+            "+proj=ortho +lat_0=20 +lon_0=170 +R=1737400",
+        ),
+    ),
+    (
+        "equirectangular on a Mercator globe, across its seam",
+        (60, 720, [-180.0 * DEGREE, 0.5 * DEGREE, 0.0, 15.0 * DEGREE, 0.0, -0.5 * DEGREE], "+proj=merc +R=1737400"),
+        (100, 120, [-2.0 * DEGREE, 0.033 * DEGREE, 0.0, 3.0 * DEGREE, 0.0, -0.033 * DEGREE], "IAU_2015:30115"),
+    ),
+];
+
+fn raster((rows, cols, transform, system): Grid, height: impl Fn(usize, usize) -> f32) -> Raster {
     let samples = (0..rows * cols).map(|i| height(i / cols, i % cols)).collect();
     Raster { rows, cols, samples, georef: Some(GeoRef { transform, crs: Crs::parse(system).unwrap() }) }
 }
 
-/// Returns pairs of a rough source and a finer target in very different systems: simple cylindrical under a polar image, the source across
-/// the 180 degree seam of the target's longitudes, a pole in the middle, geographic from -180 under 0 to 360.
-fn pairs() -> Vec<(&'static str, Raster, Raster)> {
+/// Returns the pairs as rasters.
+fn pairs() -> impl Iterator<Item = (&'static str, Raster, Raster)> {
     let rough = |r: usize, c: usize| ((r * 31 + c * 17) % 23) as f32 * 10.0 + (r as f32 * 0.3).sin() * 50.0;
-    let degree = 1_737_400.0 * 1.0_f64.to_radians();
     let flat = |r: usize, c: usize| (r + c) as f32;
-    vec![
-        (
-            "polar on simple cylindrical",
-            raster(
-                60,
-                300,
-                [-0.5 * degree, 0.25 * degree, 0.0, -70.0 * degree, 0.0, -0.25 * degree],
-                "IAU_2015:30115",
-                rough,
-            ),
-            raster(120, 150, [-150_000.0, 2_000.0, 0.0, -300_000.0, 0.0, -2_000.0], "IAU_2015:30135", flat),
-        ),
-        (
-            "equirectangular with another parallel and meridian",
-            raster(90, 90, [170.0, 0.25, 0.0, 30.0, 0.0, -0.25], "IAU_2015:30100", rough),
-            raster(
-                130,
-                140,
-                [-60_000.0, 900.0, 20.0, 25.0 * degree, 15.0, -950.0],
-                "+proj=eqc +lat_ts=25 +lon_0=180 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "the pole in the middle",
-            raster(40, 720, [0.0, 0.5, 0.0, 90.0, 0.0, -0.5], "IAU_2015:30100", rough),
-            raster(110, 100, [-100_000.0, 2_000.0, 0.0, 100_000.0, 0.0, -2_000.0], "IAU_2015:30130", flat),
-        ),
-        (
-            "two polar maps",
-            raster(70, 80, [-80_000.0, 2_000.0, 0.0, 70_000.0, 0.0, -2_000.0], "IAU_2015:30135", rough),
-            raster(
-                100,
-                90,
-                [1_980_000.0, 250.0, 0.0, 2_010_000.0, 0.0, -250.0],
-                "+proj=stere +lat_0=-90 +lon_0=30 +k=0.994 +x_0=2000000 +y_0=2000000 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "orthographic on a transverse Mercator zone",
-            raster(
-                90,
-                90,
-                [107_500.0, 2_500.0, 0.0, 415_500.0, 0.0, -2_500.0],
-                "+proj=tmerc +lon_0=21 +k=0.999 +x_0=250000 +R=1737400",
-                rough,
-            ),
-            raster(
-                110,
-                130,
-                [-60_000.0, 900.0, 0.0, 50_000.0, 0.0, -900.0],
-                "+proj=ortho +lat_0=10 +lon_0=20 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "Mercator on sinusoidal",
-            raster(80, 90, [-254_970.0, 2_500.0, 0.0, 706_466.0, 0.0, -2_500.0], "IAU_2015:30125", rough),
-            raster(
-                100,
-                120,
-                [-196_455.0, 1_000.0, 0.0, 607_260.0, 0.0, -1_000.0],
-                "+proj=merc +lon_0=180 +k=0.9 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "oblique stereographic on Lambert conformal",
-            raster(
-                100,
-                100,
-                [-43_000.0, 3_000.0, 0.0, 301_600.0, 0.0, -3_000.0],
-                "+proj=lcc +lat_1=30 +lat_2=50 +lat_0=40 +lon_0=15 +R=1737400",
-                rough,
-            ),
-            raster(
-                90,
-                90,
-                [-67_500.0, 1_500.0, 10.0, 67_500.0, 20.0, -1_500.0],
-                "+proj=stere +lat_0=45 +lon_0=20 +k=0.99 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "a disc with what is off it",
-            raster(360, 720, [0.0, 0.5, 0.0, 90.0, 0.0, -0.5], "IAU_2015:30100", rough),
-            raster(
-                100,
-                100,
-                [-2_000_000.0, 40_000.0, 0.0, 2_000_000.0, 0.0, -40_000.0],
-                "+proj=ortho +lat_0=20 +lon_0=170 +R=1737400",
-                flat,
-            ),
-        ),
-        (
-            "equirectangular on a Mercator globe, across its seam",
-            raster(
-                60,
-                720,
-                [-180.0 * degree, 0.5 * degree, 0.0, 15.0 * degree, 0.0, -0.5 * degree],
-                "+proj=merc +R=1737400",
-                rough,
-            ),
-            raster(
-                100,
-                120,
-                [-2.0 * degree, 0.033 * degree, 0.0, 3.0 * degree, 0.0, -0.033 * degree],
-                "IAU_2015:30115",
-                flat,
-            ),
-        ),
-    ]
+    PAIRS.into_iter().map(move |(name, source, target)| (name, raster(source, rough), raster(target, flat)))
 }
 
 fn raw(path: &Path) -> Vec<f32> {
@@ -226,7 +193,7 @@ fn windows_hold_what_the_whole_holds() {
 fn a_global_grid_has_no_seam() {
     // Around the sphere in steps of 2 degrees. The value is a smooth function of the position.
     let at = |lon: f64, lat: f64| (1000.0 * (lon.to_radians() * 2.0).sin() + 10.0 * lat) as f32;
-    let mut globe = raster(40, 180, [0.0, 2.0, 0.0, 40.0, 0.0, -2.0], "IAU_2015:30100", |_, _| 0.0);
+    let mut globe = raster((40, 180, [0.0, 2.0, 0.0, 40.0, 0.0, -2.0], "IAU_2015:30100"), |_, _| 0.0);
     (0..40 * 180).for_each(|i| globe.samples[i] = at((i % 180) as f64 * 2.0 + 1.0, 39.0 - (i / 180) as f64 * 2.0));
     let radius_m = 1_737_400.0;
     let step = radius_m * 0.1_f64.to_radians();
@@ -235,7 +202,7 @@ fn a_global_grid_has_no_seam() {
         ("IAU_2015:30110", [-100.0 * step, step, 0.0, 50.0 * step, 0.0, -step]),
         ("IAU_2015:30100", [-10.0, 0.1, 0.0, 5.0, 0.0, -0.1]),
     ] {
-        let target = raster(100, 200, transform, system, |_, _| 0.0);
+        let target = raster((100, 200, transform, system), |_, _| 0.0);
         for interpolation in [Interpolation::Bicubic, Interpolation::Bilinear, Interpolation::CubicSpline] {
             let placed = onto(Named::new("globe", &globe), Named::new("t", &target), interpolation).unwrap();
             let off = |i: usize| {

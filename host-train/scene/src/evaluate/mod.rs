@@ -267,6 +267,26 @@ mod tests {
         assert_eq!(value["common_pixels"], 100);
     }
 
+    /// The scores of `truth.tif` and `dtm.tif` from their definitions.
+    const NUMPY: &str = "
+t = rasterio.open('truth.tif').read(1, masked=True).astype('f8').filled(np.nan)[3:53, 2:]
+z = rasterio.open('dtm.tif').read(1, masked=True).astype('f8').filled(np.nan)[:, :78]
+both = np.isfinite(t) & np.isfinite(z)
+t[~both] = np.nan; z[~both] = np.nan
+def slope(h):
+    p = [[h[i:h.shape[0] - 2 + i, j:h.shape[1] - 2 + j] for j in range(3)] for i in range(3)]
+    hole = sum(sum(row) for row in p)
+    dx = ((p[0][2] + 2 * p[1][2] + p[2][2]) - (p[0][0] + 2 * p[1][0] + p[2][0])) / 16
+    dy = ((p[2][0] + 2 * p[2][1] + p[2][2]) - (p[0][0] + 2 * p[0][1] + p[0][2])) / 16
+    return np.degrees(np.arctan(np.hypot(dx, dy))) + 0 * hole
+e = (z - t)[both]
+s = slope(z) - slope(t); s = s[np.isfinite(s)]
+rms = lambda v: np.sqrt(np.mean(v * v))
+print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e), e.mean(), np.median(e), rms(e - np.median(e)),
+      abs(e).max(), 1.4826 * np.median(abs(e - np.median(e))), np.quantile(abs(e), 0.95), *np.quantile(abs(e), [0.5, 0.68, 0.9, 0.95, 0.99]),
+      *np.quantile(abs(s), [0.5, 0.68, 0.9, 0.95, 0.99]), s.size, abs(s).mean(), rms(s), s.mean())
+";
+
     /// Two rasters with gaps on shifted grids; numpy computes the scores from the files.
     #[test]
     fn scores_match_numpy() {
@@ -285,25 +305,7 @@ mod tests {
         for (name, raster) in [("truth.tif", &truth), ("dtm.tif", &dtm)] {
             write(&folder.path().join(name), raster, &WriteOptions::heights("test")).unwrap();
         }
-        let script = "
-t = rasterio.open('truth.tif').read(1, masked=True).astype('f8').filled(np.nan)[3:53, 2:]
-z = rasterio.open('dtm.tif').read(1, masked=True).astype('f8').filled(np.nan)[:, :78]
-both = np.isfinite(t) & np.isfinite(z)
-t[~both] = np.nan; z[~both] = np.nan
-def slope(h):
-    p = [[h[i:h.shape[0] - 2 + i, j:h.shape[1] - 2 + j] for j in range(3)] for i in range(3)]
-    hole = sum(sum(row) for row in p)
-    dx = ((p[0][2] + 2 * p[1][2] + p[2][2]) - (p[0][0] + 2 * p[1][0] + p[2][0])) / 16
-    dy = ((p[2][0] + 2 * p[2][1] + p[2][2]) - (p[0][0] + 2 * p[0][1] + p[0][2])) / 16
-    return np.degrees(np.arctan(np.hypot(dx, dy))) + 0 * hole
-e = (z - t)[both]
-s = slope(z) - slope(t); s = s[np.isfinite(s)]
-rms = lambda v: np.sqrt(np.mean(v * v))
-print(e.size, *[np.mean(abs(e) < l) for l in (2, 4, 10)], abs(e).mean(), rms(e), e.mean(), np.median(e), rms(e - np.median(e)),
-      abs(e).max(), 1.4826 * np.median(abs(e - np.median(e))), np.quantile(abs(e), 0.95), *np.quantile(abs(e), [0.5, 0.68, 0.9, 0.95, 0.99]),
-      *np.quantile(abs(s), [0.5, 0.68, 0.9, 0.95, 0.99]), s.size, abs(s).mean(), rms(s), s.mean())
-";
-        let Some(out) = elunar_testing::rasterio(script, folder.path()) else { return };
+        let Some(out) = elunar_testing::rasterio(NUMPY, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
         let s = compare(Named::new("t", &truth), &[Candidate::fine("d", &dtm)], None).unwrap().scored[0].scores;
         let [two, four, ten] = s.share_within;

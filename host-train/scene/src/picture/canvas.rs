@@ -96,35 +96,45 @@ impl DrawingBackend for Canvas<'_> {
     }
 }
 
-/// Letters with their places along the text, pixels, and the place behind the last one.
-fn placed(text: &str, size: f64) -> Option<(PxScaleFont<&'static FontRef<'static>>, Vec<(char, f32)>, f32)> {
-    let font = FONT.as_ref()?.as_scaled(size as f32);
-    let (mut at, mut before, mut all) = (0.0, None, Vec::new());
-    for letter in text.chars() {
-        let glyph = font.glyph_id(letter);
-        at += before.map_or(0.0, |before| font.kern(before, glyph));
-        all.push((letter, at));
-        at += font.h_advance(glyph);
-        before = Some(glyph);
+/// A line of text in pixels.
+struct Line {
+    font: PxScaleFont<&'static FontRef<'static>>,
+    /// Letters with their places along the line.
+    letters: Vec<(char, f32)>,
+    /// The place behind the last one.
+    end: f32,
+}
+
+impl Line {
+    fn of(text: &str, size: f64) -> Option<Self> {
+        let font = FONT.as_ref()?.as_scaled(size as f32);
+        let (mut end, mut before, mut letters) = (0.0, None, Vec::new());
+        for letter in text.chars() {
+            let glyph = font.glyph_id(letter);
+            end += before.map_or(0.0, |before| font.kern(before, glyph));
+            letters.push((letter, end));
+            end += font.h_advance(glyph);
+            before = Some(glyph);
+        }
+        Some(Self { font, letters, end })
     }
-    Some((font, all, at))
 }
 
 /// Returns width and height of a text of `size` pixels. The height is that of plotters: of capital letters with what hangs below.
 fn extent(text: &str, size: f64) -> (i32, i32) {
-    let width = placed(text, size).map_or(0.0, |(.., end)| end);
+    let width = Line::of(text, size).map_or(0.0, |line| line.end);
     (width.ceil() as i32, (size / 1.24) as i32)
 }
 
 /// Returns the pixels that letters cover, from the text's upper left: column, row, and the share that is covered.
 fn letters(text: &str, size: f64) -> Vec<(i32, i32, f32)> {
-    let (mut pixels, Some((font, all, _))) = (Vec::new(), placed(text, size)) else { return vec![] };
+    let (mut pixels, Some(line)) = (Vec::new(), Line::of(text, size)) else { return vec![] };
     // Whole rows keep level strokes sharp.
     let base = (size / 2.0 + size / 4.8).round() as f32;
-    for (letter, at) in all {
-        let mut glyph = font.scaled_glyph(letter);
+    for (letter, at) in line.letters {
+        let mut glyph = line.font.scaled_glyph(letter);
         glyph.position = point(at, base);
-        let Some(outline) = font.outline_glyph(glyph) else { continue };
+        let Some(outline) = line.font.outline_glyph(glyph) else { continue };
         let corner = outline.px_bounds().min;
         outline
             .draw(|col, row, share| pixels.push((corner.x as i32 + col as i32, corner.y as i32 + row as i32, share)));

@@ -21,7 +21,7 @@ pub trait Model: Sync {
 
 /// The instance of a model for one thread.
 pub trait TileNetwork {
-    /// Predicts one tile. `image` is in [0, 1] (or a guide's maps, four in every pixel), `coarse` in [0, NR] (or pixels). `output` has the
+    /// Predicts one tile. `image` is in [0, 1] (or a guide's maps, all of them in every pixel), `coarse` in [0, NR] (or pixels). `output` has the
     /// units of `coarse` (a residual head may exceed the range slightly). All are row-major `rows * cols`.
     ///
     /// # Errors

@@ -123,8 +123,8 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// are blended in reading order, whichever thread finishes first. The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Input`] if an angle of the Sun is out of range, the overlap does not fit the model's tile, no pixel of the scene has both a valid image sample and a valid coarse
-/// height, or the run was stopped. Errors of the model, the files and `keep` are passed on.
+/// [`Error::Usage`] if an angle of the Sun is out of range, or the overlap does not fit the model's tile; [`Error::Input`] if no pixel of the
+/// scene has both a valid image sample and a valid coarse height; [`Error::Stopped`] if the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
     model: &dyn Model,

@@ -47,8 +47,8 @@ pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Pr
 /// The result is the same for every number of threads and every `from`.
 ///
 /// # Errors
-/// [`Error::Input`] for settings out of range, an overlap that does not fit the tile, a scene without a valid pixel or without a pixel size
-/// in metres, and if the run was stopped. Errors of the files and of `keep` are passed on.
+/// [`Error::Usage`] for settings out of range and an overlap that does not fit the tile; [`Error::Input`] for a scene without a valid pixel or
+/// without a pixel size in metres; [`Error::Stopped`] if the run was stopped. Errors of the files and of `keep` are passed on.
 pub fn solve_rows(
     scene: &Scene,
     settings: &Settings,

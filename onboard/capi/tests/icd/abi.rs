@@ -87,6 +87,7 @@ fn compare_layout(name: &str, code: &[(usize, &str)], bytes: usize, field: usize
     }
 }
 
+#[expect(clippy::too_many_lines, reason = "a table of every field")]
 #[test]
 #[cfg(target_pointer_width = "64")]
 fn structures_are_laid_out_as_described() {
