@@ -13,7 +13,7 @@ const EDGES: [(&str, &[&str]); 13] = [
     ("elunar-synth", &["elunar-core", "elunar-raster"]),
     ("elunar-net", &["elunar-core", "elunar-testing", "elunar-raster", "elunar-synth"]),
     ("elunar-scene", &["elunar-core", "elunar-testing", "elunar-raster", "elunar-synth", "elunar-net"]),
-    ("elunar-learn", &["elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
+    ("elunar-learn", &["elunar-core", "elunar-raster", "elunar-net", "elunar-scene"]),
     ("elunar", &["elunar-testing", "elunar-core", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene"]),
     (
         "host-train",

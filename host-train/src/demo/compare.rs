@@ -1,7 +1,7 @@
 //! Step 5: compares the coarse DTM, the pipeline without training, float and int8 with the truth, on the same pixels.
 
 use super::console::say;
-use super::folder::Folder;
+use super::folder::{Folder, NAMES, PROFILE, error_file};
 use super::infer::Predicted;
 use super::scene::DemoScene;
 use elunar_raster::align::Named;
@@ -9,22 +9,12 @@ use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::{Candidate, Comparison, Details, Scores, compare, table};
 use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
-/// Picture of heights along the middle row.
-pub(super) const PROFILE: &str = "profile.png";
-/// Names of the candidates, in the order of the table.
-pub(super) const NAMES: [&str; 4] = ["coarse DTM", "untrained", "float", "int8"];
-
 /// Result of the comparison.
 pub(super) struct Verdict {
     /// Coarse DTM, the pipeline without training, float and int8 against the truth.
     pub against_truth: Comparison,
     /// Int8 compared with float, on the whole scene.
     pub int8_against_float: Scores,
-}
-
-/// Returns the name of an error map: `coarse`, `untrained`, `float` or `int8`.
-pub(super) fn error_file(name: &str) -> String {
-    format!("error_{}.png", name.split(' ').next().unwrap_or(name))
 }
 
 /// Compares, prints the table, and draws error maps and a profile.

@@ -1,10 +1,6 @@
 //! The folder of a tour: its files, and the removal of an earlier tour's files.
 
 use super::Start;
-use super::compare::{NAMES, PROFILE, error_file};
-use super::infer::{dtm_file, shade_file};
-use super::report::OVERVIEW;
-use super::scene::{COARSE_SHADE, IMAGE, TRUTH_SHADE};
 use crate::inner::check_inner;
 use elunar::cli::output::check_files;
 use elunar_learn::train::run::{self, RECORD, Record};
@@ -23,6 +19,18 @@ pub(super) const FLOAT_MODEL: &str = "model.safetensors";
 pub(super) const INT8_MODEL: &str = "model.eld";
 /// Folder of the training run.
 pub(super) const RUN: &str = "training";
+/// Picture of the image.
+pub(super) const IMAGE: &str = "image.png";
+/// Hillshade of the interpolated coarse DTM.
+pub(super) const COARSE_SHADE: &str = "coarse_hillshade.png";
+/// Hillshade of the truth.
+pub(super) const TRUTH_SHADE: &str = "truth_hillshade.png";
+/// Image and hillshades side by side.
+pub(super) const OVERVIEW: &str = "overview.png";
+/// Picture of heights along the middle row.
+pub(super) const PROFILE: &str = "profile.png";
+/// Names of the candidates, in the order of the table.
+pub(super) const NAMES: [&str; 4] = ["coarse DTM", "untrained", "float", "int8"];
 /// Beginning of the entry in the training record that marks a tour's run.
 pub(super) const STARTED_BY: &str = "tour, from ";
 
@@ -79,4 +87,19 @@ fn files() -> impl Iterator<Item = String> {
         [REPORT, FIGURES, FLOAT_MODEL, INT8_MODEL, MANIFEST, IMAGE, COARSE_SHADE, TRUTH_SHADE, PROFILE, OVERVIEW];
     let made = NAMES.iter().flat_map(|name| [error_file(name), dtm_file(name), shade_file(name)]);
     fixed.map(String::from).into_iter().chain(scene_files(0)).chain(made)
+}
+
+/// Returns the name of an error map: `coarse`, `untrained`, `float` or `int8`.
+pub(super) fn error_file(name: &str) -> String {
+    format!("error_{}.png", name.split(' ').next().unwrap_or(name))
+}
+
+/// Returns the name of a DTM's file.
+pub(super) fn dtm_file(name: &str) -> String {
+    format!("dtm_{name}.tif")
+}
+
+/// Returns the name of its hillshade.
+pub(super) fn shade_file(name: &str) -> String {
+    format!("dtm_{name}_hillshade.png")
 }

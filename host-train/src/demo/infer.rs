@@ -2,7 +2,7 @@
 
 use super::Settings;
 use super::console::{minutes, say};
-use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
+use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL, dtm_file, shade_file};
 use super::scene::DemoScene;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -39,16 +39,6 @@ impl Predicted {
     pub(super) fn shade(&self) -> String {
         shade_file(self.name)
     }
-}
-
-/// Returns the name of a DTM's file.
-pub(super) fn dtm_file(name: &str) -> String {
-    format!("dtm_{name}.tif")
-}
-
-/// Returns the name of its hillshade.
-pub(super) fn shade_file(name: &str) -> String {
-    format!("dtm_{name}_hillshade.png")
 }
 
 /// Predicts without training, with float and with int8, and writes the DTMs with their hillshades.

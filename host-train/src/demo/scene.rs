@@ -1,19 +1,12 @@
 //! Step 1: makes the files of a scene, as in an orbiter's archive.
 
 use super::console::say;
-use super::folder::Folder;
+use super::folder::{COARSE_SHADE, Folder, IMAGE, TRUTH_SHADE};
 use elunar_core::terrain::PixelSize;
 use elunar_raster::{Error, Raster, Result, geotiff};
 use elunar_scene::picture::{hillshade, stretch, write_png};
 use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions};
-
-/// Picture of the image.
-pub(super) const IMAGE: &str = "image.png";
-/// Hillshade of the interpolated coarse DTM.
-pub(super) const COARSE_SHADE: &str = "coarse_hillshade.png";
-/// Hillshade of the truth.
-pub(super) const TRUTH_SHADE: &str = "truth_hillshade.png";
 
 /// The scene of a tour, read from its files.
 pub(super) struct DemoScene {

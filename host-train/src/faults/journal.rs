@@ -1,12 +1,10 @@
 //! The file of a campaign: its identity, then one line per injection, so that a stopped campaign can be continued.
 
-use super::injection::Target;
-use super::outcome::Outcome;
+use super::outcome::Tried;
 use super::table::Results;
 use csv::StringRecord;
 use elunar_raster::output::open_growing;
 use elunar_raster::{Error, Result, read};
-use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::Write as _;
@@ -17,21 +15,6 @@ use std::sync::{Mutex, PoisonError};
 const COLUMNS: &str = "injection,hit,bits,operator,outcome";
 /// Most bytes of a journal: a hundred for each of the most injections of a campaign.
 const MOST_JOURNAL_BYTES: u64 = 10_000_000_000;
-
-/// An injection and its outcome: a line of the journal.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Tried {
-    /// Number of the injection.
-    pub index: u64,
-    /// Target of the flips.
-    pub target: Target,
-    /// Number of bits that flipped.
-    pub bits: usize,
-    /// Kind of the current operator.
-    pub operator: String,
-    /// Outcome of the run.
-    pub outcome: Outcome,
-}
 
 /// The lines of a campaign. Each is written to disk at once.
 #[derive(Debug)]
@@ -131,6 +114,8 @@ fn parse(path: &Path, lines: &str) -> Result<Vec<Tried>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::injection::Target;
+    use super::super::outcome::Outcome;
     use super::*;
 
     fn tried(index: u64) -> Tried {

@@ -17,8 +17,8 @@ mod run;
 mod table;
 
 pub use injection::{Injection, Target};
-pub use journal::{Journal, Tried};
+pub use journal::Journal;
 pub use moments::Moments;
-pub use outcome::{Counts, LIMIT_M, Outcome};
+pub use outcome::{Counts, LIMIT_M, Outcome, Tried};
 pub use run::{Campaign, run};
 pub use table::{Results, markdown, picture};

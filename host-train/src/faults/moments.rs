@@ -1,8 +1,7 @@
 //! A clean run, and its memory at some moments.
 
-use super::run::fault;
 use elunar_core::nn::{
-    Kernel, KnownSun, Model, Progress, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
+    Kernel, KnownSun, Model, Progress, RunError, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
 };
 use elunar_core::tile::Shape;
 use elunar_net::digest::sha256_hex;
@@ -106,4 +105,9 @@ impl Moments {
 fn operator_at(model: &Model<'_>, place: &Suspended) -> &'static str {
     let entry = model.entry(place.entry as usize).filter(|_| place.phase == Suspended::AT_WORK);
     entry.and_then(|entry| model.operator(entry.operator)).map_or("verification", |operator| operator.name())
+}
+
+/// Converts a runner's error.
+fn fault(error: RunError) -> Error {
+    Error::input(format!("faults: {error}"))
 }

@@ -1,5 +1,6 @@
-//! The classes of outcomes.
+//! The classes of outcomes, and an injection with its outcome.
 
+use super::injection::Target;
 use serde::{Deserialize, Serialize};
 
 /// Heights that differ from the clean run by more than this are corrupt, metres.
@@ -21,6 +22,21 @@ pub enum Outcome {
     Hang,
     /// The run panicked.
     Crash,
+}
+
+/// An injection and its outcome: a line of the journal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Tried {
+    /// Number of the injection.
+    pub index: u64,
+    /// Target of the flips.
+    pub target: Target,
+    /// Number of bits that flipped.
+    pub bits: usize,
+    /// Kind of the current operator.
+    pub operator: String,
+    /// Outcome of the run.
+    pub outcome: Outcome,
 }
 
 impl Outcome {

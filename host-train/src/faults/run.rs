@@ -1,11 +1,11 @@
 //! The injections on several threads.
 
 use super::injection::{Injection, Target};
-use super::journal::{Journal, Tried};
+use super::journal::Journal;
 use super::moments::{Moments, STEP_MACS};
-use super::outcome::{LIMIT_M, Outcome};
+use super::outcome::{LIMIT_M, Outcome, Tried};
 use super::table::Results;
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
+use elunar_core::nn::{Kernel, Model, Progress, Runner, Suspended};
 use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
 use elunar_scene::predict::int8::Int8Model;
@@ -24,11 +24,6 @@ pub struct Campaign {
     pub seed: u64,
     /// Number of threads.
     pub threads: usize,
-}
-
-/// Converts a runner's error.
-pub(super) fn fault(error: RunError) -> Error {
-    Error::input(format!("faults: {error}"))
 }
 
 /// Runs the injections of a campaign that its journal lacks. Calls `progress` after every injection. On Ctrl-C it stops early and returns

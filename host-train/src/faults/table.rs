@@ -1,8 +1,7 @@
 //! Tables and a picture of a campaign.
 
 use super::injection::Target;
-use super::journal::Tried;
-use super::outcome::{Counts, Outcome};
+use super::outcome::{Counts, Outcome, Tried};
 use elunar_raster::Result;
 use elunar_scene::picture::{Bars, bars};
 use image::RgbImage;

@@ -1,7 +1,6 @@
 //! The names of all files of a suite, so that they are known before the work starts.
 
 use super::list::Entry;
-use super::pictures::{cross_file, scene_files as pictures};
 use super::results::RESULTS;
 use super::{DTMS, SCENES};
 
@@ -11,12 +10,29 @@ pub const COMMAND: &str = "suite";
 pub const TABLE: &str = "scenes.csv";
 /// Tables, within the suite's folder.
 pub(super) const TABLES: [&str; 5] = ["learning.csv", "tables.md", "scenes.csv", "sums.csv", "cross.csv"];
+/// Folder of the pictures, within the suite's folder.
+pub const PICTURES: &str = "pictures";
 /// The maps of a scene.
 pub(super) const MAPS: [&str; 3] = ["image", "coarse", "truth"];
 
 /// Returns the name of a scene's map, within the folder of the scenes.
 pub(super) fn map_file(scene: &str, what: &str) -> String {
     format!("{scene}_{what}.tif")
+}
+
+/// Returns the name of a scene's picture, within the suite's folder.
+pub(super) fn picture_file(scene: &str, what: &str) -> String {
+    format!("{PICTURES}/{scene}_{what}.png")
+}
+
+/// Returns the names of a scene's pictures, within the suite's folder.
+fn pictures(scene: &str) -> [String; 2] {
+    ["relief", "errors"].map(|what| picture_file(scene, what))
+}
+
+/// Returns the name of the picture of a ground's two scenes, within the suite's folder.
+pub(super) fn cross_file(ground: &str, a: &str, b: &str) -> String {
+    format!("{PICTURES}/ground_{ground}_{a}_{b}.png")
 }
 
 /// Returns the names of the scenes' files, within the suite's folder.

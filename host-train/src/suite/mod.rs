@@ -82,7 +82,7 @@ pub fn run(
     let names: Vec<&str> = methods.iter().map(|method| method.name.as_str()).collect();
     let _owner = Owner::of_folder(out, files::COMMAND, files::of_suite(&list.scene, &names))?;
     let of_methods = names.iter().map(|name| out.join(DTMS).join(name));
-    for folder in of_methods.chain([SCENES, pictures::PICTURES].map(|name| out.join(name))) {
+    for folder in of_methods.chain([SCENES, files::PICTURES].map(|name| out.join(name))) {
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
     }
     let mut results = empty(list, &methods);

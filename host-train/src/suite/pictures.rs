@@ -1,5 +1,6 @@
 //! Sheets of a scene's hillshades and errors, and of a ground's two DTMs and their difference.
 
+use super::files::{cross_file, picture_file};
 use super::results::COARSE;
 use super::scene::TestScene;
 use super::score::Seen;
@@ -10,24 +11,8 @@ use elunar_scene::evaluate::Comparison;
 use elunar_scene::picture::{Panel, error_map, hillshades, sheet, stretch, write_png};
 use std::path::Path;
 
-/// Folder of the pictures, within the suite's folder.
-pub const PICTURES: &str = "pictures";
 /// Width of a panel, pixels, and number of panels per row.
 const PANEL: (u32, usize) = (320, 4);
-
-fn scene_file(scene: &str, what: &str) -> String {
-    format!("{PICTURES}/{scene}_{what}.png")
-}
-
-/// Returns the names of a scene's pictures, within the suite's folder.
-pub(super) fn scene_files(scene: &str) -> [String; 2] {
-    ["relief", "errors"].map(|what| scene_file(scene, what))
-}
-
-/// Returns the name of the picture of a ground's two scenes, within the suite's folder.
-pub(super) fn cross_file(ground: &str, a: &str, b: &str) -> String {
-    format!("{PICTURES}/ground_{ground}_{a}_{b}.png")
-}
 
 /// Draws a scene: truth and DTMs as they are, errors at the resolution of the comparison. Returns file (relative to `out`) and caption of every
 /// sheet.
@@ -55,7 +40,7 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
     for (what, panels, caption) in
         [("relief", &views, "image, truth and DTMs, lit from the north-west"), ("errors", &errors, "DTM minus truth")]
     {
-        let file = scene_file(name, what);
+        let file = picture_file(name, what);
         write_png(&out.join(&file), sheet(panels, PANEL.1, PANEL.0))?;
         made.push((file, format!("{name}: {caption}")));
     }

@@ -1,10 +1,10 @@
 //! The whole network (Fig. 2).
 
+use super::cast::cast;
 use super::conv::{ConvBn, ConvBnShape, conv, convolve};
 use super::decoder::{DecoderBlock, decoder};
 use super::detail::Detail;
 use super::encoder::{ImageEncoder, dtm_encoder};
-use super::precision::cast;
 use super::swin::depth::BlockFactors;
 use super::unet::UNet;
 use burn::module::Module;

@@ -1,6 +1,7 @@
 //! The float network: the Burn modules, named as in the paper's figures.
 
 pub mod backend;
+pub mod cast;
 pub mod conv;
 pub mod critic;
 pub mod decoder;

@@ -1,7 +1,7 @@
 //! Normalisations in `f32`: batch normalisation with PyTorch's running statistics, and that of tokens.
 
+use super::cast::{cast, in_f32};
 use super::ops::{Normalised, batch_norm_train};
-use super::precision::{cast, in_f32};
 use burn::module::{Initializer, Module, Param, RunningState};
 use burn::nn::LayerNorm;
 use burn::tensor::activation::relu;

@@ -1,10 +1,8 @@
 //! Checkpoints. With one, a killed run continues with the same result as an uninterrupted run.
 
-use super::adversarial::Opponent;
 use super::average::Average;
 use super::step::Trainer;
 use burn::optim::ModuleOptimizer;
-use burn::tensor::Device;
 use elunar_net::digest::sha256_hex;
 use elunar_net::weights::Weights;
 use elunar_raster::output::remove_folder;
@@ -155,22 +153,16 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
 }
 
 impl Checkpoint {
-    /// Returns `optimiser` with the saved moments.
+    /// Sets the saved moments of `trainer`, and its critic if it has one.
     ///
     /// # Errors
-    /// If Burn cannot read its record.
-    pub fn restore(&self, optimiser: ModuleOptimizer) -> Result<ModuleOptimizer> {
-        restored(optimiser, &self.optimiser)
-    }
-
-    /// Sets the saved weights and moments of `opponent`.
-    ///
-    /// # Errors
-    /// If there are none, they do not fit, or Burn cannot read its record.
-    pub fn restore_opponent(&self, opponent: &mut Opponent, device: &Device) -> Result<()> {
+    /// If a critic is missing or does not fit, or Burn cannot read a record.
+    pub fn restore(&self, trainer: &mut Trainer) -> Result<()> {
+        trainer.optimiser = restored(trainer.optimiser.clone(), &self.optimiser)?;
+        let Some(opponent) = &mut trainer.opponent else { return Ok(()) };
         let (weights, record) =
             self.critic.as_ref().ok_or_else(|| Error::input("checkpoint: expected a critic, found none"))?;
-        opponent.restore(weights, Path::new(CRITIC[0]), device)?;
+        opponent.restore(weights, Path::new(CRITIC[0]), &trainer.device)?;
         opponent.optimiser = restored(opponent.optimiser.clone(), record)?;
         Ok(())
     }

@@ -8,9 +8,9 @@
 //! Gradients are added in the devices' order, so the same devices give the same weights. Batch normalisation uses one micro-batch at a
 //! time, as with `accumulate`. Its running statistics are the means of the copies' statistics.
 
-use super::step::{Found, Placed};
 use crate::model::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use elunar_raster::{Error, Result};
 
@@ -34,17 +34,17 @@ impl Crew {
         Ok(Self { members })
     }
 
-    /// Runs `work` on each device with its part of `batches`. Returns the results in order, with the gradients on the first device.
+    /// Runs `work` on each device with its part of `batches`. Returns gradients and figures in order, with the gradients on the first device.
     /// Afterwards, `net` has the means of the copies' running statistics.
     ///
     /// # Errors
     /// The first error of `work`.
-    pub(super) fn work(
+    pub(super) fn work<B: Send, F: Send>(
         &self,
         net: &mut ELunarDtmNet,
-        batches: Vec<Placed>,
-        work: impl Fn(&ELunarDtmNet, Vec<Placed>) -> Result<Found> + Sync,
-    ) -> Result<Vec<Found>> {
+        batches: Vec<B>,
+        work: impl Fn(&ELunarDtmNet, Vec<B>) -> Result<(GradientsParams, F)> + Sync,
+    ) -> Result<Vec<(GradientsParams, F)>> {
         let each = batches.len() / self.members.len();
         let mut batches = batches.into_iter();
         let mut jobs = Vec::new();
@@ -54,7 +54,7 @@ impl Crew {
             jobs.push((pool, copy, batches.by_ref().take(each).collect::<Vec<_>>()));
         }
         let work = &work;
-        let done: Vec<Result<(Found, Vec<Tensor<1>>)>> = std::thread::scope(|scope| {
+        let done: Vec<Result<(_, Vec<Tensor<1>>)>> = std::thread::scope(|scope| {
             // All jobs start before the first result is awaited.
             let mut running = Vec::new();
             for (pool, copy, batches) in jobs {
@@ -66,8 +66,8 @@ impl Crew {
         let (mut found, mut buffers): (Vec<_>, Vec<_>) =
             done.into_iter().collect::<Result<Vec<_>>>()?.into_iter().unzip();
         let home = &self.members[0].0;
-        for one in &mut found {
-            one.gradients = std::mem::take(&mut one.gradients).to_device(home, net);
+        for (gradients, _) in &mut found {
+            *gradients = std::mem::take(gradients).to_device(home, net);
         }
         let means = mean(&mut buffers, home);
         *net = net.clone().map(&mut Settle { means: means.into_iter(), name: Vec::new() });

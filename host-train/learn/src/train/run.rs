@@ -202,7 +202,7 @@ impl Run {
         let begun = saved.as_ref().and_then(|c| c.average.as_ref()).unwrap_or(weights);
         let average = Average::new(begun.clone(), recipe.average_steps, recipe.steps);
         match &saved {
-            Some(saved) => trainer.restore(saved)?,
+            Some(saved) => saved.restore(&mut trainer)?,
             None => {
                 self.checkpoint((0, None), average.as_ref(), &trainer)?;
                 let record = serde_json::to_vec_pretty(&self.record).expect("plain struct");

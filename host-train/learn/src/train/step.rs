@@ -2,7 +2,6 @@
 
 use super::adamw::ClippedAdamW;
 use super::adversarial::{Opponent, Scene};
-use super::checkpoint::Checkpoint;
 use super::journal::StepRecord;
 use super::loss::{balance, terms};
 use super::parallel::Crew;
@@ -22,7 +21,7 @@ use std::path::Path;
 /// Image, coarse DTM and truth, each `[B, maps, H, W]`.
 pub type Maps = [Tensor<4>; 3];
 /// A micro-batch, with its number in the step.
-pub(super) type Placed = (usize, Maps);
+type Placed = (usize, Maps);
 
 /// A network and its optimiser on devices with automatic differentiation.
 pub struct Trainer {
@@ -42,12 +41,6 @@ pub struct Trainer {
     seed: u64,
     /// Number of Swin blocks.
     blocks: usize,
-}
-
-/// Result of one device, or of all, for a step: gradients and figures, weighted by their share of the batch.
-pub(super) struct Found {
-    pub(super) gradients: GradientsParams,
-    figures: Figures,
 }
 
 /// Weighted loss, elevation, gradient and normal term.
@@ -109,18 +102,6 @@ impl Trainer {
         &self.devices[index * self.devices.len() / count]
     }
 
-    /// Restores a checkpoint's moments.
-    ///
-    /// # Errors
-    /// If Burn cannot read its record.
-    pub fn restore(&mut self, saved: &Checkpoint) -> Result<()> {
-        self.optimiser = saved.restore(self.optimiser.clone())?;
-        if let Some(opponent) = &mut self.opponent {
-            saved.restore_opponent(opponent, &self.device)?;
-        }
-        Ok(())
-    }
-
     /// Returns image, coarse DTM and truth as tensors on the device, each `[B, maps, H, W]`. The number of values determines the number of
     /// maps.
     ///
@@ -155,9 +136,9 @@ impl Trainer {
         };
         let mut figures = Figures::default();
         let mut gradients = GradientsAccumulator::new();
-        for one in found {
-            add(&mut figures, one.figures);
-            gradients.accumulate(&self.net, one.gradients);
+        for (of_device, more) in found {
+            add(&mut figures, more);
+            gradients.accumulate(&self.net, of_device);
         }
         let learning_rate = recipe.learning_rate_at(step);
         let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
@@ -193,8 +174,13 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Runs forward, loss and backward, one micro-batch after the other.
-    fn work(&self, net: &ELunarDtmNet, batches: Vec<Placed>, mut opponent: Option<&mut Opponent>) -> Result<Found> {
+    /// Runs forward, loss and backward, one micro-batch after the other. Returns gradients and figures, weighted by their share of the batch.
+    fn work(
+        &self,
+        net: &ELunarDtmNet,
+        batches: Vec<Placed>,
+        mut opponent: Option<&mut Opponent>,
+    ) -> Result<(GradientsParams, Figures)> {
         let Self { recipe, step, share, seed, blocks } = *self;
         let mut gradients = GradientsAccumulator::new();
         let mut figures = Figures::default();
@@ -226,6 +212,6 @@ impl Task<'_> {
                 return Err(Error::input(format!("step {}: {what}, found {loss}", step + 1)));
             }
         }
-        Ok(Found { gradients: gradients.grads(), figures })
+        Ok((gradients.grads(), figures))
     }
 }

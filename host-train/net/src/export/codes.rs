@@ -1,16 +1,31 @@
 //! The codes of every map: type, zero, limits and steps.
 
 use super::calibrate::Range;
-use super::compile::Precision;
 use super::graph::{Activation, Graph, NodeId, Operation};
-use super::quantise::{ACCUMULATOR_LIMIT, GELU_MINIMUM};
 use elunar_core::nn::file::Dtype;
 use elunar_core::photoclinometry::LIMIT;
 
+/// Limit of accumulators. The rest of the range is for the bias and for the rounding of weights.
+const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
+/// The smallest value of GELU.
+pub(super) const GELU_MINIMUM: f64 = -0.170;
 /// Range of 16-bit maps, as a multiple of the calibrated range. 8-bit maps have no such reserve.
 const HEADROOM_16: f64 = 1.25;
 /// Least range of a channel, as a share of the widest channel's range. Calibration uses few tiles, so a narrow range may be chance.
 const RANGE_FLOOR: f64 = 1.0 / 32.0;
+
+/// Bits of the maps. These always have 8 bits: weights, the input of attention, and the image of networks with given light. These always
+/// have 16 bits: the residual stream of the transformer, and the other inputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Precision {
+    /// 8 bits wherever possible: least memory.
+    Int8,
+    /// 16 bits where 8 would be visible in the DTM: for the head's input and the sums in the decoder.
+    Mixed,
+    /// 16 bits everywhere except behind GELU and before attention (fewer where sums would overflow).
+    Int16,
+}
 
 /// Codes of a map: value = (code - zero) * scale of its channel.
 #[derive(Debug, Clone, PartialEq)]

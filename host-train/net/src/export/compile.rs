@@ -2,7 +2,7 @@
 
 use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
-use super::codes::wide_by_rule;
+use super::codes::{Precision, wide_by_rule};
 use super::graph::{Graph, Operation};
 use super::plan::order_and_plan;
 use super::quantise::{Program, quantise};
@@ -15,19 +15,6 @@ use std::path::Path;
 
 /// Seed of every self-test tile.
 const SELF_TEST_SEED: u32 = 0x454c_4431;
-
-/// Bits of the maps. These always have 8 bits: weights, the input of attention, and the image of networks with given light. These always
-/// have 16 bits: the residual stream of the transformer, and the other inputs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum Precision {
-    /// 8 bits wherever possible: least memory.
-    Int8,
-    /// 16 bits where 8 would be visible in the DTM: for the head's input and the sums in the decoder.
-    Mixed,
-    /// 16 bits everywhere except behind GELU and before attention (fewer where sums would overflow).
-    Int16,
-}
 
 /// Options of an export.
 #[derive(Debug, Clone)]

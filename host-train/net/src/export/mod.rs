@@ -24,7 +24,8 @@ pub mod schedule;
 pub mod sensitivity;
 
 pub use calibrate::CalibrationTile;
-pub use compile::{Options, Precision, export};
+pub use codes::Precision;
+pub use compile::{Options, export};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,6 @@
 //! Weights in the order in which kernels read them.
 
 use super::graph::Kernel;
-use super::quantise::{IntegerFilter, Integers};
 use elunar_core::nn::file::{Dtype, Tensor, groups, panels};
 
 /// Filters of all output channels, with real weights.
@@ -21,6 +20,24 @@ impl Filter {
         let weights = kernel.weights.iter().map(|w| *w as f64).collect();
         Self { extent: (kernel.side, kernel.side), weights, correction: false }
     }
+}
+
+/// Symmetric i8 weights with one scale per output channel, and the bias in steps of the accumulator.
+pub(crate) struct Integers {
+    /// Weights of each set of filters.
+    pub(crate) filters: Vec<IntegerFilter>,
+    /// Real value of one step of the accumulator, per output channel.
+    pub(crate) scales: Vec<f64>,
+}
+
+/// One set of filters.
+pub(crate) struct IntegerFilter {
+    /// Kernel rows and columns.
+    pub(crate) extent: (usize, usize),
+    /// Weights `[output][rows][cols][input]`, -127..=127.
+    pub(crate) weights: Vec<i8>,
+    /// Bias `[output]`.
+    pub(crate) bias: Vec<i32>,
 }
 
 /// Constants of a convolution.

@@ -5,11 +5,11 @@
 
 use super::build::NORM_EPSILON;
 use super::calibrate::Range;
-use super::codes::{Codes, codes_of};
+use super::codes::{Codes, GELU_MINIMUM, codes_of};
 use super::float::gelu;
 use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
-use super::pack::{Filter, pack};
+use super::pack::{Filter, IntegerFilter, Integers, pack};
 use elunar_core::nn::file::{
     self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor,
 };
@@ -19,8 +19,6 @@ use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 use elunar_raster::{Error, Result};
 use std::collections::HashMap;
 
-/// Limit of accumulators. The rest of the range is for the bias and for the rounding of weights.
-pub(super) const ACCUMULATOR_LIMIT: f64 = 0.9 * i32::MAX as f64;
 /// Number of columns of the output map that are computed together. It is the number of channels of the narrowest panel.
 const COLUMNS_AT_ONCE: usize = 8;
 /// With at least this many bytes of weights, rows are computed in blocks. The second constant is the number of pixels in a block.
@@ -35,8 +33,6 @@ const FOLD_ROWS: usize = 16;
 const FOLDED_TAPS: usize = 12 * 12;
 /// Below this value, GELU is 0 within a code step.
 const GELU_FLOOR: f64 = -4.0;
-/// The smallest value of GELU.
-pub(super) const GELU_MINIMUM: f64 = -0.170;
 
 /// The quantised network, before its tensors are placed.
 #[derive(Debug, Clone, PartialEq)]
@@ -387,24 +383,6 @@ struct Form {
     pad: usize,
     add: Option<NodeId>,
     activation: Activation,
-}
-
-/// Symmetric i8 weights with one scale per output channel, and the bias in steps of the accumulator.
-pub(crate) struct Integers {
-    /// Weights of each set of filters.
-    pub(crate) filters: Vec<IntegerFilter>,
-    /// Real value of one step of the accumulator, per output channel.
-    pub(crate) scales: Vec<f64>,
-}
-
-/// One set of filters.
-pub(crate) struct IntegerFilter {
-    /// Kernel rows and columns.
-    pub(crate) extent: (usize, usize),
-    /// Weights `[output][rows][cols][input]`, -127..=127.
-    pub(crate) weights: Vec<i8>,
-    /// Bias `[output]`.
-    pub(crate) bias: Vec<i32>,
 }
 
 /// Quantises weights. `read_scales` is the real value of one step of each input channel; `means` are the channels' means. Rounding of the

@@ -1,6 +1,6 @@
 //! The plan of a model: its operators, the places of its tensors in the arena, and when each is in use.
 
-use super::timing::Times;
+use super::timing::{Times, entry_macs};
 use crate::digest::sha256_hex;
 use elunar_core::nn::file::{Dtype, NONE, Operator, Tensor};
 use elunar_core::nn::{Model, required};
@@ -184,15 +184,6 @@ fn dtype(t: &Tensor) -> &'static str {
         Dtype::I16 => "i16",
         Dtype::F32 => "f32",
     }
-}
-
-/// Returns the multiply-accumulates of an entry of the schedule.
-pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
-    let Some(entry) = model.entry(index) else { return 0 };
-    let Some(operator) = model.operator(entry.operator) else { return 0 };
-    let steps = entry.first..entry.first + entry.count;
-    let of = |step| (0..model.units(&operator)).map(|unit| model.unit_macs(&operator, step, unit)).sum::<u64>();
-    steps.map(of).sum()
 }
 
 /// Returns the multiply-accumulates done before the first entry, after the first, after the second, ...

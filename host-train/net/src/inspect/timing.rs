@@ -1,6 +1,5 @@
 //! Times of a tile's operators, measured on the self-test tile, one entry of the schedule at a time.
 
-use super::model::entry_macs;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use elunar_raster::quantile::quantile;
 use elunar_raster::{Error, Result};
@@ -19,6 +18,15 @@ pub struct Times {
     pub operators_ms: Vec<f64>,
     /// Sum of the operators, milliseconds per tile.
     pub tile_ms: f64,
+}
+
+/// Returns the multiply-accumulates of an entry of the schedule.
+pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
+    let Some(entry) = model.entry(index) else { return 0 };
+    let Some(operator) = model.operator(entry.operator) else { return 0 };
+    let steps = entry.first..entry.first + entry.count;
+    let of = |step| (0..model.units(&operator)).map(|unit| model.unit_macs(&operator, step, unit)).sum::<u64>();
+    steps.map(of).sum()
 }
 
 /// Runs `tiles` tiles, after one tile that is not measured.

@@ -3,11 +3,13 @@
 mod figures;
 mod page;
 
-use super::compare::{NAMES, PROFILE, Verdict, error_file};
+use super::compare::Verdict;
 use super::console::{StepTime, say};
-use super::folder::{FIGURES, Folder, REPORT, RUN};
+use super::folder::{
+    COARSE_SHADE, FIGURES, Folder, IMAGE, NAMES, OVERVIEW, PROFILE, REPORT, RUN, TRUTH_SHADE, error_file,
+};
 use super::infer::Predicted;
-use super::scene::{COARSE_SHADE, DemoScene, IMAGE, TRUTH_SHADE};
+use super::scene::DemoScene;
 use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
@@ -15,9 +17,6 @@ use crate::report::html::Picture;
 use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
-
-/// Image and hillshades side by side.
-pub(super) const OVERVIEW: &str = "overview.png";
 
 /// All results of a tour.
 pub(super) struct Story<'a> {

@@ -1,9 +1,8 @@
 //! The page itself, section by section.
 
 use super::{Pictures, Story};
-use crate::demo::compare::NAMES;
 use crate::demo::console::minutes;
-use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL};
+use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL, NAMES};
 use crate::demo::{SHIPPED_MODEL, Start};
 use crate::report::html::{Cell, document, escaped, figure, table};
 use elunar_learn::train::validate::Scores as TileScores;

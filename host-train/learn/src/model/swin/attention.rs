@@ -1,7 +1,7 @@
 //! Multi-head self-attention inside windows, with a learned relative position bias.
 
 use super::windows::relative_index;
-use crate::model::precision::cast;
+use crate::model::cast::cast;
 use burn::module::{Initializer, Module, Param};
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::activation::softmax;

@@ -44,7 +44,7 @@ pub(super) fn scaled(branch: Tensor<4>, factors: &[f32]) -> Tensor<4> {
     let data = TensorData::new(factors.to_vec(), [factors.len(), 1, 1, 1]);
     let factors: Tensor<4> = Tensor::from_data(data, &branch.device());
     let dtype = branch.dtype();
-    branch.mul(crate::model::precision::cast(factors, dtype))
+    branch.mul(crate::model::cast::cast(factors, dtype))
 }
 
 #[cfg(test)]

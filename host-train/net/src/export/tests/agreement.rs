@@ -1,6 +1,7 @@
 //! The integer runner agrees with the f64 emulation, operator by operator, on random networks of every kind.
 
-use super::super::compile::{Export, Precision};
+use super::super::Precision;
+use super::super::compile::Export;
 use super::super::graph::{Activation, Operation};
 use super::emulate::Emulator;
 use super::{CalibrationTile, random_export, small_config};

@@ -10,7 +10,8 @@ use super::super::float::gelu;
 use super::super::fold::fold;
 use super::super::graph::{Activation, Graph, Kernel, NodeId, Operation, Source};
 use super::super::pack::Filter;
-use super::super::quantise::{IntegerFilter, Program, gelu_table, quantise_weights};
+use super::super::pack::IntegerFilter;
+use super::super::quantise::{Program, gelu_table, quantise_weights};
 use elunar_core::nn::file::{Dtype, Operator};
 
 /// A map as codes (for the output: real values).

@@ -1,6 +1,6 @@
 //! No file can harm the runner: with flipped bytes, truncated, or random under valid checksums.
 
-use super::super::compile::Precision;
+use super::super::Precision;
 use super::{random_export, small_config};
 use crate::config::{Head, NetConfig};
 use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};

@@ -1,8 +1,8 @@
 //! The float graph and the runner agree with the reference implementation's golden files.
 
 use super::super::build::build;
-use super::super::compile::{Options, Precision, export};
 use super::super::{CalibrationTile, float};
+use super::super::{Options, Precision, export};
 use super::runs::run;
 use crate::config::NetConfig;
 use crate::weights::{Array, Weights};

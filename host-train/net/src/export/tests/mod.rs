@@ -8,8 +8,9 @@ mod golden;
 mod runs;
 
 use super::build::manifest;
-use super::compile::{Export, Options, Precision, export};
+use super::compile::Export;
 use super::{CalibrationTile, calibrate};
+use super::{Options, Precision, export};
 use crate::config::{NetConfig, Preset};
 use crate::weights::{Array, Weights};
 use rand::{Rng, SeedableRng};

@@ -1,6 +1,6 @@
 //! Budgets, memory, self test and scrubbing of the runner on exported networks.
 
-use super::super::compile::{Options, Precision, export};
+use super::super::{Options, Precision, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
 use crate::config::{Head, Illumination, NetConfig, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
