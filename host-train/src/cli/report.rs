@@ -12,7 +12,7 @@ The page contains its tables and pictures: one file to send and to open anywhere
 
 Example:
   host-train report out/suite out/experiments runs/nano -o report.html
-  host-train report host-train/experiments/record -o record.html")]
+  host-train report out/experiments -o experiments.html")]
 pub struct Args {
     /// Folders that `suite`, `experiment` or `train` has written, or folders with CSV tables.
     #[arg(required = true, value_name = "DIR")]
