@@ -19,8 +19,7 @@ const CRATES: [&str; 9] = [
 ];
 
 /// The circles that stand, each by the folder of sources and two of its files.
-const KNOWN: [[&str; 3]; 8] = [
-    ["host-train/elunar/src", "cli/beside", "cli/output"],
+const KNOWN: [[&str; 3]; 7] = [
     ["host-train/raster/src", "binary", "source"],
     ["host-train/raster/src", "geotiff/write", "geotiff/writer"],
     ["host-train/raster/src", "output/owner", "output/renewal"],

@@ -3,6 +3,9 @@
 pub mod cli;
 pub mod cluster;
 pub mod html;
+pub mod job;
 pub mod memory;
+pub mod outputs;
 pub mod picture;
 pub mod program;
+pub mod threads;

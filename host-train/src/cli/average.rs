@@ -1,6 +1,6 @@
 //! `host-train average`: takes the mean of several weight files.
 
-use elunar::cli::output;
+use elunar::outputs as output;
 use elunar_net::config::config_of;
 use elunar_net::weights::Weights;
 use elunar_raster::{Error, Result};

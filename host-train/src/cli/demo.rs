@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long)]
     pub from_scratch: bool,
     /// Number of threads of the prediction; 0 takes as many as the machine offers [default: 2].
-    #[arg(long, value_parser = elunar::cli::threads::number)]
+    #[arg(long, value_parser = elunar::threads::number)]
     pub threads: Option<usize>,
 }
 

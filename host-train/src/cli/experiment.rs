@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "LIST.toml")]
     pub suite: Option<PathBuf>,
     /// Number of threads for the test scenes; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = elunar::cli::threads::number)]
+    #[arg(long, default_value_t = 0, value_parser = elunar::threads::number)]
     pub threads: usize,
 }
 

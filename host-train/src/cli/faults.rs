@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
     pub moments: u64,
     /// Number of threads; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = elunar::cli::threads::number)]
+    #[arg(long, default_value_t = 0, value_parser = elunar::threads::number)]
     pub threads: usize,
     /// Run the runner without checks of its memory.
     #[arg(long)]

@@ -1,7 +1,7 @@
 //! `host-train init`: writes new weights.
 
 use crate::config::Configuration;
-use elunar::cli::output;
+use elunar::outputs as output;
 use elunar_learn::model::init::{initial_weights, weights_for};
 use elunar_net::config::{Preset, config_of};
 use elunar_net::weights::Weights;

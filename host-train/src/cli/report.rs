@@ -1,7 +1,7 @@
 //! `host-train report`: writes one page about suites, experiments, training runs and records.
 
 use crate::report;
-use elunar::cli::output;
+use elunar::outputs as output;
 use elunar_raster::Result;
 use std::path::{Path, PathBuf};
 

@@ -57,7 +57,7 @@ pub struct Args {
     #[arg(long)]
     pub no_anchor: bool,
     /// Number of threads; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = elunar::cli::threads::number)]
+    #[arg(long, default_value_t = 0, value_parser = elunar::threads::number)]
     pub threads: usize,
     /// Write the scenes' files and stop.
     #[arg(long)]

@@ -2,7 +2,7 @@
 
 use super::Start;
 use crate::inner::check_inner;
-use elunar::cli::output::check_files;
+use elunar::outputs::check_files;
 use elunar_learn::train::run::{self, RECORD, Record};
 use elunar_raster::output::{Owner, check_names};
 use elunar_raster::{Error, Result};

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "K/N", default_value = "1/1")]
     pub chunk: PartOf,
     /// Number of images at a time; 0 takes as many as the machine offers.
-    #[arg(long, value_name = "J", default_value_t = 1, value_parser = super::threads::number)]
+    #[arg(long, value_name = "J", default_value_t = 1, value_parser = crate::threads::number)]
     pub jobs: usize,
     /// Threads for each image.
     #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1024))]

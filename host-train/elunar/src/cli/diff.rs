@@ -1,7 +1,7 @@
 //! `elunar diff`: one DTM minus another.
 
 use super::input::read_heights;
-use super::output;
+use crate::outputs as output;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
 use elunar_raster::{Error, Result};

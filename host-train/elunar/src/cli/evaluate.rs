@@ -1,7 +1,7 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
 use super::input;
-use super::output;
+use crate::outputs as output;
 use elunar_raster::Result;
 use elunar_raster::align::Interpolation;
 use elunar_scene::evaluate::{

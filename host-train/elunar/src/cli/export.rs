@@ -1,6 +1,6 @@
 //! `elunar export`: makes the model file of the int8 runner from float weights.
 
-use super::output;
+use crate::outputs as output;
 use crate::picture::costs;
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};

@@ -1,7 +1,7 @@
 //! `elunar hillshade`: the shaded relief of a DTM.
 
 use super::input::heights;
-use super::output;
+use crate::outputs as output;
 use elunar_core::terrain::Sun;
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
 use elunar_raster::{Error, Result};

@@ -55,9 +55,9 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     if let Some(picture) = &args.plan {
-        super::output::extension(picture, &["png"])?;
+        crate::outputs::extension(picture, &["png"])?;
     }
-    let _owner = super::output::take_all(&args.plan, &[&args.file])?;
+    let _owner = crate::outputs::take_all(&args.plan, &[&args.file])?;
     let kernel = super::latency::kernel(args.kernel.as_deref())?;
     let plan = inspect::plan(&args.file, args.time.then_some((kernel, args.tiles as usize)))?;
     if let Some(path) = &args.plan {

@@ -1,6 +1,7 @@
 //! `elunar join`: makes a DTM of parts that `predict --part` made.
 
 use super::predict;
+use crate::job;
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::network::Model;
 use std::path::Path;
@@ -30,7 +31,7 @@ pub struct Args {
 /// # Errors
 /// If a part is missing or of another job, or the DTM cannot be written. Then no DTM exists, and the parts stay.
 pub fn run(args: Args) -> Result<()> {
-    run_with(args, predict::open)
+    run_with(args, job::open)
 }
 
 /// Runs the command with models from `open`.
@@ -38,8 +39,9 @@ pub fn run(args: Args) -> Result<()> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
-    if args.predict.part.is_some() {
+    if args.predict.request.part.is_some() {
         return Err(Error::usage("--part: expected only for `predict`; `join` takes all parts"));
     }
-    predict::join(&args.predict, args.parts as usize, open)
+    let predict::Args { request, json } = args.predict;
+    job::join(&request, args.parts as usize, open).map(|done| done.print(json))
 }

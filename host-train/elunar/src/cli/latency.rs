@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "M")]
     pub model: PathBuf,
     /// Number of threads, each with its own tile; 0 takes as many as the machine offers. The float backend may use more threads internally.
-    #[arg(long, default_value_t = 1, value_parser = super::threads::number)]
+    #[arg(long, default_value_t = 1, value_parser = crate::threads::number)]
     pub threads: usize,
     /// Time to measure, seconds.
     #[arg(long, default_value_t = 3.0, conflicts_with = "tiles")]

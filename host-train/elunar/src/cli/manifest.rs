@@ -1,11 +1,11 @@
 //! `elunar manifest`: makes or checks a manifest.
 
-use super::output::{self, Target};
-use super::predict;
-use super::uses::Uses;
 use crate::cluster::apart::{self, User};
 use crate::cluster::item::Item;
 use crate::cluster::manifest::{Manifest, text};
+use crate::job::Inputs;
+use crate::outputs::uses::Uses;
+use crate::outputs::{self as output, Target};
 use elunar_net::shipped;
 use elunar_raster::content::sha256_of_raster;
 use elunar_raster::{Error, Result, atomic_write, folder_of, read, source};
@@ -198,7 +198,7 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
     let wrong = |(field, what)| Error::input(format!("{}: field {field}: {what}", image.display()));
     let mut item = Item::parse(&line).map_err(wrong)?;
     // Before all of it is read for its hash, and as `predict` will read it.
-    predict::Args { coarse: coarse.clone(), ..item.predict(folder)? }.open_coarse()?;
+    Inputs { coarse: coarse.clone(), ..item.predict(folder)?.request.inputs }.open_coarse()?;
     match source::open(&image) {
         Ok(source) => {
             item.rows.get_or_insert(source.info().rows as u64);

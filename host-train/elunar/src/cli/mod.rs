@@ -1,7 +1,6 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
 pub mod batch;
-pub mod beside;
 pub mod diff;
 pub mod evaluate;
 pub mod export;
@@ -13,8 +12,6 @@ pub mod latency;
 pub mod lola;
 pub mod manifest;
 pub mod mosaic;
-pub mod output;
-mod places;
 pub mod plan;
 pub mod predict;
 pub mod prepare;
@@ -22,9 +19,6 @@ pub mod render;
 pub mod sfs;
 pub mod status;
 pub mod synth;
-pub mod threads;
-pub mod uses;
-pub mod words;
 
 use clap::{Parser, Subcommand};
 use elunar_raster::Result;

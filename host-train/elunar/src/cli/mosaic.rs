@@ -1,7 +1,7 @@
 //! `elunar mosaic`: joins several DTMs.
 
 use super::input::heights;
-use super::output;
+use crate::outputs as output;
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;

@@ -1,7 +1,7 @@
 //! `elunar render`: renders an image of a DTM under a given Sun.
 
 use super::input::read_heights;
-use super::output;
+use crate::outputs as output;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_raster::{Error, Result};
 use elunar_scene::picture;

@@ -1,19 +1,18 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
-use super::output::{self, Target};
-use super::words;
+use crate::job::{Inputs, Opened, warn};
+use crate::outputs::{self as output, Target};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
-use elunar_raster::stated::{HeightUnit, Statements};
-use elunar_raster::sun::StatedSun;
-use elunar_raster::{Crs, Error, Result};
+use elunar_raster::stated::Statements;
+use elunar_raster::{Error, Result};
 use elunar_scene::interrupt;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
-use elunar_scene::predict::notices::{check_exchange, notice_of_heights, notices};
-use elunar_scene::predict::sun::{KnownFrom, check_sun};
-use elunar_scene::predict::{Input, Part, Scene, part_path};
+use elunar_scene::predict::notices::{notice_of_heights, notices};
+use elunar_scene::predict::sun::check_sun;
+use elunar_scene::predict::{Input, Part, part_path};
 use elunar_scene::sfs::{Journal, Settings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
@@ -29,21 +28,9 @@ then that of the tiles made since.
 Example:
   elunar sfs --image scene_0000_image.tif --coarse scene_0000_coarse.tif --sun-azimuth 312.5 --sun-elevation 31 -o sfs.tif")]
 pub struct Args {
-    /// Orbiter image: GeoTIFF or PDS3.
-    #[arg(long, value_name = "I.tif")]
-    pub image: PathBuf,
-    /// Coarse DTM: GeoTIFF or PDS3, heights above the sphere in metres, or in the unit that the file names.
-    #[arg(long, value_name = "C.tif")]
-    pub coarse: PathBuf,
-    /// Azimuth of the Sun, degrees clockwise from the grid's up, -360 to 360 [default: as the image's file states it].
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub sun_azimuth: Option<f64>,
-    /// Elevation of the Sun above the horizon, degrees, above 0 and below 90 [default: as the image's file states it].
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    pub sun_elevation: Option<f64>,
-    /// Fit the angles of the Sun that are not given, as `predict` does; do not use those that the image's file states.
-    #[arg(long)]
-    pub fit_sun: bool,
+    /// Image and coarse DTM.
+    #[command(flatten)]
+    pub inputs: Inputs,
     /// DTM to write.
     #[arg(short, long, value_name = "DTM.tif")]
     pub output: PathBuf,
@@ -66,7 +53,7 @@ pub struct Args {
     #[arg(long, value_name = "SHARE")]
     pub tolerance: Option<f64>,
     /// Number of threads, each with its own tiles; 0 takes as many as the machine offers.
-    #[arg(long, default_value_t = 0, value_parser = super::threads::number)]
+    #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
     /// Write cost (and errors) by step, as a table or a picture.
     #[arg(long, value_name = "CURVE.csv|CURVE.png")]
@@ -77,21 +64,6 @@ pub struct Args {
     /// Print settings, tiles, times and the curve as JSON.
     #[arg(long)]
     pub json: bool,
-    /// Value of the image's file, before scale and offset, that means no measurement, as if its nodata tag said so.
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
-    pub image_nodata: Option<f64>,
-    /// Value of the coarse DTM's file, before scale, offset and unit, that means no measurement.
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
-    pub coarse_nodata: Option<f64>,
-    /// Reference system of the image, if the file does not state it: IAU_2015:30110 and the like, a PROJ text, or WKT.
-    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
-    pub image_srs: Option<Crs>,
-    /// Reference system of the coarse DTM, if the file does not state it.
-    #[arg(long, value_name = "SRS", value_parser = Crs::parse)]
-    pub coarse_srs: Option<Crs>,
-    /// Unit of the coarse DTM's heights, if the file does not state it [default: m].
-    #[arg(long)]
-    pub coarse_unit: Option<HeightUnit>,
 }
 
 /// Runs the command.
@@ -99,34 +71,28 @@ pub struct Args {
 /// # Errors
 /// If an option is out of range, an input cannot be read, or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
-    let user = KnownSun { azimuth_deg: args.sun_azimuth, elevation_deg: args.sun_elevation };
-    check_sun(user)?;
+    check_sun(args.inputs.known_sun())?;
     interrupt::listen();
-    let mut inputs = vec![args.image.as_path(), &args.coarse];
+    let Inputs { image, coarse, fit_sun, .. } = &args.inputs;
+    let mut inputs = vec![image.as_path(), coarse];
     inputs.extend(args.truth.as_deref());
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
     let further: Vec<Target> = args.curve.iter().map(|path| Target::File(path)).collect();
     let (owner, _owners) = output::take_dtm(&args.output, &further, &inputs)?;
-    let image = Input::image(&args.image, args.image_srs.clone(), args.image_nodata)?;
-    let coarse = Statements { srs: args.coarse_srs.clone(), unit: args.coarse_unit };
-    let coarse = Input::heights(&args.coarse, coarse, args.coarse_nodata)?;
-    check_exchange(&image, &coarse, args.coarse_unit.is_some())?;
-    let of_file = if args.fit_sun { StatedSun::default() } else { image.source.info().sun };
-    let sun = KnownFrom::new(user, &image.name, of_file)?;
-    if !args.fit_sun {
+    let Opened { image, scene, sun } = args.inputs.open()?;
+    if !fit_sun {
         both_angles(sun.sun, &image.name)?;
     }
     let truth = args.truth.as_deref().map(|path| Input::heights(path, Statements::default(), None)).transpose()?;
     let side_m = image.source.info().side_m(&image.name)?;
-    let scene = Scene::new(image.clone(), coarse)?;
     let survey = survey(&scene)?;
     let lighting = survey.lighting(Illumination::Given, sun.sun);
-    let angles = if args.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
+    let angles = if *fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
     let settings = args.settings(both_angles(angles, &image.name)?, side_m);
     settings.light()?;
-    warn(notices(&scene, &survey, &sun, &lighting, args.coarse_unit.is_some())?);
+    warn(&notices(&scene, &survey, &sun, &lighting, args.inputs.coarse_unit.is_some())?);
     let journal = Journal::new(&scene, &image, truth)?;
     let identity = args.identity(&settings)?;
     let part = Part::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
@@ -137,11 +103,11 @@ pub fn run(args: Args) -> Result<()> {
     let light =
         format!("azimuth {} deg, elevation {} deg; {source}", settings.sun_azimuth_deg, settings.sun_elevation_deg)
             + sun.origin_of(&lighting);
-    let files = Files { output: &args.output, image: &args.image, coarse: &args.coarse, errors: None };
+    let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors: None };
     let from = (settings.description(), light);
     let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;
     part.remove()?;
-    warn(notice_of_heights(&args.output.display().to_string(), &scene, &finished));
+    warn(&notice_of_heights(&args.output.display().to_string(), &scene, &finished));
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
@@ -155,10 +121,6 @@ pub fn run(args: Args) -> Result<()> {
     println!("light: {}", from.1);
     say_times(&tiles);
     Ok(())
-}
-
-fn warn(warnings: impl IntoIterator<Item = String>) {
-    warnings.into_iter().for_each(|warning| eprintln!("WARNING: {warning}"));
 }
 
 /// Says how long tiles took.
@@ -213,7 +175,7 @@ impl Args {
     /// Returns what identifies this job.
     fn identity(&self, settings: &Settings) -> Result<Identity> {
         let number = |value: Option<f64>| value.map(|value| value.to_string());
-        let options = identity::words([
+        let of_run = [
             ("sun_azimuth_deg", number(Some(settings.sun_azimuth_deg))),
             ("sun_elevation_deg", number(Some(settings.sun_elevation_deg))),
             ("smoothness_weight_m", number(Some(settings.smoothness_weight_m))),
@@ -225,13 +187,9 @@ impl Args {
             ("tile_px", Some(format!("{}x{}", settings.tile.0, settings.tile.1))),
             ("overlap_px", Some(settings.overlap_px.to_string())),
             ("blend", Some(BLEND.into())),
-            ("image_srs", self.image_srs.as_ref().map(words::srs)),
-            ("coarse_srs", self.coarse_srs.as_ref().map(words::srs)),
-            ("coarse_unit", self.coarse_unit.as_ref().and_then(words::name)),
-            ("image_nodata", number(self.image_nodata)),
-            ("coarse_nodata", number(self.coarse_nodata)),
-        ]);
-        Identity::of(&self.image, &self.coarse, "shape from shading", options)
+        ];
+        let options = identity::words(of_run.into_iter().chain(self.inputs.words()));
+        Identity::of(&self.inputs.image, &self.inputs.coarse, "shape from shading", options)
     }
 }
 

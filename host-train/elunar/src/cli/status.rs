@@ -1,11 +1,11 @@
 //! `elunar status`: says what became of the items of a manifest.
 
 use super::manifest::uses_of;
-use super::output::Target;
 use crate::cluster::apart::{self, User};
 use crate::cluster::manifest::{Manifest, text};
 use crate::cluster::status::{State, Status, done_list, read_logs};
 use crate::html::{Cell, document, escaped, table};
+use crate::outputs::Target;
 use crate::program;
 use elunar_raster::output::Owner;
 use elunar_raster::{Error, Result, atomic_write};

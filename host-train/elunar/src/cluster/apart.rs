@@ -1,8 +1,8 @@
 //! No item may write what another item, or it itself, reads or writes.
 
 use super::manifest::Manifest;
-use crate::cli::output::Target;
-use crate::cli::uses::{Clash, Uses};
+use crate::outputs::Target;
+use crate::outputs::uses::{Clash, Uses};
 use elunar_net::shipped;
 use elunar_raster::{Error, Result};
 use std::fmt;

@@ -1,8 +1,8 @@
 //! What lies where a batch would write: it replaces what an earlier run wrote, and nothing else.
 
 use super::item::Item;
-use crate::cli::beside::{FOREIGN, foreign};
-use crate::cli::output::Target;
+use crate::outputs::Target;
+use crate::outputs::beside::{FOREIGN, foreign};
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::identity::states_a_job;
 use elunar_scene::predict::part_path;

@@ -1,6 +1,7 @@
 //! One line of a manifest: an image and what is made of it.
 
 use crate::cli::predict;
+use crate::job;
 use clap::Parser;
 use elunar_net::shipped;
 use elunar_raster::Result;
@@ -150,7 +151,7 @@ impl Item {
             }
         }
         for (hash, field) in [(&self.image_sha256, "image_sha256"), (&self.coarse_sha256, "coarse_sha256")] {
-            if let Some(Err(what)) = hash.as_deref().map(predict::hashes) {
+            if let Some(Err(what)) = hash.as_deref().map(job::hashes) {
                 return wrong(field, what);
             }
         }

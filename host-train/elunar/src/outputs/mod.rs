@@ -1,10 +1,14 @@
 //! Output paths: checked and taken before the work starts.
 
-use super::{beside, uses::Uses};
+pub mod beside;
+mod places;
+pub mod uses;
+
 use elunar_raster::output::{Owner, check_target};
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::{hillshade_path, sum_path, survey_path};
 use std::path::{Path, PathBuf};
+use uses::Uses;
 
 /// An output that a command writes, and with it all files that it writes for its sake.
 #[derive(Debug, Clone, Copy)]

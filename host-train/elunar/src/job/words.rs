@@ -9,6 +9,12 @@ pub fn name<T: ValueEnum>(value: &T) -> Option<String> {
     value.to_possible_value().map(|value| value.get_name().to_string())
 }
 
+/// Returns a number as a word.
+#[must_use]
+pub fn number(value: Option<f64>) -> Option<String> {
+    value.map(|value| value.to_string())
+}
+
 /// Returns a reference system as one word: its summary, and the start of a SHA-256 of all its keys, which the summary does not hold.
 #[must_use]
 pub fn srs(crs: &Crs) -> String {

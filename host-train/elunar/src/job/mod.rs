@@ -1,0 +1,252 @@
+//! A prediction as a job: inputs, identity, light, warnings, parts, survey, finish. The commands, `batch` and the tour run it; none has a rule of its
+//! own.
+//!
+//! [`Request`] says what is wanted. [`run`] makes a DTM, or the rows of a part; [`join`] makes a DTM of parts. Messages go to stderr, what was made
+//! comes back as [`Done`].
+
+mod inputs;
+mod request;
+mod task;
+pub mod words;
+mod write;
+
+use crate::outputs::{self, beside};
+use elunar_net::shipped;
+use elunar_raster::output::Owner;
+use elunar_raster::{Error, Result};
+use elunar_scene::interrupt;
+use elunar_scene::predict::job::{fill, survey};
+use elunar_scene::predict::network::Model;
+use elunar_scene::predict::record::Phases;
+use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
+use elunar_scene::predict::span::{PartOf, Span};
+use elunar_scene::predict::sun::check_sun;
+use elunar_scene::predict::{Part, Tally, int8, part_path, predict_span, survey_path};
+pub use inputs::{Inputs, Opened};
+pub use request::Request;
+pub(crate) use request::hashes;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use task::Task;
+use write::{Found, write};
+
+/// What a job has made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Done {
+    /// For the user.
+    pub text: String,
+    /// What was taken and found, as one JSON object; `None` for a part.
+    pub json: Option<String>,
+}
+
+impl Done {
+    /// Prints the text, or with `json` the object, where there is one; the text then goes to stderr.
+    pub fn print(self, json: bool) {
+        match self.json.filter(|_| json) {
+            Some(json) => {
+                eprintln!("{}", self.text);
+                println!("{json}");
+            }
+            None => println!("{}", self.text),
+        }
+    }
+}
+
+/// Says warnings on stderr.
+pub fn warn<'a>(warnings: impl IntoIterator<Item = &'a String>) {
+    warnings.into_iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+}
+
+/// Opens a model file of the int8 runner.
+///
+/// # Errors
+/// [`Error::Unsupported`] if the file's name is that of float weights, or of no known kind; otherwise as [`int8::open`].
+pub fn open(path: &Path) -> Result<Box<dyn Model>> {
+    let wrong = |what| Err(Error::unsupported(path, what));
+    match path.extension().and_then(|extension| extension.to_str()) {
+        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
+        Some("eld") => Ok(Box::new(int8::open(path)?)),
+        Some("safetensors") => {
+            wrong("expected a model (.eld); `host-train` runs float weights, `export` makes a model of them")
+        }
+        _ => wrong("expected a model with extension .eld, or one of this program: ground, nano"),
+    }
+}
+
+/// Makes what is asked for, with a model from `open`: a DTM, or the rows of a part.
+///
+/// # Errors
+/// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
+pub fn run(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+    begin(args);
+    match args.part {
+        Some(part) => make_part(args, part, open),
+        None => make_whole(args, open),
+    }
+}
+
+/// Listens for Ctrl-C, and lets the compression of blocks use as many threads as the network.
+fn begin(args: &Request) {
+    interrupt::listen();
+    // Fails if it was done before, as in tests of one process.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global();
+}
+
+/// Makes a DTM. Rows of an interrupted run are kept; a DTM that the same job has finished is not made again.
+///
+/// # Errors
+/// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
+fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+    let start = Instant::now();
+    let (owner, _owners) = take(args)?;
+    let task = Task::new(args, open)?;
+    let path = part_path(&args.output, args.part_dir.as_deref())?;
+    if task.is_finished(args) {
+        // A run that was killed at its end leaves its rows.
+        Part::discard(&path, &task.identity.job, task.width())?;
+        return Ok(finished_before(args, &task));
+    }
+    let mut watch = Watch::new();
+    let survey = survey(&task.scene)?;
+    let lighting = task.lighting(&survey);
+    let warnings = task.warn(args, &survey, &lighting)?;
+    let survey_s = watch.lap_s();
+    let part = Part::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    let rows = task.scene.rows;
+    let (mut part, tally) = fill(part, rows, &owner, |from, keep, progress| {
+        predict_span(
+            &task.scene,
+            task.model.as_ref(),
+            &task.options,
+            light,
+            &Span { rows: 0..rows, from },
+            keep,
+            progress,
+        )
+    })?;
+    let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
+    let found = Found { survey, warnings, start, phases };
+    let done = write(args, &task, &mut |take| part.read(take), &tally, found, &owner)?;
+    part.remove()?;
+    Ok(done)
+}
+
+/// Makes the rows of a part of the scene.
+fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+    check_sun(args.inputs.known_sun())?;
+    let output = rows_path(&args.output, part_of);
+    outputs::check_dtm(&args.output, &args.further(), &args.read())?;
+    beside::check_rows(&output)?;
+    let owner = outputs::take(&output, &args.read())?;
+    let task = Task::new(args, open)?;
+    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
+    let rows = part_of.rows(&tiling, task.scene.rows);
+    let is_ours = |head: &RowsHead| head.job == task.identity.job && head.part == part_of;
+    let is_whole = |reader: RowsReader| is_ours(&reader.head) && reader.read(&mut |_| Ok(())).is_ok();
+    if output.is_file() && RowsReader::open(&output).is_ok_and(is_whole) {
+        return Ok(Done { text: format!("{}: finished before", output.display()), json: None });
+    }
+    let (survey, lighting) = task.shared_survey(args)?;
+    // The other parts would say the same.
+    if part_of.k == 1 {
+        task.warn(args, &survey, &lighting)?;
+    }
+    let id = format!("{} {part_of}", task.identity.job);
+    let path = part_path(&output, args.part_dir.as_deref())?;
+    let part = Part::open_at(path, &id, task.width(), owner.is_successor())?;
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    let (mut part, tally) = fill(part, rows.len(), &owner, |done, keep, progress| {
+        let span = Span { rows: rows.clone(), from: rows.start + done };
+        predict_span(&task.scene, task.model.as_ref(), &task.options, light, &span, keep, progress)
+    })?;
+    let Tally { tiles_coarse, tiles_empty, tiles, .. } = tally;
+    let (first, job, width) = (rows.start, task.identity.job.clone(), task.width());
+    let head = RowsHead { job, part: part_of, first, rows: rows.len(), width, tiles_coarse, tiles_empty };
+    let mut writer = RowsWriter::create(&output, head)?;
+    part.read(&mut |rows| writer.add(rows))?;
+    owner.check()?;
+    writer.finish()?;
+    part.remove()?;
+    let text = format!("{}: rows {first} to {} of {}, {tiles} tiles", output.display(), rows.end, task.scene.rows);
+    Ok(Done { text, json: None })
+}
+
+/// Joins the finished parts of a DTM, and removes them.
+///
+/// # Errors
+/// [`Error::Io`] if a part is missing; [`Error::Input`] if one is of another job; otherwise as [`run`].
+pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+    let start = Instant::now();
+    begin(args);
+    let (owner, _owners) = take(args)?;
+    let task = Task::new(args, open)?;
+    let paths: Vec<PathBuf> = (1..=parts).map(|k| rows_path(&args.output, PartOf { k, n: parts })).collect();
+    let survey_at = survey_path(&args.output);
+    if task.is_finished(args) {
+        // A join that was killed at its end leaves parts.
+        paths.iter().chain([&survey_at]).for_each(|path| drop(std::fs::remove_file(path)));
+        return Ok(finished_before(args, &task));
+    }
+    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
+    let mut tally = Tally { tiles: tiling.len(), ..Tally::default() };
+    for (path, k) in paths.iter().zip(1..) {
+        let head = RowsReader::open(path)?.head;
+        let part = PartOf { k, n: parts };
+        let rows = part.rows(&tiling, task.scene.rows);
+        let same = head.job == task.identity.job && head.part == part && head.width == task.width();
+        if !same || (head.first..head.first + head.rows) != rows {
+            let what = "rows of the same inputs, model and options expected, those of another job found";
+            return Err(Error::input(format!("{}: {what}; make the part again", path.display())));
+        }
+        tally.tiles_coarse += head.tiles_coarse;
+        tally.tiles_empty += head.tiles_empty;
+    }
+    if tally.tiles_empty == tally.tiles {
+        return Err(task.scene.nothing_valid());
+    }
+    let mut watch = Watch::new();
+    let (survey, lighting) = task.shared_survey(args)?;
+    let warnings = task.warn(args, &survey, &lighting)?;
+    let phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
+    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    (tally.light, tally.change) = (light.whole, light.change());
+    let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
+        paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))
+    };
+    let done = write(args, &task, &mut read, &tally, Found { survey, warnings, start, phases }, &owner)?;
+    paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))?;
+    Ok(done)
+}
+
+/// Measures phases one after the other.
+pub(crate) struct Watch(Instant);
+
+impl Watch {
+    pub(crate) fn new() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Returns the seconds since the last call, or the start.
+    pub(crate) fn lap_s(&mut self) -> f64 {
+        let start = std::mem::replace(&mut self.0, Instant::now());
+        start.elapsed().as_secs_f64()
+    }
+}
+
+/// Takes the outputs.
+fn take(args: &Request) -> Result<(Owner, Vec<Owner>)> {
+    check_sun(args.inputs.known_sun())?;
+    if let Some(path) = &args.uncertainty {
+        outputs::extension(path, &["tif", "tiff"])?;
+    }
+    outputs::take_dtm(&args.output, &args.further(), &args.read())
+}
+
+/// Says that nothing was to be done.
+fn finished_before(args: &Request, task: &Task) -> Done {
+    let text = format!("{}: finished before, by the same job; its SHA-256 holds", args.output.display());
+    let output = args.output.display().to_string();
+    let json = serde_json::json!({ "output": output, "finished_before": true, "job": task.identity.job });
+    Done { text, json: Some(json.to_string()) }
+}

@@ -1,0 +1,100 @@
+//! What a prediction works with: the opened inputs and the identity of the job.
+
+use super::inputs::Opened;
+use super::request::Request;
+use super::words;
+use elunar_net::illumination::Lighting;
+use elunar_raster::{Error, Result};
+use elunar_scene::mosaic::BLEND;
+use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
+use elunar_scene::predict::job::survey;
+use elunar_scene::predict::network::Model;
+use elunar_scene::predict::notices::notices;
+use elunar_scene::predict::sun::KnownFrom;
+use elunar_scene::predict::{Options, Scene, Survey, shared_survey, survey_path};
+use std::path::Path;
+
+/// What a run works with: the opened inputs and the identity of the job.
+pub(super) struct Task {
+    pub(super) model: Box<dyn Model>,
+    pub(super) scene: Scene,
+    pub(super) sun: KnownFrom,
+    pub(super) options: Options,
+    pub(super) identity: Identity,
+}
+
+impl Task {
+    /// Opens model and inputs.
+    ///
+    /// # Errors
+    /// If one cannot be read, or the model does not say how much an image explains and that is wanted.
+    pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Self> {
+        let model = open(&args.model)?;
+        if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
+            return Err(Error::unsupported(
+                &args.model,
+                "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
+            ));
+        }
+        let Opened { scene, sun, .. } = args.inputs.open()?;
+        let options = Options {
+            overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
+            anchor: !args.no_anchor,
+            threads: args.threads,
+            sun: sun.sun,
+            expected_errors: args.uncertainty.is_some(),
+        };
+        let identity = identity(args, &options, &model.description())?;
+        Ok(Self { model, scene, sun, options, identity })
+    }
+
+    /// Returns the number of samples of a row, with all maps.
+    pub(super) fn width(&self) -> usize {
+        self.scene.cols * self.options.layers()
+    }
+
+    pub(super) fn is_finished(&self, args: &Request) -> bool {
+        let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
+        outputs.into_iter().all(|output| self.identity.is_finished(output))
+    }
+
+    pub(super) fn lighting(&self, survey: &Survey) -> Lighting {
+        survey.lighting(self.model.input_rules().illumination, self.sun.sun)
+    }
+
+    /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
+    pub(super) fn shared_survey(&self, args: &Request) -> Result<(Survey, Lighting)> {
+        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || survey(&self.scene))?;
+        let lighting = self.lighting(&survey);
+        Ok((survey, lighting))
+    }
+
+    /// Returns what the user should know before the prediction, and says it.
+    pub(super) fn warn(&self, args: &Request, survey: &Survey, lighting: &Lighting) -> Result<Vec<String>> {
+        let warnings = notices(&self.scene, survey, &self.sun, lighting, args.inputs.coarse_unit.is_some())?;
+        super::warn(&warnings);
+        Ok(warnings)
+    }
+}
+
+/// Returns what identifies this job. With a changed input, model or option, the job starts anew.
+fn identity(args: &Request, options: &Options, model: &str) -> Result<Identity> {
+    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_input(path), Ok);
+    let image = known(&args.image_sha256, &args.inputs.image)?;
+    Ok(Identity::new(image, known(&args.coarse_sha256, &args.inputs.coarse)?, model, in_words(args, options)))
+}
+
+/// Returns the options that change the result. The number of threads does not.
+fn in_words(args: &Request, options: &Options) -> String {
+    let yes = |yes: bool| Some(if yes { "yes" } else { "no" }.to_string());
+    let of_run = [
+        ("overlap_px", Some(options.overlap_px.to_string())),
+        ("blend", Some(BLEND.into())),
+        ("anchor", yes(options.anchor)),
+        ("sun_azimuth_deg", words::number(options.sun.azimuth_deg)),
+        ("sun_elevation_deg", words::number(options.sun.elevation_deg)),
+        ("expected_errors", yes(options.expected_errors)),
+    ];
+    let sigma = ("coarse_sigma_m", args.coarse_sigma.map(|sigma_m| sigma_m.to_string()));
+    identity::words(of_run.into_iter().chain(args.inputs.words()).chain([sigma]))
+}
