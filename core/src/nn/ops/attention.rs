@@ -118,7 +118,6 @@ pub(crate) fn run<I: Isa>(
 }
 
 /// Packs k and v of one head; returns for each key the part of its logits that comes from the zero of q, code 128.
-#[allow(clippy::too_many_lines, reason = "one pass over k and v: a function of each would read the windows twice")]
 #[inline(always)]
 fn pack(
     constants: &Constants<'_>,

@@ -107,7 +107,7 @@ enum State {
 ///         let test = |arena| {
 ///             let mut runner = Runner::new(slots.model().map_err(|_| RunError::State)?, arena)?;
 ///             runner.begin_self_test()?;
-///             while runner.step(5_000_000)? == Progress::State {} // kick the watchdog
+///             while runner.step(5_000_000)? == Progress::Running {} // kick the watchdog
 ///             SelfTestPassed::of(&mut runner)
 ///         };
 ///         match test(&mut *arena) {

@@ -60,7 +60,6 @@ fn channels(random: &mut Random) -> usize {
 }
 
 impl Case {
-    #[allow(clippy::too_many_lines, reason = "every field of a case is drawn, in one order")]
     fn new(seed: u64, fold: bool) -> Self {
         let mut random = Random::new(seed);
         let r = &mut random;

@@ -328,11 +328,51 @@ fn a_mirrored_scene_has_the_mirrored_light() {
     near(found.south, straight.east);
 }
 
+/// Side of the cells of [`plain`], pixels.
+const SIDE: usize = 12;
+
+/// Returns the cell whose box begins here by sums over its pixels, written down plainly.
+fn plain(maps: &Rectangle<'_>, top: usize, left: usize) -> Option<Cell> {
+    let (image, heights, valid) = (maps.image, maps.coarse_m, maps.valid.unwrap());
+    let counts = |i: usize| image[i].is_finite() && valid[i];
+    let box_ = (top..top + SIDE).flat_map(|row| (left..left + SIDE).map(move |col| row * COLS + col));
+    let near = |i: usize| [i - 1, i + 1, i - COLS, i + COLS].map(|i| f64::from(heights[i]));
+    if !box_.clone().all(|i| near(i).iter().all(|z| z.is_finite())) {
+        return None;
+    }
+    // At most an eighth of the pixels is invalid.
+    if box_.clone().filter(|&i| !counts(i)).count() > SIDE * SIDE / 8 {
+        return None;
+    }
+    // Sixteen squares under the tent.
+    let half = SIDE / 2;
+    let dark = |square: usize| {
+        let (top, left) = (top - half + square / 4 * half, left - half + square % 4 * half);
+        let pixels = (top..top + half).flat_map(|row| (left..left + half).map(move |col| row * COLS + col));
+        let seen: Vec<usize> = pixels.filter(|&i| counts(i)).collect();
+        !seen.is_empty() && seen.into_iter().all(|i| image[i] < 5.0)
+    };
+    if (0..16).any(dark) {
+        return None;
+    }
+    let slope = |a: usize, b: usize, step: f64| {
+        box_.clone().map(|i| near(i)[b] - near(i)[a]).sum::<f64>() / (SIDE * SIDE) as f64 / 2.0 / step
+    };
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (row, col) in (0..2 * SIDE).flat_map(|row| (0..2 * SIDE).map(move |col| (row, col))) {
+        let rise = |n: usize| n.min(2 * SIDE - 1 - n) as f64 + 0.5;
+        let i = (top + row - SIDE / 2) * COLS + left + col - SIDE / 2;
+        if counts(i) {
+            sum += rise(row) * rise(col) * f64::from(image[i]);
+            weights += rise(row) * rise(col);
+        }
+    }
+    Some([sum / weights, slope(0, 1, 2.0), slope(2, 3, 3.0)])
+}
+
 /// Cells against sums over their pixels, written down plainly; with voids, a mask, and pixels longer than wide.
-#[allow(clippy::too_many_lines, reason = "the sums, written down plainly")]
 #[test]
 fn cells_are_means_under_a_box_and_a_tent() {
-    const SIDE: usize = 12;
     let noise = |i: usize, k: usize| ((i * 2_654_435_761 + k * 40_503) >> 7 & 0xFFFF) as f32 / 65_536.0;
     let mut image: Vec<f32> = (0..ROWS * COLS).map(|i| 50.0 + 100.0 * noise(i, 1)).collect();
     let mut heights: Vec<f32> = (0..ROWS * COLS).map(|i| 30.0 * noise(i, 2)).collect();
@@ -343,42 +383,6 @@ fn cells_are_means_under_a_box_and_a_tent() {
     let masked = |i: usize| (50..54).contains(&(i / COLS)) && (77..82).contains(&(i % COLS));
     let valid: Vec<bool> = (0..image.len()).map(|i| !masked(i)).collect();
     let pixel = PixelSize { row_m: 3.0, col_m: 2.0 };
-    let plain = |top: usize, left: usize| -> Option<Cell> {
-        let counts = |i: usize| image[i].is_finite() && valid[i];
-        let box_ = (top..top + SIDE).flat_map(|row| (left..left + SIDE).map(move |col| row * COLS + col));
-        let near = |i: usize| [i - 1, i + 1, i - COLS, i + COLS].map(|i| f64::from(heights[i]));
-        if !box_.clone().all(|i| near(i).iter().all(|z| z.is_finite())) {
-            return None;
-        }
-        // At most an eighth of the pixels is invalid.
-        if box_.clone().filter(|&i| !counts(i)).count() > SIDE * SIDE / 8 {
-            return None;
-        }
-        // Sixteen squares under the tent.
-        let half = SIDE / 2;
-        let dark = |square: usize| {
-            let (top, left) = (top - half + square / 4 * half, left - half + square % 4 * half);
-            let pixels = (top..top + half).flat_map(|row| (left..left + half).map(move |col| row * COLS + col));
-            let seen: Vec<usize> = pixels.filter(|&i| counts(i)).collect();
-            !seen.is_empty() && seen.into_iter().all(|i| image[i] < 5.0)
-        };
-        if (0..16).any(dark) {
-            return None;
-        }
-        let slope = |a: usize, b: usize, step: f64| {
-            box_.clone().map(|i| near(i)[b] - near(i)[a]).sum::<f64>() / (SIDE * SIDE) as f64 / 2.0 / step
-        };
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for (row, col) in (0..2 * SIDE).flat_map(|row| (0..2 * SIDE).map(move |col| (row, col))) {
-            let rise = |n: usize| n.min(2 * SIDE - 1 - n) as f64 + 0.5;
-            let i = (top + row - SIDE / 2) * COLS + left + col - SIDE / 2;
-            if counts(i) {
-                sum += rise(row) * rise(col) * f64::from(image[i]);
-                weights += rise(row) * rise(col);
-            }
-        }
-        Some([sum / weights, slope(0, 1, 2.0), slope(2, 3, 3.0)])
-    };
     let maps = Rectangle {
         image: &image,
         coarse_m: &heights,
@@ -394,7 +398,7 @@ fn cells_are_means_under_a_box_and_a_tent() {
         let columns = CellColumns::new(&maps, &down, across.at(left), COLUMNS);
         for (top, row) in columns.enumerate() {
             for (column, cell) in row.into_iter().enumerate() {
-                let expected = plain(down.at(top), across.at(left + 2 * column));
+                let expected = plain(&maps, down.at(top), across.at(left + 2 * column));
                 assert_eq!(cell.is_some(), expected.is_some(), "{top} {left} {column}");
                 let (Some(cell), Some(expected)) = (cell, expected) else {
                     left_out += 1;

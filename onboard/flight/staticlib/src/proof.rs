@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use elunar_capi::elunar_core::nn::slots::{
-    Boot, ModelId, Record, Region, SelfTestPassed, Slot, SlotError, Slots, Storage, StorageError,
+    Boot, ModelId, Region, SelfTestPassed, Slot, SlotError, SlotRecord, Slots, Storage, StorageError,
 };
 use elunar_capi::elunar_core::nn::{
     Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
@@ -124,7 +124,7 @@ root! {
     }
     elunar_root_slots_boot(slots: &mut Slots<Memory>) -> Result<Boot, SlotError> { slots.boot() }
     elunar_root_slots_model(slots: &Slots<Memory>) -> Result<Model<'_>, SlotError> { slots.model() }
-    elunar_root_slots_record(slots: &Slots<Memory>) -> (Option<Record>, usize) { (slots.record(), slots.record_copies()) }
+    elunar_root_slots_record(slots: &Slots<Memory>) -> (Option<SlotRecord>, usize) { (slots.record(), slots.record_copies()) }
     elunar_root_slots_passed(runner: &mut Runner<'_, '_>) -> Result<SelfTestPassed, RunError> { SelfTestPassed::of(runner) }
     elunar_root_slots_confirm(slots: &mut Slots<Memory>, passed: SelfTestPassed) -> Result<(), SlotError> { slots.confirm(passed) }
     elunar_root_slots_reject(slots: &mut Slots<Memory>) -> Result<Boot, SlotError> { slots.reject() }

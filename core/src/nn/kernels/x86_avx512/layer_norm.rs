@@ -18,7 +18,6 @@ const LANES: usize = 16;
 
 /// # Safety
 /// AVX-512.
-#[allow(clippy::too_many_lines, reason = "one pixel from load to store, in registers")]
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
 pub(super) unsafe fn pixels(job: &Job<'_>, bytes: &mut [u8], col: usize, pixels: usize) -> u64 {
     let (input, out) = (job.input, job.out);

@@ -115,7 +115,6 @@ unsafe fn any(
 ///
 /// # Safety
 /// The processor has AVX-512.
-#[allow(clippy::too_many_lines, reason = "one block of sums from load to store, in registers")]
 #[inline(always)] // Into functions that have the target features.
 unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
     requantise: &Requantise<'_>,
