@@ -2,7 +2,7 @@
 
 use elunar::picture::{arena, costs};
 use elunar_core::nn::{Kernel, Model, required};
-use elunar_net::config::NetConfig;
+use elunar_net::config::{NetConfig, config_of};
 use elunar_net::export::calibrate::{Ground, Range, calibrate};
 use elunar_net::export::choose::{Job, choose};
 use elunar_net::export::codes::{can_widen, wide_by_rule};
@@ -33,7 +33,7 @@ struct Bench {
 fn bench() -> Bench {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();
-    let config: NetConfig = serde_json::from_str(&weights.metadata["config"]).unwrap();
+    let config = config_of(&weights, &path).unwrap();
     let graph = build::build(&config, &weights, &path, TILE).unwrap();
     let tiles: Vec<CalibrationTile> = (0..2).map(|seed| tile(config.nr, seed)).collect();
     let ranges = calibrate(&graph, &tiles, |_| {}).unwrap();

@@ -4,6 +4,7 @@
 use elunar_core::nn::{Lighting, Model, Progress, Runner, required};
 use elunar_core::norm::Light;
 use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
+use elunar_net::config::config_of;
 use elunar_net::export::{CalibrationTile, Options, Precision, export};
 use elunar_net::weights::Weights;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -40,7 +41,7 @@ fn allocations() -> usize {
 fn mini() -> (Vec<u8>, CalibrationTile) {
     let path = elunar_tests::repository().join("tests/golden/mini/case.safetensors");
     let weights = Weights::read(&path).unwrap();
-    let config = serde_json::from_str(&weights.metadata["config"]).unwrap();
+    let config = config_of(&weights, &path).unwrap();
     let image = &weights.tensors["input.image"];
     let tile = CalibrationTile {
         image: image.data.clone(),

@@ -4,7 +4,7 @@ use super::super::build::build;
 use super::super::{CalibrationTile, float};
 use super::super::{Options, Precision, export};
 use super::runs::run;
-use crate::config::NetConfig;
+use crate::config::{NetConfig, config_of};
 use crate::weights::{Array, Weights};
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
     for path in [own].into_iter().chain(others) {
         if found.is_empty() || path.exists() {
             let weights = Weights::read(&path).unwrap();
-            let config = serde_json::from_str(&weights.metadata["config"]).unwrap();
+            let config = config_of(&weights, &path).unwrap();
             found.push((path, weights, config));
         } else {
             elunar_testing::skipped("a golden case", &format!("{} is absent", path.display()));
