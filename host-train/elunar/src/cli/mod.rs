@@ -22,6 +22,7 @@ pub mod render;
 pub mod sfs;
 pub mod status;
 pub mod synth;
+mod target;
 pub mod threads;
 pub mod uses;
 pub mod words;
