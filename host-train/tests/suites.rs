@@ -67,9 +67,9 @@ fn mistakes_are_named() {
     std::fs::write(shell.path("list.toml"), LIST.replace("kind = 'mare'\n", "sort = 'mare'\n")).unwrap();
     let refused = shell.refused(&["suite", "--suite", "list.toml", "--out", "out"]);
     assert!(refused.contains("list.toml") && refused.contains("line 4") && refused.contains("sort"), "{refused}");
-    std::fs::write(shell.path("x.toml"), "name = 'x'\nanswers = '?'\npreset = 'nano'\n[recipe]\nstep = 3\n").unwrap();
+    std::fs::write(shell.path("x.toml"), "answers = '?'\npreset = 'nano'\n[recipe]\nstep = 3\n").unwrap();
     let refused = shell.refused(&["experiment", "x.toml", "--out", "out"]);
-    assert!(refused.contains("x.toml") && refused.contains("line 5: unknown key recipe.step"), "{refused}");
+    assert!(refused.contains("x.toml") && refused.contains("line 4: unknown key recipe.step"), "{refused}");
     let refused = shell.refused(&["report", ".", "-o", "page.html"]);
     assert!(refused.contains("found none") && !shell.path("page.html").exists(), "{refused}");
     let refused = shell.refused(&["suite", "--out", "out", "--against", "known"]);

@@ -19,15 +19,8 @@ const CRATES: [&str; 9] = [
 ];
 
 /// The circles that stand, each by the folder of sources and two of its files.
-const KNOWN: [[&str; 3]; 7] = [
-    ["host-train/raster/src", "binary", "source"],
-    ["host-train/raster/src", "geotiff/write", "geotiff/writer"],
-    ["host-train/raster/src", "output/owner", "output/renewal"],
-    ["host-train/raster/src", "pds3/image", "pds3/place"],
-    ["host-train/scene/src", "picture/canvas", "picture/text"],
-    ["host-train/scene/src", "predict/identity", "predict/output"],
-    ["host-train/scene/src", "predict/run", "predict/scene"],
-];
+const KNOWN: [[&str; 3]; 2] =
+    [["host-train/raster/src", "binary", "source"], ["host-train/scene/src", "predict/run", "predict/scene"]];
 
 /// A file as its modules' names joined by `/`; a folder's `mod.rs` has the folder's name, `lib.rs` has none.
 type Files = BTreeMap<String, String>;

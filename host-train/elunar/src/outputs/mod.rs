@@ -2,53 +2,14 @@
 
 pub mod beside;
 mod places;
+mod target;
 pub mod uses;
 
 use elunar_raster::output::{Owner, check_target};
 use elunar_raster::{Error, Result};
-use elunar_scene::predict::{hillshade_path, sum_path, survey_path};
 use std::path::{Path, PathBuf};
+pub use target::Target;
 use uses::Uses;
-
-/// An output that a command writes, and with it all files that it writes for its sake.
-#[derive(Debug, Clone, Copy)]
-pub enum Target<'a> {
-    /// A file alone.
-    File(&'a Path),
-    /// A DTM of `predict` or `sfs`.
-    Dtm(&'a Path),
-    /// The expected errors of a DTM.
-    Errors(&'a Path),
-}
-
-impl<'a> Target<'a> {
-    /// Returns the output.
-    #[must_use]
-    pub fn path(self) -> &'a Path {
-        let (Self::File(path) | Self::Dtm(path) | Self::Errors(path)) = self;
-        path
-    }
-
-    /// Returns all files that are written for the output: it, its lock, rows of an unfinished run, and what it has besides.
-    #[must_use]
-    pub fn files(self) -> Vec<PathBuf> {
-        let output = self.path();
-        let beside = |end: &str| {
-            let mut name = output.file_name().unwrap_or_default().to_os_string();
-            name.push(end);
-            output.with_file_name(name)
-        };
-        let mut all = vec![output.into(), beside(".lock"), beside(".part")];
-        match self {
-            Self::File(_) => {}
-            Self::Errors(_) => all.push(sum_path(output)),
-            Self::Dtm(_) => {
-                all.extend([sum_path(output), survey_path(output), beside(".survey.lock"), hillshade_path(output)]);
-            }
-        }
-        all
-    }
-}
 
 /// Takes `output`, a file to write, before the work starts: neither it nor a file that is written for its sake is one of `inputs`, its folder
 /// can be written, nothing but a regular file is replaced, and no other run writes it. It is ours until the result is dropped.

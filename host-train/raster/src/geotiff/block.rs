@@ -1,7 +1,7 @@
 //! One block of samples as stored in the file: rounded, predicted, compressed.
 
 use super::NODATA;
-use super::write::{Compression, SampleType};
+use super::options::{Compression, SampleType};
 use std::io::Result;
 use tiff::encoder::compression::{CompressionAlgorithm, Deflate, Lzw};
 use tiff::tags::{CompressionMethod, Predictor};

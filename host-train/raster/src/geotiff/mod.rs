@@ -11,6 +11,7 @@ mod ifd;
 mod layout;
 mod lengths;
 mod metadata;
+mod options;
 mod overlaid;
 mod place;
 mod plain;
@@ -39,9 +40,10 @@ mod tests;
 #[cfg(test)]
 mod unit_tests;
 
+pub use options::{BandText, Compression, SampleType, WriteOptions};
 pub(super) use read::open_with;
 pub use read::{open, open_band, read, read_item};
-pub use write::{BandText, Compression, SampleType, WriteOptions, write};
+pub use write::write;
 pub use writer::Writer;
 
 /// NoData value of float files: ISIS NULL4 (bits 0xFF7FFFFB), as in LROC's terrain models. It is not the lowest `f32`.

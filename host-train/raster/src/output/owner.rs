@@ -7,7 +7,7 @@
 use super::growing::without_following;
 use super::listing::Listing;
 use super::record::{Record, start_of};
-use super::renewal::{Renewal, Succession, is_old};
+use super::renewal::{Renewal, Succession, is_at, is_old};
 use super::target::check_target;
 use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
@@ -270,20 +270,6 @@ fn busy(output: &Path, lock: &Path, text: &str, unsure: bool) -> Error {
     let who = Record::parse(text).map_or_else(|| "another process".into(), |record| record.who());
     let hint = if unsure { format!("; if that run is gone, remove {}", lock.display()) } else { String::new() };
     Error::busy(output, format!("{who}; try again when it has ended{hint}"))
-}
-
-/// Returns whether `path` names this file.
-pub(super) fn is_at(file: &File, path: &Path) -> bool {
-    let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::symlink_metadata(path)) else { return false };
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        (ours.dev(), ours.ino()) == (there.dev(), there.ino())
-    }
-    #[cfg(not(unix))]
-    {
-        ours.created().ok() == there.created().ok()
-    }
 }
 
 #[cfg(test)]

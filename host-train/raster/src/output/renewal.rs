@@ -1,6 +1,5 @@
 //! The life sign of an owner: it touches its lock as long as it lives, so that other machines see when it has ended.
 
-use super::owner::is_at;
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -111,4 +110,18 @@ impl Drop for Succession {
 /// Returns whether a file that changed at `changed` is abandoned at `now`, by the same clock.
 pub(super) fn is_old(changed: std::time::SystemTime, now: std::time::SystemTime) -> bool {
     now.duration_since(changed).is_ok_and(|age| age > ABANDONED_AFTER)
+}
+
+/// Returns whether `path` names this file.
+pub(super) fn is_at(file: &File, path: &Path) -> bool {
+    let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::symlink_metadata(path)) else { return false };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        (ours.dev(), ours.ino()) == (there.dev(), there.ino())
+    }
+    #[cfg(not(unix))]
+    {
+        ours.created().ok() == there.created().ok()
+    }
 }

@@ -8,7 +8,7 @@ use super::label::Block;
 use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
 use super::value::{Kind, Value};
-use super::{Defect, one_line, place, read_label, sun};
+use super::{Defect, Refusal, place, read_label, sun};
 use crate::{Error, Result, read};
 use elunar_core::tile::Window;
 use std::io::Read;
@@ -16,28 +16,6 @@ use std::path::Path;
 
 /// Greatest number of keywords in a warning.
 const MOST_NAMED: usize = 5;
-
-/// Reason for refusing a label: it contradicts itself, or it describes something unsupported.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Refusal {
-    Broken(Defect),
-    Unsupported(String),
-}
-
-impl From<Defect> for Refusal {
-    fn from(defect: Defect) -> Self {
-        Self::Broken(defect)
-    }
-}
-
-impl Refusal {
-    fn of(self, path: &Path) -> Error {
-        match self {
-            Self::Broken(defect) => defect.of(path),
-            Self::Unsupported(what) => Error::unsupported(path, one_line(&what)),
-        }
-    }
-}
 
 /// Description of an image in its label.
 #[derive(Debug, Clone, PartialEq)]

@@ -64,6 +64,29 @@ impl fmt::Display for Defect {
 
 impl std::error::Error for Defect {}
 
+/// Reason for refusing a label: it contradicts itself, or it describes something unsupported.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Refusal {
+    Broken(Defect),
+    Unsupported(String),
+}
+
+impl From<Defect> for Refusal {
+    fn from(defect: Defect) -> Self {
+        Self::Broken(defect)
+    }
+}
+
+impl Refusal {
+    /// Makes an error about the label's file.
+    fn of(self, path: &Path) -> Error {
+        match self {
+            Self::Broken(defect) => defect.of(path),
+            Self::Unsupported(what) => Error::unsupported(path, one_line(&what)),
+        }
+    }
+}
+
 /// Replaces control characters by blanks, so that messages are one line.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()

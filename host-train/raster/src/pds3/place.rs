@@ -4,10 +4,9 @@ use super::super::binary::Layout;
 use super::super::crs::{Kind, Parameters};
 use super::super::unit::metres_per;
 use super::super::{Axes, Crs, GeoRef};
-use super::Defect;
-use super::image::Refusal;
 use super::label::{Block, Item};
 use super::units::{Radius, finite, length_m, number};
+use super::{Defect, Refusal};
 
 /// Greatest difference of MAP_SCALE and MAP_RESOLUTION, as a share. Both state the same size, and labels round both.
 const SAME_SCALE: f64 = 1e-3;

@@ -2,7 +2,7 @@
 //!
 //! Plotters itself cuts the fraction off every letter's place and leaves out the space on its left, so that letters run into each other.
 
-use super::text::install_font;
+use super::font::install_font;
 use ab_glyph::{Font as _, FontRef, PxScaleFont, ScaleFont as _, point};
 use image::RgbImage;
 use plotters::prelude::{BitMapBackend, DrawingBackend};

@@ -1,7 +1,7 @@
 //! Curves: losses and errors over training steps.
 
 use super::canvas::Canvas;
-use super::text::FONT;
+use super::font::FONT;
 use super::write_png;
 use elunar_raster::{Error, Result};
 use image::RgbImage;

@@ -1,7 +1,7 @@
 //! Histograms.
 
 use super::canvas::Canvas;
-use super::text::FONT;
+use super::font::FONT;
 use elunar_raster::{Error, Result};
 use image::RgbImage;
 use plotters::prelude::*;

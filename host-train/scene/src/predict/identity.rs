@@ -1,10 +1,9 @@
 //! What a job is: its inputs by their contents, the model and the options. The DTM states it, so that finished work is recognised anywhere.
 
-use super::output::sum_path;
 use crate::interrupt;
 use elunar_raster::content::{sha256, sha256_of_raster_while, sha256_of_text};
 use elunar_raster::{Result, geotiff, read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Metadata item of a DTM with the identity of its job.
 pub const JOB_ITEM: &str = "JOB_SHA256";
@@ -86,4 +85,12 @@ pub fn has_its_sum(path: &Path) -> bool {
     let known = read::text(&sum_path(path), MOST_SUM_BYTES).unwrap_or_default();
     let known = known.split_whitespace().next().unwrap_or_default();
     !known.is_empty() && sha256(path).is_ok_and(|found| found == known)
+}
+
+/// Returns the path of the SHA-256 of a file: `dtm.tif.sha256` beside `dtm.tif`. `sha256sum --check` reads it.
+#[must_use]
+pub fn sum_path(output: &Path) -> PathBuf {
+    let mut name = output.file_name().unwrap_or_default().to_os_string();
+    name.push(".sha256");
+    output.with_file_name(name)
 }

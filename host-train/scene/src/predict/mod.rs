@@ -38,7 +38,8 @@ mod tests;
 mod unrelated_tests;
 
 pub use arrays::predict_array;
-pub use output::{DtmWriter, Provenance, hillshade_path, sum_path};
+pub use identity::sum_path;
+pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::{Part, part_path};
 pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows, predict_span};

@@ -1,6 +1,6 @@
 //! Files of a prediction: the DTM with its provenance, and a hillshade beside it.
 
-use super::identity::Identity;
+use super::identity::{Identity, sum_path};
 use super::preview::Preview;
 use crate::{SOFTWARE, picture};
 use elunar_core::terrain::PixelSize;
@@ -100,14 +100,6 @@ impl DtmWriter {
         };
         publish().inspect_err(|_| drop(std::fs::remove_file(&shade)))
     }
-}
-
-/// Returns the path of the SHA-256 of a file: `dtm.tif.sha256` beside `dtm.tif`. `sha256sum --check` reads it.
-#[must_use]
-pub fn sum_path(output: &Path) -> PathBuf {
-    let mut name = output.file_name().unwrap_or_default().to_os_string();
-    name.push(".sha256");
-    output.with_file_name(name)
 }
 
 /// Writes the SHA-256 of a file beside it.
