@@ -8,7 +8,8 @@
 //! ```
 
 use super::requantise::{Requantise, Target};
-use super::{Accumulators, Isa, Patch, add, blocks};
+use super::{Accumulators, Isa, Patch};
+use crate::part::part_mut;
 
 /// Plain Rust.
 pub(crate) struct Scalar;
@@ -51,13 +52,16 @@ fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[
     if !patch.fits(pixels, weights, width) {
         return;
     }
-    blocks(width, CHANNELS, pixels, |channel, first, left| {
-        if left >= PIXELS {
-            block::<PIXELS>(acc, first, channel, patch, weights, width)
-        } else {
-            block::<1>(acc, first, channel, patch, weights, width)
+    for channel in (0..width).step_by(CHANNELS) {
+        let mut first = 0;
+        while first < pixels {
+            first += if pixels - first >= PIXELS {
+                block::<PIXELS>(acc, first, channel, patch, weights, width)
+            } else {
+                block::<1>(acc, first, channel, patch, weights, width)
+            };
         }
-    });
+    }
 }
 
 /// Computes `P` pixels from `first` on against [`CHANNELS`] channels from `channel` on.
@@ -105,7 +109,9 @@ fn block<const P: usize>(
         weights = weights.get(groups * width..).unwrap_or_default();
     }
     for (p, sums) in sums.iter().enumerate() {
-        add(acc, width, first + p, channel, sums);
+        for (at, sum) in part_mut(acc, (first + p) * width + channel, CHANNELS).iter_mut().zip(sums) {
+            *at = at.wrapping_add(*sum);
+        }
     }
     P
 }
