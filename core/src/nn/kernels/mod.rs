@@ -83,6 +83,7 @@ impl Patch<'_> {
 /// Calls `block` for every block of a product: `channels` channels of the panel after another, and for each all pixels. `block` gets the
 /// first channel, the first pixel and the number of pixels left, and returns how many it has computed.
 #[inline(always)]
+#[allow(dead_code, reason = "the kernels of ARM use it")]
 pub(crate) fn blocks(
     width: usize,
     channels: usize,
@@ -99,6 +100,7 @@ pub(crate) fn blocks(
 
 /// Adds the sums of pixel `pixel` from channel `channel` on.
 #[inline(always)]
+#[allow(dead_code, reason = "the kernels of ARM use it")]
 pub(crate) fn add<const C: usize>(acc: &mut Accumulators, width: usize, pixel: usize, channel: usize, sums: &[i32; C]) {
     for (at, sum) in part_mut(acc, pixel * width + channel, C).iter_mut().zip(sums) {
         *at = at.wrapping_add(*sum);
