@@ -1,7 +1,7 @@
 //! Weighing of a network's shortest waves by what the image shows there.
 //!
-//! Noise and albedo have short waves, too, and a network follows them: on rendered images with noise its corrections at 2 to 8 pixels had one to
-//! three times the true amplitude and hardly any correlation with the ground. The directional share of an octave ([`Share`]) tells how much
+//! Noise and albedo have short waves, too, and a network follows them: on rendered images with noise its corrections at 2 to 4 pixels had several
+//! times the true amplitude and hardly any correlation with the ground. The directional share of an octave ([`Share`]) tells how much
 //! of the contrast's power is relief. So the amplitude of what a tile adds to its coarse DTM is kept by the share's square root (our choice).
 
 use crate::error::{LengthError, same_length};

@@ -1,6 +1,6 @@
 //! `host-train train`: train a network.
 
-use crate::config::Configuration;
+use crate::config::{Configuration, random_weights};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
@@ -200,7 +200,7 @@ fn resume(start: &Start, out: &Path) -> Result<Run> {
 
 /// Returns the initial weights of a run that has a record alone, as older programs left them: made again if they were random.
 fn again(record: &Record, out: &Path) -> Result<Weights> {
-    if record.started_from == format!("random weights, seed {}", record.seed) {
+    if record.started_from == random_weights(record.seed) {
         eprintln!("{}: no checkpoint yet, beginning anew", out.display());
         return Ok(initial_weights(&record.network, record.seed));
     }

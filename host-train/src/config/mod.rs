@@ -186,7 +186,7 @@ impl Configuration {
     /// Returns what the record of a run from random weights says of them.
     #[must_use]
     pub fn random_weights(&self) -> String {
-        format!("random weights, seed {}", self.seed)
+        random_weights(self.seed)
     }
 
     /// Returns the record of a run.
@@ -227,6 +227,12 @@ impl Configuration {
         };
         (0..count).map(of).collect()
     }
+}
+
+/// Returns what the record of a run from random weights of a seed says of them.
+#[must_use]
+pub fn random_weights(seed: u64) -> String {
+    format!("random weights, seed {seed}")
 }
 
 /// Parses a TOML text; an error has its line.
