@@ -209,7 +209,7 @@ in_parts() {
         await "$array"
         "$ELUNAR" join --parts "$n" --image "$image" --coarse "$coarse" --model "$model" -o parts/dtms/s2.tif >/dev/null
         same parts s2
-        rm parts/dtms/s2.tif parts/dtms/s2.tif.sha256
+        rm parts/dtms/s2*
     done
     say "slurm: one image in 1, 2 and 5 parts"
 }
