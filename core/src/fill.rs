@@ -2,55 +2,82 @@
 //! does not mention voids).
 
 use crate::error::{LengthError, same_length};
-use crate::part::{head, head_mut, item, put};
+use crate::part::{head_mut, item, put};
 
 /// Fills every invalid (not finite) sample of a row-major map, `cols` wide, with the value of the nearest valid sample. Distance is counted
 /// in steps over 4 neighbours; of samples at the same distance, the first in reading order counts. Without a valid sample nothing changes.
-/// `queue` is scratch memory of one value per sample.
+/// `queue` is scratch memory of one value per sample; it keeps places as the bits of floats, so that any scratch memory serves.
 ///
 /// ```
 /// let gap = f32::NAN;
 /// let mut samples = [1.0, gap, gap, gap, 5.0, gap, gap, gap, gap, 9.0];
-/// elunar_core::fill::fill_gaps(&mut samples, 5, &mut [0; 10])?;
+/// elunar_core::fill::fill_gaps(&mut samples, 5, &mut [0.0; 10])?;
 /// assert_eq!(samples, [1.0, 1.0, 1.0, 5.0, 5.0, 1.0, 1.0, 9.0, 9.0, 9.0]);
 /// # Ok::<(), elunar_core::error::LengthError>(())
 /// ```
 ///
 /// # Errors
 /// [`LengthError`] if the map does not consist of whole rows, or the queue is shorter than the map; nothing is changed then.
-pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [u32]) -> Result<(), LengthError> {
+pub fn fill_gaps(samples: &mut [f32], cols: usize, queue: &mut [f32]) -> Result<(), LengthError> {
     let (len, found) = (samples.len(), queue.len());
     same_length(len - len.checked_rem(cols).unwrap_or(len), len)?;
     if found < len {
         return Err(LengthError { expected: len, found });
     }
-    if samples.iter().all(|v| v.is_finite()) {
-        return Ok(());
-    }
-    let queue = head_mut(queue, len);
-    // Only valid samples beside a void can spread. Each sample enters the queue once: here if it is valid, later if it is filled.
-    let mut end = 0;
-    for i in 0..len {
-        let gap = |n: usize| samples.get(n).is_some_and(|v| !v.is_finite());
-        if !gap(i) && neighbours(i, cols).any(gap) {
-            put(queue, end, i as u32);
-            end += 1;
-        }
-    }
-    let mut next = 0;
-    while next < end {
-        let i = item(head(queue, end), next) as usize;
-        let value = item(samples, i);
-        for n in neighbours(i, cols) {
-            if samples.get(n).is_some_and(|v| !v.is_finite()) {
-                put(samples, n, value);
-                put(queue, end, n as u32);
-                end += 1;
-            }
-        }
-        next += 1;
+    if samples.iter().any(|v| !v.is_finite()) {
+        let mut fill = Fill::default();
+        while !fill.advance(samples, cols, head_mut(queue, len), usize::MAX) {}
     }
     Ok(())
+}
+
+/// The position of [`fill_gaps`], which can be done in parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Fill {
+    /// Number of samples seen.
+    pub(crate) seen: usize,
+    /// Number of places taken from the queue, and put there.
+    pub(crate) next: usize,
+    pub(crate) end: usize,
+}
+
+impl Fill {
+    /// Looks at up to `most` samples; returns whether all is done. The map and the queue, as long as the map, are unchanged in between.
+    pub(crate) fn advance(&mut self, samples: &mut [f32], cols: usize, queue: &mut [f32], most: usize) -> bool {
+        // Only valid samples beside a void can spread. Each sample enters the queue once: here if it is valid, later if it is filled.
+        let seen = self.seen.saturating_add(most).min(samples.len());
+        for i in self.seen..seen {
+            let gap = |n: usize| samples.get(n).is_some_and(|v| !v.is_finite());
+            if !gap(i) && neighbours(i, cols).any(gap) {
+                self.enqueue(queue, i);
+            }
+        }
+        let more = most.saturating_sub(seen - self.seen);
+        self.seen = seen;
+        if seen < samples.len() {
+            return false;
+        }
+        for _ in 0..more {
+            if self.next >= self.end {
+                break;
+            }
+            let i = item(queue, self.next).to_bits() as usize;
+            let value = item(samples, i);
+            for n in neighbours(i, cols) {
+                if samples.get(n).is_some_and(|v| !v.is_finite()) {
+                    put(samples, n, value);
+                    self.enqueue(queue, n);
+                }
+            }
+            self.next += 1;
+        }
+        self.next >= self.end
+    }
+
+    fn enqueue(&mut self, queue: &mut [f32], place: usize) {
+        put(queue, self.end, f32::from_bits(place as u32));
+        self.end += 1;
+    }
 }
 
 /// Returns the neighbours of sample `i`, from top to bottom. Neighbours below the last row have an index beyond the map's end.
@@ -82,7 +109,7 @@ mod tests {
             let mut next = || { state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); state >> 33 };
             let before: Vec<f32> = (0..rows * cols).map(|i| if next() % 100 < share { f32::NAN } else { i as f32 }).collect();
             let mut after = before.clone();
-            fill_gaps(&mut after, cols, &mut vec![7; rows * cols]).unwrap();
+            fill_gaps(&mut after, cols, &mut vec![7.0; rows * cols]).unwrap();
             let distance = naive(&before, cols);
             for i in 0..rows * cols {
                 if distance[i].is_nan() {
@@ -100,15 +127,15 @@ mod tests {
     #[test]
     fn short_queues_and_broken_rows_are_refused() {
         let mut samples = [1.0, f32::NAN, 3.0, 4.0];
-        assert_eq!(fill_gaps(&mut samples, 2, &mut [0; 3]), Err(LengthError { expected: 4, found: 3 }));
-        assert_eq!(fill_gaps(&mut samples, 3, &mut [0; 4]), Err(LengthError { expected: 3, found: 4 }));
-        assert!(fill_gaps(&mut samples, 0, &mut [0; 4]).is_err());
+        assert_eq!(fill_gaps(&mut samples, 2, &mut [0.0; 3]), Err(LengthError { expected: 4, found: 3 }));
+        assert_eq!(fill_gaps(&mut samples, 3, &mut [0.0; 4]), Err(LengthError { expected: 3, found: 4 }));
+        assert!(fill_gaps(&mut samples, 0, &mut [0.0; 4]).is_err());
         assert!(samples[1].is_nan());
-        fill_gaps(&mut samples, 2, &mut [0; 4]).unwrap();
+        fill_gaps(&mut samples, 2, &mut [0.0; 4]).unwrap();
         assert_eq!(samples, [1.0, 1.0, 3.0, 4.0]);
         assert_eq!(fill_gaps(&mut [], 0, &mut []), Ok(()));
         let mut nothing = [f32::NAN; 4];
-        fill_gaps(&mut nothing, 2, &mut [0; 4]).unwrap();
+        fill_gaps(&mut nothing, 2, &mut [0.0; 4]).unwrap();
         assert!(nothing.iter().all(|v| v.is_nan()));
     }
 }

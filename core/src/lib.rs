@@ -23,6 +23,7 @@
 pub mod error;
 pub mod fill;
 pub mod grid;
+pub mod job;
 pub mod loss;
 pub mod mask;
 pub mod metrics;
@@ -33,12 +34,11 @@ mod part;
 pub mod photoclinometry;
 pub mod quant;
 pub mod resample;
+pub mod samples;
 pub mod strip;
 pub mod terrain;
 pub mod tile;
 
 // What a user of one tile calls.
-pub use nn::{
-    Begun, KnownSun, Lighting, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileLight,
-    TileScale, required, validity,
-};
+pub use job::{JobError, Made, TileInput, TileJob, TileMemory, TileRules};
+pub use nn::{KnownSun, Lighting, Model, ModelError, Progress, RunError, Runner, TileLight, required};

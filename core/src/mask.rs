@@ -26,6 +26,11 @@ pub fn is_real(sample: f32) -> bool {
     sample.abs() < VOID_FROM
 }
 
+/// Returns a sample that is real, and NaN for others.
+pub(crate) fn real(sample: f32) -> f32 {
+    if is_real(sample) { sample } else { f32::NAN }
+}
+
 /// Returns whether a 16-bit sample of a PDS3 image is a measurement.
 pub fn is_real_i16(sample: i16) -> bool {
     sample > INT16_SPECIAL_MAX
@@ -36,29 +41,65 @@ pub fn counts(samples: &[f32], valid: Option<&[bool]>, index: usize) -> bool {
     samples.get(index).is_some_and(|&v| is_real(v)) && valid.is_none_or(|m| m.get(index) == Some(&true))
 }
 
-/// Returns minimum and maximum of the valid pixels. The error is their number if there are fewer than [`MIN_VALID_PX`].
-pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Result<(f32, f32), usize> {
-    let (mut low, mut high, mut found) = (f32::INFINITY, f32::NEG_INFINITY, 0);
-    for (i, &sample) in samples.iter().enumerate() {
-        if counts(samples, valid, i) {
-            low = low.min(sample);
-            high = high.max(sample);
-            found += 1;
-        }
-    }
-    if found < MIN_VALID_PX { Err(found) } else { Ok((low, high)) }
+/// Minimum, maximum and number of the samples that are real, as they come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Extent {
+    pub(crate) low: f32,
+    pub(crate) high: f32,
+    pub(crate) found: usize,
 }
 
-/// Returns the mean of the valid pixels that are not below `least`; NaN if there are none.
-pub(crate) fn mean(samples: &[f32], valid: Option<&[bool]>, least: f32) -> f32 {
-    let (mut sum, mut count) = (0.0f64, 0usize);
-    for (i, &sample) in samples.iter().enumerate() {
-        if counts(samples, valid, i) && sample >= least {
-            sum += f64::from(sample);
-            count += 1;
+impl Extent {
+    pub(crate) const NONE: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY, found: 0 };
+
+    /// Adds a sample, if it is real.
+    #[inline]
+    pub(crate) fn add(&mut self, sample: f32) {
+        if is_real(sample) {
+            self.low = self.low.min(sample);
+            self.high = self.high.max(sample);
+            self.found += 1;
         }
     }
-    (sum / count as f64) as f32
+
+    /// Returns minimum and maximum. The error is the number of samples if there are fewer than [`MIN_VALID_PX`].
+    pub(crate) fn range(self) -> Result<(f32, f32), usize> {
+        if self.found < MIN_VALID_PX { Err(self.found) } else { Ok((self.low, self.high)) }
+    }
+}
+
+/// Sum and number of the samples that are real and not below a limit, as they come.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Mean {
+    pub(crate) sum: f64,
+    pub(crate) count: usize,
+}
+
+impl Mean {
+    /// Adds a sample, if it is real and not below `least`.
+    #[inline]
+    pub(crate) fn add(&mut self, sample: f32, least: f32) {
+        if is_real(sample) && sample >= least {
+            self.sum += f64::from(sample);
+            self.count += 1;
+        }
+    }
+
+    /// Returns the mean; NaN without a sample.
+    pub(crate) fn value(self) -> f32 {
+        (self.sum / self.count as f64) as f32
+    }
+}
+
+/// Returns the extent of the valid pixels.
+pub(crate) fn extent(samples: &[f32], valid: Option<&[bool]>) -> Extent {
+    let mut extent = Extent::NONE;
+    for (i, &sample) in samples.iter().enumerate() {
+        if counts(samples, valid, i) {
+            extent.add(sample);
+        }
+    }
+    extent
 }
 
 #[cfg(test)]
@@ -83,9 +124,9 @@ mod tests {
     #[test]
     fn extent_needs_two_pixels_that_count() {
         let samples = [f32::NAN, 3.0, 9.0, -3.4028235e38, 5.0];
-        assert_eq!(extent(&samples, None), Ok((3.0, 9.0)));
-        assert_eq!(extent(&samples, Some(&[true, true, false, true, true])), Ok((3.0, 5.0)));
-        assert_eq!(extent(&samples, Some(&[true, true, false, true, false])), Err(1));
-        assert_eq!(extent(&[], None), Err(0));
+        assert_eq!(extent(&samples, None).range(), Ok((3.0, 9.0)));
+        assert_eq!(extent(&samples, Some(&[true, true, false, true, true])).range(), Ok((3.0, 5.0)));
+        assert_eq!(extent(&samples, Some(&[true, true, false, true, false])).range(), Err(1));
+        assert_eq!(extent(&[], None).range(), Err(0));
     }
 }

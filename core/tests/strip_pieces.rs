@@ -25,9 +25,9 @@ fn pieces_of_a_strip() {
         expected_errors: false,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
+    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     // Noise on a slope, with voids in 1 % of the pixels.
     let noise = |row: usize, col: usize| ((row * 701 + col) * 7919) % 1013;

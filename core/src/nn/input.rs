@@ -11,6 +11,19 @@ pub enum TruthRange {
     Pixel,
 }
 
+/// The normalisation that a model was trained with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InputRules {
+    /// Upper end of the normalised elevation range, NR (Eq. 1).
+    pub nr: f32,
+    /// Share of the coarse relief by which the range is widened below and above; 0 is the paper's Eq. 2.
+    pub range_margin: f32,
+    /// The range that normalised the truth in training.
+    pub truth_range: TruthRange,
+    /// The light that the network knows.
+    pub illumination: Illumination,
+}
+
 /// The light that the network knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Illumination {

@@ -211,7 +211,7 @@ mod tests {
             50.0 + 12.5 * (light.east * x + light.south * y)
         };
         let image: Vec<f32> = (0..COLS * COLS).map(|i| shade(at(i))).collect();
-        LightFit::of_tile(&image, &heights, None, COLS, 2.0, 5.0)
+        LightFit::of_tile(&image[..], &heights, COLS, 2.0, 5.0)
     }
 
     fn sun(azimuth_deg: Option<f64>, elevation_deg: Option<f64>) -> KnownSun {

@@ -6,8 +6,8 @@
 //! 1. [`Model::new`] validates the file once: checksums, bounds, shapes, accumulator limits, liveness of every tensor.
 //! 2. [`required`] returns the number of bytes to lend; [`Runner::new`] takes them.
 //! 3. [`Runner::begin`] quantises image and coarse DTM. [`Runner::step`] works for a bounded number of multiply-accumulates.
-//!    [`Runner::output`] returns normalised elevation as f32, directly from the last layer's accumulators. [`Runner::begin_metres`] and
-//!    [`Runner::heights`] do the same in physical units.
+//!    [`Runner::output`] returns normalised elevation as f32, directly from the last layer's accumulators. A [`crate::job::TileJob`] does the
+//!    same in physical units.
 //! 4. Faults in memory are detected ([`Runner::protect`]): seals of the program's records are compared before use, every row of a map has a
 //!    checksum that is compared at every read, and the whole model is compared after the last step.
 //! 5. In spare time [`Runner::scrub`] compares the model with its checksums, and a self test runs a built-in tile.
@@ -19,7 +19,7 @@
 //! The modules, each above those that it uses:
 //!
 //! ```text
-//! slots   suspend   metres
+//! slots   suspend
 //!         runner                      steps, protection, telemetry
 //! model (view)      dispatch          a file that was validated; operators compiled for a processor
 //! model/validate      |
@@ -36,8 +36,6 @@ pub mod file;
 mod input;
 mod kernels;
 mod lighting;
-mod maps;
-mod metres;
 mod model;
 mod ops;
 mod panels;
@@ -53,10 +51,8 @@ mod tools;
 pub use dispatch::Kernel;
 pub use error::RunError;
 pub use file::error::ModelError;
-pub use input::{Illumination, TruthRange};
+pub use input::{Illumination, InputRules, TruthRange};
 pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
-pub use maps::{GuidedMaps, InputRules, RangedMaps, TileError, TileInput, TileMaps, TileScale};
-pub use metres::{Begun, validity};
 pub use model::{Model, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
 pub use suspend::Suspended;

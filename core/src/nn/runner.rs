@@ -166,19 +166,29 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     /// Begins a tile. `image` and `coarse` write samples from an index on; all samples of a call are in one row.
-    pub(super) fn load(
+    fn load(
         &mut self,
         image: impl Fn(usize, &mut [f32]),
         coarse: impl Fn(usize, &mut [f32]),
     ) -> Result<(), RunError> {
-        self.validate_header()?;
-        let model = self.model;
-        self.load_codes(model.image_tensor(), image)?;
-        if model.coarse_tensor() != NONE {
-            self.load_codes(model.coarse_tensor(), &coarse)?;
+        self.prepare()?;
+        for row in 0..self.model.tile().rows {
+            self.load_row(self.model.image_tensor(), row, &image)?;
+            self.load_row(self.model.coarse_tensor(), row, &coarse)?;
         }
-        self.state = State::At { entry: 0, step: 0, unit: 0 };
+        self.start();
         Ok(())
+    }
+
+    /// Drops the tile before, and prepares for the rows of the next.
+    pub(crate) fn prepare(&mut self) -> Result<(), RunError> {
+        self.state = State::Idle;
+        self.validate_header()
+    }
+
+    /// Starts the tile whose rows have been loaded.
+    pub(crate) fn start(&mut self) {
+        self.state = State::At { entry: 0, step: 0, unit: 0 };
     }
 
     /// Returns an error if the model's header has changed: tile, roles of tensors, units.
@@ -187,29 +197,36 @@ impl<'a, 'm> Runner<'a, 'm> {
         if holds { Ok(()) } else { Err(RunError::ModelChanged { chunk: u32::MAX }) }
     }
 
-    fn load_codes(&mut self, tensor: u32, samples: impl Fn(usize, &mut [f32])) -> Result<(), RunError> {
-        let tensor = self.model.sealed_tensor(tensor).ok_or(RunError::ProgramChanged { entry: 0 })?;
-        let inverse = 1.0 / tensor.scale;
-        for row in 0..tensor.rows {
-            let to = Row::of(&tensor, row);
-            let (line, mut at) = (tensor.cols * tensor.channels, 0);
-            while at < line {
-                // Samples first, because the compiler vectorises a loop with constant bounds and without checks.
-                const TOGETHER: usize = 64;
-                let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
-                let count = TOGETHER.min(line - at);
-                samples(row * line + at, head_mut(&mut values, count));
-                for i in 0..TOGETHER {
-                    let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
-                    (codes[i], clamps[i]) = (kept, clamped as u32);
-                }
-                self.telemetry.inputs_clamped += clamps.iter().take(count).sum::<u32>() as u64;
-                to.store(self.arena.bytes, at, head(&codes, count));
-                at += count;
-            }
-            self.arena.fill_margins(&tensor, row);
-            self.note(&tensor, row);
+    /// Quantises a row of an input. `samples` writes samples from an index on. Does nothing for an input that the model does not have.
+    pub(crate) fn load_row(
+        &mut self,
+        number: u32,
+        row: usize,
+        samples: impl Fn(usize, &mut [f32]),
+    ) -> Result<(), RunError> {
+        if number == NONE {
+            return Ok(());
         }
+        let tensor = self.model.sealed_tensor(number).ok_or(RunError::ProgramChanged { entry: 0 })?;
+        let inverse = 1.0 / tensor.scale;
+        let to = Row::of(&tensor, row);
+        let (line, mut at) = (tensor.cols * tensor.channels, 0);
+        while at < line {
+            // Samples first, because the compiler vectorises a loop with constant bounds and without checks.
+            const TOGETHER: usize = 64;
+            let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
+            let count = TOGETHER.min(line - at);
+            samples(row * line + at, head_mut(&mut values, count));
+            for i in 0..TOGETHER {
+                let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
+                (codes[i], clamps[i]) = (kept, clamped as u32);
+            }
+            self.telemetry.inputs_clamped += clamps.iter().take(count).sum::<u32>() as u64;
+            to.store(self.arena.bytes, at, head(&codes, count));
+            at += count;
+        }
+        self.arena.fill_margins(&tensor, row);
+        self.note(&tensor, row);
         Ok(())
     }
 

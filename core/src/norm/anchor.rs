@@ -62,6 +62,22 @@ impl Anchor {
         difference: &mut [f32],
         sums: &mut [f64],
     ) -> Result<(), LengthError> {
+        (0..Self::UNITS).try_for_each(|unit| self.unit(unit, heights_m, coarse_m, cols, difference, sums))
+    }
+
+    /// Number of units of work of [`apply`](Self::apply).
+    pub(crate) const UNITS: usize = 2 + 2 * BOXES;
+
+    /// Does one unit of the work. All are done in order, with unchanged buffers.
+    pub(crate) fn unit(
+        self,
+        unit: usize,
+        heights_m: &mut [f32],
+        coarse_m: &[f32],
+        cols: usize,
+        difference: &mut [f32],
+        sums: &mut [f64],
+    ) -> Result<(), LengthError> {
         same_length(heights_m.len(), coarse_m.len())?;
         same_length(heights_m.len(), difference.len())?;
         let rows = heights_m.len().checked_div(cols).unwrap_or(0);
@@ -69,19 +85,21 @@ impl Anchor {
         let needed = Self::sums_len(rows, cols);
         let found = sums.len();
         let sums = sums.get_mut(..needed).ok_or(LengthError { expected: needed, found })?;
-        for ((d, z), c) in difference.iter_mut().zip(heights_m.iter()).zip(coarse_m) {
-            *d = z - c;
-        }
-        for _ in 0..BOXES {
-            for row in 0..rows {
-                self.mean_along(difference, row * cols, 1, cols, sums);
+        match unit.checked_sub(1) {
+            None => {
+                for ((d, z), c) in difference.iter_mut().zip(heights_m.iter()).zip(coarse_m) {
+                    *d = z - c;
+                }
             }
-            for col in 0..cols {
-                self.mean_along(difference, col, cols, rows, sums);
+            Some(pass) if pass >= 2 * BOXES => {
+                for (z, d) in heights_m.iter_mut().zip(difference.iter()) {
+                    *z -= d;
+                }
             }
-        }
-        for (z, d) in heights_m.iter_mut().zip(difference.iter()) {
-            *z -= d;
+            Some(pass) if pass % 2 == 0 => {
+                (0..rows).for_each(|row| self.mean_along(difference, row * cols, 1, cols, sums));
+            }
+            Some(_) => (0..cols).for_each(|col| self.mean_along(difference, col, cols, rows, sums)),
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Elevation normalisation and scale recovery (Eq. 1, 2 and 8).
 
 use crate::error::same_length;
-use crate::mask;
+use crate::mask::{self, Extent, Mean};
 use crate::norm::{NormError, RELIEF_EPS_M, RELIEF_MAX_M};
 
 /// Upper end of the normalised elevation range in the paper, whose Eq. 1 gave 50 over its training tiles.
@@ -53,10 +53,15 @@ impl ElevationScale {
         if let Some(mask) = valid {
             same_length(heights_m.len(), mask.len())?;
         }
+        Self::of_extent(mask::extent(heights_m, valid), nr)
+    }
+
+    /// As [`Self::from_heights`], of an extent.
+    pub(crate) fn of_extent(extent: Extent, nr: f32) -> Result<Self, NormError> {
         if !(nr.is_finite() && nr > 0.0) {
             return Err(NormError::Range { nr });
         }
-        let (low, high) = mask::extent(heights_m, valid).map_err(|found| NormError::TooFewValid { found })?;
+        let (low, high) = extent.range().map_err(|found| NormError::TooFewValid { found })?;
         Ok(Self { min_m: low, relief_m: check_relief(high - low)?, nr })
     }
 
@@ -84,18 +89,24 @@ impl ElevationScale {
         if let Some(mask) = valid {
             same_length(heights_m.len(), mask.len())?;
         }
+        let mut mean = Mean::default();
+        for (i, &z) in heights_m.iter().enumerate() {
+            if mask::counts(heights_m, valid, i) {
+                mean.add(z, f32::NEG_INFINITY);
+            }
+        }
+        Self::of_mean(mean, pixel_m, nr)
+    }
+
+    /// As [`Self::from_pixel`], about a mean.
+    pub(crate) fn of_mean(mean: Mean, pixel_m: f32, nr: f32) -> Result<Self, NormError> {
         if !(nr.is_finite() && nr > 0.0) {
             return Err(NormError::Range { nr });
         }
-        mask::extent(heights_m, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let (mut sum, mut count) = (0.0f64, 0usize);
-        for (i, &z) in heights_m.iter().enumerate() {
-            if mask::counts(heights_m, valid, i) {
-                sum += f64::from(z);
-                count += 1;
-            }
+        if mean.count < mask::MIN_VALID_PX {
+            return Err(NormError::TooFewValid { found: mean.count });
         }
-        Ok(Self { min_m: (sum / count as f64) as f32, relief_m: check_relief(nr * pixel_m)?, nr })
+        Ok(Self { min_m: mean.value(), relief_m: check_relief(nr * pixel_m)?, nr })
     }
 
     /// Makes the scale again from its stored parts ([`Self::min_m`], [`Self::relief_m`], [`Self::nr`]).

@@ -46,6 +46,22 @@ impl FineWaves {
         added: &mut [f32],
         line: &mut [f64],
     ) -> Result<(), LengthError> {
+        (0..Self::UNITS).try_for_each(|unit| self.unit(unit, heights_m, coarse_m, cols, added, line))
+    }
+
+    /// Number of units of work of [`apply`](Self::apply).
+    pub(crate) const UNITS: usize = 9;
+
+    /// Does one unit of the work. All are done in order, with unchanged buffers.
+    pub(crate) fn unit(
+        self,
+        unit: usize,
+        heights_m: &mut [f32],
+        coarse_m: &[f32],
+        cols: usize,
+        added: &mut [f32],
+        line: &mut [f64],
+    ) -> Result<(), LengthError> {
         same_length(heights_m.len(), coarse_m.len())?;
         same_length(heights_m.len(), added.len())?;
         let rows = heights_m.len().checked_div(cols).unwrap_or(0);
@@ -55,23 +71,18 @@ impl FineWaves {
         if self == Self::WHOLE {
             return Ok(());
         }
-        for ((a, z), coarse) in added.iter_mut().zip(heights_m.iter()).zip(coarse_m) {
-            *a = z - coarse;
-        }
-        for (kept, apart) in self.kept.into_iter().zip([1, 2]) {
-            let removed = 1.0 - kept;
-            for (z, a) in heights_m.iter_mut().zip(added.iter()) {
-                *z -= removed * a;
+        let Some(pass) = unit.checked_sub(1) else {
+            for ((a, z), coarse) in added.iter_mut().zip(heights_m.iter()).zip(coarse_m) {
+                *a = z - coarse;
             }
-            for row in 0..rows {
-                smooth(added, (row * cols, 1), apart, line.get_mut(..cols).unwrap_or_default());
-            }
-            for col in 0..cols {
-                smooth(added, (col, cols), apart, line.get_mut(..rows).unwrap_or_default());
-            }
-            for (z, a) in heights_m.iter_mut().zip(added.iter()) {
-                *z += removed * a;
-            }
+            return Ok(());
+        };
+        let (removed, apart) = (1.0 - item(&self.kept, pass / 4), 1 + pass / 4);
+        match pass % 4 {
+            0 => heights_m.iter_mut().zip(added.iter()).for_each(|(z, a)| *z -= removed * a),
+            1 => (0..rows).for_each(|row| smooth(added, (row * cols, 1), apart, line.get_mut(..cols).unwrap_or_default())),
+            2 => (0..cols).for_each(|col| smooth(added, (col, cols), apart, line.get_mut(..rows).unwrap_or_default())),
+            _ => heights_m.iter_mut().zip(added.iter()).for_each(|(z, a)| *z += removed * a),
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! Orthorectified NAC products contain relative brightness only, so the range comes from the tile itself.
 
 use crate::error::same_length;
-use crate::mask;
+use crate::mask::{self, Extent};
 use crate::norm::NormError;
 
 /// The range that an image is normalised by.
@@ -21,7 +21,12 @@ impl IntensityRange {
     /// # Errors
     /// [`NormError::TooFewValid`], [`NormError::ConstantImage`] if all valid pixels are equal: such a tile shows nothing.
     pub fn of(image: &[f32], valid: Option<&[bool]>) -> Result<Self, NormError> {
-        let (min, max) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
+        Self::of_extent(mask::extent(image, valid))
+    }
+
+    /// As [`Self::of`], of an extent.
+    pub(crate) fn of_extent(extent: Extent) -> Result<Self, NormError> {
+        let (min, max) = extent.range().map_err(|found| NormError::TooFewValid { found })?;
         let span = max - min;
         if span.is_finite() && span > 0.0 { Ok(Self { min, max }) } else { Err(NormError::ConstantImage) }
     }

@@ -26,7 +26,8 @@ pub use axis::Axis;
 pub(crate) use axis::DIRECTED_RELIEF;
 
 use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
-use crate::norm::shading;
+use crate::norm::shading::Brightness;
+use crate::samples::Samples;
 use crate::terrain::PixelSize;
 use cells::{COLUMNS, Cell, CellColumns, Places, Rectangle, mean_of};
 use strength::{Expected, Strength};
@@ -91,7 +92,7 @@ pub struct LightEstimate {
 /// let image: Vec<f32> = pixels()
 ///     .map(|(row, col)| 100.0 * (1.0 + (light.east * slope(row, col)[0] + light.south * slope(row, col)[1]) / 2.0))
 ///     .collect();
-/// let fit = LightFit::of_tile(&image, &coarse_m, None, 160, 2.0, 8.0);
+/// let fit = LightFit::of_tile(&image[..], &coarse_m, 160, 2.0, 8.0);
 /// let found = fit.estimate(None, None).expect("hills in the light");
 /// assert!((found.light.azimuth_deg() - 300.0).abs() < 3.0 && found.azimuth_sd_deg < 3.0 && found.trust > 0.9);
 /// ```
@@ -189,6 +190,42 @@ impl Information {
     }
 }
 
+/// A rectangle that is added to a fit, one column of squares of cells after another.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FitPart<'a, S> {
+    pub(crate) image: S,
+    pub(crate) coarse_m: &'a [f32],
+    pub(crate) cols: usize,
+    pub(crate) pixel: PixelSize,
+    pub(crate) cell_px: usize,
+}
+
+impl<S: Samples> FitPart<'_, S> {
+    /// Returns the places of cells down and across; `None` if none fits.
+    fn places(&self) -> Option<[Places; 2]> {
+        let rows = self.coarse_m.len().checked_div(self.cols).unwrap_or(0);
+        let places = [Places::of(rows, self.cell_px)?, Places::of(self.cols, self.cell_px)?];
+        (self.coarse_m.len() == self.image.len()).then_some(places)
+    }
+
+    /// Number of columns of squares.
+    pub(crate) fn columns(&self) -> usize {
+        self.places().map_or(0, |[_, across]| across.count(2))
+    }
+
+    /// Adds the squares that begin in a column.
+    pub(crate) fn add_to(&self, fit: &mut LightFit, brightness: &Brightness, column: usize) {
+        let Some([down, across]) = self.places() else { return };
+        let Self { image, coarse_m, cols, pixel, cell_px } = *self;
+        let maps = Rectangle { image, coarse_m, cols, pixel, half: cell_px / 2, dark_below: brightness.dark_below() };
+        let weights = [2, 4].map(|cells| down.share(cells) * across.share(cells));
+        // At the right edge there are fewer columns.
+        let columns = if column < across.count(COLUMNS) { COLUMNS } else { 2 };
+        let cells = CellColumns::new(&maps, &down, across.at(column), columns);
+        fit.add_columns(cells, f64::from(brightness.lit_mean()), weights);
+    }
+}
+
 /// Returns the square x' C x of a symmetric matrix (xx, xy, yy).
 fn square([xx, xy, yy]: [f64; 3], [x, y]: [f64; 2]) -> f64 {
     xx * x * x + 2.0 * xy * x * y + yy * y * y
@@ -203,16 +240,9 @@ impl LightFit {
     /// Makes the fit to one tile: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide, at valid pixels
     /// ([`crate::mask`]). `pixel_m` is the ground size of a pixel, `coarse_px` the side of a coarse pixel in pixels of the image.
     #[must_use]
-    pub fn of_tile(
-        image: &[f32],
-        coarse_m: &[f32],
-        valid: Option<&[bool]>,
-        cols: usize,
-        pixel_m: f64,
-        coarse_px: f32,
-    ) -> Self {
+    pub fn of_tile(image: impl Samples, coarse_m: &[f32], cols: usize, pixel_m: f64, coarse_px: f32) -> Self {
         let mut fit = Self::default();
-        fit.add_masked(image, coarse_m, valid, cols, PixelSize::square(pixel_m), Self::cell_px(coarse_px));
+        fit.add(image, coarse_m, cols, PixelSize::square(pixel_m), Self::cell_px(coarse_px));
         fit
     }
 
@@ -223,35 +253,14 @@ impl LightFit {
         2 * ((0.5 * coarse_px + 0.5) as usize).clamp(2, 128)
     }
 
-    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Less than half a cell at its edges
-    /// is left out. Does nothing if the maps differ in length.
-    pub fn add(&mut self, image: &[f32], coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
-        self.add_masked(image, coarse_m, None, cols, pixel, cell_px);
-    }
-
-    /// As [`Self::add`], without the cells in which a pixel is invalid ([`crate::mask`]). Cells in shadow are left out by both; a pixel is
-    /// dark below a tenth of the rectangle's mean brightness.
-    pub fn add_masked(
-        &mut self,
-        image: &[f32],
-        coarse_m: &[f32],
-        valid: Option<&[bool]>,
-        cols: usize,
-        pixel: PixelSize,
-        cell_px: usize,
-    ) {
-        let rows = image.len().checked_div(cols).unwrap_or(0);
-        let (Some(down), Some(across)) = (Places::of(rows, cell_px), Places::of(cols, cell_px)) else { return };
-        if coarse_m.len() != image.len() {
-            return;
-        }
-        let (dark_below, lit_mean) = (shading::dark_below(image, valid), shading::lit_mean(image, valid));
-        let maps = Rectangle { image, coarse_m, valid, cols, pixel, half: cell_px / 2, dark_below };
-        let weights = [2, 4].map(|cells| down.share(cells) * across.share(cells));
-        for left in 0..across.count(2) {
-            // At the right edge there are fewer columns.
-            let columns = if left < across.count(COLUMNS) { COLUMNS } else { 2 };
-            self.add_columns(CellColumns::new(&maps, &down, across.at(left), columns), f64::from(lit_mean), weights);
+    /// Adds a rectangle: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide. Left out are cells with a void
+    /// ([`crate::mask`]) or in shadow (a pixel is dark below a tenth of the rectangle's mean brightness), and less than half a cell at the edges.
+    /// Does nothing if the maps differ in length.
+    pub fn add(&mut self, image: impl Samples, coarse_m: &[f32], cols: usize, pixel: PixelSize, cell_px: usize) {
+        let brightness = Brightness::of(image);
+        let part = FitPart { image, coarse_m, cols, pixel, cell_px };
+        for left in 0..part.columns() {
+            part.add_to(self, &brightness, left);
         }
     }
 
@@ -286,7 +295,7 @@ impl LightFit {
     }
 
     /// Adds the squares of some columns of cells from top to bottom: those of two by two cells at the left, and those of four by four.
-    fn add_columns(&mut self, columns: CellColumns<'_>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
+    fn add_columns(&mut self, columns: CellColumns<'_, impl Samples>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
         // Rows begin at every half cell. Cells of a square are two rows apart, and its halves four.
         let (mut rows, mut means) = ([[None; COLUMNS]; 3], [[None; 2]; 5]);
         for row in columns {

@@ -6,9 +6,9 @@
 //! brightness, normalised to [0, 1], and the network must also find the Sun).
 
 use super::light::Light;
-use crate::error::same_length;
-use crate::mask;
+use crate::mask::{Extent, Mean};
 use crate::norm::NormError;
+use crate::samples::Samples;
 
 /// The network's unit of slope: 0.1 (5.7 degrees), a typical slope on the Moon (our choice).
 pub const SLOPE_UNIT: f32 = 0.1;
@@ -18,16 +18,55 @@ const DARK: f32 = 0.1;
 /// Limit of slopes: 45 degrees, steeper than the angle of repose of loose ground (our choice).
 pub const SLOPE_MAX: f32 = 1.0;
 
-/// Returns the mean brightness of lit ground: of the valid pixels that are brighter than a tenth of the mean of all; NaN if this mean is not
-/// positive.
-pub(super) fn lit_mean(image: &[f32], valid: Option<&[bool]>) -> f32 {
-    let dark_below = dark_below(image, valid);
-    if dark_below > 0.0 { mask::mean(image, valid, dark_below) } else { f32::NAN }
+/// The brightness of a tile, found in two passes over its samples: all of them, then those that are lit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Brightness {
+    pub(crate) extent: Extent,
+    pub(crate) all: Mean,
+    pub(crate) lit: Mean,
 }
 
-/// Returns the brightness below which a pixel is dark, from the mean of all valid pixels; NaN if there are none.
-pub(super) fn dark_below(image: &[f32], valid: Option<&[bool]>) -> f32 {
-    DARK * mask::mean(image, valid, f32::NEG_INFINITY)
+impl Brightness {
+    pub(crate) const NONE: Self =
+        Self { extent: Extent::NONE, all: Mean { sum: 0.0, count: 0 }, lit: Mean { sum: 0.0, count: 0 } };
+
+    /// Finds it by both passes.
+    pub(crate) fn of(image: impl Samples) -> Self {
+        let mut brightness = Self::NONE;
+        (0..image.len()).for_each(|i| brightness.add(image.at(i)));
+        let dark_below = brightness.dark_below();
+        (0..image.len()).for_each(|i| brightness.lit.add(image.at(i), dark_below));
+        brightness
+    }
+
+    /// Adds a sample in the first pass.
+    #[inline]
+    pub(crate) fn add(&mut self, sample: f32) {
+        self.extent.add(sample);
+        self.all.add(sample, f32::NEG_INFINITY);
+    }
+
+    /// Returns the brightness below which a pixel is dark, from the mean of all valid pixels; NaN if there are none.
+    pub(crate) fn dark_below(&self) -> f32 {
+        DARK * self.all.value()
+    }
+
+    /// Returns the mean brightness of lit ground: of the valid pixels that are brighter than a tenth of the mean of all; NaN if this mean is
+    /// not positive.
+    pub(crate) fn lit_mean(&self) -> f32 {
+        if self.dark_below() > 0.0 { self.lit.value() } else { f32::NAN }
+    }
+
+    /// Returns the shading under a light, as [`Shading::new`].
+    pub(crate) fn shading(&self, light: Light) -> Result<Shading, NormError> {
+        let (low, high) = self.extent.range().map_err(|found| NormError::TooFewValid { found })?;
+        let mean = self.lit_mean();
+        if !(low < high && mean.is_finite() && mean > 0.0) {
+            return Err(NormError::ConstantImage);
+        }
+        let square = light.east * light.east + light.south * light.south;
+        Ok(Shading { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
+    }
 }
 
 /// The conversion of a tile's brightness to slopes.
@@ -39,22 +78,12 @@ pub struct Shading {
 }
 
 impl Shading {
-    /// Makes the shading of a tile from its mean brightness over the valid pixels that are not dark (see [`mask`]), under `light`.
+    /// Makes the shading of a tile from its mean brightness over the valid pixels that are not dark (see [`crate::mask`]), under `light`.
     ///
     /// # Errors
-    /// [`NormError::Length`] if the mask has another length, [`NormError::TooFewValid`], [`NormError::ConstantImage`] if the
-    /// image has no contrast or no light.
-    pub fn new(image: &[f32], valid: Option<&[bool]>, light: Light) -> Result<Self, NormError> {
-        if let Some(mask) = valid {
-            same_length(image.len(), mask.len())?;
-        }
-        let (low, high) = mask::extent(image, valid).map_err(|found| NormError::TooFewValid { found })?;
-        let mean = lit_mean(image, valid);
-        if !(low < high && mean.is_finite() && mean > 0.0) {
-            return Err(NormError::ConstantImage);
-        }
-        let square = light.east * light.east + light.south * light.south;
-        Ok(Self { mean, per_contrast: [light.east, light.south].map(|b| b / square / SLOPE_UNIT) })
+    /// [`NormError::TooFewValid`], [`NormError::ConstantImage`] if the image has no contrast or no light.
+    pub fn new(image: impl Samples, light: Light) -> Result<Self, NormError> {
+        Brightness::of(image).shading(light)
     }
 
     /// Returns the brightness below which a pixel is dark: a tenth of the mean of lit ground.
@@ -81,12 +110,13 @@ impl Shading {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::samples::Masked;
 
     #[test]
     fn the_smallest_slope_explains_the_contrast() {
         let light = Light { east: 1.2, south: -0.5 };
         let image = [90.0, 100.0, 110.0, 100.0];
-        let shading = Shading::new(&image, None, light).unwrap();
+        let shading = Shading::new(&image[..], light).unwrap();
         for v in image {
             let ([east, south], contrast) = (shading.slopes(v), v / 100.0 - 1.0);
             assert!(((light.east * east + light.south * south) * SLOPE_UNIT - contrast).abs() < 1e-6);
@@ -98,18 +128,18 @@ mod tests {
 
     #[test]
     fn steep_slopes_are_cut_off() {
-        let shading = Shading::new(&[1.0, 3.0, f32::NAN], None, Light { east: 0.1, south: 0.0 }).unwrap();
+        let shading = Shading::new(&[1.0, 3.0, f32::NAN][..], Light { east: 0.1, south: 0.0 }).unwrap();
         assert_eq!([shading.slopes(1.0), shading.slopes(3.0)], [[-10.0, 0.0], [10.0, 0.0]]);
         assert_eq!([shading.along(1.0, 0.1), shading.along(3.0, 0.1)], [-1.0, 1.0]);
     }
 
     #[test]
     fn level_ground_beside_a_shadow_has_no_slope() {
-        // A half in shadow, a void, and pixels beyond the mask.
-        let image = [100.0, 100.0, 120.0, 80.0, 1.0, 2.0, 1.5, 0.0, f32::NAN, 9e3];
-        let valid = [[true; 9].as_slice(), &[false]].concat();
+        // A half in shadow, a void, and a masked pixel.
+        let samples = &[100.0, 100.0, 120.0, 80.0, 1.0, 2.0, 1.5, 0.0, f32::NAN, 9e3][..];
+        let image = Masked { samples, bits: &[0xff, 1] };
         let light = Light { east: 1.0, south: 0.0 };
-        let shading = Shading::new(&image, Some(&valid), light).unwrap();
+        let shading = Shading::new(image, light).unwrap();
         assert_eq!(shading.along(100.0, 1.0), 0.0);
         assert_eq!(shading.dark_below(), 10.0);
     }
@@ -117,9 +147,8 @@ mod tests {
     #[test]
     fn darkness_and_sameness_have_no_shading() {
         let light = Light { east: 1.0, south: 0.0 };
-        assert_eq!(Shading::new(&[0.0; 4], None, light), Err(NormError::ConstantImage));
-        assert_eq!(Shading::new(&[-3.0, 1.0], None, light), Err(NormError::ConstantImage));
-        assert_eq!(Shading::new(&[1.0, f32::NAN], None, light), Err(NormError::TooFewValid { found: 1 }));
-        assert!(matches!(Shading::new(&[1.0, 2.0], Some(&[true]), light), Err(NormError::Length(_))));
+        assert_eq!(Shading::new(&[0.0; 4][..], light), Err(NormError::ConstantImage));
+        assert_eq!(Shading::new(&[-3.0, 1.0][..], light), Err(NormError::ConstantImage));
+        assert_eq!(Shading::new(&[1.0, f32::NAN][..], light), Err(NormError::TooFewValid { found: 1 }));
     }
 }

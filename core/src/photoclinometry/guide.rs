@@ -1,11 +1,12 @@
 //! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
-use super::{LitTile, Photoclinometry, Relief, Share};
+use super::{Contrast, FieldWork, LitTile, Photoclinometry, Relief, Share, Task};
 use crate::mask;
 use crate::norm::NormError;
 use crate::norm::shading::SLOPE_UNIT;
 use crate::norm::{ElevationScale, Light, Mirror, Shading};
 use crate::part::{head_mut, item};
+use crate::samples::{Samples, read_mirrored};
 use crate::tile::Shape;
 
 /// Number of maps for the image: two components of slope, the relief, and its uncertainty.
@@ -17,13 +18,11 @@ pub const LIMIT: f32 = 10.0;
 
 /// The maps that a guide is made from; row-major.
 #[derive(Debug, Clone, Copy)]
-pub struct GuideInput<'t> {
-    /// Relative brightness.
-    pub image: &'t [f32],
+pub struct GuideInput<'t, S> {
+    /// Relative brightness; voids are not real ([`mask`]).
+    pub image: S,
     /// Coarse DTM on the image's grid, metres.
     pub coarse_m: &'t [f32],
-    /// Mask of pixels; a pixel must also be real (see [`mask`]) to be valid. `None`: no mask.
-    pub valid: Option<&'t [bool]>,
     /// The mirroring of the maps, applied before all other steps.
     pub mirror: Mirror,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
@@ -61,7 +60,7 @@ pub enum Weight {
 /// let plan = Photoclinometry::new(Shape::new(32, 32));
 /// let mut scratch = vec![0.0; plan.scratch_len()];
 /// let light = Light::from_sun(270.0, 40.0).expect("above the horizon");
-/// let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid: None, mirror: Mirror::default(), coarse_px: 30.0, weight: Weight::Plain };
+/// let tile = GuideInput { image: &image[..], coarse_m: &coarse_m, mirror: Mirror::default(), coarse_px: 30.0, weight: Weight::Plain };
 /// let guide = Guide::new(&plan, tile, &scale, light, &mut scratch)?;
 /// let (mut maps, mut coarse) = ([[0.0; 4]; 32], [0.0; 32]);
 /// guide.image(16 * 32, &mut maps);
@@ -72,19 +71,83 @@ pub enum Weight {
 /// # Ok::<(), elunar_core::norm::NormError>(())
 /// ```
 #[derive(Debug)]
-pub struct Guide<'t, 's> {
-    tile: GuideInput<'t>,
-    shape: Shape,
-    scale: ElevationScale,
-    shading: Shading,
-    direction: [f32; 2],
-    kept: f32,
-    uncertainty: f32,
-    share: Share,
+pub struct Guide<'t, 's, S> {
+    tile: GuideInput<'t, S>,
+    form: GuideForm,
+    /// Part of the slopes that is kept, and the uncertainty of the slope.
+    kept: (f32, f32),
     relief: Relief<'s>,
 }
 
-impl<'t, 's> Guide<'t, 's> {
+/// What turns the samples of a tile into the maps of a guide, beside its relief: plain numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct GuideForm {
+    pub(crate) scale: ElevationScale,
+    pub(crate) shading: Shading,
+    /// The light of the mirrored tile.
+    pub(crate) light: Light,
+    pub(crate) share: Share,
+    pub(crate) weight: Weight,
+}
+
+impl GuideForm {
+    /// Makes the form of a tile of which all contrast is relief.
+    pub(crate) fn new(scale: ElevationScale, shading: Shading, light: Light, weight: Weight) -> Self {
+        Self { scale, shading, light, share: Share::WHOLE, weight }
+    }
+
+    /// Returns whether the share of relief must be measured ([`Self::measured`]).
+    pub(crate) fn is_weighed(&self) -> bool {
+        matches!(self.weight, Weight::Trust { .. })
+    }
+
+    /// Returns the form with the share of relief in the contrast of its tile.
+    pub(crate) fn measured(self, contrast: &Contrast, coarse_px: f32) -> Self {
+        match self.weight {
+            Weight::Plain => self,
+            Weight::Trust { long_share, .. } => {
+                Self { share: contrast.share(self.light).limited(long_share, coarse_px), ..self }
+            }
+        }
+    }
+
+    /// Returns the work that finds the relief.
+    pub(crate) fn relief(&self) -> Task<'_> {
+        let trust = match self.weight {
+            Weight::Plain => 1.0,
+            Weight::Trust { trust, .. } => trust,
+        };
+        Task::Relief { share: &self.share, trust }
+    }
+
+    /// Returns the part of the slopes that is kept, and the uncertainty: slopes as far as they are likely, and what they leave open.
+    fn kept(&self) -> (f32, f32) {
+        match self.weight {
+            Weight::Plain => (1.0, 1.0 / self.light.strength()),
+            Weight::Trust { trust, .. } => (trust * self.share.mean(), self.share.open_slope(trust) / SLOPE_UNIT),
+        }
+    }
+
+    /// Returns a tile of this shape under its light.
+    pub(crate) fn lit<'a, S: Samples>(
+        &'a self,
+        tile: &'a GuideInput<'_, S>,
+        shape: Shape,
+    ) -> LitTile<'a, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])> {
+        let brightness = move |row: usize, out: &mut [f32]| {
+            read_mirrored(&tile.image, tile.mirror, row * shape.cols, shape, out);
+            out.iter_mut().for_each(|v| *v = mask::real(*v));
+        };
+        let coarse = move |row: usize, out: &mut [f32]| {
+            for (out, pixel) in out.iter_mut().zip(tile.mirror.sources(row * shape.cols, shape)) {
+                *out = self.scale.normalised(item(tile.coarse_m, pixel));
+            }
+        };
+        LitTile { brightness, coarse, shading: &self.shading, light: self.light, coarse_px: tile.coarse_px }
+    }
+}
+
+impl<'t, 's, S: Samples> Guide<'t, 's, S> {
     /// Finds the relief of a tile of the plan's shape. `scale` counts heights in pixels ([`ElevationScale::from_pixel`]), `light` is that
     /// of the mirrored tile.
     ///
@@ -92,77 +155,68 @@ impl<'t, 's> Guide<'t, 's> {
     /// [`NormError::Length`] if a map or `scratch` has a wrong length; those of [`Shading::new`].
     pub fn new(
         plan: &Photoclinometry,
-        tile: GuideInput<'t>,
+        tile: GuideInput<'t, S>,
         scale: &ElevationScale,
         light: Light,
         scratch: &'s mut [f32],
     ) -> Result<Self, NormError> {
-        let GuideInput { image, coarse_m, valid, mirror, coarse_px, weight } = tile;
-        let expected = plan.tile.pixels();
-        for found in [image.len(), coarse_m.len(), valid.map_or(expected, <[bool]>::len)] {
-            crate::error::same_length(expected, found)?;
+        for found in [tile.image.len(), tile.coarse_m.len()] {
+            crate::error::same_length(plan.tile.pixels(), found)?;
         }
-        let shading = Shading::new(image, valid, light)?;
-        let shape = plan.tile;
-        let brightness = |row: usize, out: &mut [f32]| {
-            for (out, pixel) in out.iter_mut().zip(mirror.sources(row * shape.cols, shape)) {
-                *out = if mask::counts(image, valid, pixel) { item(image, pixel) } else { f32::NAN };
-            }
-        };
-        let coarse = |row: usize, out: &mut [f32]| {
-            for (out, pixel) in out.iter_mut().zip(mirror.sources(row * shape.cols, shape)) {
-                *out = scale.normalised(item(coarse_m, pixel));
-            }
-        };
-        let lit = LitTile { brightness, coarse, shading: &shading, light, coarse_px };
-        let (share, trust) = match weight {
-            Weight::Plain => (Share::WHOLE, 1.0),
-            Weight::Trust { trust, long_share } => {
-                let contrast = plan.contrast(&lit, scratch)?;
-                (contrast.share(light).limited(long_share, coarse_px), trust)
-            }
-        };
-        // Slopes as far as they are likely, and what they leave open.
-        let (kept, uncertainty) = match weight {
-            Weight::Plain => (1.0, 1.0 / light.strength()),
-            Weight::Trust { trust, .. } => (trust * share.mean(), share.open_slope(trust) / SLOPE_UNIT),
-        };
-        let relief = plan.relief(&lit, &share, trust, scratch)?;
-        let direction = Photoclinometry::direction(light);
-        Ok(Self { tile, shape, scale: *scale, shading, direction, kept, uncertainty, share, relief })
+        let mut form = GuideForm::new(*scale, Shading::new(tile.image, light)?, light, tile.weight);
+        if form.is_weighed() {
+            let contrast = plan.contrast(&form.lit(&tile, plan.tile), scratch)?;
+            form = form.measured(&contrast, tile.coarse_px);
+        }
+        let mut work = FieldWork::default();
+        while plan.advance(&mut work, &form.relief(), &form.lit(&tile, plan.tile), scratch)?.is_some() {}
+        Ok(Self::found(plan, tile, form, scratch))
+    }
+
+    /// Makes the guide of a tile whose relief is in `scratch`.
+    pub(crate) fn found(plan: &Photoclinometry, tile: GuideInput<'t, S>, form: GuideForm, scratch: &'s [f32]) -> Self {
+        Self { tile, form, kept: form.kept(), relief: plan.found(scratch) }
+    }
+
+    fn shape(&self) -> Shape {
+        self.relief.tile
     }
 
     /// Returns the share of the contrast that is relief; all of it for [`Weight::Plain`].
     #[must_use]
     pub fn share(&self) -> &Share {
-        &self.share
+        &self.form.share
     }
 
     /// Returns the brightness below which a pixel is dark ([`Shading::dark_below`]).
     #[must_use]
     pub fn dark_below(&self) -> f32 {
-        self.shading.dark_below()
+        self.form.shading.dark_below()
     }
 
     /// Writes the image's maps at pixels of one row of the mirrored tile, from the row-major index `first` on: slopes east and south, relief,
     /// uncertainty. Their units are 0.1 of slope, a pixel of height, and slope per contrast; the uncertainty of weighed maps is the standard
     /// deviation of the slope that the image leaves open, in 0.1 of slope. Slopes are 0 where the image is invalid.
     pub fn image(&self, first: usize, out: &mut [[f32; MAPS]]) {
-        let GuideInput { image, valid, mirror, .. } = self.tile;
-        let pixels = mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
-        for (maps, (pixel, &relief)) in out.iter_mut().zip(pixels) {
-            let [east, south] =
-                if mask::counts(image, valid, pixel) { self.shading.slopes(item(image, pixel)) } else { [0.0; 2] };
-            *maps = [self.kept * east, self.kept * south, relief, self.uncertainty].map(|v| v.clamp(-LIMIT, LIMIT));
+        const TOGETHER: usize = 16;
+        let ((kept, uncertainty), shading) = (self.kept, &self.form.shading);
+        for (out, first) in out.chunks_mut(TOGETHER).zip((first..).step_by(TOGETHER)) {
+            let mut room = [0.0; TOGETHER];
+            let image = head_mut(&mut room, out.len());
+            read_mirrored(&self.tile.image, self.tile.mirror, first, self.shape(), image);
+            for ((maps, &v), &relief) in out.iter_mut().zip(&*image).zip(self.relief.part(first, image.len())) {
+                let [east, south] = if mask::is_real(v) { shading.slopes(v) } else { [0.0; 2] };
+                *maps = [kept * east, kept * south, relief, uncertainty].map(|v| v.clamp(-LIMIT, LIMIT));
+            }
         }
     }
 
     /// Writes the coarse DTM plus the relief at pixels of one row of the mirrored tile, from the row-major index `first` on, in pixels
     /// about its mean.
     pub fn coarse(&self, first: usize, out: &mut [f32]) {
-        let pixels = self.tile.mirror.sources(first, self.shape).zip(self.relief.part(first, out.len()));
+        let pixels = self.tile.mirror.sources(first, self.shape()).zip(self.relief.part(first, out.len()));
         for (z, (pixel, relief)) in out.iter_mut().zip(pixels) {
-            *z = self.scale.normalised(item(self.tile.coarse_m, pixel)) + relief;
+            *z = self.form.scale.normalised(item(self.tile.coarse_m, pixel)) + relief;
         }
     }
 
@@ -170,14 +224,14 @@ impl<'t, 's> Guide<'t, 's> {
     /// the light: a vector of length one. Ground that rises along it is bright.
     pub fn sloped_image(&self, first: usize, out: &mut [[f32; SLOPED_MAPS]]) {
         const TOGETHER: usize = 8;
-        let Shape { rows, cols } = self.shape;
+        let Shape { rows, cols } = self.shape();
         let (row, left) = (first / cols.max(1), first % cols.max(1));
         let last = |n: usize| n.saturating_sub(1);
         let (above, below) = (last(row), (row + 1).min(last(rows)));
         // Differences over two pixels; at the border over one.
         let unit = |from: usize, to: usize| 1.0 / (SLOPE_UNIT * to.saturating_sub(from).max(1) as f32);
         let down = unit(above, below);
-        let [x, y] = self.direction;
+        let [x, y] = Photoclinometry::direction(self.form.light);
         for (block, out) in out.chunks_mut(TOGETHER).enumerate() {
             let (mut maps, at) = ([[0.0; MAPS]; TOGETHER], left + block * TOGETHER);
             let maps = head_mut(&mut maps, out.len());
@@ -194,9 +248,9 @@ impl<'t, 's> Guide<'t, 's> {
 
     /// Returns coarse DTM plus relief at a pixel of the mirrored tile, in pixels about its mean.
     fn height(&self, row: usize, col: usize) -> f32 {
-        let index = row * self.shape.cols + col;
+        let index = row * self.shape().cols + col;
         let relief = self.relief.part(index, 1).first().copied().unwrap_or(0.0);
-        self.scale.normalised(item(self.tile.coarse_m, self.tile.mirror.source(index, self.shape))) + relief
+        self.form.scale.normalised(item(self.tile.coarse_m, self.tile.mirror.source(index, self.shape()))) + relief
     }
 
     /// Writes all maps of [`Self::image`], side by side in every pixel, and the coarse DTM plus the relief.
@@ -223,7 +277,7 @@ impl<'t, 's> Guide<'t, 's> {
     ) -> Result<(), NormError> {
         crate::error::same_length(self.tile.image.len(), coarse.len())?;
         crate::error::same_length(N * coarse.len(), image.len())?;
-        let cols = self.shape.cols.max(1);
+        let cols = self.shape().cols.max(1);
         let lines = image.as_chunks_mut::<N>().0.chunks_mut(cols).zip(coarse.chunks_mut(cols));
         for (row, (maps, heights)) in lines.enumerate() {
             write(self, row * cols, maps);

@@ -18,17 +18,22 @@ mod expected;
 mod fft;
 mod guide;
 mod share;
+mod work;
 
 pub use expected::{Errors, ExpectedErrors, Origin};
+pub(crate) use guide::GuideForm;
 pub use guide::{Guide, GuideInput, LIMIT, MAPS, SLOPED_MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 
 use crate::error::LengthError;
 use crate::norm::{Light, Shading};
-use crate::part::{copy, head_mut, item, part, part_mut, put};
+use crate::mask::Mean;
+use crate::part::{copy, head, head_mut, item, part, part_mut, put};
 use crate::tile::Shape;
+use core::ops::Range;
 use fft::{GROUP, Lanes, Order, Way, transform};
 use share::Power;
+pub(crate) use work::{FieldWork, Task};
 
 /// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
 pub const SMOOTHNESS: f32 = 0.05;
@@ -43,6 +48,8 @@ const MARGIN_PX: usize = 24;
 /// Number of rows that are transformed together, in pairs as real and imaginary part. The margin has space for them.
 const TOGETHER: usize = 2 * GROUP;
 const _: () = assert!(TOGETHER <= MARGIN_PX);
+/// Number of columns that are transformed together.
+const COLUMNS: usize = 4 * GROUP;
 
 /// Sizes for tiles of one shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,17 +109,15 @@ impl Photoclinometry {
         trust: f32,
         scratch: &'s mut [f32],
     ) -> Result<Relief<'s>, LengthError> {
-        let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        self.fill(field, tile);
-        self.mirror_cols(field);
-        self.rows_forward(field, col_roots);
-        self.mirror_rows(field);
-        transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
-        self.filter(field, Self::direction(tile.light), tile.coarse_px, share, trust);
-        transform(field, &self.rows, row_roots, self.columns(), Way::Backward);
-        self.rows_backward(field, col_roots);
+        let mut work = FieldWork::default();
+        while self.advance(&mut work, &Task::Relief { share, trust }, tile, scratch)?.is_some() {}
+        Ok(self.found(scratch))
+    }
+
+    /// Returns the relief that the work on a field has left in the scratch memory.
+    pub(crate) fn found<'s>(&self, scratch: &'s [f32]) -> Relief<'s> {
         let ((top, left), stride) = (self.corner(), self.cols.len());
-        Ok(Relief { field, first: top * stride + left, stride, cols: self.tile.cols })
+        Relief { field: head(scratch, self.field_len()), first: top * stride + left, stride, tile: self.tile }
     }
 
     /// Measures the contrast of a tile: the slopes along the light that the coarse DTM does not
@@ -125,15 +130,16 @@ impl Photoclinometry {
         tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
         scratch: &mut [f32],
     ) -> Result<Contrast, LengthError> {
-        let Field { field, row_roots, col_roots } = self.field(scratch)?;
-        self.fill(field, tile);
-        let squares = f64::from(self.taper(field));
-        self.rows_forward(field, col_roots);
-        self.clear_margins(field);
-        transform(field, &self.rows, row_roots, self.columns(), Way::Forward);
+        let mut work = FieldWork::default();
+        while self.advance(&mut work, &Task::Contrast, tile, scratch)?.is_some() {}
+        Ok(self.measured(&work))
+    }
+
+    /// Returns the contrast that the work on a field has measured.
+    pub(crate) fn measured(&self, work: &FieldWork) -> Contrast {
         // By Parseval's theorem the power of all waves is the number of values times the sum of squares. Half of the waves are summed.
-        let values = self.field_len() as f64;
-        Ok(Contrast::new(self.power(field), squares / values, 2.0 / (values * squares)))
+        let (values, squares) = (self.field_len() as f64, f64::from(work.squares));
+        Contrast::new(work.power, squares / values, 2.0 / (values * squares))
     }
 
     /// Returns the direction of a light as a unit vector.
@@ -142,22 +148,20 @@ impl Photoclinometry {
         [light.east / strength, light.south / strength]
     }
 
-    /// Divides the scratch memory, and fills the tables.
+    /// Divides the scratch memory.
     fn field<'s>(&self, scratch: &'s mut [f32]) -> Result<Field<'s>, LengthError> {
         let found = scratch.len();
         let scratch =
             scratch.get_mut(..self.scratch_len()).ok_or(LengthError { expected: self.scratch_len(), found })?;
         let (field, tables) = scratch.split_at_mut_checked(self.field_len()).unwrap_or_default();
         let (row_roots, col_roots) = tables.split_at_mut_checked(2 * self.rows.len()).unwrap_or_default();
-        self.rows.roots(row_roots);
-        self.cols.roots(col_roots);
         Ok(Field { field, row_roots, col_roots })
     }
 
-    /// Returns the places of the columns' numbers, once rows are transformed.
-    fn columns(&self) -> Lanes {
-        let half = self.cols.len() / 2;
-        Lanes { re: 0, im: half, stride: self.cols.len(), count: half }
+    /// Returns the places of the numbers of some columns, once rows are transformed.
+    fn columns(&self, block: usize) -> Lanes {
+        let (half, first) = (self.cols.len() / 2, block * COLUMNS);
+        Lanes { re: first, im: half + first, stride: self.cols.len(), count: COLUMNS.min(half.saturating_sub(first)) }
     }
 
     /// Splits the field into the rows above the tile, which are free while rows are processed, and the rest, which begins with the tile's
@@ -166,9 +170,15 @@ impl Photoclinometry {
         field.split_at_mut_checked(self.corner().0 * self.cols.len()).unwrap_or_default()
     }
 
-    /// Writes the slope along the light that the coarse DTM does not explain into the tile's part of the field, and subtracts its mean
-    /// over lit ground. It is 0 where the image is invalid, or a shadow hides the ground.
-    fn fill(&self, field: &mut [f32], tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>) {
+    /// Writes a row of the slope along the light that the coarse DTM does not explain into the tile's part of the field; NaN where the image is
+    /// invalid, or a shadow hides the ground. Adds those of lit ground to `lit`. Rows come in order.
+    fn fill_row(
+        &self,
+        field: &mut [f32],
+        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        row: usize,
+        lit: &mut Mean,
+    ) {
         let LitTile { brightness, coarse, shading, light, coarse_px } = tile;
         let ([east, south], strength) = (Self::direction(*light), light.strength());
         let dark_below = shading.dark_below();
@@ -179,44 +189,55 @@ impl Photoclinometry {
         // Space for three rows of the coarse DTM and one of the image.
         let (heights, rest) = margin.split_at_mut_checked(3 * cols).unwrap_or_default();
         let bright = head_mut(rest, cols);
-        coarse(0, head_mut(heights, cols));
-        let (mut sum, mut known) = (0.0f64, 0usize);
-        for row in 0..rows {
-            let (up, down) = (row.saturating_sub(1), (row + 1).min(rows - 1));
-            if down > row {
-                coarse(down, part_mut(heights, down % 3 * cols, cols));
-            }
-            brightness(row, bright);
-            let [above, here, below] = [up, row, down].map(|row| part(heights, row % 3 * cols, cols));
-            let out = part_mut(tile, row * width + left, cols);
-            let per_row = 1.0 / (down - up).max(1) as f32;
-            let missing = |across: f32, along: f32, v: f32| {
-                // NaN where the image is invalid.
-                let slope = shading.along(v, strength) - (east * across + south * (along * per_row));
-                // A dark slope may be steeper than its brightness says. If the coarse DTM is steeper, nothing remains to be explained.
-                if v < dark_below { slope.min(0.0) } else { slope }
-            };
-            let columns = out.iter_mut().zip(bright.iter()).zip(above.iter().zip(below));
-            for (((out, &v), (a, b)), z) in columns.skip(1).zip(here.windows(3)) {
-                *out = missing(0.5 * (z[2] - z[0]), b - a, v);
-            }
-            // The first and the last column have one neighbour.
-            for (col, before, after) in
-                [(0, 0, 1), (cols.saturating_sub(1), cols.saturating_sub(2), cols.saturating_sub(1))]
-            {
-                let across = item(here, after.min(cols.saturating_sub(1))) - item(here, before);
-                put(out, col, missing(across, item(below, col) - item(above, col), item(bright, col)));
-            }
-            hide(out, bright, dark_below, hidden_px);
-            for (v, _) in out.iter().zip(bright.iter()).filter(|(v, bright)| !v.is_nan() && **bright >= dark_below) {
-                sum += f64::from(*v);
-                known += 1;
-            }
+        if row == 0 {
+            coarse(0, head_mut(heights, cols));
         }
-        let mean = (sum / known.max(1) as f64) as f32;
-        for line in tile.chunks_exact_mut(width.max(1)).take(rows) {
+        let (up, down) = (row.saturating_sub(1), (row + 1).min(rows - 1));
+        if down > row {
+            coarse(down, part_mut(heights, down % 3 * cols, cols));
+        }
+        brightness(row, bright);
+        let [above, here, below] = [up, row, down].map(|row| part(heights, row % 3 * cols, cols));
+        let out = part_mut(tile, row * width + left, cols);
+        let per_row = 1.0 / (down - up).max(1) as f32;
+        let missing = |across: f32, along: f32, v: f32| {
+            // NaN where the image is invalid.
+            let slope = shading.along(v, strength) - (east * across + south * (along * per_row));
+            // A dark slope may be steeper than its brightness says. If the coarse DTM is steeper, nothing remains to be explained.
+            if v < dark_below { slope.min(0.0) } else { slope }
+        };
+        let columns = out.iter_mut().zip(bright.iter()).zip(above.iter().zip(below));
+        for (((out, &v), (a, b)), z) in columns.skip(1).zip(here.windows(3)) {
+            *out = missing(0.5 * (z[2] - z[0]), b - a, v);
+        }
+        // The first and the last column have one neighbour.
+        let last = cols.saturating_sub(1);
+        for (col, before, after) in [(0, 0, 1), (last, cols.saturating_sub(2), last)] {
+            let across = item(here, after.min(last)) - item(here, before);
+            put(out, col, missing(across, item(below, col) - item(above, col), item(bright, col)));
+        }
+        hide(out, bright, dark_below, hidden_px);
+        for (v, _) in out.iter().zip(bright.iter()).filter(|(v, bright)| !v.is_nan() && **bright >= dark_below) {
+            lit.sum += f64::from(*v);
+            lit.count += 1;
+        }
+    }
+
+    /// Subtracts the mean over lit ground from the slopes; where they are unknown they become 0.
+    fn level(&self, field: &mut [f32], lit: Mean) {
+        let (Shape { rows, cols }, (_, left), width) = (self.tile, self.corner(), self.cols.len());
+        let mean = (lit.sum / lit.count.max(1) as f64) as f32;
+        for line in self.margin(field).1.chunks_exact_mut(width.max(1)).take(rows) {
             part_mut(line, left, cols).iter_mut().for_each(|v| *v = if v.is_nan() { 0.0 } else { *v - mean });
         }
+    }
+
+    /// Returns the room for rows side by side, and the tile's rows of a block.
+    fn block<'f>(&self, field: &'f mut [f32], block: usize) -> (&'f mut [f32], &'f mut [f32]) {
+        let (width, rows) = (self.cols.len(), self.tile.rows);
+        let (margin, tile) = self.margin(field);
+        let first = (block * TOGETHER).min(rows);
+        (head_mut(margin, TOGETHER * width), part_mut(tile, first * width, TOGETHER.min(rows - first) * width))
     }
 
     /// Continues the tile's rows to both sides by their mirror image.
@@ -264,10 +285,10 @@ impl Photoclinometry {
         core::f32::consts::TAU * signed / n as f32
     }
 
-    /// Returns the power of each octave, by direction. Of a wave and its opposite, one counts.
-    fn power(&self, field: &[f32]) -> [Power; OCTAVES] {
+    /// Adds the power of each octave, by direction: block 0 has the first column, the others some rows each. Of a wave and its opposite, one
+    /// counts.
+    fn power(&self, field: &[f32], block: usize, octaves: &mut [Power; OCTAVES]) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
-        let mut octaves = [Power::default(); OCTAVES];
         let mut add = |down: f32, across: f32, power: f32| {
             let all = across * across + down * down;
             if let Some(octave) = octaves.get_mut(share::octave(all)) {
@@ -277,21 +298,29 @@ impl Photoclinometry {
                 octave.waves += 1.0;
             }
         };
-        // The first column contains two real sequences; its frequency 0 is half their sum.
-        for m in 1..height.div_ceil(2) {
-            let (p, q) = (self.rows.place(m) * width, self.rows.place(height - m) * width);
-            let at = |place: usize| item(field, place);
-            let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
-            add(Self::wave(m, height), 0.0, re * re + im * im);
-        }
-        for m in (0..height).filter(|m| 2 * m != height) {
+        let Some(rows) = self.spectrum(block) else {
+            // The first column contains two real sequences; its frequency 0 is half their sum.
+            for m in 1..height.div_ceil(2) {
+                let (p, q) = (self.rows.place(m) * width, self.rows.place(height - m) * width);
+                let at = |place: usize| item(field, place);
+                let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
+                add(Self::wave(m, height), 0.0, re * re + im * im);
+            }
+            return;
+        };
+        for m in rows.filter(|m| 2 * m != height) {
             let (down, line) = (Self::wave(m, height), part(field, self.rows.place(m) * width, width));
             let (re, im) = line.split_at_checked(half).unwrap_or_default();
             for (k, (re, im)) in re.iter().zip(im).enumerate().skip(1) {
                 add(down, Self::wave(k, width), re * re + im * im);
             }
         }
-        octaves
+    }
+
+    /// Returns the rows of the spectrum in a block; `None` for block 0.
+    fn spectrum(&self, block: usize) -> Option<Range<usize>> {
+        let first = block.checked_sub(1)? * TOGETHER;
+        Some(first..(first + TOGETHER).min(self.rows.len()))
     }
 
     /// Continues the tile's rows, or their transforms, above and below by their mirror image.
@@ -309,13 +338,15 @@ impl Photoclinometry {
     }
 
     /// Transforms the tile's rows in pairs, as real and imaginary part. Afterwards each row contains its own half spectrum: real parts of
-    /// frequencies 0 to half - 1, then the imaginary parts. The first imaginary part is 0, so frequency half takes its place.
-    fn rows_forward(&self, field: &mut [f32], roots: &[f32]) {
+    /// frequencies 0 to half - 1, then the imaginary parts. The first imaginary part is 0, so frequency half takes its place. Blocks of rows come
+    /// in order.
+    fn rows_forward(&self, field: &mut [f32], roots: &[f32], block: usize) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
-        let (margin, tile) = self.margin(field);
-        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.rows * width));
-        room.fill(0.0);
-        for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
+        let (room, rows) = self.block(field, block);
+        if block == 0 {
+            room.fill(0.0);
+        }
+        {
             // Lanes beyond the last row contain any values; their transforms are not used.
             for (row, line) in rows.chunks_exact(width).enumerate() {
                 let lane = row / 2 + row % 2 * GROUP;
@@ -342,12 +373,11 @@ impl Photoclinometry {
     }
 
     /// Inverts [`Self::rows_forward`] up to a factor of the length; pixels beside the tile are not restored.
-    fn rows_backward(&self, field: &mut [f32], roots: &[f32]) {
+    fn rows_backward(&self, field: &mut [f32], roots: &[f32], block: usize) {
         let (width, half) = (self.cols.len().max(1), self.cols.len() / 2);
         let (Shape { cols, .. }, (_, left)) = (self.tile, self.corner());
-        let (margin, tile) = self.margin(field);
-        let (room, tile) = (head_mut(margin, TOGETHER * width), head_mut(tile, self.tile.rows * width));
-        for rows in tile.chunks_mut((TOGETHER * width).max(1)) {
+        let (room, rows) = self.block(field, block);
+        {
             for k in 0..=half {
                 let inner = k > 0 && k < half;
                 let [p, q] = [k, (width - k) % width].map(|k| self.cols.place(k) * TOGETHER);
@@ -373,7 +403,9 @@ impl Photoclinometry {
 
     /// Multiplies the spectrum by -i D / (D^2 + w K^2 + 1 / (1.4 coarse_px)^2), where D is the wave number along the light, K the total wave
     /// number, and w the weight of slopes; by the trust; and by the missing factors of the transforms.
-    fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32, share: &Share, trust: f32) {
+    ///
+    /// Block 0 has the first column, the others some rows each.
+    fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32, (share, trust): (&Share, f32), block: usize) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         let scale = trust / (height * width) as f32;
         // At least one pixel, because level ground far from any coarse pixel has no scale of its own.
@@ -383,8 +415,10 @@ impl Photoclinometry {
             let (along, all) = (east * across + south * down, across * across + down * down);
             scale * along / (along * along + share.smoothness(all) * all + stiffness)
         };
-        self.filter_first(field, |down| gain(down, 0.0));
-        for m in 0..height {
+        let Some(rows) = self.spectrum(block) else {
+            return self.filter_first(field, |down| gain(down, 0.0));
+        };
+        for m in rows {
             // The highest frequency has no sign, so an odd filter makes it 0.
             let middle = 2 * m == height;
             let (down, line) = (Self::wave(m, height), part_mut(field, self.rows.place(m) * width, width));
@@ -424,8 +458,8 @@ const ROOM: Lanes = Lanes { re: 0, im: GROUP, stride: TOGETHER, count: GROUP };
 /// The scratch memory: the padded tile, and tables of its rows and columns.
 struct Field<'s> {
     field: &'s mut [f32],
-    row_roots: &'s [f32],
-    col_roots: &'s [f32],
+    row_roots: &'s mut [f32],
+    col_roots: &'s mut [f32],
 }
 
 /// Sets the slopes of a row to NaN where `hidden_px` or more pixels side by side are dark.
@@ -463,14 +497,14 @@ pub struct Relief<'s> {
     field: &'s [f32],
     first: usize,
     stride: usize,
-    cols: usize,
+    tile: Shape,
 }
 
 impl Relief<'_> {
     /// Returns the relief at `len` pixels of a row of the tile from a row-major index on, in pixels; an empty slice beyond the tile.
     #[must_use]
     pub fn part(&self, index: usize, len: usize) -> &[f32] {
-        let cols = self.cols.max(1);
+        let cols = self.tile.cols.max(1);
         part(self.field, self.first + index / cols * self.stride + index % cols, len)
     }
 }

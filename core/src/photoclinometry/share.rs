@@ -16,6 +16,7 @@ use super::{LitTile, Photoclinometry, SMOOTHNESS};
 use crate::mask;
 use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
 use crate::part::{item, put};
+use crate::samples::Samples;
 use crate::tile::Shape;
 use core::f32::consts::PI;
 
@@ -71,25 +72,28 @@ impl Contrast {
     ///
     /// # Errors
     /// Those of [`Shading::new`]; [`NormError::Length`] if a buffer has another length.
-    pub fn of_image(
-        image: &[f32],
-        valid: Option<&[bool]>,
+    pub fn of_image(image: impl Samples, shape: Shape, coarse_px: f32, scratch: &mut [f32]) -> Result<Self, NormError> {
+        crate::error::same_length(shape.pixels(), image.len())?;
+        let shading = Shading::new(image, Self::ALONG_ROWS)?;
+        Ok(Photoclinometry::new(shape).contrast(&Self::level(&image, shape, coarse_px, &shading), scratch)?)
+    }
+
+    /// A light of strength 1, under which slopes are contrasts.
+    pub(crate) const ALONG_ROWS: Light = Light { east: 1.0, south: 0.0 };
+
+    /// Returns an image as that of level ground.
+    pub(crate) fn level<'a>(
+        image: &'a impl Samples,
         shape: Shape,
         coarse_px: f32,
-        scratch: &mut [f32],
-    ) -> Result<Self, NormError> {
-        crate::error::same_length(shape.pixels(), image.len())?;
-        // Under a light of strength 1 slopes are contrasts.
-        let light = Light { east: 1.0, south: 0.0 };
-        let shading = Shading::new(image, valid, light)?;
-        let brightness = |row: usize, out: &mut [f32]| {
-            for (out, pixel) in out.iter_mut().zip(row * shape.cols..) {
-                *out = if mask::counts(image, valid, pixel) { item(image, pixel) } else { f32::NAN };
-            }
+        shading: &'a Shading,
+    ) -> LitTile<'a, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])> {
+        let brightness = move |row: usize, out: &mut [f32]| {
+            image.read(row * shape.cols, out);
+            out.iter_mut().for_each(|v| *v = mask::real(*v));
         };
         let level = |_: usize, out: &mut [f32]| out.fill(0.0);
-        let tile = LitTile { brightness, coarse: level, shading: &shading, light, coarse_px };
-        Ok(Photoclinometry::new(shape).contrast(&tile, scratch)?)
+        LitTile { brightness, coarse: level, shading, light: Self::ALONG_ROWS, coarse_px }
     }
 
     /// Adds another tile, or several.

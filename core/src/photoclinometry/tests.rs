@@ -73,7 +73,7 @@ fn relief(
     coarse_px: f32,
     weight: (&Share, f32),
 ) -> Vec<f32> {
-    let shading = Shading::new(image, None, light).unwrap();
+    let shading = Shading::new(image, light).unwrap();
     let mut scratch = vec![9.0; plan.scratch_len()];
     let row = |map: &[f32], row: usize, out: &mut [f32]| out.copy_from_slice(&map[row * out.len()..][..out.len()]);
     let (bright, heights) =
@@ -163,7 +163,7 @@ fn craters_come_back() {
 fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     let plan = Photoclinometry::new(Shape::new(16, 16));
     let (light, image) = (Light { east: 1.0, south: 0.0 }, vec![1.0, 2.0]);
-    let shading = Shading::new(&image, None, light).unwrap();
+    let shading = Shading::new(&image[..], light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let (dark, level) = (|_: usize, out: &mut [f32]| out.fill(f32::NAN), |_: usize, out: &mut [f32]| out.fill(4.0));
     for coarse_px in [30.0, 0.0, f32::NAN] {
@@ -178,7 +178,7 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
     assert_eq!(short.unwrap_err().expected, plan.scratch_len());
     let scale = ElevationScale::from_pixel(&[1.0; 9], None, 2.0, 50.0).unwrap();
     let (mirror, weight) = (Mirror::default(), Weight::Trust { trust: 1.0, long_share: None });
-    let tile = GuideInput { image: &image, coarse_m: &image, valid: None, mirror, coarse_px: 30.0, weight };
+    let tile = GuideInput { image: &image[..], coarse_m: &image, mirror, coarse_px: 30.0, weight };
     assert!(matches!(Guide::new(&plan, tile, &scale, light, &mut scratch), Err(NormError::Length(_))));
     for (i, n, expected) in [(-1, 5, 1), (5, 5, 3), (8, 5, 0), (-30, 2, 0), (3, 1, 0)] {
         assert_eq!(mirrored(i, n), expected, "{i} of {n}");
@@ -187,7 +187,7 @@ fn gaps_leave_the_coarse_dtm_and_odd_arguments_are_harmless() {
 
 /// Returns the contrast of an image above level ground.
 fn contrast(plan: &Photoclinometry, image: &[f32], light: Light) -> Contrast {
-    let shading = Shading::new(image, None, light).unwrap();
+    let shading = Shading::new(image, light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
@@ -253,7 +253,7 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     let light = Light { east: 1.2, south: 0.5 };
     let image: Vec<f32> = noise(rows * cols).iter().map(|v| 100.0 + 20.0 * v).collect();
-    let shading = Shading::new(&image, None, light).unwrap();
+    let shading = Shading::new(&image[..], light).unwrap();
     let mut scratch = vec![f32::NAN; plan.scratch_len()];
     let bright = |row: usize, out: &mut [f32]| out.copy_from_slice(&image[row * out.len()..][..out.len()]);
     let level = |_: usize, out: &mut [f32]| out.fill(0.0);
@@ -379,8 +379,8 @@ fn slopes_are_those_of_the_heights_and_the_light_is_named() {
     let plan = Photoclinometry::new(Shape::new(rows, cols));
     for mirror in [Mirror::default(), Mirror { rows: true, cols: false }] {
         let mut scratch = vec![0.0; plan.scratch_len()];
-        let (valid, weight) = (None, Weight::Trust { trust: 0.8, long_share: None });
-        let tile = GuideInput { image: &image, coarse_m: &coarse_m, valid, mirror, coarse_px: 12.0, weight };
+        let weight = Weight::Trust { trust: 0.8, long_share: None };
+        let tile = GuideInput { image: &image[..], coarse_m: &coarse_m, mirror, coarse_px: 12.0, weight };
         let guide = Guide::new(&plan, tile, &scale, light, &mut scratch).unwrap();
         let (mut maps, mut plain) = (vec![0.0; SLOPED_MAPS * image.len()], vec![0.0; MAPS * image.len()]);
         let (mut heights, mut again) = (vec![0.0; image.len()], vec![0.0; image.len()]);

@@ -2,6 +2,7 @@
 
 use crate::mask::is_real;
 use crate::part::{item, part, part_mut};
+use crate::samples::Samples;
 use crate::tile::Window;
 
 /// Image and coarse heights of the last lines; voids are NaN.
@@ -30,28 +31,46 @@ impl Lines<'_> {
         (part(self.image, at, self.cols), part(self.coarse_m, at, self.cols))
     }
 
-    /// Cuts a tile out of a strip of `rows` lines, and continues the strip beyond its last line and column by repeating them. With `void`,
-    /// the image is void there and wherever the coarse DTM is. Returns whether both inputs are real in any pixel of the tile.
-    pub(super) fn cut(&self, window: Window, rows: usize, void: bool, image: &mut [f32], coarse_m: &mut [f32]) -> bool {
-        let (last_row, last_col, width) = (rows.saturating_sub(1), self.cols.saturating_sub(1), window.cols.max(1));
-        let mut any = false;
-        for (i, (image, coarse_m)) in image.chunks_mut(width).zip(coarse_m.chunks_mut(width)).enumerate() {
-            let row = window.row.saturating_add(i);
-            let (from, from_m) = self.line(row.min(last_row));
-            for (c, (v, z)) in image.iter_mut().zip(coarse_m).enumerate() {
-                let col = window.col.saturating_add(c);
-                (*v, *z) = (item(from, col.min(last_col)), item(from_m, col.min(last_col)));
-                let real = v.is_finite() && z.is_finite();
-                any |= real;
-                if void && (!real || row > last_row || col > last_col) {
-                    *v = f32::NAN;
-                }
-            }
-        }
-        any
+    /// Returns image and coarse heights of a tile of a strip of `rows` lines. Beyond its last line and column the strip repeats them.
+    pub(super) fn tile(&self, window: Window, rows: usize) -> [RingTile<'_>; 2] {
+        let (cols, ring) = (self.cols, self.ring);
+        [&*self.image, &*self.coarse_m].map(|lines| RingTile { lines, window, rows, cols, ring })
     }
 
     fn first(&self, row: usize) -> usize {
         (row % self.ring.max(1)).saturating_mul(self.cols)
+    }
+}
+
+/// The samples of a tile in a ring of lines.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RingTile<'m> {
+    lines: &'m [f32],
+    window: Window,
+    /// Lines and columns of the strip.
+    rows: usize,
+    cols: usize,
+    ring: usize,
+}
+
+impl Samples for RingTile<'_> {
+    fn len(&self) -> usize {
+        self.window.shape().pixels()
+    }
+
+    fn at(&self, index: usize) -> f32 {
+        let mut sample = [f32::NAN];
+        self.read(index, &mut sample);
+        sample[0]
+    }
+
+    fn read(&self, first: usize, out: &mut [f32]) {
+        let (row, col) = (first / self.window.cols.max(1), first % self.window.cols.max(1));
+        let row = self.window.row.saturating_add(row).min(self.rows.saturating_sub(1));
+        let line = part(self.lines, (row % self.ring.max(1)).saturating_mul(self.cols), self.cols);
+        let (col, last) = (self.window.col.saturating_add(col), self.cols.saturating_sub(1));
+        for (value, col) in out.iter_mut().zip(col..) {
+            *value = item(line, col.min(last));
+        }
     }
 }

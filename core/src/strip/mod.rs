@@ -31,9 +31,9 @@
 //! let plan = StripPlan::new(&model, settings)?;
 //!
 //! // In flight these are arrays of the flight software.
-//! let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
+//! let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
 //! let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-//! let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+//! let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
 //! let mut strip = Strip::new(plan, Runner::new(model, &mut arena)?, memory)?;
 //!
 //! // Posts 30 pixels apart, from a row and a column before the strip on.

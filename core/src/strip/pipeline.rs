@@ -6,11 +6,10 @@ use super::error::{StripError, lent, whole_line};
 use super::expected::{Expected, LineErrors};
 use super::lines::Lines;
 use super::plan::StripPlan;
-use crate::fill::fill_gaps;
-use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileError, TileInput, TileLight, TileScale};
-use crate::norm::Anchor;
+use crate::job::{JobError, Made, TileInput, TileJob, TileMemory};
+use crate::nn::{Progress, RunError, Runner, Suspended, Telemetry, TileLight};
 use crate::overlap::OverlapWeights;
-use crate::part::{copy, head_mut};
+use crate::part::head;
 use crate::photoclinometry::{ExpectedErrors, Origin};
 use crate::tile::{Shape, Tiling, Window};
 
@@ -21,8 +20,8 @@ pub struct StripMemory<'m> {
     pub samples: &'m mut [f32],
     /// Sums over tiles.
     pub sums: &'m mut [f64],
-    /// Queue for [`fill_gaps`].
-    pub queue: &'m mut [u32],
+    /// Bits of a tile's valid heights.
+    pub valid: &'m mut [u8],
 }
 
 /// The next call that a strip needs.
@@ -59,9 +58,8 @@ pub struct StripCounters {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Waiting,
-    Running(TileScale),
-    Computed(TileScale),
-    /// The heights are in the memory of the image.
+    Working,
+    /// The heights are at the begin of the scratch memory.
     Made,
 }
 
@@ -77,8 +75,11 @@ struct At {
     /// Number of finished tiles of the next row.
     tile_cols: usize,
     phase: Phase,
+    job: TileJob,
     /// Whether the current tile had a fault before.
     again: bool,
+    /// Whether it was given up.
+    lost: bool,
     counters: StripCounters,
 }
 
@@ -98,11 +99,10 @@ pub struct Strip<'a, 'm> {
     lines: Lines<'m>,
     blend: Blend<'m>,
     expected: Expected<'m>,
-    /// The current tile: its image, later its heights; its coarse heights; and scratch memory.
-    image: &'m mut [f32],
+    /// The current tile: its coarse heights, its valid pixels, and scratch memory.
     coarse_m: &'m mut [f32],
+    valid: &'m mut [u8],
     scratch: &'m mut [f32],
-    queue: &'m mut [u32],
     at: At,
 }
 
@@ -114,7 +114,8 @@ impl<'a, 'm> Strip<'a, 'm> {
     pub fn new(plan: StripPlan, runner: Runner<'a, 'm>, memory: StripMemory<'m>) -> Result<Self, StripError> {
         let counters = StripCounters::default();
         let (phase, ended, again) = (Phase::Waiting, false, false);
-        let at = At { lines: 0, taken: 0, ended, tile_rows: 0, tile_cols: 0, phase, again, counters };
+        let job = plan.job(runner.model());
+        let at = At { lines: 0, taken: 0, ended, tile_rows: 0, tile_cols: 0, phase, job, again, lost: false, counters };
         let strip = Self::open(plan, runner, memory, at)?;
         strip.blend.sums.fill(f64::NAN);
         Ok(strip)
@@ -146,18 +147,17 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
         let samples = lent(memory.samples, plan.samples_len())?;
         let sums = lent(memory.sums, plan.sums_len())?;
-        let queue = lent(memory.queue, plan.queue_len())?;
+        let valid = lent(memory.valid, plan.valid_len())?;
         let (cols, ring) = (plan.settings.cols, plan.settings.ring_lines);
         let (image, rest) = samples.split_at_mut_checked(ring.saturating_mul(cols)).unwrap_or_default();
         let (coarse_m, rest) = rest.split_at_mut_checked(ring.saturating_mul(cols)).unwrap_or_default();
         let lines = Lines { image, coarse_m, cols, ring };
-        let (image, rest) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
         let (coarse_m, rest) = rest.split_at_mut_checked(plan.pixels()).unwrap_or_default();
         let (values, scratch) = rest.split_at_mut_checked(plan.expected_len).unwrap_or_default();
         let (sums, aside) = sums.split_at_mut_checked(plan.tile.rows.saturating_mul(cols)).unwrap_or_default();
         let blend = Blend { sums, aside, weights: OverlapWeights::new(plan.tile), tile: plan.tile, cols };
         let expected = Expected { values };
-        Ok(Self { plan, runner, lines, blend, expected, image, coarse_m, scratch, queue, at })
+        Ok(Self { plan, runner, lines, blend, expected, coarse_m, valid, scratch, at })
     }
 
     /// Takes the next line: relative brightness, and the coarse DTM on the same pixels, metres above the sphere. A pixel that is not real
@@ -188,21 +188,19 @@ impl<'a, 'm> Strip<'a, 'm> {
         self.at.ended = true;
     }
 
-    /// Does a bounded piece of work: prepares a tile, runs `budget_macs` of the network ([`Runner::step`]), recovers a tile's heights, or
-    /// adds them to the sums. Does nothing if a line must be pushed or taken first.
+    /// Does a bounded piece of work: `budget_macs` of a tile ([`TileJob`]), or adds its heights to the sums. Does nothing if a line must be pushed
+    /// or taken first.
     pub fn step(&mut self, budget_macs: u64) -> Next {
         if let Some((window, cut)) = self.tile() {
             match self.at.phase {
-                Phase::Waiting => self.prepare(window),
-                Phase::Running(scale) => match self.runner.step(budget_macs) {
-                    Ok(Progress::Running) => (),
-                    Ok(Progress::Done) => self.at.phase = Phase::Computed(scale),
-                    Err(error) => self.fault(Some(error)),
-                },
-                Phase::Computed(scale) => self.bring_back(&scale),
+                Phase::Waiting => {
+                    (self.at.job, self.at.phase) = (self.plan.job(self.runner.model()), Phase::Working);
+                    self.work(window, budget_macs);
+                }
+                Phase::Working => self.work(window, budget_macs),
                 Phase::Made if self.at.taken < window.row => (),
                 Phase::Made => {
-                    self.blend.add(&cut, window, &self.lines, self.image);
+                    self.blend.add(&cut, window, &self.lines, head(self.scratch, self.plan.pixels()));
                     self.advance();
                 }
             }
@@ -327,57 +325,33 @@ impl<'a, 'm> Strip<'a, 'm> {
         if self.plan.settings.expected_errors { needed.min(at.taken) } else { needed }
     }
 
-    /// Cuts the tile out, fills its voids and begins it.
-    fn prepare(&mut self, window: Window) {
-        let guided = self.runner.model().illumination().is_guided();
-        let Self { lines, image, coarse_m, queue, .. } = self;
-        if !lines.cut(window, self.at.lines, guided, image, coarse_m) {
-            self.at.counters.tiles_empty += 1;
-            return self.advance();
-        }
-        // The plan guarantees the lengths.
-        let _ = fill_gaps(coarse_m, window.cols, queue);
-        if !guided {
-            let _ = fill_gaps(image, window.cols, queue);
-        }
-        let settings = self.plan.settings;
-        let (pixel_m, coarse_px, light) = (settings.pixel_m, settings.coarse_px, TileLight::Scene(settings.light));
-        let tile = TileInput { image: self.image, coarse_m: self.coarse_m, valid: None, pixel_m, coarse_px, light };
-        match self.runner.begin_metres(&tile, self.scratch) {
-            Ok(begun) => {
-                self.expect(&begun.expected.unwrap_or(ExpectedErrors::UNKNOWN));
-                self.at.phase = Phase::Running(begun.scale);
+    /// Works on the current tile.
+    fn work(&mut self, window: Window, budget_macs: u64) {
+        let Self { plan, runner, lines, blend, coarse_m, valid, scratch, at, .. } = self;
+        let mut memory = TileMemory { coarse_m, valid, scratch, lines: blend.aside };
+        let worked = if at.job.is_prepared() {
+            at.job.run(runner, &mut memory, budget_macs)
+        } else {
+            let [image, coarse_m] = lines.tile(window, at.lines);
+            let inside = Shape::new(at.lines - window.row.min(at.lines), lines.cols - window.col.min(lines.cols));
+            let tile = TileInput { image, coarse_m, inside, light: TileLight::Scene(plan.settings.light) };
+            at.job.prepare(runner, &tile, &mut memory, budget_macs).map(|_| Progress::Running)
+        };
+        match (worked, at.job.made()) {
+            (Err(JobError::Network(error)), _) => self.fault(Some(error)),
+            // A model whose header has changed, or whose heights are not real.
+            (Err(_), _) => self.fault(None),
+            (Ok(_), Some(Made::Empty)) => {
+                self.at.counters.tiles_empty += 1;
+                self.advance();
             }
-            Err(error) if error.nothing_to_see() => {
-                self.at.counters.tiles_coarse += 1;
-                self.keep_coarse();
+            (Ok(Progress::Done), made) => {
+                self.at.counters.tiles_coarse += u64::from(made == Some(Made::Coarse) && !self.at.lost);
+                self.expect(&self.at.job.expected().unwrap_or(ExpectedErrors::UNKNOWN));
+                self.at.phase = Phase::Made;
             }
-            Err(TileError::Run(error)) => self.fault(Some(error)),
-            // What is left is a model whose header has changed since it was validated.
-            Err(TileError::Norm(_)) => self.fault(None),
+            (Ok(Progress::Running), _) => (),
         }
-    }
-
-    /// Recovers a finished tile's heights in metres, gives them the long waves of the coarse DTM, and settles them on it if the light is
-    /// doubtful.
-    fn bring_back(&mut self, scale: &TileScale) {
-        if let Err(error) = self.runner.heights(scale, self.image) {
-            return self.fault(Some(error));
-        }
-        if !self.image.iter().all(|z| z.is_finite()) {
-            return self.fault(None);
-        }
-        if self.plan.settings.anchor {
-            let (pixels, cols) = (self.plan.pixels(), self.plan.tile.cols);
-            let anchor = Anchor::new(self.plan.settings.coarse_px);
-            // The plan guarantees the lengths.
-            let _ = anchor.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
-            let _ = scale.fine.apply(self.image, self.coarse_m, cols, head_mut(self.scratch, pixels), self.blend.aside);
-        }
-        if self.runner.model().illumination().is_weighed() {
-            self.plan.settings.light.settle(self.image, self.coarse_m);
-        }
-        self.at.phase = Phase::Made;
     }
 
     /// Begins the tile again, or keeps its coarse heights.
@@ -385,7 +359,8 @@ impl<'a, 'm> Strip<'a, 'm> {
         self.at.counters.last_fault = error;
         if self.at.again {
             self.at.counters.tiles_lost += 1;
-            self.keep_coarse();
+            self.at.lost = true;
+            self.at.job.give_up();
         } else {
             self.at.counters.tiles_again += 1;
             (self.at.again, self.at.phase) = (true, Phase::Waiting);
@@ -403,23 +378,10 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
-    fn keep_coarse(&mut self) {
-        let settings = self.plan.settings;
-        if settings.expected_errors {
-            self.expect(&if self.runner.model().illumination().is_weighed() {
-                ExpectedErrors::of_coarse(self.coarse_m, self.plan.tile.cols, settings.pixel_m, settings.coarse_px)
-            } else {
-                ExpectedErrors::UNKNOWN
-            });
-        }
-        copy(self.image, self.coarse_m);
-        self.at.phase = Phase::Made;
-    }
-
     /// Finishes the current tile.
     fn advance(&mut self) {
         self.at.counters.tiles += 1;
-        (self.at.phase, self.at.again) = (Phase::Waiting, false);
+        (self.at.phase, self.at.again, self.at.lost) = (Phase::Waiting, false, false);
         self.at.tile_cols += 1;
         let across = self.cut(&self.at).map_or(0, |cut| cut.tiling.shape().cols);
         if self.at.tile_cols >= across {

@@ -2,8 +2,8 @@
 
 use super::error::StripError;
 use super::expected::Expected;
+use crate::job::{TileJob, TileMemory, TileRules};
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
-use crate::norm::Anchor;
 use crate::overlap::OverlapWeights;
 use crate::tile::{Shape, Tiling};
 
@@ -67,10 +67,10 @@ impl StripPlan {
             return Err(StripError::Light);
         }
         let pixels = tile.pixels();
-        let scratch_len = model.scratch_len().max(pixels);
+        let scratch_len = TileMemory::scratch_len(&model.input_rules(), tile);
         let lines = ring_lines.checked_mul(cols).and_then(|n| n.checked_mul(2)).ok_or(many)?;
         let expected_len = if expected_errors { Expected::len(&tiling, tile).ok_or(many)? } else { 0 };
-        let samples_len = lines.checked_add(2 * pixels).and_then(|n| n.checked_add(scratch_len));
+        let samples_len = lines.checked_add(pixels).and_then(|n| n.checked_add(scratch_len));
         let samples_len = samples_len.and_then(|n| n.checked_add(expected_len)).ok_or(many)?;
         let rows = tile.rows.checked_mul(cols).ok_or(many)?;
         let sums_len = rows.checked_add(Self::aside_len(cols, tile, expected_errors)).ok_or(many)?;
@@ -86,6 +86,12 @@ impl StripPlan {
         model.tile().rows.saturating_add(1)
     }
 
+    /// Returns a job for the next tile.
+    pub(super) fn job(&self, model: &Model<'_>) -> TileJob {
+        let StripSettings { pixel_m, coarse_px, anchor, .. } = self.settings;
+        TileJob::new(TileRules { pixel_m, coarse_px, anchor }, model.input_rules(), self.tile)
+    }
+
     /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> StripSettings {
@@ -98,7 +104,7 @@ impl StripPlan {
         self.arena_bytes
     }
 
-    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, those of a tile, scratch
+    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, the coarse heights of a tile, scratch
     /// memory, and expected errors of some rows of tiles if wanted.
     #[must_use]
     pub fn samples_len(&self) -> usize {
@@ -111,10 +117,10 @@ impl StripPlan {
         self.sums_len
     }
 
-    /// Length of [`super::StripMemory::queue`]: one per pixel of a tile.
+    /// Length of [`super::StripMemory::valid`]: one bit per pixel of a tile.
     #[must_use]
-    pub fn queue_len(&self) -> usize {
-        self.pixels()
+    pub fn valid_len(&self) -> usize {
+        TileMemory::valid_len(self.tile)
     }
 
     /// Number of bytes in total, without the model's own.
@@ -124,7 +130,7 @@ impl StripPlan {
     }
 
     fn checked_bytes(&self) -> Option<usize> {
-        let parts = [(self.arena_bytes, 1), (self.samples_len, 4), (self.sums_len, 8), (self.queue_len(), 4)];
+        let parts = [(self.arena_bytes, 1), (self.samples_len, 4), (self.sums_len, 8), (self.valid_len(), 1)];
         parts.into_iter().try_fold(0usize, |sum, (len, bytes)| sum.checked_add(len.checked_mul(bytes)?))
     }
 
@@ -138,6 +144,6 @@ impl StripPlan {
     fn aside_len(cols: usize, tile: Shape, expected_errors: bool) -> usize {
         let lines = cols.saturating_mul(if expected_errors { 1 + Expected::SUMS } else { 1 });
         let weigh = lines.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
-        weigh.max(Anchor::sums_len(tile.rows, tile.cols))
+        weigh.max(TileMemory::lines_len(tile))
     }
 }

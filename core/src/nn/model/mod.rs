@@ -11,8 +11,7 @@ use super::file::{
     CHUNK_BYTES, Conv, ENTRY_BYTES, Entry, MAX_RECORDS, ModelError, OPERATOR_BYTES, Operator, RawModel, TENSOR_BYTES,
     groups, panelled, sealed, word,
 };
-use super::input::{Illumination, TruthRange};
-use super::maps::InputRules;
+use super::input::{InputRules, Illumination, TruthRange};
 use super::ops::{Constants, Prepared};
 use super::tensor::Tensor;
 use crate::tile::Shape;
@@ -171,11 +170,6 @@ impl<'a> Model<'a> {
     pub(super) fn sealed_tensor(&self, index: u32) -> Option<Tensor> {
         let record = self.tensors.get(index as usize)?;
         sealed(record).then(|| Tensor::read(record))
-    }
-
-    /// Number of values of scratch memory that is needed to begin a tile in metres; 0 for models without a given light.
-    pub fn scratch_len(&self) -> usize {
-        self.input_rules().scratch_len(self.tile())
     }
 
     /// Number of checksums of rows in the arena: one per row that is kept.

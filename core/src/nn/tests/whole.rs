@@ -2,7 +2,8 @@
 //! of this crate, see [`crate::part`]).
 
 use crate::nn::file::{Content, Entry, Operator, Tensor, word};
-use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileInput, TileLight, required};
+use crate::job::{Made, TileInput};
+use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileLight, required};
 use crate::norm::Light;
 use crate::tile::Shape;
 use std::io::Write;
@@ -39,13 +40,10 @@ fn run(kernel: Kernel, model: Model<'_>, protect: bool) {
     let image: Vec<f32> = (0..rows * cols).map(|i| 90.0 + ((i * 2_654_435_761) >> 7 & 63) as f32).collect();
     let coarse_m: Vec<f32> = (0..rows * cols).map(|i| -1900.0 + (i / cols) as f32 + (i % cols) as f32 / 3.0).collect();
     let light = TileLight::Scene(Lighting::given(Light { east: 20.0, south: 20.0 }));
-    let mut scratch = vec![0.0; runner.scratch_len()];
-    let tile = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
-    let begun = runner.begin_metres(&tile, &mut scratch).unwrap();
-    finish(&mut runner);
-    let mut heights_m = vec![0.0; rows * cols];
-    runner.heights(&begun.scale, &mut heights_m).unwrap();
-    assert!(heights_m.iter().all(|h| h.is_finite()));
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: model.tile(), light };
+    let (made, heights_m) = crate::job::tests::made(&mut runner, &tile, 1 << 24);
+    assert_eq!(made, Made::Predicted);
+    assert!(heights_m.len() == rows * cols && heights_m.iter().all(|h| h.is_finite()));
 }
 
 #[test]

@@ -3,8 +3,9 @@
 //! Cells overlap, so each row of the maps is read for several of them. Four columns of cells are read from top to bottom, and keep
 //! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
 
-use crate::mask::{self, is_real};
-use crate::part::{item, part};
+use crate::mask::is_real;
+use crate::part::{head_mut, item, part};
+use crate::samples::Samples;
 use crate::terrain::PixelSize;
 
 /// Means over a cell: brightness, slope east, slope south.
@@ -17,6 +18,8 @@ const PHASES: usize = 2;
 /// Greatest share of a cell's pixels of the image that may be invalid, as one over this number: scattered dead or saturated pixels, or the edge of
 /// a void (our choice).
 const INVALID_SHARE: u32 = 8;
+/// Samples of a row that are read together.
+const TOGETHER: usize = 64;
 /// Sums that are added side by side, so that processors with vectors are faster. The result is the same on all.
 const LANES: usize = 8;
 
@@ -62,10 +65,9 @@ impl Places {
 }
 
 /// The maps of a rectangle, and half the side of its cells, pixels.
-pub(super) struct Rectangle<'a> {
-    pub(super) image: &'a [f32],
+pub(super) struct Rectangle<'a, S> {
+    pub(super) image: S,
     pub(super) coarse_m: &'a [f32],
-    pub(super) valid: Option<&'a [bool]>,
     pub(super) cols: usize,
     pub(super) pixel: PixelSize,
     pub(super) half: usize,
@@ -91,7 +93,7 @@ struct HalfCell {
     dark: [bool; 4],
 }
 
-impl Rectangle<'_> {
+impl<S: Samples> Rectangle<'_, S> {
     /// Returns the sums over half a cell of rows, for a column of cells whose first pixel is `left`. Above and below the cells only
     /// brightness counts.
     fn half(&self, top: usize, left: usize, has_slopes: bool) -> HalfCell {
@@ -99,20 +101,19 @@ impl Rectangle<'_> {
         for row in 0..self.half {
             let first = (top + row) * self.cols + left;
             let (width, from) = (4 * self.half, first - self.half);
-            let mask = self.valid.map(|valid| part(valid, from, width));
             let from_top = row as f64 + 0.5;
-            let [bright, weight] = tent(part(self.image, from, width), mask).map(f64::from);
+            let [bright, weight] = self.tent(from, width).map(f64::from);
             for ([sum, moment], of_row) in [(&mut half.bright, bright), (&mut half.weight, weight)] {
                 *sum += of_row;
                 *moment += from_top * of_row;
             }
             for (quarter, (lit, dark)) in half.lit.iter_mut().zip(&mut half.dark).enumerate() {
                 let from = from + quarter * self.half;
-                let mut pixels = (from..from + self.half).filter(|&i| mask::counts(self.image, self.valid, i));
+                let mut pixels = (from..from + self.half).map(|i| self.image.at(i)).filter(|v| is_real(*v));
                 // Most squares show at once that they are lit.
                 *lit = *lit
-                    || pixels.any(|i| {
-                        let is_dark = item(self.image, i) < self.dark_below;
+                    || pixels.any(|v| {
+                        let is_dark = v < self.dark_below;
                         *dark |= is_dark;
                         !is_dark
                     });
@@ -128,7 +129,6 @@ impl Rectangle<'_> {
     fn slopes(&self, first: usize, half: &mut HalfCell) {
         let side = 2 * self.half;
         let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
-        let image = part(self.image, first, side);
         let (mut down, mut real) = ([0.0f32; LANES], true);
         for (a, b) in above.chunks(LANES).zip(below.chunks(LANES)) {
             for ((sum, a), b) in down.iter_mut().zip(a).zip(b) {
@@ -136,13 +136,12 @@ impl Rectangle<'_> {
                 real &= is_real(*a) & is_real(*b);
             }
         }
-        half.invalid += match self.valid {
-            None => image.iter().map(|v| u32::from(!is_real(*v))).sum::<u32>(),
-            Some(valid) => {
-                let pairs = image.iter().zip(part(valid, first, side));
-                pairs.map(|(v, valid)| u32::from(!(is_real(*v) & *valid))).sum()
-            }
-        };
+        let mut room = [0.0; TOGETHER];
+        for from in (0..side).step_by(TOGETHER) {
+            let room = head_mut(&mut room, TOGETHER.min(side - from));
+            self.image.read(first + from, room);
+            half.invalid += room.iter().map(|v| u32::from(!is_real(*v))).sum::<u32>();
+        }
         // The sum of all differences along a row is that of its ends.
         let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
         let [last, before_last, second, before] = ends;
@@ -150,6 +149,25 @@ impl Rectangle<'_> {
         let [east, south] = &mut half.rise;
         *east += f64::from((last - second) + (before_last - before));
         *south += f64::from(total(down));
+    }
+
+    /// Returns the sum of a row's valid pixels under a tent over all of them, and the sum of their weights.
+    fn tent(&self, from: usize, width: usize) -> [f32; 2] {
+        let (mut sums, mut weights) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let mut room = [0.0; TOGETHER];
+        for first in (0..width).step_by(TOGETHER) {
+            let room = head_mut(&mut room, TOGETHER.min(width - first));
+            self.image.read(from + first, room);
+            for (chunk, values) in room.chunks(LANES).enumerate() {
+                for (lane, ((sum, counted), v)) in sums.iter_mut().zip(&mut weights).zip(values).enumerate() {
+                    let from_left = (first + chunk * LANES + lane) as f32 + 0.5;
+                    let weight = if is_real(*v) { from_left.min(width as f32 - from_left) } else { 0.0 };
+                    *sum += weight * if is_real(*v) { *v } else { 0.0 };
+                    *counted += weight;
+                }
+            }
+        }
+        [total(sums), total(weights)]
     }
 
     /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if a height is invalid, too many
@@ -174,36 +192,13 @@ impl Rectangle<'_> {
     }
 }
 
-/// Returns the sum of a row's valid pixels under a tent over all of them, and the sum of their weights.
-fn tent(pixels: &[f32], valid: Option<&[bool]>) -> [f32; 2] {
-    let width = pixels.len() as f32;
-    let (mut sums, mut weights) = ([0.0f32; LANES], [0.0f32; LANES]);
-    let add = |chunk: usize, lane: usize, (sum, counted): (&mut f32, &mut f32), v: f32, counts: bool| {
-        let from_left = (chunk * LANES + lane) as f32 + 0.5;
-        let weight = if counts { from_left.min(width - from_left) } else { 0.0 };
-        *sum += weight * if counts { v } else { 0.0 };
-        *counted += weight;
-    };
-    for (chunk, values) in pixels.chunks(LANES).enumerate() {
-        let lanes = sums.iter_mut().zip(&mut weights).zip(values).enumerate();
-        match valid {
-            None => lanes.for_each(|(lane, (to, v))| add(chunk, lane, to, *v, is_real(*v))),
-            Some(valid) => {
-                let counts = |lane: usize, v: f32| is_real(v) && item(valid, chunk * LANES + lane);
-                lanes.for_each(|(lane, (to, v))| add(chunk, lane, to, *v, counts(lane, *v)));
-            }
-        }
-    }
-    [total(sums), total(weights)]
-}
-
 fn total(lanes: [f32; LANES]) -> f32 {
     lanes.into_iter().sum()
 }
 
 /// Four columns of cells, side by side, or fewer; gives row after row, each half a cell below the one before.
-pub(super) struct CellColumns<'a> {
-    maps: &'a Rectangle<'a>,
+pub(super) struct CellColumns<'a, S> {
+    maps: &'a Rectangle<'a, S>,
     /// First pixel of the first cell.
     left: usize,
     columns: usize,
@@ -214,8 +209,8 @@ pub(super) struct CellColumns<'a> {
     halves: [[HalfCell; 4]; COLUMNS],
 }
 
-impl<'a> CellColumns<'a> {
-    pub(super) fn new(maps: &'a Rectangle<'a>, down: &Places, left: usize, columns: usize) -> Self {
+impl<'a, S: Samples> CellColumns<'a, S> {
+    pub(super) fn new(maps: &'a Rectangle<'a, S>, down: &Places, left: usize, columns: usize) -> Self {
         let top = down.first - maps.half;
         let mut new = Self { maps, left, columns, top, rows: down.count, halves: Default::default() };
         (0..3).for_each(|i| new.read(i > 0));
@@ -234,7 +229,7 @@ impl<'a> CellColumns<'a> {
     }
 }
 
-impl Iterator for CellColumns<'_> {
+impl<S: Samples> Iterator for CellColumns<'_, S> {
     type Item = [Option<Cell>; COLUMNS];
 
     fn next(&mut self) -> Option<Self::Item> {

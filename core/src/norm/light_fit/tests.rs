@@ -1,10 +1,15 @@
 use super::*;
+use crate::samples::Masked;
 use proptest::prelude::*;
 
 const ROWS: usize = 130;
 const COLS: usize = 150;
 /// Side of a coarse pixel, pixels of the image.
 const COARSE_PX: f32 = 8.0;
+
+fn bits(valid: &[bool]) -> Vec<u8> {
+    valid.chunks(8).map(|eight| eight.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit))).collect()
+}
 
 /// Returns rolling hills with waves of 3 to 7 coarse pixels, and their image under `light`, times a brightness.
 fn scene(light: Light, brightness: f32) -> (Vec<f32>, Vec<f32>) {
@@ -39,7 +44,7 @@ fn coarse(map: &[f32]) -> Vec<f32> {
 }
 
 fn fit(image: &[f32], heights: &[f32]) -> LightFit {
-    LightFit::of_tile(image, heights, None, COLS, 2.0, COARSE_PX)
+    LightFit::of_tile(image, heights, COLS, 2.0, COARSE_PX)
 }
 
 /// Returns the strength that an image without noise gives: the fitted one, drawn to the expected one.
@@ -151,16 +156,16 @@ fn cells_with_invalid_pixels_are_left_out() {
             *v
         };
     }
-    let of = |image: &[f32], valid| LightFit::of_tile(image, &heights, valid, COLS, 2.0, COARSE_PX);
+    let bits = bits(&valid);
+    let masked = |samples| LightFit::of_tile(Masked { samples, bits: &bits }, &heights, COLS, 2.0, COARSE_PX);
     // What a masked pixel contains does not matter.
     let mut other = image.clone();
     other[22 * COLS + 21] = f32::NAN;
-    assert_eq!(of(&image, Some(&valid)), of(&other, Some(&valid)));
+    assert_eq!(masked(&image[..]), masked(&other[..]));
     // Squares without one of their cells do not count. The overlapping squares about a pixel count for little more than one.
-    assert!((4.0..7.0).contains(&(clean.cells - of(&image, None).cells)));
-    assert!((8.0..14.0).contains(&(clean.cells - of(&image, Some(&valid)).cells)));
-    let of = |valid| of(&image, valid);
-    let (found, clean) = (of(Some(&valid)).estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
+    assert!((4.0..7.0).contains(&(clean.cells - fit(&image, &heights).cells)));
+    assert!((8.0..14.0).contains(&(clean.cells - masked(&image[..]).cells)));
+    let (found, clean) = (masked(&image[..]).estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
     assert!((found.light.east - clean.light.east).abs() < 0.03, "{found:?} for {clean:?}");
 }
 
@@ -180,7 +185,8 @@ fn scattered_invalid_pixels_do_not_matter() {
             _ => {}
         }
     }
-    let fit = LightFit::of_tile(&image, &heights, Some(&valid), COLS, 2.0, COARSE_PX);
+    let masked = Masked { samples: &image[..], bits: &bits(&valid) };
+    let fit = LightFit::of_tile(masked, &heights, COLS, 2.0, COARSE_PX);
     assert!(fit.cells > 0.95 * clean.cells, "{} of {}", fit.cells, clean.cells);
     let (found, clean) = (fit.estimate(None, None).unwrap(), clean.estimate(None, None).unwrap());
     assert!((found.light.azimuth_deg() - clean.light.azimuth_deg()).abs() < 1.0, "{found:?} for {clean:?}");
@@ -271,7 +277,7 @@ fn featureless_gappy_and_small_scenes_have_no_light() {
     assert!(none(&image[1..], &heights));
     // An image without contrast has a light of strength 0.
     assert!(none(&flat, &heights));
-    assert!(LightFit::of_tile(&[], &[], None, 0, 2.0, 8.0).estimate(None, None).is_none());
+    assert!(LightFit::of_tile(&[][..], &[], 0, 2.0, 8.0).estimate(None, None).is_none());
     for coarse_px in [0.0, f32::NAN, f32::INFINITY, -3.0, 1e9] {
         assert!(LightFit::cell_px(coarse_px) >= 4 && LightFit::cell_px(coarse_px) <= 256);
     }
@@ -312,7 +318,7 @@ fn a_mirrored_scene_has_the_mirrored_light() {
     let (image, heights) = scene(light, 7.0);
     let heights = coarse(&heights);
     let light = |image: &[f32], heights: &[f32], cols| {
-        LightFit::of_tile(image, heights, None, cols, 2.0, COARSE_PX).estimate(None, None).unwrap().light
+        LightFit::of_tile(image, heights, cols, 2.0, COARSE_PX).estimate(None, None).unwrap().light
     };
     let straight = light(&image, &heights, COLS);
     let turned =
@@ -332,9 +338,9 @@ fn a_mirrored_scene_has_the_mirrored_light() {
 const SIDE: usize = 12;
 
 /// Returns the cell whose box begins here by sums over its pixels, written down plainly.
-fn plain(maps: &Rectangle<'_>, top: usize, left: usize) -> Option<Cell> {
-    let (image, heights, valid) = (maps.image, maps.coarse_m, maps.valid.unwrap());
-    let counts = |i: usize| image[i].is_finite() && valid[i];
+fn plain(maps: &Rectangle<'_, impl Samples>, top: usize, left: usize) -> Option<Cell> {
+    let (image, heights) = (|i: usize| maps.image.at(i), maps.coarse_m);
+    let counts = |i: usize| image(i).is_finite();
     let box_ = (top..top + SIDE).flat_map(|row| (left..left + SIDE).map(move |col| row * COLS + col));
     let near = |i: usize| [i - 1, i + 1, i - COLS, i + COLS].map(|i| f64::from(heights[i]));
     if !box_.clone().all(|i| near(i).iter().all(|z| z.is_finite())) {
@@ -350,7 +356,7 @@ fn plain(maps: &Rectangle<'_>, top: usize, left: usize) -> Option<Cell> {
         let (top, left) = (top - half + square / 4 * half, left - half + square % 4 * half);
         let pixels = (top..top + half).flat_map(|row| (left..left + half).map(move |col| row * COLS + col));
         let seen: Vec<usize> = pixels.filter(|&i| counts(i)).collect();
-        !seen.is_empty() && seen.into_iter().all(|i| image[i] < 5.0)
+        !seen.is_empty() && seen.into_iter().all(|i| image(i) < 5.0)
     };
     if (0..16).any(dark) {
         return None;
@@ -363,7 +369,7 @@ fn plain(maps: &Rectangle<'_>, top: usize, left: usize) -> Option<Cell> {
         let rise = |n: usize| n.min(2 * SIDE - 1 - n) as f64 + 0.5;
         let i = (top + row - SIDE / 2) * COLS + left + col - SIDE / 2;
         if counts(i) {
-            sum += rise(row) * rise(col) * f64::from(image[i]);
+            sum += rise(row) * rise(col) * f64::from(image(i));
             weights += rise(row) * rise(col);
         }
     }
@@ -384,9 +390,8 @@ fn cells_are_means_under_a_box_and_a_tent() {
     let valid: Vec<bool> = (0..image.len()).map(|i| !masked(i)).collect();
     let pixel = PixelSize { row_m: 3.0, col_m: 2.0 };
     let maps = Rectangle {
-        image: &image,
+        image: Masked { samples: &image[..], bits: &bits(&valid) },
         coarse_m: &heights,
-        valid: Some(&valid),
         cols: COLS,
         pixel,
         half: SIDE / 2,

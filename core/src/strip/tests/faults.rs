@@ -75,7 +75,7 @@ fn a_tile_that_finds_the_model_changed_is_begun_again() {
     let expected = scene.heights_m(&file, &settings(COLS, 40));
     // Changed in the middle of a tile, and repaired before the tile begins again.
     let mut hits = 0;
-    for at in 0..40 {
+    for at in 0..120 {
         let mut was = None;
         let spoilt = constant(&file);
         let mended = file[spoilt];
@@ -84,7 +84,7 @@ fn a_tile_that_finds_the_model_changed_is_begun_again() {
                 bytes[spoilt] ^= 0x10;
                 was = Some(steps);
             }
-            Some(then) if steps > then + 6 => bytes[spoilt] = mended,
+            Some(then) if steps > then + 12 => bytes[spoilt] = mended,
             _ => (),
         });
         hits += counters.tiles_again;

@@ -15,9 +15,9 @@ fn memory_grows_by_what_a_line_and_a_column_hold() {
     assert_eq!(longer.bytes() - least.bytes(), 2 * 4 * 100, "image and coarse heights of a line");
     // In addition to the lines, weighted heights for a tile's rows, and one sum of weights.
     assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.rows + 8);
-    let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), 4 * least.queue_len()];
+    let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), least.valid_len()];
     assert_eq!(least.bytes(), parts.iter().sum());
-    assert_eq!(least.queue_len(), TILE.rows * TILE.cols);
+    assert_eq!(least.valid_len(), (TILE.rows * TILE.cols).div_ceil(8));
 }
 
 #[test]

@@ -76,12 +76,12 @@ fn short_memory_and_other_models_are_refused() {
     let file = file();
     let model = Model::new(&file).unwrap();
     let plan = StripPlan::new(&model, settings(25, 20)).unwrap();
-    let whole = [plan.samples_len(), plan.sums_len(), plan.queue_len()];
+    let whole = [plan.samples_len(), plan.sums_len(), plan.valid_len()];
     for short in 0..3 {
         let mut lens = whole;
         lens[short] -= 1;
-        let (mut samples, mut sums, mut queue) = (vec![0.0; lens[0]], vec![0.0; lens[1]], vec![0; lens[2]]);
-        let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+        let (mut samples, mut sums, mut valid) = (vec![0.0; lens[0]], vec![0.0; lens[1]], vec![0; lens[2]]);
+        let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
         let mut arena = vec![0; plan.arena_bytes()];
         let refused = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap_err();
         assert_eq!(refused, StripError::Memory(LengthError { expected: whole[short], found: whole[short] - 1 }));

@@ -4,8 +4,9 @@ use crate::fill::fill_gaps;
 use crate::mask::is_real;
 use crate::nn::file::{Conv, Dtype, Operator, Tensor};
 use crate::nn::tests::draft::Draft;
-use crate::nn::{Lighting, Model, Progress, Runner, TileInput, TileLight, required};
-use crate::norm::Anchor;
+use crate::nn::{Lighting, Model, Progress, Runner, required};
+use crate::norm::intensity::normalise;
+use crate::norm::{Anchor, ElevationScale};
 use crate::overlap::{Open, OverlapWeights};
 use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
 use crate::tile::{Shape, Tiling};
@@ -104,21 +105,24 @@ fn tile(file: &[u8], image: &[f32], coarse_m: &[f32], settings: &StripSettings) 
     }
     let (mut image, mut coarse_m) = (image.to_vec(), coarse_m.to_vec());
     for map in [&mut image, &mut coarse_m] {
-        fill_gaps(map, TILE.cols, &mut vec![0; TILE.rows * TILE.cols]).unwrap();
+        fill_gaps(map, TILE.cols, &mut vec![0.0; TILE.rows * TILE.cols]).unwrap();
     }
     let model = Model::new(file).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let StripSettings { pixel_m, coarse_px, .. } = *settings;
-    let light = TileLight::Scene(settings.light);
-    let input = TileInput { image: &image, coarse_m: &coarse_m, valid: None, pixel_m, coarse_px, light };
-    let Ok(begun) = runner.begin_metres(&input, &mut []) else { return Some(coarse_m) };
+    let (mut bright, mut coarse) = (vec![0.0; image.len()], vec![0.0; image.len()]);
+    let Ok(_) = normalise(&image, None, &mut bright) else { return Some(coarse_m) };
+    let Ok(scale) = ElevationScale::from_heights(&coarse_m, None, model.nr()) else { return Some(coarse_m) };
+    scale.normalise(&coarse_m, &mut coarse).unwrap();
+    runner.begin(&bright, &coarse).unwrap();
     while runner.step(u64::MAX).unwrap() == Progress::Running {}
-    let mut heights_m = vec![0.0; image.len()];
-    runner.heights(&begun.scale, &mut heights_m).unwrap();
+    let (mut found, mut heights_m) = (vec![0.0; image.len()], vec![0.0; image.len()]);
+    runner.output(&mut found).unwrap();
+    scale.recover(&found, &mut heights_m).unwrap();
     if settings.anchor {
         let (mut difference, mut sums) = (vec![0.0; image.len()], vec![0.0; Anchor::sums_len(TILE.rows, TILE.cols)]);
-        Anchor::new(coarse_px).apply(&mut heights_m, &coarse_m, TILE.cols, &mut difference, &mut sums).unwrap();
+        let anchor = Anchor::new(settings.coarse_px);
+        anchor.apply(&mut heights_m, &coarse_m, TILE.cols, &mut difference, &mut sums).unwrap();
     }
     Some(heights_m)
 }
@@ -131,7 +135,7 @@ pub(super) struct Blocks {
     arena: Vec<u8>,
     samples: Vec<f32>,
     sums: Vec<f64>,
-    queue: Vec<u32>,
+    valid: Vec<u8>,
 }
 
 impl Blocks {
@@ -140,16 +144,16 @@ impl Blocks {
             arena: vec![0xA5; plan.arena_bytes() + GUARDS],
             samples: vec![-7.5; plan.samples_len() + GUARDS],
             sums: vec![-7.5; plan.sums_len() + GUARDS],
-            queue: vec![0xA5A5; plan.queue_len() + GUARDS],
+            valid: vec![0xA5; plan.valid_len() + GUARDS],
         }
     }
 
     /// Lends the blocks without their guards.
     pub(super) fn lend(&mut self) -> (&mut [u8], StripMemory<'_>) {
-        let Self { arena, samples, sums, queue } = self;
-        let lent = [arena.len(), samples.len(), sums.len(), queue.len()].map(|len| len - GUARDS);
+        let Self { arena, samples, sums, valid } = self;
+        let lent = [arena.len(), samples.len(), sums.len(), valid.len()].map(|len| len - GUARDS);
         let memory =
-            StripMemory { samples: &mut samples[..lent[1]], sums: &mut sums[..lent[2]], queue: &mut queue[..lent[3]] };
+            StripMemory { samples: &mut samples[..lent[1]], sums: &mut sums[..lent[2]], valid: &mut valid[..lent[3]] };
         (&mut arena[..lent[0]], memory)
     }
 
@@ -157,7 +161,7 @@ impl Blocks {
         assert!(self.arena.iter().rev().take(GUARDS).all(|v| *v == 0xA5));
         assert!(self.samples.iter().rev().take(GUARDS).all(|v| *v == -7.5));
         assert!(self.sums.iter().rev().take(GUARDS).all(|v| *v == -7.5));
-        assert!(self.queue.iter().rev().take(GUARDS).all(|v| *v == 0xA5A5));
+        assert!(self.valid.iter().rev().take(GUARDS).all(|v| *v == 0xA5));
     }
 }
 

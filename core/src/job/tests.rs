@@ -1,0 +1,277 @@
+use super::*;
+use crate::fill::fill_gaps;
+use crate::nn::{Illumination, KnownSun, Runner, TruthRange};
+use crate::norm::Anchor;
+use crate::photoclinometry::{Contrast, Guide, GuideInput, Photoclinometry, SLOPED_MAPS, Weight};
+use crate::samples::is_set;
+
+/// The lent memory of a job.
+pub(crate) struct Lent {
+    coarse_m: Vec<f32>,
+    valid: Vec<u8>,
+    scratch: Vec<f32>,
+    lines: Vec<f64>,
+}
+
+impl Lent {
+    pub(crate) fn new(rules: &InputRules, tile: Shape) -> Self {
+        Self {
+            coarse_m: vec![7.5; tile.pixels()],
+            valid: vec![0xA5; TileMemory::valid_len(tile)],
+            scratch: vec![-7.5; TileMemory::scratch_len(rules, tile)],
+            lines: vec![7.5; TileMemory::lines_len(tile)],
+        }
+    }
+
+    pub(crate) fn memory(&mut self) -> TileMemory<'_> {
+        let Self { coarse_m, valid, scratch, lines } = self;
+        TileMemory { coarse_m, valid, scratch, lines }
+    }
+}
+
+const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 6.0, anchor: true };
+
+/// Makes a tile with steps of a budget.
+pub(crate) fn made(
+    runner: &mut Runner<'_, '_>,
+    tile: &TileInput<impl Samples, impl Samples>,
+    budget: u64,
+) -> (Made, Vec<f32>) {
+    let (rules, shape) = (runner.model().input_rules(), runner.model().tile());
+    let mut lent = Lent::new(&rules, shape);
+    let mut memory = lent.memory();
+    let mut job = TileJob::new(RULES, rules, shape);
+    while job.prepare(runner, tile, &mut memory, budget).unwrap() == Progress::Running {}
+    while job.run(runner, &mut memory, budget).unwrap() == Progress::Running {}
+    (job.made().unwrap(), job.heights_m(&memory).to_vec())
+}
+
+const TILE: Shape = Shape::new(48, 56);
+
+/// A network whose heights are those that it is given, plus a tenth of the first map of its image.
+struct Echo {
+    maps: usize,
+    image: Vec<f32>,
+    coarse: Vec<f32>,
+    steps: u32,
+    begun: u32,
+}
+
+impl Echo {
+    fn new(maps: usize) -> Self {
+        let pixels = TILE.pixels();
+        Self { maps, image: vec![f32::NAN; maps * pixels], coarse: vec![f32::NAN; pixels], steps: 0, begun: 0 }
+    }
+}
+
+impl Network for Echo {
+    type Fault = ();
+
+    fn begin(&mut self) -> Result<(), ()> {
+        (self.begun, self.steps) = (self.begun + 1, 0);
+        Ok(())
+    }
+
+    fn load_row(&mut self, map: InputMap, row: usize, samples: impl Fn(usize, &mut [f32])) -> Result<(), ()> {
+        let (to, maps) = if map == InputMap::Image { (&mut self.image, self.maps) } else { (&mut self.coarse, 1) };
+        // In pieces, as the runner asks.
+        let line = maps * TILE.cols;
+        for (first, piece) in (row * line..).step_by(8 * maps).zip(to[row * line..][..line].chunks_mut(8 * maps)) {
+            samples(first, piece);
+        }
+        Ok(())
+    }
+
+    fn start(&mut self) -> Result<(), ()> {
+        Ok(())
+    }
+
+    fn step(&mut self, _: u64) -> Result<Progress, ()> {
+        self.steps += 1;
+        Ok(if self.steps == 3 { Progress::Done } else { Progress::Running })
+    }
+
+    fn output(&self, out: &mut [f32]) -> Result<(), ()> {
+        for ((out, z), v) in out.iter_mut().zip(&self.coarse).zip(self.image.iter().step_by(self.maps)) {
+            *out = z + 0.1 * v;
+        }
+        Ok(())
+    }
+}
+
+fn rules(illumination: Illumination) -> InputRules {
+    let truth_range = if illumination.is_guided() { TruthRange::Pixel } else { TruthRange::Reference };
+    InputRules { nr: 50.0, range_margin: 0.25, truth_range, illumination }
+}
+
+/// Rough ground with voids in both maps, and its image under a Sun in the south-east.
+fn ground() -> (Vec<f32>, Vec<f32>) {
+    let noise = |i: usize, k: usize| ((i * 2_654_435_761 + k * 40_503) >> 7 & 0xFFFF) as f32 / 65_536.0;
+    let place = |i: usize| ((i / TILE.cols) as f32, (i % TILE.cols) as f32);
+    let height = |(r, c): (f32, f32)| 6.0 * (r / 5.0).sin() + 5.0 * ((c + 0.5 * r) / 7.0).cos();
+    let shade = |(r, c): (f32, f32)| {
+        let (x, y) = (height((r, c + 0.5)) - height((r, c - 0.5)), height((r + 0.5, c)) - height((r - 0.5, c)));
+        100.0 + 18.0 * (y - x)
+    };
+    let image = (0..TILE.pixels()).map(|i| if noise(i, 1) < 0.02 { f32::NAN } else { shade(place(i)) + noise(i, 2) });
+    let coarse = (0..TILE.pixels()).map(|i| if noise(i, 3) < 0.03 { -3.4e38 } else { -1900.0 + height(place(i)) });
+    (image.collect(), coarse.collect())
+}
+
+/// Runs a job with steps of a budget; returns it with its heights, its bits and its network.
+fn run(
+    illumination: Illumination,
+    tile: &TileInput<&[f32], &[f32]>,
+    budget: u64,
+) -> (TileJob, Vec<f32>, Vec<u8>, Echo) {
+    let input = rules(illumination);
+    let (mut echo, mut lent) = (Echo::new(illumination.image_maps()), Lent::new(&input, TILE));
+    let (mut memory, mut job) = (lent.memory(), TileJob::new(RULES, input, TILE));
+    while job.prepare(&mut echo, tile, &mut memory, budget).unwrap() == Progress::Running {
+        assert!(job.made().is_none() && job.heights_m(&memory).is_empty());
+    }
+    while job.run(&mut echo, &mut memory, budget).unwrap() == Progress::Running {}
+    let (heights_m, valid) = (job.heights_m(&memory).to_vec(), job.valid(&memory).to_vec());
+    (job, heights_m, valid, echo)
+}
+
+/// The heights of the whole tile at once, from the parts of the crate.
+fn plainly(illumination: Illumination, image: &[f32], coarse_m: &[f32], sun: KnownSun) -> (Vec<f32>, Lighting) {
+    let real = |v: &f32| if v.abs() < 1e30 { *v } else { f32::NAN };
+    let (mut image, mut coarse_m): (Vec<f32>, Vec<f32>) =
+        (image.iter().map(real).collect(), coarse_m.iter().map(real).collect());
+    let mut queue = vec![0.0; TILE.pixels()];
+    image.iter_mut().zip(&coarse_m).filter(|(_, z)| z.is_nan()).for_each(|(v, _)| *v = f32::NAN);
+    fill_gaps(&mut coarse_m, TILE.cols, &mut queue).unwrap();
+    let scale = ElevationScale::from_pixel(&coarse_m, None, RULES.pixel_m, 50.0).unwrap();
+    let plan = Photoclinometry::new(TILE);
+    let mut scratch = vec![0.0; plan.scratch_len()];
+    let fit = LightFit::of_tile(&image[..], &coarse_m, TILE.cols, f64::from(RULES.pixel_m), RULES.coarse_px);
+    let axis = Contrast::of_image(&image[..], TILE, RULES.coarse_px, &mut scratch).unwrap().axis();
+    let lighting = Lighting::decide(illumination, sun, &fit.with_axis(axis));
+    let mirror = lighting.mirror();
+    let weight = Weight::Trust { trust: lighting.trust, long_share: lighting.long_share };
+    let tile = GuideInput { image: &image[..], coarse_m: &coarse_m, mirror, coarse_px: RULES.coarse_px, weight };
+    let guide = Guide::new(&plan, tile, &scale, lighting.light.mirrored(mirror), &mut scratch).unwrap();
+    let fine = FineWaves::of_share(guide.share());
+    let (mut maps, mut heights_m) = (vec![0.0; SLOPED_MAPS * TILE.pixels()], vec![0.0; TILE.pixels()]);
+    guide.fill_sloped(&mut maps, &mut heights_m).unwrap();
+    heights_m.iter_mut().zip(maps.iter().step_by(SLOPED_MAPS)).for_each(|(z, v)| *z += 0.1 * v);
+    TileScale { elevation: scale, mirror }.recover(TILE, &mut heights_m);
+    let (mut aside, mut lines) = (vec![0.0; TILE.pixels()], vec![0.0; TileMemory::lines_len(TILE)]);
+    let anchor = Anchor::new(RULES.coarse_px);
+    anchor.apply(&mut heights_m, &coarse_m, TILE.cols, &mut aside, &mut lines).unwrap();
+    fine.apply(&mut heights_m, &coarse_m, TILE.cols, &mut aside, &mut lines).unwrap();
+    lighting.settle(&mut heights_m, &coarse_m);
+    (heights_m, lighting)
+}
+
+#[test]
+fn heights_are_those_of_the_parts_whatever_the_budget() {
+    let (image, coarse_m) = ground();
+    for (azimuth_deg, elevation_deg) in [(None, None), (Some(135.0), Some(30.0)), (Some(200.0), None)] {
+        let sun = KnownSun { azimuth_deg, elevation_deg };
+        let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::Own(sun) };
+        let (expected, lighting) = plainly(Illumination::Sloped, &image, &coarse_m, sun);
+        assert!(lighting.trust > 0.5);
+        for budget in [1, 5_000, 1 << 40] {
+            let (job, heights_m, valid, echo) = run(Illumination::Sloped, &tile, budget);
+            assert_eq!((job.made(), job.lighting(), echo.begun), (Some(Made::Predicted), lighting, 1));
+            assert!(heights_m.iter().zip(&expected).all(|(a, b)| a.to_bits() == b.to_bits()), "{sun:?} {budget}");
+            let is_valid = |i: usize| image[i].is_finite() && coarse_m[i] > -1e30;
+            assert!((0..TILE.pixels()).all(|i| is_set(&valid, i) == is_valid(i)));
+            assert_eq!(job.valid_px(), (0..TILE.pixels()).filter(|i| is_valid(*i)).count());
+            assert!(job.expected().unwrap().lit().slope > 0.0);
+        }
+    }
+}
+
+#[test]
+fn every_kind_of_input_gives_the_same_heights_for_every_budget() {
+    use Illumination::*;
+    let (image, coarse_m) = ground();
+    for illumination in [Any, Northwest, Given, Weighed, Sloped] {
+        let light = TileLight::default();
+        let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: Shape::new(40, 50), light };
+        let (whole, expected, bits, _) = run(illumination, &tile, u64::MAX);
+        let (job, heights_m, again, echo) = run(illumination, &tile, 1);
+        assert_eq!((whole, bits), (job, again.clone()));
+        assert_eq!(heights_m, expected);
+        assert!(heights_m.iter().all(|z| z.is_finite()) && echo.image.iter().chain(&echo.coarse).all(|v| v.is_finite()));
+        // Pixels beyond the scene are not valid.
+        assert!((0..TILE.pixels()).all(|i| !is_set(&again, i) || i / TILE.cols < 40 && i % TILE.cols < 50));
+        assert!(job.valid_px() > 1800 && job.valid_px() <= 2000, "{}", job.valid_px());
+    }
+}
+
+#[test]
+fn tiles_that_show_nothing_keep_their_coarse_heights() {
+    let (image, coarse_m) = ground();
+    let (flat, void) = (vec![3.0; TILE.pixels()], vec![f32::NAN; TILE.pixels()]);
+    let light = TileLight::default();
+    let of = |image: &[f32], coarse_m: &[f32], illumination| {
+        let (job, heights_m, ..) = run(illumination, &TileInput { image, coarse_m, inside: TILE, light }, 10_000);
+        (job.made().unwrap(), heights_m)
+    };
+    for illumination in [Illumination::Any, Illumination::Sloped] {
+        let (made, heights_m) = of(&flat, &coarse_m, illumination);
+        assert_eq!(made, Made::Coarse);
+        let kept = heights_m.iter().zip(&coarse_m).filter(|(_, z)| **z > -1e30);
+        assert!(kept.clone().count() > 2000 && kept.clone().all(|(a, b)| a == b));
+        for (image, coarse_m) in [(&void, &coarse_m), (&image, &void)] {
+            assert_eq!(of(image, coarse_m, illumination), (Made::Empty, vec![]));
+        }
+    }
+    // Level ground is no obstacle for heights counted in pixels.
+    assert_eq!(of(&image, &flat, Illumination::Any).0, Made::Coarse);
+    assert_eq!(of(&image, &flat, Illumination::Sloped).0, Made::Predicted);
+}
+
+#[test]
+fn a_tile_that_is_given_up_keeps_its_coarse_heights() {
+    let (image, coarse_m) = ground();
+    let (input, light) = (rules(Illumination::Sloped), TileLight::default());
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light };
+    let mut steps = 0;
+    for at in [0, 10, 100, 300, usize::MAX] {
+        let (mut echo, mut lent) = (Echo::new(SLOPED_MAPS), Lent::new(&input, TILE));
+        let (mut memory, mut job) = (lent.memory(), TileJob::new(RULES, input, TILE));
+        for _ in 0..at {
+            steps += 1;
+            if job.prepare(&mut echo, &tile, &mut memory, 1).unwrap() == Progress::Done {
+                break;
+            }
+        }
+        job.give_up();
+        while job.prepare(&mut echo, &tile, &mut memory, 1000).unwrap() == Progress::Running {}
+        while job.run(&mut echo, &mut memory, 1000).unwrap() == Progress::Running {}
+        assert_eq!(job.made(), Some(Made::Coarse));
+        assert_eq!(job.heights_m(&memory), &memory.coarse_m[..]);
+        assert!(memory.coarse_m.iter().all(|z| z.is_finite()) && job.expected().unwrap().lit().explained == 0.0);
+    }
+    assert!(steps > 500);
+}
+
+#[test]
+fn calls_out_of_order_and_short_memory_are_refused() {
+    let (image, coarse_m) = ground();
+    let (input, light) = (rules(Illumination::Sloped), TileLight::default());
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light };
+    let (mut echo, mut lent) = (Echo::new(SLOPED_MAPS), Lent::new(&input, TILE));
+    let mut job = TileJob::new(RULES, input, TILE);
+    assert_eq!(job.run(&mut echo, &mut lent.memory(), 1), Err(JobError::State));
+    let short = TileInput { image: &image[1..], ..tile };
+    assert!(matches!(job.prepare(&mut echo, &short, &mut lent.memory(), 1), Err(JobError::Length(_))));
+    for block in 0..4 {
+        let Lent { coarse_m, valid, scratch, lines } = &mut Lent::new(&input, TILE);
+        let less = |len: usize, own: usize| len - usize::from(block == own);
+        let (a, b, c, d) = (coarse_m.len(), valid.len(), scratch.len(), lines.len());
+        let mut memory = TileMemory {
+            coarse_m: &mut coarse_m[..less(a, 0)],
+            valid: &mut valid[..less(b, 1)],
+            scratch: &mut scratch[..less(c, 2)],
+            lines: &mut lines[..less(d, 3)],
+        };
+        assert!(matches!(job.prepare(&mut echo, &tile, &mut memory, 1), Err(JobError::Length(_))), "{block}");
+    }
+}
