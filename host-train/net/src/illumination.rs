@@ -39,7 +39,7 @@ mod tests {
         for index in 0..24 {
             let tile = moon.tile(index);
             let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
-            let fit = LightFit::of_tile(&tile.image, &tile.coarse_m, None, tile.cols, tile.pixel_m, coarse_px);
+            let fit = LightFit::of_tile(&tile.image[..], &tile.coarse_m, tile.cols, tile.pixel_m, coarse_px);
             let found = fit.estimate(None, None).unwrap().light;
             let truth = Light::from_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg).unwrap();
             azimuths.push(((found.azimuth_deg() - tile.sun_azimuth_deg + 180.0).rem_euclid(360.0) - 180.0).abs());
@@ -62,7 +62,7 @@ mod tests {
         for index in 0..80 {
             let tile = moon.tile(index);
             let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
-            let fit = LightFit::of_tile(&tile.image, &tile.coarse_m, None, tile.cols, tile.pixel_m, coarse_px);
+            let fit = LightFit::of_tile(&tile.image[..], &tile.coarse_m, tile.cols, tile.pixel_m, coarse_px);
             let found = fit.estimate(None, None).unwrap();
             let truth = Light::from_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg).unwrap();
             let error = (found.light.azimuth_deg() - tile.sun_azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;

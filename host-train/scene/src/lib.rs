@@ -12,7 +12,6 @@ pub mod hillshade;
 pub mod inspect;
 pub mod interrupt;
 pub mod lola;
-mod maps;
 pub mod mosaic;
 pub mod picture;
 pub mod predict;

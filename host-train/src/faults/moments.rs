@@ -1,15 +1,18 @@
 //! A clean run, and its memory at some moments.
 
+use elunar_core::job::{TileInput, TileJob, TileRules, TileScale};
 use elunar_core::nn::{
-    Kernel, KnownSun, Model, Progress, RunError, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
+    Kernel, KnownSun, Model, Progress, RunError, Runner, Suspended, TileLight, Verdict, required,
 };
 use elunar_core::tile::Shape;
 use elunar_net::digest::sha256_hex;
+use elunar_net::job::JobMemory;
 use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8::Int8Model;
 use elunar_scene::predict::network::Model as _;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 /// Multiply-accumulates per step.
 pub(super) const STEP_MACS: u64 = 20_000_000;
@@ -58,20 +61,18 @@ impl Moments {
         let model = model.model();
         let coarse_px = (COARSE_PIXEL_M / tile.pixel_m) as f32;
         let (azimuth_deg, elevation_deg) = (Some(tile.sun_azimuth_deg), Some(tile.sun_elevation_deg));
-        let input = TileInput {
-            image: &tile.image,
-            coarse_m: &tile.coarse_m,
-            valid: None,
-            pixel_m: tile.pixel_m as f32,
-            coarse_px,
-            light: TileLight::Own(KnownSun { azimuth_deg, elevation_deg }),
-        };
+        let (image, coarse_m) = (&tile.image[..], &tile.coarse_m[..]);
+        let light = TileLight::Own(KnownSun { azimuth_deg, elevation_deg });
+        let input = TileInput { image, coarse_m, inside: model.tile(), light };
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
         runner.protect(protected);
-        let mut scratch = vec![0.0; runner.scratch_len()];
-        let begun = runner.begin_metres(&input, &mut scratch);
-        let scale = begun.map_err(|e| Error::input(format!("faults: the tile: {e}")))?.scale;
+        let rules = TileRules { pixel_m: tile.pixel_m as f32, coarse_px, anchor: true };
+        let (mut memory, mut job) = (JobMemory::default(), TileJob::new(rules, model.input_rules(), model.tile()));
+        let mut memory = memory.lend(&model.input_rules(), model.tile());
+        let unusable = |e: &dyn Display| Error::input(format!("faults: the tile: {e}"));
+        while job.prepare(&mut runner, &input, &mut memory, u64::MAX).map_err(|e| unusable(&e))? == Progress::Running {}
+        let scale = job.scale().ok_or_else(|| unusable(&"no relief or no contrast"))?;
         let mut place = runner.suspend();
         let kernel = Kernel::best();
         let (mut moments, mut first) = (Vec::with_capacity(count), BTreeMap::new());
@@ -97,7 +98,8 @@ impl Moments {
         moments.extend(missed);
         let mut heights_m = vec![0.0; rows * cols];
         let runner = Runner::resume(kernel, model, &mut arena, &place).map_err(fault)?;
-        runner.heights(&scale, &mut heights_m).map_err(fault)?;
+        runner.output(&mut heights_m).map_err(fault)?;
+        scale.recover(model.tile(), &mut heights_m);
         Ok(Self { moments, scale, heights_m, verdict: model.verdict(), protected })
     }
 }

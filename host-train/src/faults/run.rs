@@ -137,7 +137,8 @@ impl<'c> Desk<'c> {
             match runner.step(STEP_MACS) {
                 Err(_) => return Ended::Refused,
                 Ok(Progress::Done) => {
-                    let read = runner.heights(&self.moments.scale, &mut self.heights_m);
+                    let read = runner.output(&mut self.heights_m);
+                    self.moments.scale.recover(model.tile(), &mut self.heights_m);
                     return if read.is_ok() { Ended::Done } else { Ended::Refused };
                 }
                 Ok(Progress::Running) => place = runner.suspend(),

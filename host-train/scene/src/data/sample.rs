@@ -1,11 +1,12 @@
 //! One tile as input of the network: normalised image, coarse DTM and truth.
 
-use crate::maps::Maps;
-use elunar_core::nn::{TileInput, TileLight, TileScale};
+use elunar_core::job::{JobError, TileInput, TileRules, TileScale};
+use elunar_core::nn::TileLight;
 use elunar_core::norm::Anchor;
 use elunar_core::tile::Shape;
 use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_net::illumination::{KnownSun, Mirror, mirrored};
+use elunar_net::job::InputMaps;
 use elunar_raster::{Error, Result};
 
 /// A tile in metres and relative brightness. A [`Sample`] is made from it.
@@ -86,8 +87,13 @@ impl Sample {
         let bad = |e: &dyn std::fmt::Display| Error::input(format!("tile cannot be normalised: {e}"));
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
         let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
-        let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        let Maps { image, coarse, scale, .. } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
+        let input = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: shape, light };
+        let how = TileRules { pixel_m, coarse_px, anchor: false };
+        let (InputMaps { image, coarse, .. }, job) = InputMaps::of(how, rules, shape, &input).map_err(|e| match e {
+            JobError::State => bad(&"it has no relief, or a constant image"),
+            e => bad(&e),
+        })?;
+        let scale = job.scale().ok_or_else(|| bad(&"it has no scale"))?;
         let mut truth = vec![0.0; coarse.len()];
         let truth_scale = rules.truth_scale(&scale, truth_m).map_err(|e| bad(&e))?;
         truth_scale.normalise(shape, truth_m, &mut truth).map_err(|e| bad(&e))?;

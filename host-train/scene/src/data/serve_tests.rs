@@ -7,11 +7,13 @@ use crate::predict::network::{Model, TileNetwork};
 use crate::predict::{Input, Options, Scene, int8, predict};
 use crate::prepare::list::SceneFiles;
 use crate::prepare::{self, Parameters, Split};
-use elunar_core::nn::{InputRules, Progress, Runner, TileInput, TileLight, required};
+use elunar_core::job::{TileInput, TileJob, TileRules};
+use elunar_core::nn::{InputRules, Progress, Runner, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
 use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
 use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use elunar_net::illumination::{KnownSun, LightSource, Mirror, mirrored};
+use elunar_net::job::JobMemory;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_raster::{GeoRef, Raster, Result};
 use elunar_synth::{Moon, SynthOptions};
@@ -181,20 +183,23 @@ fn the_flight_runner_sees_training_tiles() {
         let sample = Sample::new(&config, &tile).unwrap();
         let mut arena = vec![0; required(&nano.model())];
         let mut runner = Runner::with_kernel(nano.kernel(), nano.model(), &mut arena).unwrap();
-        let run = |runner: &mut Runner| while runner.step(u64::MAX).unwrap() == Progress::Running {};
         let (mut found_m, mut expected_m) = (vec![0.0; tile.image.len()], vec![0.0; tile.image.len()]);
         let RawTile { image, coarse_m, pixel_m, coarse_px, sun, .. } = &tile;
-        let (pixel_m, coarse_px, light) = (*pixel_m, *coarse_px, TileLight::Own(*sun));
-        let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        let mut scratch = vec![0.0; runner.scratch_len()];
-        let begun = runner.begin_metres(&input, &mut scratch).unwrap();
-        assert_eq!((begun.scale, begun.light), (sample.scale, source));
-        run(&mut runner);
-        runner.heights(&begun.scale, &mut found_m).unwrap();
+        let rules = TileRules { pixel_m: *pixel_m, coarse_px: *coarse_px, anchor: false };
+        let light = TileLight::Own(*sun);
+        let input = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: SHAPE, light };
+        let (mut memory, mut job) = (JobMemory::default(), TileJob::new(rules, nano.input_rules(), SHAPE));
+        let mut memory = memory.lend(&nano.input_rules(), SHAPE);
+        while job.prepare(&mut runner, &input, &mut memory, 100_000).unwrap() == Progress::Running {}
+        assert_eq!((job.scale(), job.lighting().source), (Some(sample.scale), source));
+        while job.run(&mut runner, &mut memory, 100_000_000).unwrap() == Progress::Running {}
+        found_m.copy_from_slice(job.heights_m(&memory));
+        let lighting = job.lighting();
         runner.begin(&sample.image, &sample.coarse).unwrap();
-        run(&mut runner);
+        while runner.step(u64::MAX).unwrap() == Progress::Running {}
         runner.output(&mut expected_m).unwrap();
         sample.scale.recover(SHAPE, &mut expected_m);
+        lighting.settle(&mut expected_m, coarse_m);
         assert_same(&found_m, &expected_m, &format!("{source:?}"));
     }
 }

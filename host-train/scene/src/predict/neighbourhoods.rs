@@ -63,7 +63,7 @@ impl Parts {
             let (left, right) = (band.cols * j / across, band.cols * (j + 1) / across);
             let part = band.part(top..bottom, left..right);
             let (mut light, mut contrast) = (LightFit::default(), Contrast::default());
-            light.add(&part.image, &part.coarse_m, part.cols, pixel, LightFit::cell_px(self.coarse_px));
+            light.add(&part.image[..], &part.coarse_m, part.cols, pixel, LightFit::cell_px(self.coarse_px));
             part.add_contrast(&mut contrast, self.coarse_px);
             let centre_px = [band.first as f64 + 0.5 * (top + bottom) as f64, 0.5 * (left + right) as f64];
             Part { centre_px, light, contrast }

@@ -154,7 +154,7 @@ pub fn predict_span(
     let (whole, change) = (light.whole, light.change());
     let rules = Rules::new(model, light, scene, options);
     let makers =
-        || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, rules.clone()))) };
+        || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, model.tile(), rules.clone()))) };
     let cut =
         Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
     Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, span, keep, progress)? })

@@ -7,6 +7,7 @@ use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
 use elunar_core::photoclinometry::{Contrast, Photoclinometry};
+use elunar_core::samples::Samples;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
@@ -87,7 +88,7 @@ pub struct Band {
 
 /// Maps of a tile, row-major, and which of its pixels are valid.
 pub(crate) struct Cutout {
-    /// Relative brightness. Gaps are void, or filled from their nearest neighbours within the tile.
+    /// Relative brightness. Gaps are filled from their nearest neighbours within the tile.
     pub(crate) image: Vec<f32>,
     /// Coarse DTM, metres. Gaps are filled.
     pub(crate) coarse_m: Vec<f32>,
@@ -201,7 +202,7 @@ impl Scene {
                 parts.add(&band, pixel);
             };
             // Cells with a void are left out.
-            rayon::join(|| light.add(&band.image, &band.coarse_m, self.cols, pixel, cell_px), of_parts);
+            rayon::join(|| light.add(&band.image[..], &band.coarse_m, self.cols, pixel, cell_px), of_parts);
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
@@ -234,7 +235,7 @@ fn spread(whole: usize, part: usize) -> Vec<usize> {
 
 /// Fills the gaps of a map.
 fn close_gap(map: &mut [f32], cols: usize) {
-    fill_gaps(map, cols, &mut vec![0; map.len()]).expect("whole rows, and a queue of their length");
+    fill_gaps(map, cols, &mut vec![0.0; map.len()]).expect("whole rows, and a queue of their length");
 }
 
 impl Band {
@@ -251,7 +252,7 @@ impl Band {
             let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
             let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
             // Darkness and sameness have no contrast.
-            Contrast::of_image(&image, None, tile, coarse_px, scratch).ok()
+            Contrast::of_image(&image[..], tile, coarse_px, scratch).ok()
         };
         let found: Vec<Option<Contrast>> = corners.par_iter().map_init(scratch, of_tile).collect();
         // In order, so that the sum does not depend on the number of threads.
@@ -272,30 +273,59 @@ impl Band {
         self.image.iter().zip(&self.coarse_m).map(|(i, z)| i.is_finite() && z.is_finite())
     }
 
-    /// Cuts `window` (of the scene) out of the band and fills its gaps; `None` if it has no valid pixel. Beyond the band, its last row and
-    /// column repeat. With `void`, the image is NaN wherever a pixel is not valid.
-    pub(crate) fn cut(&self, window: Window, void: bool) -> Option<Cutout> {
-        let (first, rows, cols) = (window.row - self.first, window.rows, window.cols);
-        let layer = |layer: &[f32]| -> Vec<f32> {
-            let at = |row: usize, col: usize| layer[row.min(self.rows - 1) * self.cols + col.min(self.cols - 1)];
-            (first..first + rows)
-                .flat_map(|row| (window.col..window.col + cols).map(move |col| (row, col)))
-                .map(|(row, col)| at(row, col))
-                .collect()
-        };
-        let (mut image, mut coarse_m) = (layer(&self.image), layer(&self.coarse_m));
-        let inside = |i: usize| first + i / cols < self.rows && window.col + i % cols < self.cols;
-        let real = |(i, (v, z)): (usize, (&f32, &f32))| inside(i) && v.is_finite() && z.is_finite();
+    /// Returns image and coarse heights of `window` (of the scene). Beyond the band, its last row and column repeat.
+    pub(crate) fn tile(&self, window: Window) -> [BandTile<'_>; 2] {
+        let first = window.row - self.first;
+        [&self.image, &self.coarse_m].map(|map| BandTile { map, first, window, rows: self.rows, cols: self.cols })
+    }
+
+    /// Returns the rows and columns of `window` that lie in the band.
+    pub(crate) fn inside(&self, window: Window) -> Shape {
+        Shape::new(self.rows - (window.row - self.first), self.cols - window.col)
+    }
+
+    /// Cuts `window` (of the scene) out of the band and fills its gaps; `None` if it has no valid pixel.
+    pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
+        let ([image, coarse_m], inside) = (self.tile(window), self.inside(window));
+        let [mut image, mut coarse_m] = [image, coarse_m].map(|map| (0..map.len()).map(|i| map.at(i)).collect::<Vec<f32>>());
+        let is_inside = |i: usize| i / window.cols < inside.rows && i % window.cols < inside.cols;
+        let real = |(i, (v, z)): (usize, (&f32, &f32))| is_inside(i) && v.is_finite() && z.is_finite();
         let valid: Vec<bool> = image.iter().zip(&coarse_m).enumerate().map(real).collect();
         if !valid.contains(&true) {
             return None;
         }
-        close_gap(&mut coarse_m, cols);
-        if void {
-            image.iter_mut().zip(&valid).filter(|(_, valid)| !**valid).for_each(|(v, _)| *v = f32::NAN);
-        } else {
-            close_gap(&mut image, cols);
-        }
+        close_gap(&mut coarse_m, window.cols);
+        close_gap(&mut image, window.cols);
         Some(Cutout { image, coarse_m, valid })
+    }
+}
+
+/// The samples of a tile in a band.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BandTile<'b> {
+    map: &'b [f32],
+    /// First row of the tile in the band.
+    first: usize,
+    window: Window,
+    rows: usize,
+    cols: usize,
+}
+
+impl Samples for BandTile<'_> {
+    fn len(&self) -> usize {
+        self.window.shape().pixels()
+    }
+
+    fn at(&self, index: usize) -> f32 {
+        let (row, col) = (self.first + index / self.window.cols, self.window.col + index % self.window.cols);
+        self.map[row.min(self.rows - 1) * self.cols + col.min(self.cols - 1)]
+    }
+
+    fn read(&self, first: usize, out: &mut [f32]) {
+        let row = (self.first + first / self.window.cols).min(self.rows - 1);
+        let line = &self.map[row * self.cols..][..self.cols];
+        for (value, col) in out.iter_mut().zip(self.window.col + first % self.window.cols..) {
+            *value = line[col.min(self.cols - 1)];
+        }
     }
 }

@@ -88,9 +88,9 @@ type Maps = (Vec<f32>, Vec<f32>, Vec<f32>, Vec<u8>);
 fn line_by_line(scene: &Scene, model: &Int8Model, settings: StripSettings, budget_macs: u64) -> (Maps, StripCounters) {
     let model = model.model();
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut queue) = (vec![0; plan.arena_bytes()], vec![0; plan.queue_len()]);
+    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, queue: &mut queue };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     let mut made: Maps = (vec![], vec![], vec![], vec![]);
     let line = || vec![0.0; scene.cols];
@@ -261,7 +261,7 @@ fn memory_is_as_documented() {
             };
             let plan = StripPlan::new(&model, settings).unwrap();
             let parts =
-                [plan.arena_bytes(), 4 * plan.samples_len(), 8 * plan.sums_len(), 4 * plan.queue_len(), plan.bytes()];
+                [plan.arena_bytes(), 4 * plan.samples_len(), 8 * plan.sums_len(), plan.valid_len(), plan.bytes()];
             let row = format!("| {cols} | {ring_lines} | {} |", parts.map(|bytes| bytes.to_string()).join(" | "));
             eprintln!("{row}");
             assert!(page.contains(&row), "core/docs/strip.md lacks {row}");

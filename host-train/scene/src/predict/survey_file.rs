@@ -86,7 +86,7 @@ mod tests {
         let wave = |k: usize| (k as f32 * 0.37).sin();
         let map: Vec<f32> = (0..64 * 64).map(|i| 100.0 + wave(i / 64) + wave(i % 64 * 2)).collect();
         let mut light = LightFit::default();
-        light.add(&map, &map, 64, PixelSize::square(2.0), 2);
+        light.add(&map[..], &map, 64, PixelSize::square(2.0), 2);
         let mut survey = Survey { light, lowest_m: f32::INFINITY, highest_m: f32::NEG_INFINITY, ..Survey::default() };
         survey.brightness.add(&map);
         survey

@@ -83,7 +83,7 @@ impl Scene {
         let window = Window { row: (all_rows - rows) / 2, col: (all_cols - cols) / 2, rows, cols };
         let pixel_m = (self.pixel.row_m * self.pixel.col_m).sqrt();
         let (image, dtm_m) = (self.image.read(window)?, self.dtm.read(window)?);
-        let fit = LightFit::of_tile(&image, &dtm_m, None, cols, pixel_m, self.coarse_px);
+        let fit = LightFit::of_tile(&image[..], &dtm_m, cols, pixel_m, self.coarse_px);
         Ok(fit.estimate(None, None).map(|found| found.light.azimuth_deg()))
     }
 

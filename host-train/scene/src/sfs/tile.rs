@@ -35,7 +35,7 @@ impl<'a> Solver<'a> {
 
 impl TileMaker for Solver<'_> {
     fn make(&mut self, band: &Band, window: Window) -> Result<Outcome> {
-        let Some(Cutout { image, coarse_m, valid }) = band.cut(window, false) else { return Ok(Outcome::Empty) };
+        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
         let weigh = |(&weight, &valid): (&f64, &bool)| if valid { weight } else { 0.0 };
         let weights = self.weights.of(window).iter().zip(&valid).map(weigh).collect();
         let truth_m = self.journal.truth(window)?;

@@ -4,7 +4,9 @@ use super::super::{Options, Precision, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
 use crate::config::{Head, Illumination, NetConfig, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileInput, TileLight, required};
+use crate::job::JobMemory;
+use elunar_core::job::{Made, TileInput, TileJob, TileRules};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileLight, required};
 use elunar_core::norm::ElevationScale;
 use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry, Weight};
 use elunar_core::tile::Shape;
@@ -96,31 +98,32 @@ fn metres_come_out_as_by_way_of_buffers() {
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    let input = TileInput {
-        image: &brightness,
-        coarse_m: &coarse_m,
-        valid: None,
-        pixel_m: 2.0,
-        coarse_px: 30.0,
-        light: TileLight::default(),
-    };
-    let begun = runner.begin_metres(&input, &mut []).unwrap();
-    assert_eq!(begun.light, LightSource::NotAsked);
-    let scale = begun.scale;
-    while runner.step(u64::MAX).unwrap() == Progress::Running {}
-    let mut heights_m = vec![0.0; n];
-    runner.heights(&scale, &mut heights_m).unwrap();
+    let light = TileLight::default();
+    let input = TileInput { image: &brightness[..], coarse_m: &coarse_m[..], inside: model.tile(), light };
+    let (job, heights_m, filled_m) = by_job(&mut runner, &input);
+    assert_eq!((job.made(), job.lighting().source), (Some(Made::Predicted), LightSource::NotAsked));
+    let scale = job.scale().unwrap();
+    assert_eq!(job.valid_px(), n - 1);
 
     let (mut image, mut coarse, mut expected_m) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     elunar_core::norm::intensity::normalise(&brightness, None, &mut image).unwrap();
-    scale.elevation.normalise(&coarse_m, &mut coarse).unwrap();
+    scale.elevation.normalise(&filled_m, &mut coarse).unwrap();
     let normalised = CalibrationTile { image, coarse, ground: None };
     scale.elevation.recover(&run(&made.bytes, &normalised, u64::MAX), &mut expected_m).unwrap();
     assert_eq!(heights_m, expected_m);
-    let mut valid = vec![true; n];
-    elunar_core::nn::validity(&brightness, &coarse_m, None, &mut valid);
-    assert_eq!(valid.iter().position(|v| !v), Some(100));
-    assert!(runner.begin_metres(&TileInput { image: &vec![3.0; n], ..input }, &mut []).is_err());
+    let constant = vec![3.0; n];
+    let (job, kept_m, filled_m) = by_job(&mut runner, &TileInput { image: &constant[..], ..input });
+    assert_eq!((job.made(), kept_m), (Some(Made::Coarse), filled_m));
+}
+
+/// Makes a tile of which the network alone decides; returns its heights and its filled coarse heights.
+fn by_job(runner: &mut Runner<'_, '_>, tile: &TileInput<&[f32], &[f32]>) -> (TileJob, Vec<f32>, Vec<f32>) {
+    let (rules, shape, mut memory) = (runner.model().input_rules(), runner.model().tile(), JobMemory::default());
+    let mut memory = memory.lend(&rules, shape);
+    let mut job = TileJob::new(TileRules { pixel_m: 2.0, coarse_px: 30.0, anchor: false }, rules, shape);
+    while job.prepare(runner, tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+    while job.run(runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+    (job, job.heights_m(&memory).to_vec(), memory.coarse_m.to_vec())
 }
 
 #[test]
@@ -146,7 +149,7 @@ fn guided(illumination: Illumination, weight: Weight) {
     let mut scratch = vec![0.0; plan.scratch_len()];
     let unmirrored = Mirror::default();
     let tile =
-        GuideInput { image: &image, coarse_m: &heights, valid: None, mirror: unmirrored, coarse_px: 30.0, weight };
+        GuideInput { image: &image[..], coarse_m: &heights, mirror: unmirrored, coarse_px: 30.0, weight };
     let guide = Guide::new(&plan, tile, &scale, light.mirrored(mirror), &mut scratch).unwrap();
     let (mut maps, mut pixels) = (vec![0.0; illumination.image_maps() * image.len()], vec![0.0; heights.len()]);
     if illumination == Illumination::Sloped {
@@ -165,18 +168,14 @@ fn guided(illumination: Illumination, weight: Weight) {
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
     let (image, light) = (brightness.as_slice(), TileLight::Scene(Lighting::given(light)));
-    let input = TileInput { image, coarse_m: &coarse_m, valid: None, pixel_m: 2.0, coarse_px: 30.0, light };
-    assert_eq!(runner.scratch_len(), scratch.len());
-    let begun = runner.begin_metres(&input, &mut scratch).unwrap();
-    assert_eq!((begun.scale.mirror, begun.light), (mirror, LightSource::Given));
-    while runner.step(u64::MAX).unwrap() == Progress::Running {}
-    let mut heights_m = vec![0.0; expected_m.len()];
-    runner.heights(&begun.scale, &mut heights_m).unwrap();
+    let input = TileInput { image, coarse_m: &coarse_m[..], inside: model.tile(), light };
+    let (job, heights_m, _) = by_job(&mut runner, &input);
+    assert_eq!((job.lighting().mirror(), job.lighting().source), (mirror, LightSource::Given));
     assert_eq!(heights_m, mirrored(mirror, &expected_m, shape.1));
     let level = vec![5.0; heights_m.len()];
-    let dark = TileInput { coarse_m: &level, light: TileLight::default(), ..input };
-    let begun = runner.begin_metres(&dark, &mut scratch).unwrap();
-    assert_eq!((begun.scale.mirror, begun.light), (Mirror::default(), LightSource::Assumed));
+    let dark = TileInput { coarse_m: &level[..], light: TileLight::default(), ..input };
+    let (job, ..) = by_job(&mut runner, &dark);
+    assert_eq!((job.lighting().mirror(), job.lighting().source), (Mirror::default(), LightSource::Assumed));
     assert_eq!(
         runner.begin(&brightness, &tile.coarse),
         Err(RunError::TileSize { expected: illumination.image_maps() * 2048, found: 2048 })
