@@ -22,11 +22,13 @@ pub const MIN_VALID_PX: usize = 2;
 /// assert!(!is_real(-1e32) && !is_real(1e30));
 /// assert!(!is_real(f32::NAN));
 /// ```
+#[inline]
 pub fn is_real(sample: f32) -> bool {
     sample.abs() < VOID_FROM
 }
 
 /// Returns a sample that is real, and NaN for others.
+#[inline]
 pub(crate) fn real(sample: f32) -> f32 {
     if is_real(sample) { sample } else { f32::NAN }
 }
@@ -37,6 +39,7 @@ pub fn is_real_i16(sample: i16) -> bool {
 }
 
 /// Returns whether the pixel at `index` is valid. Pixels beyond the end of a mask are not.
+#[inline]
 pub fn counts(samples: &[f32], valid: Option<&[bool]>, index: usize) -> bool {
     samples.get(index).is_some_and(|&v| is_real(v)) && valid.is_none_or(|m| m.get(index) == Some(&true))
 }
@@ -86,6 +89,7 @@ impl Mean {
     }
 
     /// Returns the mean; NaN without a sample.
+    #[inline]
     pub(crate) fn value(self) -> f32 {
         (self.sum / self.count as f64) as f32
     }

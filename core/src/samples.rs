@@ -20,24 +20,40 @@ pub trait Samples: Copy {
     fn at(&self, index: usize) -> f32;
 
     /// Writes the samples from `first` on, all of one row.
+    #[inline]
     fn read(&self, first: usize, out: &mut [f32]) {
         for (value, index) in out.iter_mut().zip(first..) {
             *value = self.at(index);
         }
     }
+
+    /// Returns as many samples from `first` on as `room` holds, all of one row: in `room`, unless they are kept as floats.
+    #[inline]
+    fn line<'r>(&'r self, first: usize, room: &'r mut [f32]) -> &'r [f32] {
+        self.read(first, room);
+        room
+    }
 }
 
 impl Samples for &[f32] {
+    #[inline]
     fn len(&self) -> usize {
         <[f32]>::len(self)
     }
 
+    #[inline]
     fn at(&self, index: usize) -> f32 {
         self.get(index).copied().unwrap_or(f32::NAN)
     }
 
+    #[inline]
     fn read(&self, first: usize, out: &mut [f32]) {
         copy(out, part(self, first, out.len()));
+    }
+
+    #[inline]
+    fn line<'r>(&'r self, first: usize, room: &'r mut [f32]) -> &'r [f32] {
+        part(self, first, room.len())
     }
 }
 
@@ -51,14 +67,17 @@ pub struct Masked<'b, S> {
 }
 
 impl<S: Samples> Samples for Masked<'_, S> {
+    #[inline]
     fn len(&self) -> usize {
         self.samples.len()
     }
 
+    #[inline]
     fn at(&self, index: usize) -> f32 {
         if is_set(self.bits, index) { self.samples.at(index) } else { f32::NAN }
     }
 
+    #[inline]
     fn read(&self, first: usize, out: &mut [f32]) {
         self.samples.read(first, out);
         for (value, index) in out.iter_mut().zip(first..) {
@@ -82,6 +101,7 @@ pub(crate) fn read_mirrored(samples: &impl Samples, mirror: Mirror, first: usize
 
 /// Returns whether the bit of a sample is 1.
 #[must_use]
+#[inline]
 pub fn is_set(bits: &[u8], index: usize) -> bool {
     bits.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
 }
@@ -103,6 +123,7 @@ mod tests {
         let mut out = [0.0; 4];
         (&samples[..]).read(3, &mut out);
         assert_eq!(out, samples[3..7]);
+        assert_eq!((&samples[..]).line(3, &mut [0.0; 4]), &samples[3..7]);
         masked.read(4, &mut out);
         assert!(out.iter().zip(4..).all(|(v, i)| v.to_bits() == masked.at(i).to_bits()));
     }

@@ -311,8 +311,7 @@ fn each(image: &impl Samples, first: usize, count: usize, mut add: impl FnMut(f3
     let mut room = [0.0; TAKEN_TOGETHER];
     for from in (0..count).step_by(TAKEN_TOGETHER) {
         let room = head_mut(&mut room, TAKEN_TOGETHER.min(count - from));
-        image.read(first + from, room);
-        room.iter().for_each(|v| add(*v));
+        image.line(first + from, room).iter().for_each(|v| add(*v));
     }
 }
 

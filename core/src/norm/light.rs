@@ -144,6 +144,7 @@ impl Mirror {
 
     /// Returns the index in the original map of pixel `index` of the mirrored map, both row-major and of this shape.
     #[must_use]
+    #[inline]
     pub fn source(self, index: usize, Shape { rows, cols }: Shape) -> usize {
         let cols = cols.max(1);
         let (row, col) = (index / cols, index % cols);

@@ -117,6 +117,7 @@ struct Octave {
 
 impl Octave {
     /// Adds four cells with a weight.
+    #[inline]
     fn add(&mut self, cells: &[Cell; 4], weight: f64) {
         let mean = mean_of(cells);
         for [i, x, y] in cells {

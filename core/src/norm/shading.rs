@@ -94,6 +94,7 @@ impl Shading {
 
     /// Returns the slopes of a pixel of this brightness, east and south, in units of [`SLOPE_UNIT`].
     #[must_use]
+    #[inline]
     pub fn slopes(&self, brightness: f32) -> [f32; 2] {
         let contrast = brightness / self.mean - 1.0;
         let limit = SLOPE_MAX / SLOPE_UNIT;
@@ -102,6 +103,7 @@ impl Shading {
 
     /// Returns the slope along the light of a pixel of this brightness, metres per metre; `strength` is that of the light.
     #[must_use]
+    #[inline]
     pub fn along(&self, brightness: f32, strength: f32) -> f32 {
         ((brightness / self.mean - 1.0) / strength).clamp(-SLOPE_MAX, SLOPE_MAX)
     }

@@ -503,6 +503,7 @@ pub struct Relief<'s> {
 impl Relief<'_> {
     /// Returns the relief at `len` pixels of a row of the tile from a row-major index on, in pixels; an empty slice beyond the tile.
     #[must_use]
+    #[inline]
     pub fn part(&self, index: usize, len: usize) -> &[f32] {
         let cols = self.tile.cols.max(1);
         part(self.field, self.first + index / cols * self.stride + index % cols, len)

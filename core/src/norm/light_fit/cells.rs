@@ -4,7 +4,7 @@
 //! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
 
 use crate::mask::is_real;
-use crate::part::{head_mut, item, part};
+use crate::part::{copy, head_mut, item, part};
 use crate::samples::Samples;
 use crate::terrain::PixelSize;
 
@@ -24,6 +24,7 @@ const TOGETHER: usize = 64;
 const LANES: usize = 8;
 
 /// Returns the mean of four cells.
+#[inline]
 pub(super) fn mean_of(cells: &[Cell; 4]) -> Cell {
     let mut mean = [0.0; 3];
     for cell in cells {
@@ -139,8 +140,7 @@ impl<S: Samples> Rectangle<'_, S> {
         let mut room = [0.0; TOGETHER];
         for from in (0..side).step_by(TOGETHER) {
             let room = head_mut(&mut room, TOGETHER.min(side - from));
-            self.image.read(first + from, room);
-            half.invalid += room.iter().map(|v| u32::from(!is_real(*v))).sum::<u32>();
+            half.invalid += self.image.line(first + from, room).iter().map(|v| u32::from(!is_real(*v))).sum::<u32>();
         }
         // The sum of all differences along a row is that of its ends.
         let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
@@ -153,18 +153,26 @@ impl<S: Samples> Rectangle<'_, S> {
 
     /// Returns the sum of a row's valid pixels under a tent over all of them, and the sum of their weights.
     fn tent(&self, from: usize, width: usize) -> [f32; 2] {
-        let (mut sums, mut weights) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let (mut sums, mut weights, last) = ([0.0f32; LANES], [0.0f32; LANES], width as f32);
+        let mut add = |first: usize, values: &[f32; LANES]| {
+            for lane in 0..LANES {
+                // All these numbers are exact.
+                let from_left = first as f32 + (lane as f32 + 0.5);
+                let (v, is_real) = (values[lane], is_real(values[lane]));
+                let weight = if is_real { from_left.min(last - from_left) } else { 0.0 };
+                sums[lane] += weight * if is_real { v } else { 0.0 };
+                weights[lane] += weight;
+            }
+        };
         let mut room = [0.0; TOGETHER];
         for first in (0..width).step_by(TOGETHER) {
             let room = head_mut(&mut room, TOGETHER.min(width - first));
-            self.image.read(from + first, room);
-            for (chunk, values) in room.chunks(LANES).enumerate() {
-                for (lane, ((sum, counted), v)) in sums.iter_mut().zip(&mut weights).zip(values).enumerate() {
-                    let from_left = (first + chunk * LANES + lane) as f32 + 0.5;
-                    let weight = if is_real(*v) { from_left.min(width as f32 - from_left) } else { 0.0 };
-                    *sum += weight * if is_real(*v) { *v } else { 0.0 };
-                    *counted += weight;
-                }
+            let (whole, rest) = self.image.line(from + first, room).as_chunks::<LANES>();
+            whole.iter().zip((first..).step_by(LANES)).for_each(|(values, first)| add(first, values));
+            if !rest.is_empty() {
+                let mut values = [f32::NAN; LANES];
+                copy(head_mut(&mut values, rest.len()), rest);
+                add(first + whole.len() * LANES, &values);
             }
         }
         [total(sums), total(weights)]
@@ -192,6 +200,7 @@ impl<S: Samples> Rectangle<'_, S> {
     }
 }
 
+#[inline]
 fn total(lanes: [f32; LANES]) -> f32 {
     lanes.into_iter().sum()
 }
