@@ -1,6 +1,7 @@
 //! Filling of voids, so that the network sees plausible ground everywhere. The result is masked again afterwards (our choice; the paper
 //! does not mention voids).
 
+use crate::words::Words;
 use crate::error::{LengthError, same_length};
 use crate::part::{head_mut, item, put};
 
@@ -42,6 +43,12 @@ pub(crate) struct Fill {
 }
 
 impl Fill {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        let Self { seen, next, end } = self;
+        [seen, next, end].into_iter().for_each(|v| words.usize(v));
+    }
+
     /// Looks at up to `most` samples; returns whether all is done. The map and the queue, as long as the map, are unchanged in between.
     pub(crate) fn advance(&mut self, samples: &mut [f32], cols: usize, queue: &mut [f32], most: usize) -> bool {
         // Only valid samples beside a void can spread. Each sample enters the queue once: here if it is valid, later if it is filled.

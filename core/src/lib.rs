@@ -32,12 +32,14 @@ pub mod norm;
 pub mod overlap;
 mod part;
 pub mod photoclinometry;
+pub mod pixels;
 pub mod quant;
 pub mod resample;
 pub mod samples;
 pub mod strip;
 pub mod terrain;
 pub mod tile;
+mod words;
 
 // What a user of one tile calls.
 pub use job::{JobError, Made, TileInput, TileJob, TileMemory, TileRules};

@@ -3,6 +3,8 @@
 //! One rule everywhere: a pixel is valid if the mask, where there is one, says so **and** its value is neither NaN nor [`VOID_FROM`] or more from
 //! zero. So a forgotten mask cannot bring a nodata value into a mean.
 
+use crate::words::Words;
+
 /// No height in metres and no brightness is this far from zero (our choice). Heights above a body's sphere have eight digits at most; programs
 /// write voids of 3e38 and more (ISIS NULL is -3.4028226550889045e38), which rounding, a scale or a unit may change a little.
 pub const VOID_FROM: f32 = 1e30;
@@ -53,6 +55,13 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.f32(&mut self.low);
+        words.f32(&mut self.high);
+        words.usize(&mut self.found);
+    }
+
     pub(crate) const NONE: Self = Self { low: f32::INFINITY, high: f32::NEG_INFINITY, found: 0 };
 
     /// Adds a sample, if it is real.
@@ -79,6 +88,12 @@ pub(crate) struct Mean {
 }
 
 impl Mean {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.f64(&mut self.sum);
+        words.usize(&mut self.count);
+    }
+
     /// Adds a sample, if it is real and not below `least`.
     #[inline]
     pub(crate) fn add(&mut self, sample: f32, least: f32) {

@@ -44,6 +44,7 @@ mod memory;
 mod network;
 mod prepare;
 mod scale;
+mod words;
 
 pub use error::JobError;
 pub use memory::TileMemory;
@@ -205,7 +206,8 @@ impl TileJob {
         Ok(Progress::Done)
     }
 
-    /// Makes the heights of a prepared tile, as much of the work as `budget` allows (see [`Self::prepare`]).
+    /// Makes the heights of a prepared tile, as much of the work as `budget` allows (see [`Self::prepare`]); all with
+    /// `u64::MAX`.
     ///
     /// # Errors
     /// [`JobError`]; then the job is over.
@@ -223,7 +225,9 @@ impl TileJob {
             if network.step(budget).map_err(JobError::Network)? == Progress::Done {
                 self.to(Pass::Output);
             }
-            return Ok(Progress::Running);
+            if budget < u64::MAX || self.pass == Pass::Network {
+                return Ok(Progress::Running);
+            }
         }
         let mut spent = 0;
         while self.pass != Pass::Finished {

@@ -76,6 +76,9 @@ impl Network for Echo {
         let (to, maps) = if map == InputMap::Image { (&mut self.image, self.maps) } else { (&mut self.coarse, 1) };
         // In pieces, as the runner asks.
         let line = maps * TILE.cols;
+        if row >= TILE.rows {
+            return Err(());
+        }
         for (first, piece) in (row * line..).step_by(8 * maps).zip(to[row * line..][..line].chunks_mut(8 * maps)) {
             samples(first, piece);
         }
@@ -127,10 +130,15 @@ fn run(
     let input = rules(illumination);
     let (mut echo, mut lent) = (Echo::new(illumination.image_maps()), Lent::new(&input, TILE));
     let (mut memory, mut job) = (lent.memory(), TileJob::new(RULES, input, TILE));
+    // Between two calls a job is words.
+    let kept = |job: &mut TileJob| *job = TileJob::from_words(job.to_words(), input, TILE).expect("its own words");
     while job.prepare(&mut echo, tile, &mut memory, budget).unwrap() == Progress::Running {
         assert!(job.made().is_none() && job.heights_m(&memory).is_empty());
+        kept(&mut job);
     }
-    while job.run(&mut echo, &mut memory, budget).unwrap() == Progress::Running {}
+    while job.run(&mut echo, &mut memory, budget).unwrap() == Progress::Running {
+        kept(&mut job);
+    }
     let (heights_m, valid) = (job.heights_m(&memory).to_vec(), job.valid(&memory).to_vec());
     (job, heights_m, valid, echo)
 }
@@ -274,4 +282,34 @@ fn calls_out_of_order_and_short_memory_are_refused() {
         };
         assert!(matches!(job.prepare(&mut echo, &tile, &mut memory, 1), Err(JobError::Length(_))), "{block}");
     }
+}
+
+#[test]
+fn any_words_are_harmless() {
+    let (image, coarse_m) = ground();
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::default() };
+    let (job, ..) = run(Illumination::Sloped, &tile, u64::MAX);
+    let (input, words) = (rules(Illumination::Sloped), job.to_words());
+    let (mut refused, mut mad) = (0, 0);
+    for at in 0..TileJob::WORDS {
+        for value in [0, 1, 5, 77, 1 << 31, u64::MAX, 0x7ff8_0000_0000_0000, 0x7fc0_0000] {
+            let mut spoilt = words;
+            spoilt[at] = value;
+            // In the middle of the preparation, and of the finish.
+            for pass in [value % 20, 8, 9, 10, 15] {
+                spoilt[3] = if at == 3 { value } else { pass };
+                let Some(mut job) = TileJob::from_words(spoilt, input, TILE) else {
+                    refused += 1;
+                    continue;
+                };
+                let _expected = crate::part::defaults::Expected::new();
+                let (mut echo, mut lent) = (Echo::new(SLOPED_MAPS), Lent::new(&input, TILE));
+                let mut memory = lent.memory();
+                let ready = job.prepare(&mut echo, &tile, &mut memory, 20_000);
+                let ran = ready.and_then(|_| if job.is_prepared() { job.run(&mut echo, &mut memory, 20_000) } else { ready });
+                mad += usize::from(ran.is_err());
+            }
+        }
+    }
+    assert!(refused > 100 && mad > 0, "{refused} {mad}");
 }

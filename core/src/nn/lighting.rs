@@ -1,5 +1,6 @@
 //! The light for a network: one rule for ground, flight, strips and training.
 
+use crate::words::Words;
 use super::input::Illumination;
 use crate::norm::{Light, LightEstimate, LightFit, Mirror};
 
@@ -27,6 +28,10 @@ pub enum LightSource {
     Fitted,
     /// Neither known nor found by the fit.
     Assumed,
+}
+
+impl LightSource {
+    const ALL: [Self; 4] = [Self::NotAsked, Self::Given, Self::Fitted, Self::Assumed];
 }
 
 /// A light and its origin: one rule for ground, flight, strips and training.
@@ -99,6 +104,15 @@ impl Default for Lighting {
 }
 
 impl Lighting {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.light.visit(words);
+        words.choice(&mut self.source, &LightSource::ALL);
+        let Self { trust, related, long_share, log_strength_sd, azimuth_sd_deg, .. } = self;
+        [trust, related, log_strength_sd, azimuth_sd_deg].into_iter().for_each(|v| words.f32(v));
+        words.option(long_share, 0.0, |v, words| words.f32(v));
+    }
+
     /// The value for networks that know any light.
     pub const NOT_ASKED: Self = Self {
         light: Light { east: 1.0, south: 1.0 },

@@ -1,5 +1,6 @@
 //! Elevation normalisation and scale recovery (Eq. 1, 2 and 8).
 
+use crate::words::Words;
 use crate::error::same_length;
 use crate::mask::{self, Extent, Mean};
 use crate::norm::{NormError, RELIEF_EPS_M, RELIEF_MAX_M};
@@ -41,6 +42,15 @@ pub struct ElevationScale {
 }
 
 impl ElevationScale {
+    /// A scale of nothing, for words of an absent one.
+    pub(crate) const NONE: Self = Self { min_m: 0.0, relief_m: 1.0, nr: 1.0 };
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        let Self { min_m, relief_m, nr } = self;
+        [min_m, relief_m, nr].into_iter().for_each(|v| words.f32(v));
+    }
+
     /// Makes the scale of a tile from its heights in metres above the 1737.4 km sphere.
     ///
     /// Invalid pixels (see [`mask`]) are ignored. `nr` is the upper end of the normalised range: [`NR`] in the paper, 1 for its max–min

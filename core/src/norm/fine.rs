@@ -4,6 +4,7 @@
 //! times the true amplitude and hardly any correlation with the ground. The directional share of an octave ([`Share`]) tells how much
 //! of the contrast's power is relief. So the amplitude of what a tile adds to its coarse DTM is kept by the share's square root (our choice).
 
+use crate::words::Words;
 use crate::error::{LengthError, same_length};
 use crate::part::{item, put};
 use crate::photoclinometry::Share;
@@ -15,6 +16,11 @@ pub struct FineWaves {
 }
 
 impl FineWaves {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.kept.iter_mut().for_each(|v| words.f32(v));
+    }
+
     /// All waves are kept.
     pub const WHOLE: Self = Self { kept: [1.0; 2] };
 

@@ -8,6 +8,7 @@
 //!
 //! [`Light`] is b, the *contrast of a unit slope*. It points away from the Sun, and is longer for a lower Sun.
 
+use crate::words::Words;
 use crate::tile::Shape;
 
 /// Contrast of a unit slope along columns and along rows.
@@ -37,6 +38,12 @@ const ASSUMED_AZIMUTH_DEG: f64 = 315.0;
 const ASSUMED_ELEVATION_DEG: f64 = 40.0;
 
 impl Light {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.f32(&mut self.east);
+        words.f32(&mut self.south);
+    }
+
     /// Makes a light; `None` unless it is finite and its strength is between that of a Sun near the zenith and one at the horizon.
     #[must_use]
     pub fn new(east: f64, south: f64) -> Option<Self> {

@@ -25,6 +25,7 @@ mod strength;
 pub use axis::Axis;
 pub(crate) use axis::DIRECTED_RELIEF;
 
+use crate::words::Words;
 use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
 use crate::norm::shading::Brightness;
 use crate::samples::Samples;
@@ -238,6 +239,20 @@ fn direction(azimuth_deg: f64) -> [f64; 2] {
 }
 
 impl LightFit {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.f64(&mut self.cells);
+        words.f64(&mut self.brightness);
+        for Octave { freedom, products } in &mut self.octaves {
+            words.f64(freedom);
+            products.iter_mut().for_each(|v| words.f64(v));
+        }
+        words.option(&mut self.axis, Axis { azimuth_deg: 0.0, sd_deg: 0.0 }, |axis, words| {
+            words.f64(&mut axis.azimuth_deg);
+            words.f64(&mut axis.sd_deg);
+        });
+    }
+
     /// Makes the fit to one tile: `image` (brightness in any unit) and `coarse_m` (metres), row-major, `cols` wide, at valid pixels
     /// ([`crate::mask`]). `pixel_m` is the ground size of a pixel, `coarse_px` the side of a coarse pixel in pixels of the image.
     #[must_use]

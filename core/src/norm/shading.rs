@@ -5,6 +5,7 @@
 //! network it gives a possible slope and its direction, independent of the Sun's elevation and azimuth (our choice; the paper gives the
 //! brightness, normalised to [0, 1], and the network must also find the Sun).
 
+use crate::words::Words;
 use super::light::Light;
 use crate::mask::{Extent, Mean};
 use crate::norm::NormError;
@@ -27,6 +28,13 @@ pub(crate) struct Brightness {
 }
 
 impl Brightness {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.extent.visit(words);
+        self.all.visit(words);
+        self.lit.visit(words);
+    }
+
     pub(crate) const NONE: Self =
         Self { extent: Extent::NONE, all: Mean { sum: 0.0, count: 0 }, lit: Mean { sum: 0.0, count: 0 } };
 
@@ -78,6 +86,15 @@ pub struct Shading {
 }
 
 impl Shading {
+    /// The shading of nothing, for words of an absent one.
+    pub(crate) const NONE: Self = Self { mean: 1.0, per_contrast: [0.0; 2] };
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.f32(&mut self.mean);
+        self.per_contrast.iter_mut().for_each(|v| words.f32(v));
+    }
+
     /// Makes the shading of a tile from its mean brightness over the valid pixels that are not dark (see [`crate::mask`]), under `light`.
     ///
     /// # Errors

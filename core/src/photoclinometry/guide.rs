@@ -1,5 +1,6 @@
 //! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
+use crate::words::Words;
 use super::{Contrast, FieldWork, LitTile, Photoclinometry, Relief, Share, Task};
 use crate::mask;
 use crate::norm::NormError;
@@ -91,6 +92,32 @@ pub(crate) struct GuideForm {
 }
 
 impl GuideForm {
+    /// The form of nothing, for words of an absent one.
+    pub(crate) const NONE: Self = Self {
+        scale: ElevationScale::NONE,
+        shading: Shading::NONE,
+        light: Contrast::ALONG_ROWS,
+        share: Share::WHOLE,
+        weight: Weight::Plain,
+    };
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.scale.visit(words);
+        self.shading.visit(words);
+        self.light.visit(words);
+        self.share.visit(words);
+        let mut weight = match self.weight {
+            Weight::Plain => None,
+            Weight::Trust { trust, long_share } => Some((trust, long_share)),
+        };
+        words.option(&mut weight, (0.0, None), |(trust, long_share), words| {
+            words.f32(trust);
+            words.option(long_share, 0.0, |v, words| words.f32(v));
+        });
+        self.weight = weight.map_or(Weight::Plain, |(trust, long_share)| Weight::Trust { trust, long_share });
+    }
+
     /// Makes the form of a tile of which all contrast is relief.
     pub(crate) fn new(scale: ElevationScale, shading: Shading, light: Light, weight: Weight) -> Self {
         Self { scale, shading, light, share: Share::WHOLE, weight }

@@ -12,6 +12,7 @@
 //! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
 //! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
 
+use crate::words::Words;
 use super::{LitTile, Photoclinometry, SMOOTHNESS};
 use crate::mask;
 use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
@@ -178,6 +179,11 @@ pub(super) fn octave(wave_number_squared: f32) -> usize {
 }
 
 impl Share {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.octaves.iter_mut().chain(&mut self.variances).for_each(|v| words.f32(v));
+    }
+
     /// Everything is relief.
     pub const WHOLE: Self = Self { octaves: [1.0; OCTAVES], variances: [0.0; OCTAVES] };
 

@@ -1,5 +1,6 @@
 //! The work on a field in bounded units, in the order of the passes: flight software does one after another between its other duties.
 
+use crate::words::Words;
 use super::{COLUMNS, Field, LitTile, OCTAVES, Photoclinometry, Power, Share, TOGETHER, Way, transform};
 use crate::error::LengthError;
 use crate::mask::Mean;
@@ -26,6 +27,19 @@ pub(crate) struct FieldWork {
     /// Sum of the squares of the taper.
     pub(crate) squares: f32,
     pub(super) power: [Power; OCTAVES],
+}
+
+impl FieldWork {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.u32(&mut self.pass);
+        words.u32(&mut self.unit);
+        self.lit.visit(words);
+        words.f32(&mut self.squares);
+        for Power { total, cos, sin, waves } in &mut self.power {
+            [total, cos, sin, waves].into_iter().for_each(|v| words.f64(v));
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

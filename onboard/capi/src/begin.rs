@@ -1,15 +1,15 @@
-//! Begins a tile. Every argument is validated before anything changes.
+//! Begins a tile, a bounded piece of work at a time. Every argument is validated before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{ContextRecord, SELF_TEST, TILE};
-use crate::run::{run_status, runner};
+use crate::record::{ContextRecord, DROPPED, EMPTY, PREPARING, SELF_TEST, TILE};
+use crate::run::{job_status, keep_errors, run_status, runner, tile_job};
+use crate::sealed::write_job;
 use crate::status::*;
+use crate::tile::{CallerTile, floats_crc};
 use crate::types::eld_status_t;
-use crate::validity;
 use elunar_core::nn::file::crc32c;
-use elunar_core::nn::{Begun, KnownSun, LightSource, Model, TileError, TileInput, TileScale};
-use elunar_core::norm::NormError;
-use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::nn::{KnownSun, LightSource, Model};
+use elunar_core::{Made, Progress, TileJob};
 
 /// Returns the known angles of the Sun from those of a tile, degrees; NaN stands for unknown.
 ///
@@ -23,51 +23,79 @@ pub(crate) fn stated_sun(azimuth_deg: f32, elevation_deg: f32) -> Result<KnownSu
     if legal { Ok(KnownSun { azimuth_deg, elevation_deg }) } else { Err(ELD_REFUSED_TILE_SUN) }
 }
 
-/// Begins the caller's tile.
-pub(crate) fn begin(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, tile: TileInput<'_>) -> Outcome {
-    let positive = |v: f32| v.is_finite() && v > 0.0;
-    if !(positive(tile.pixel_m) && positive(tile.coarse_px)) {
-        return Err(ELD_REFUSED_TILE_PIXEL);
+/// Begins the caller's tile, or goes on with it.
+pub(crate) fn begin(
+    context: &mut Context<'_>,
+    model: Model<'_>,
+    mut lent: Lent<'_>,
+    tile: &CallerTile<'_>,
+    budget: u64,
+) -> Outcome {
+    let goes_on = context.record.tile == PREPARING && context.record.tile_crc == tile.crc;
+    if !goes_on {
+        let rules = tile.rules;
+        if ![rules.pixel_m, rules.coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(ELD_REFUSED_TILE_PIXEL);
+        }
+        if !tile.has_valid_pixels() {
+            return Err(ELD_REFUSED_TILE_MASKED);
+        }
     }
-    if validity::count(tile.image, tile.coarse_m, tile.valid) == 0 {
-        return Err(ELD_REFUSED_TILE_MASKED);
-    }
-    let dropped = context.at_work();
+    let job = if goes_on { Some(tile_job(context, &model, lent.job)?) } else { None };
+    let dropped = context.at_work() && !goes_on;
     context.start();
-    let mut runner = runner(&context.record, model, lent.arena)?;
-    let begun = runner.begin_metres(&tile, lent.scratch).map_err(tile_status);
     let record = &mut context.record;
-    let Begun { scale, light, expected } = begun.inspect_err(|status| half_begun(record, *status))?;
-    let assumed = light == LightSource::Assumed;
+    if !goes_on {
+        record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
+        (record.tile, record.tile_crc, record.made, record.valid_px) = (PREPARING, tile.crc, 0, 0);
+        record.notices = if dropped { DROPPED } else { 0 };
+    }
+    let mut job = job.unwrap_or_else(|| TileJob::new(tile.rules, model.input_rules(), model.tile()));
+    let mut runner = runner(record, model, lent.arena)?;
+    let prepared = job.prepare(&mut runner, &tile.input(), &mut lent.tile, budget);
     record.suspended = runner.suspend();
+    let prepared = prepared.map_err(|error| lost(record, job_status(error)))?;
+    write_job(lent.job, &job);
+    if prepared == Progress::Running {
+        return Ok(ELD_RUNNING);
+    }
+    if job.made() == Some(Made::Empty) {
+        return Err(lost(record, ELD_REFUSED_TILE_MASKED));
+    }
+    let assumed = job.lighting().source == LightSource::Assumed && job.made() == Some(Made::Predicted);
     record.tile = TILE;
-    record.valid_px = validity::pack(tile.image, tile.coarse_m, tile.valid, lent.validity);
-    record.validity_crc = crc32c(lent.validity);
-    keep(record, &scale);
-    let expected = expected.unwrap_or(ExpectedErrors::UNKNOWN).to_values();
-    record.expected_bits = expected.map(f32::to_bits);
-    record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
+    record.valid_px = job.valid_px() as u32;
+    record.validity_crc = crc32c(lent.tile.valid);
+    record.coarse_crc = floats_crc(lent.tile.coarse_m);
     record.lights_assumed = record.lights_assumed.wrapping_add(u64::from(assumed));
-    Ok(match (assumed, dropped) {
-        (true, true) => ELD_NOTICE_DROPPED_LIGHT_ASSUMED,
-        (true, false) => ELD_NOTICE_LIGHT_ASSUMED,
-        (false, true) => ELD_NOTICE_DROPPED,
-        (false, false) => ELD_OK,
+    keep_errors(record, &job);
+    let dropped = record.notices & DROPPED != 0;
+    Ok(match (job.made() == Some(Made::Coarse), assumed, dropped) {
+        (true, _, true) => ELD_NOTICE_DROPPED_COARSE,
+        (true, _, false) => ELD_NOTICE_COARSE,
+        (_, true, true) => ELD_NOTICE_DROPPED_LIGHT_ASSUMED,
+        (_, true, false) => ELD_NOTICE_LIGHT_ASSUMED,
+        (_, _, true) => ELD_NOTICE_DROPPED,
+        (_, _, false) => ELD_OK,
     })
 }
 
-/// Updates the previous tile after the next one could not begin: a refusal leaves it unchanged; a fault of the model, found on the way into
-/// the arena, loses it.
-fn half_begun(record: &mut ContextRecord, status: eld_status_t) {
-    if severity(status) == FAULT {
-        record.lose_tile();
-    }
+/// Loses the tile that could not begin; returns the status.
+fn lost(record: &mut ContextRecord, status: eld_status_t) -> eld_status_t {
+    record.lose_tile();
+    status
 }
 
-fn keep(record: &mut ContextRecord, scale: &TileScale) {
-    let TileScale { elevation, mirror, .. } = scale;
-    record.scale_bits = [elevation.min_m(), elevation.relief_m(), elevation.nr()].map(f32::to_bits);
-    record.mirror = mirror.rows as u32 | (mirror.cols as u32) << 1;
+/// Gives the tile up, whatever it is.
+pub(crate) fn abort(context: &mut Context<'_>) -> Outcome {
+    if context.record.tile == EMPTY {
+        return Err(ELD_REFUSED_NO_TILE);
+    }
+    let dropped = context.at_work();
+    let before = context.record.tiles_dropped;
+    context.record.lose_tile();
+    context.record.tiles_dropped = before.wrapping_add(u64::from(dropped));
+    Ok(if dropped { ELD_NOTICE_DROPPED } else { ELD_OK })
 }
 
 /// Begins the tile of the self test.
@@ -77,21 +105,9 @@ pub(crate) fn begin_self_test(context: &mut Context<'_>, model: Model<'_>, lent:
     let mut runner = runner(&context.record, model, lent.arena)?;
     let begun = runner.begin_self_test().map_err(run_status);
     let record = &mut context.record;
-    begun.inspect_err(|status| half_begun(record, *status))?;
+    begun.map_err(|status| lost(record, status))?;
     record.suspended = runner.suspend();
-    (record.tile, record.valid_px) = (SELF_TEST, 0);
+    (record.tile, record.valid_px, record.made) = (SELF_TEST, 0, 0);
     record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
     Ok(if dropped { ELD_NOTICE_DROPPED } else { ELD_OK })
-}
-
-fn tile_status(error: TileError) -> eld_status_t {
-    match error {
-        TileError::Run(error) => run_status(error),
-        TileError::Norm(NormError::Length(_)) => ELD_REFUSED_TILE_SIZE,
-        TileError::Norm(NormError::TooFewValid { .. }) => ELD_REFUSED_TILE_MASKED,
-        TileError::Norm(NormError::ConstantImage) => ELD_REFUSED_TILE_CONSTANT_IMAGE,
-        TileError::Norm(NormError::Relief { .. } | NormError::Margin { .. }) => ELD_REFUSED_TILE_NO_RELIEF,
-        // From the header, which was validated before.
-        TileError::Norm(NormError::Range { .. }) => ELD_FAULT_MODEL_CHANGED,
-    }
 }

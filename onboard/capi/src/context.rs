@@ -1,9 +1,10 @@
 //! A context for the duration of a call: opened, validated and repaired at its start, written back at its end.
 
-use crate::record::{ContextRecord, EMPTY};
+use crate::record::{ContextRecord, EMPTY, PREPARING, SELF_TEST, TILE};
 use crate::sealed::{self, Head};
 use crate::status::*;
 use crate::types::eld_status_t;
+use elunar_core::TileMemory;
 use elunar_core::nn::{Model, Suspended};
 
 /// The result of a piece of work. Both variants are statuses; an error ends the work.
@@ -11,8 +12,8 @@ pub(crate) type Outcome = Result<eld_status_t, eld_status_t>;
 
 /// The parts of the lent memory behind the context (see [`crate::layout`]).
 pub(crate) struct Lent<'m> {
-    pub(crate) validity: &'m mut [u8],
-    pub(crate) scratch: &'m mut [f32],
+    pub(crate) job: &'m mut [u8],
+    pub(crate) tile: TileMemory<'m>,
     pub(crate) arena: &'m mut [u8],
 }
 
@@ -66,11 +67,7 @@ impl<'h> Context<'h> {
             record.faults = record.faults.wrapping_add(1);
             record.last_fault = status;
         }
-        // The runner gives a tile up when it finds that the model has changed.
-        let given_up = severity(status) == FAULT && record.suspended.phase == Suspended::IDLE;
-        if given_up
-            || matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED)
-        {
+        if matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED) {
             record.lose_tile();
         }
         // A repair is reported once, by the first call whose status is ELD_OK otherwise.
@@ -85,7 +82,11 @@ impl<'h> Context<'h> {
     /// Returns whether a tile is in progress.
     pub(crate) fn at_work(&self) -> bool {
         let phase = self.record.suspended.phase;
-        self.record.tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING)
+        match self.record.tile {
+            PREPARING => true,
+            TILE => self.record.made == 0,
+            tile => tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING),
+        }
     }
 
     /// Returns whether the tile of kind `whose` is finished.
@@ -93,10 +94,13 @@ impl<'h> Context<'h> {
     /// # Errors
     /// The status for a tile that is not finished, or is of the other kind.
     pub(crate) fn finished(&self, whose: u32) -> Result<(), eld_status_t> {
-        match self.record.tile {
+        let ContextRecord { tile, made, suspended, .. } = self.record;
+        match tile {
             EMPTY => Err(ELD_REFUSED_NO_TILE),
-            tile if tile != whose => Err(ELD_REFUSED_OTHER_TILE),
-            _ if self.record.suspended.phase != Suspended::DONE => Err(ELD_REFUSED_NOT_DONE),
+            PREPARING if whose == TILE => Err(ELD_REFUSED_NOT_DONE),
+            _ if tile != whose => Err(ELD_REFUSED_OTHER_TILE),
+            TILE if made == 0 => Err(ELD_REFUSED_NOT_DONE),
+            SELF_TEST if suspended.phase != Suspended::DONE => Err(ELD_REFUSED_NOT_DONE),
             _ => Ok(()),
         }
     }

@@ -22,8 +22,11 @@ use crate::types::*;
 use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
-use elunar_core::nn::{Kernel, Model, TileInput, TileLight, file};
+use crate::tile::CallerTile;
+use elunar_core::nn::{Kernel, Model, TileLight, file};
+use elunar_core::pixels::{PixelFormat, Pixels};
 use elunar_core::tile::Shape;
+use elunar_core::{TileMemory, TileRules};
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
@@ -148,14 +151,18 @@ unsafe fn with_model(
 /// # Safety
 /// `layout.bytes()` bytes at `memory` were lent, and no live reference refers to those behind the record.
 unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_status_t> {
-    let Layout { validity, scratch, arena } = layout;
-    // SAFETY: the layout's ranges are inside the memory and do not overlap. Any bit pattern of the scratch memory is a float.
+    let Layout { job, valid, coarse, scratch, lines, arena } = layout;
+    // SAFETY: the layout's ranges are inside the memory and do not overlap. Any bit pattern of the memory is a float.
     unsafe {
-        Ok(Lent {
-            validity: slice_mut(memory.add(validity.start), validity.len())?,
-            scratch: slice_mut(memory.add(scratch.start).cast::<f32>(), scratch.len() / size_of::<f32>())?,
-            arena: slice_mut(memory.add(arena.start), arena.len())?,
-        })
+        let floats = |part: &Range<usize>| slice_mut(memory.add(part.start).cast::<f32>(), part.len() / size_of::<f32>());
+        let tile = TileMemory {
+            coarse_m: floats(coarse)?,
+            valid: slice_mut(memory.add(valid.start), valid.len())?,
+            scratch: floats(scratch)?,
+            lines: slice_mut(memory.add(lines.start).cast::<f64>(), lines.len() / size_of::<f64>())?,
+        };
+        let job = slice_mut(memory.add(job.start), job.len())?;
+        Ok(Lent { job, tile, arena: slice_mut(memory.add(arena.start), arena.len())? })
     }
 }
 
@@ -274,40 +281,98 @@ pub unsafe extern "C" fn eld_init(
     status_of(init())
 }
 
-/// Validates and normalises a tile and prepares for the first step. `tile->struct_bytes` must be set. The maps are not needed after this
-/// call. A tile in progress is dropped, with a notice. If the new tile is refused, the old one continues.
+/// Begins a tile: validates, fills and normalises it, finds its light, and prepares for the first step. `tile->struct_bytes` must be set. The
+/// maps are not needed after this call, which does all of the work at once; `eld_begin_step` does it in pieces. A tile in progress is dropped,
+/// with a notice; if the new tile is refused, it continues.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld_tile_t) -> eld_status_t {
+    // SAFETY: the caller's promise.
+    unsafe { eld_begin_step(context, tile, u64::MAX) }
+}
+
+/// Begins a tile as `eld_begin` does, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with the same
+/// structure, and unchanged maps; any other structure begins another tile. Every other status is that of `eld_begin`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_begin_step(
+    context: *mut eld_context_t,
+    tile: *const eld_tile_t,
+    budget_macs: u64,
+) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
         apart_from_ours(&context.record, &span(tile, 1)?)?;
         // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
         let tile = unsafe { structure(tile) }?;
-        let Shape { rows, cols } = model.tile();
+        let shape = model.tile();
+        let pixels = shape.pixels();
         let masked = !tile.valid.is_null() || tile.valid_len != 0;
-        let lengths = [tile.image_len, tile.coarse_len, if masked { tile.valid_len } else { rows * cols }];
-        let mut maps = [span(tile.image, tile.image_len)?, span(tile.coarse_m, tile.coarse_len)?, 0..0];
+        let image = bytes_of(tile.image.data, tile.image.data_bytes)?;
+        let mut maps = [image, span(tile.coarse_m, tile.coarse_len)?, 0..0];
         if masked {
             maps[2] = span(tile.valid, tile.valid_len)?;
         }
-        if tile.reserved != 0 || lengths.iter().any(|len| *len != rows * cols) {
+        // SAFETY: the caller's promise.
+        let image = pixels_of(&tile.image, shape, unsafe { slice(tile.image.data.cast(), tile.image.data_bytes) }?)?;
+        if tile.network_alone > 1 || tile.coarse_len != pixels || masked && tile.valid_len != pixels || !image.is_whole() {
             return Err(ELD_REFUSED_TILE_SIZE);
         }
         for map in &maps {
             apart_from_ours(&context.record, map)?;
         }
         // SAFETY: the caller's promise; the maps do not overlap any memory that is written.
-        let (image, coarse_m) = unsafe { (slice(tile.image, rows * cols)?, slice(tile.coarse_m, rows * cols)?) };
+        let coarse_m = unsafe { slice(tile.coarse_m, pixels)? };
         let valid = match masked {
             // SAFETY: as above; every byte is 0 or 1.
-            true => Some(unsafe { mask(tile.valid, rows * cols) }?),
+            true => Some(unsafe { mask(tile.valid, pixels) }?),
             false => None,
         };
         let light = TileLight::Own(begin::stated_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg)?);
         let eld_tile_t { pixel_m, coarse_px, .. } = tile;
-        begin::begin(context, model, lent, TileInput { image, coarse_m, valid, pixel_m, coarse_px, light })
+        let rules = TileRules { pixel_m, coarse_px, anchor: tile.network_alone == 0 };
+        let tile = CallerTile { image, coarse_m, valid, rules, light, crc: tile_crc(&tile) };
+        begin::begin(context, model, lent, &tile, budget_macs)
     };
     // SAFETY: the caller's promise.
     unsafe { with_model(context, begin) }
+}
+
+/// Returns the pixels of an image.
+fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<Pixels<'p>, eld_status_t> {
+    let format = match image.format {
+        ELD_PIXELS_F32 => PixelFormat::F32,
+        ELD_PIXELS_U8 => PixelFormat::U8,
+        ELD_PIXELS_U16_LE => PixelFormat::U16Le,
+        ELD_PIXELS_U16_BE => PixelFormat::U16Be,
+        ELD_PIXELS_U12_PACKED => PixelFormat::U12Packed,
+        _ => return Err(ELD_REFUSED_TILE_FORMAT),
+    };
+    let known = if format == PixelFormat::F32 { 0 } else { ELD_PIXELS_HAS_NULL | ELD_PIXELS_HAS_SATURATED };
+    if image.flags & !known != 0 || !image.gain.is_finite() || !image.offset.is_finite() {
+        return Err(ELD_REFUSED_TILE_FORMAT);
+    }
+    let code = |flag: u32, code: u32| (image.flags & flag != 0).then_some(code);
+    Ok(Pixels {
+        bytes,
+        shape,
+        row_bytes: if image.row_bytes == 0 { format.row_bytes(shape.cols) } else { image.row_bytes },
+        format,
+        gain: image.gain,
+        offset: image.offset,
+        null_code: code(ELD_PIXELS_HAS_NULL, image.null_code),
+        saturated_from: code(ELD_PIXELS_HAS_SATURATED, image.saturated_from),
+    })
+}
+
+/// Returns the checksum of a tile's structure, without the bytes between its fields.
+fn tile_crc(tile: &eld_tile_t) -> u32 {
+    let eld_tile_t { pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, network_alone, image, .. } = tile;
+    let eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from } = image;
+    let numbers = [*network_alone, *format, *flags, *null_code, *saturated_from];
+    let floats = [pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, gain, offset].map(|v| v.to_bits());
+    let places = [data.addr(), *data_bytes, *row_bytes, tile.coarse_m.addr(), tile.coarse_len, tile.valid.addr(), tile.valid_len];
+    let mut crc = file::Crc32c::default();
+    numbers.iter().chain(&floats).for_each(|word| crc.update(&word.to_le_bytes()));
+    places.iter().for_each(|place| crc.update(&(*place as u64).to_le_bytes()));
+    crc.value()
 }
 
 /// Returns a mask of bytes as booleans.
@@ -331,6 +396,13 @@ unsafe fn mask<'a>(pointer: *const u8, len: usize) -> Result<&'a [bool], eld_sta
 pub unsafe extern "C" fn eld_step(context: *mut eld_context_t, budget_macs: u64) -> eld_status_t {
     // SAFETY: the caller's promise.
     unsafe { with_model(context, |context, model, lent| run::step(context, model, lent, budget_macs)) }
+}
+
+/// Gives the tile up, whether it is prepared, in progress or finished.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_abort(context: *mut eld_context_t) -> eld_status_t {
+    // SAFETY: the caller's promise.
+    unsafe { with_record(context, begin::abort) }
 }
 
 /// Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each height 1 if it is valid, 0 where image or coarse
@@ -363,7 +435,7 @@ pub unsafe extern "C" fn eld_output(
             true => Some(unsafe { slice_mut(valid, valid_len) }?),
             false => None,
         };
-        run::output(context, model, lent, heights_m, valid)
+        run::output(context, &lent, heights_m, valid)
     };
     // SAFETY: the caller's promise.
     unsafe { with_model(context, output) }

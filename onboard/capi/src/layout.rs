@@ -1,13 +1,13 @@
 //! The places of the parts in the lent memory.
 //!
 //! ```text
-//! | context, twice | validity, 1 bit a pixel | scratch of begin, f32 | arena of the network |
+//! | context, twice | job, twice | bits of pixels | coarse heights, f32 | scratch, f32 | lines, f64 | arena of the network |
 //! ```
 
-use crate::sealed::HEAD_BYTES;
+use crate::sealed::{self, HEAD_BYTES};
 use core::ops::Range;
 use elunar_core::nn::{Model, required};
-use elunar_core::tile::Shape;
+use elunar_core::{TileJob, TileMemory};
 
 /// Alignment of the lent memory, bytes: an array of `uint64_t` has it everywhere.
 pub(crate) const ALIGN_BYTES: usize = 8;
@@ -17,10 +17,16 @@ const LINE_BYTES: usize = 64;
 /// Byte ranges within the lent memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Layout {
+    /// The job of the tile, sealed.
+    pub(crate) job: Range<usize>,
     /// Bits of valid heights, one per pixel.
-    pub(crate) validity: Range<usize>,
-    /// Scratch memory, `f32`, to begin a tile; empty for models without a given light.
+    pub(crate) valid: Range<usize>,
+    /// Coarse heights of the tile, `f32`.
+    pub(crate) coarse: Range<usize>,
+    /// Scratch memory of the tile, `f32`; later its heights.
     pub(crate) scratch: Range<usize>,
+    /// Sums over a row or column, `f64`.
+    pub(crate) lines: Range<usize>,
     /// Arena of the network's tensors.
     pub(crate) arena: Range<usize>,
 }
@@ -28,16 +34,21 @@ pub(crate) struct Layout {
 impl Layout {
     /// Returns the layout for a model; `None` if this machine cannot address it.
     pub(crate) fn of(model: &Model<'_>) -> Option<Self> {
-        let Shape { rows, cols } = model.tile();
-        let behind = |end: usize, bytes: usize| {
+        let (tile, rules) = (model.tile(), model.input_rules());
+        let mut end = HEAD_BYTES;
+        let mut next = |len: usize, bytes: usize| {
             let start = end.checked_next_multiple_of(LINE_BYTES)?;
-            let end = start.checked_add(bytes).filter(|end| *end <= isize::MAX as usize)?;
+            end = start.checked_add(len.checked_mul(bytes)?).filter(|end| *end <= isize::MAX as usize)?;
             Some(start..end)
         };
-        let validity = behind(HEAD_BYTES, rows.checked_mul(cols)?.div_ceil(8))?;
-        let scratch = behind(validity.end, model.scratch_len().checked_mul(4)?)?;
-        let arena = behind(scratch.end, required(model))?;
-        Some(Self { validity, scratch, arena })
+        Some(Self {
+            job: next(sealed::block_bytes(TileJob::WORDS), 1)?,
+            valid: next(TileMemory::valid_len(tile), 1)?,
+            coarse: next(tile.pixels(), 4)?,
+            scratch: next(TileMemory::scratch_len(&rules, tile), 4)?,
+            lines: next(TileMemory::lines_len(tile), 8)?,
+            arena: next(required(model), 1)?,
+        })
     }
 
     /// Number of bytes of all parts.

@@ -4,7 +4,7 @@
 //! there are no globals and no locks: there are as many contexts as blocks, and they are independent.
 //!
 //! ```text
-//! eld_model_check -> eld_init -> eld_begin -> eld_step ... eld_step -> eld_output
+//! eld_model_check -> eld_init -> eld_begin (or eld_begin_step ...) -> eld_step ... -> eld_output
 //!                                                 eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
 //! ```
 //!
@@ -26,7 +26,7 @@ mod record;
 mod run;
 mod sealed;
 pub mod status;
+mod tile;
 pub mod types;
-mod validity;
 
 pub use elunar_core;

@@ -9,8 +9,17 @@ pub(crate) const WORDS: usize = 34;
 pub(crate) const EMPTY: u32 = 0;
 /// The arena contains a tile of the caller.
 pub(crate) const TILE: u32 = 1;
+/// A tile of the caller is prepared.
+pub(crate) const PREPARING: u32 = 3;
 /// The arena contains the tile of the self test.
 pub(crate) const SELF_TEST: u32 = 2;
+
+/// A tile in progress was dropped for this one.
+pub(crate) const DROPPED: u32 = 1;
+/// The heights are the network's.
+pub(crate) const PREDICTED: u32 = 1;
+/// The heights are those of the coarse DTM.
+pub(crate) const COARSE: u32 = 2;
 
 /// The data of a context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -21,18 +30,24 @@ pub(crate) struct ContextRecord {
     /// Address of the model; the verdict has its length.
     pub(crate) model: u64,
     pub(crate) verdict: Verdict,
-    /// The tile in the arena: [`EMPTY`], [`TILE`] or [`SELF_TEST`].
+    /// The tile: [`EMPTY`], [`PREPARING`], [`TILE`] or [`SELF_TEST`].
     pub(crate) tile: u32,
     /// 1 while a call changes the arena. A call finds 1 at its start only if the previous call did not return.
     pub(crate) busy: u32,
     /// The position of the runner.
     pub(crate) suspended: Suspended,
-    /// The way back to metres: bits of the lowest height, the relief and NR; 1 for mirrored rows plus 2 for mirrored columns.
-    pub(crate) scale_bits: [u32; 3],
-    pub(crate) mirror: u32,
+    /// Checksum of the caller's structure of the tile that is prepared.
+    pub(crate) tile_crc: u32,
+    /// What the end of the preparation reports: [`DROPPED`].
+    pub(crate) notices: u32,
+    /// How the tile was made: 0 unless it is finished, [`PREDICTED`] or [`COARSE`].
+    pub(crate) made: u32,
     /// Number of pixels with valid heights, and checksum of the validity bits.
     pub(crate) valid_px: u32,
     pub(crate) validity_crc: u32,
+    /// Checksums of the coarse heights of a tile that is prepared, and of the heights of a finished one.
+    pub(crate) coarse_crc: u32,
+    pub(crate) heights_crc: u32,
     /// Counters: see [`crate::types::eld_telemetry_t`].
     pub(crate) calls: u64,
     pub(crate) faults: u64,
@@ -88,9 +103,9 @@ words!(r:
     [r.suspended.phase, r.suspended.entry]
     [r.suspended.step, r.suspended.unit]
     [r.suspended.scrub_chunk, r.suspended.scrub_offset]
-    [r.suspended.scrub_crc, r.mirror]
-    [r.scale_bits[0], r.scale_bits[1]]
-    [r.scale_bits[2], r.valid_px]
+    [r.suspended.scrub_crc, r.tile_crc]
+    [r.notices, r.made]
+    [r.coarse_crc, r.valid_px]
     [r.validity_crc, r.repairs_untold]
     [r.suspended.telemetry.tiles]
     [r.suspended.telemetry.steps]
@@ -106,7 +121,7 @@ words!(r:
     [r.repairs]
     [r.lights_assumed]
     [r.tiles_dropped]
-    [r.last_fault]
+    [r.last_fault, r.heights_crc]
     [r.verdict.sum_count, r.suspended.trusting]
     [r.suspended.telemetry.tile_faults]
     [r.expected_bits[0], r.expected_bits[1]]
@@ -118,7 +133,7 @@ impl ContextRecord {
     /// Drops the tile and counts it; the other counters stay unchanged.
     pub(crate) fn lose_tile(&mut self) {
         self.tiles_dropped = self.tiles_dropped.wrapping_add(u64::from(self.tile != EMPTY));
-        (self.tile, self.valid_px) = (EMPTY, 0);
+        (self.tile, self.valid_px, self.made) = (EMPTY, 0, 0);
         self.suspended = Suspended { phase: Suspended::IDLE, entry: 0, step: 0, unit: 0, ..self.suspended };
     }
 }
@@ -131,10 +146,7 @@ mod tests {
     fn words_come_back_as_they_were() {
         let words: [u64; WORDS] = core::array::from_fn(|i| 0x0101_0101_0101_0101 * (i as u64 + 1));
         let back = ContextRecord::of(&words).words();
-        // The last fault is half a word.
-        assert_eq!(back[..28], words[..28]);
-        assert_eq!(back[28], words[28] & 0xffff_ffff);
-        assert_eq!(back[29..], words[29..]);
+        assert_eq!(back, words);
         let all_ones = ContextRecord::of(&[u64::MAX; WORDS]);
         assert_eq!(ContextRecord::of(&all_ones.words()), all_ones);
     }

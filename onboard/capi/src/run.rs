@@ -1,16 +1,18 @@
 //! Works on a tile, returns its heights, checks the self test, and scrubs the model.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{ContextRecord, EMPTY, SELF_TEST, TILE};
+use crate::record::{COARSE, ContextRecord, EMPTY, PREDICTED, PREPARING, SELF_TEST, TILE};
+use crate::sealed::{read_job, write_job};
 use crate::status::*;
+use crate::tile::{floats_crc, unpack};
 use crate::types::{
-    ELD_PHASE_EMPTY, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_errors_t,
-    eld_status_t, eld_telemetry_t,
+    ELD_PHASE_EMPTY, ELD_PHASE_PREPARING, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE,
+    ELD_PHASE_TILE_DONE, eld_errors_t, eld_status_t, eld_telemetry_t,
 };
-use crate::validity;
 use elunar_core::nn::file::crc32c;
-use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended, TileScale};
-use elunar_core::norm::{ElevationScale, FineWaves, Mirror};
+use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
+use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::{JobError, Made, TileJob};
 
 /// Resumes the runner from the record.
 ///
@@ -24,41 +26,78 @@ pub(crate) fn runner<'a, 'm>(
     Runner::resume(Kernel::best(), model, arena, &record.suspended).map_err(|_| ELD_FAULT_RUN)
 }
 
+/// Returns the job of the tile from its words, which are kept twice.
+///
+/// # Errors
+/// [`ELD_FAULT_RUN`] if both copies are damaged.
+pub(crate) fn tile_job(context: &mut Context<'_>, model: &Model<'_>, block: &[u8]) -> Result<TileJob, eld_status_t> {
+    let (words, damaged) = read_job(block).ok_or(ELD_FAULT_RUN)?;
+    let record = &mut context.record;
+    record.repairs = record.repairs.wrapping_add(u64::from(damaged));
+    record.repairs_untold = record.repairs_untold.saturating_add(u32::from(damaged));
+    TileJob::from_words(words, model.input_rules(), model.tile()).ok_or(ELD_FAULT_RUN)
+}
+
 /// Works until `budget_macs` are spent.
-pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>, budget_macs: u64) -> Outcome {
-    if context.record.tile == EMPTY {
-        return Err(ELD_REFUSED_NO_TILE);
+pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, mut lent: Lent<'_>, budget_macs: u64) -> Outcome {
+    match context.record.tile {
+        EMPTY => return Err(ELD_REFUSED_NO_TILE),
+        PREPARING => return Err(ELD_REFUSED_NOT_BEGUN),
+        TILE if context.record.made != 0 => return Ok(ELD_OK),
+        SELF_TEST if context.record.suspended.phase == Suspended::DONE => return Ok(ELD_OK),
+        _ => (),
     }
-    if context.record.suspended.phase == Suspended::DONE {
-        return Ok(ELD_OK);
-    }
+    let job = if context.record.tile == TILE { Some(tile_job(context, &model, lent.job)?) } else { None };
     context.start();
-    let mut runner = runner(&context.record, model, lent.arena)?;
-    let worked = runner.step(budget_macs);
-    context.record.suspended = runner.suspend();
-    let progress = worked.map_err(run_status)?;
-    Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING })
+    let record = &mut context.record;
+    let mut runner = runner(record, model, lent.arena)?;
+    let Some(mut job) = job else {
+        let worked = runner.step(budget_macs);
+        record.suspended = runner.suspend();
+        let progress = worked.map_err(run_status).inspect_err(|_| record.lose_tile())?;
+        return Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING });
+    };
+    // After the network the coarse heights are used again.
+    let uses_coarse = record.suspended.phase == Suspended::DONE || job.made() == Some(Made::Coarse);
+    if uses_coarse && floats_crc(lent.tile.coarse_m) != record.coarse_crc {
+        return Err(ELD_FAULT_DATA_CHANGED);
+    }
+    let worked = job.run(&mut runner, &mut lent.tile, budget_macs);
+    record.suspended = runner.suspend();
+    let progress = worked.map_err(job_status).inspect_err(|_| record.lose_tile())?;
+    write_job(lent.job, &job);
+    if progress == Progress::Running {
+        return Ok(ELD_RUNNING);
+    }
+    record.made = if job.made() == Some(Made::Coarse) { COARSE } else { PREDICTED };
+    record.heights_crc = floats_crc(job.heights_m(&lent.tile));
+    keep_errors(record, &job);
+    Ok(ELD_OK)
+}
+
+/// Keeps the expected errors of a tile.
+pub(crate) fn keep_errors(record: &mut ContextRecord, job: &TileJob) {
+    record.expected_bits = job.expected().unwrap_or(ExpectedErrors::UNKNOWN).to_values().map(f32::to_bits);
 }
 
 /// Copies the finished tile; `valid` may be empty.
 pub(crate) fn output(
-    context: &Context<'_>,
-    model: Model<'_>,
-    lent: Lent<'_>,
+    context: &mut Context<'_>,
+    lent: &Lent<'_>,
     heights_m: &mut [f32],
     valid: Option<&mut [u8]>,
 ) -> Outcome {
     context.finished(TILE)?;
-    if crc32c(lent.validity) != context.record.validity_crc {
+    if crc32c(lent.tile.valid) != context.record.validity_crc {
         return Err(ELD_FAULT_VALIDITY);
     }
-    let [min_m, relief_m, nr] = context.record.scale_bits.map(f32::from_bits);
-    let elevation = ElevationScale::from_parts(min_m, relief_m, nr).map_err(|_| ELD_FAULT_RUN)?;
-    let mirror = Mirror { rows: context.record.mirror & 1 != 0, cols: context.record.mirror & 2 != 0 };
-    let runner = runner(&context.record, model, lent.arena)?;
-    runner.heights(&TileScale { elevation, mirror, fine: FineWaves::WHOLE }, heights_m).map_err(run_status)?;
+    let found_m = lent.tile.scratch.get(..heights_m.len()).ok_or(ELD_FAULT_RUN)?;
+    if floats_crc(found_m) != context.record.heights_crc {
+        return Err(ELD_FAULT_DATA_CHANGED);
+    }
+    heights_m.copy_from_slice(found_m);
     if let Some(valid) = valid {
-        validity::unpack(lent.validity, valid);
+        unpack(lent.tile.valid, valid);
     }
     Ok(ELD_OK)
 }
@@ -100,7 +139,8 @@ pub(crate) fn telemetry(record: &ContextRecord, struct_bytes: u32) -> eld_teleme
     let done = at.phase == Suspended::DONE;
     let phase = match record.tile {
         EMPTY => ELD_PHASE_EMPTY,
-        TILE if done => ELD_PHASE_TILE_DONE,
+        PREPARING => ELD_PHASE_PREPARING,
+        TILE if record.made != 0 => ELD_PHASE_TILE_DONE,
         TILE => ELD_PHASE_TILE,
         _ if done => ELD_PHASE_SELF_TEST_DONE,
         _ => ELD_PHASE_SELF_TEST,
@@ -127,6 +167,18 @@ pub(crate) fn telemetry(record: &ContextRecord, struct_bytes: u32) -> eld_teleme
         scrub_faults: t.scrub_faults,
         self_test_faults: t.self_test_faults,
         tile_faults: t.tile_faults,
+    }
+}
+
+/// Returns the status of a job's error.
+pub(crate) fn job_status(error: JobError<RunError>) -> eld_status_t {
+    match error {
+        JobError::Network(error) => run_status(error),
+        // From the header, which was validated before.
+        JobError::Rules(_) => ELD_FAULT_MODEL_CHANGED,
+        JobError::Height { .. } => ELD_FAULT_HEIGHT,
+        // Lengths and order are validated before the job is called.
+        JobError::Length(_) | JobError::State => ELD_FAULT_RUN,
     }
 }
 

@@ -1,81 +1,115 @@
-//! The context in the lent memory: a record kept twice, each copy under a checksum.
+//! Words in the lent memory that are kept twice, each copy under a checksum: the context's record, and the tile's job.
 //!
 //! ```text
-//! byte 0                        8                            8 + 8 WORDS             COPY_BYTES
-//!      | MAGIC                  | words, little-endian       | CRC32C | its inverse  | second copy, the same ...
+//! byte 0                        8                            8 + 8 words             copy's end
+//!      | magic                  | words, little-endian       | CRC32C | its inverse  | second copy, the same ...
 //! ```
 //! Every bit is under a checksum. A copy whose checksum does not match is replaced by the other. If both match and differ, a write was cut
 //! short; the first copy is valid, because it is written first.
 
 use crate::record::{ContextRecord, WORDS};
+use elunar_core::TileJob;
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
-const MAGIC: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x01");
-/// Number of bytes of one copy.
-pub(crate) const COPY_BYTES: usize = 8 * (WORDS + 2);
+const CONTEXT: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x02");
+/// "ELDJOB" and the version of the job.
+const JOB: u64 = u64::from_le_bytes(*b"ELDJOB\x00\x01");
+
+/// Number of bytes of one copy of so many words.
+pub(crate) const fn copy_bytes(words: usize) -> usize {
+    8 * (words + 2)
+}
+
 /// Number of bytes of both copies.
-pub(crate) const HEAD_BYTES: usize = 2 * COPY_BYTES;
+pub(crate) const fn block_bytes(words: usize) -> usize {
+    2 * copy_bytes(words)
+}
 
-type Copy = [u8; COPY_BYTES];
-/// Both copies.
+/// Number of bytes of both copies of a context.
+pub(crate) const HEAD_BYTES: usize = block_bytes(WORDS);
+
+/// Both copies of a context.
 pub(crate) type Head = [u8; HEAD_BYTES];
-
-fn encode(record: &ContextRecord) -> Copy {
-    let mut copy = [0; COPY_BYTES];
-    let slots = copy.as_chunks_mut::<8>().0;
-    for (slot, word) in slots.iter_mut().zip([MAGIC].into_iter().chain(record.words())) {
-        *slot = word.to_le_bytes();
-    }
-    let crc = crc_of(&copy);
-    if let Some(seal) = copy.last_chunk_mut() {
-        *seal = sealed(crc).to_le_bytes();
-    }
-    copy
-}
-
-/// Returns the checksum of a copy without its seal.
-fn crc_of(copy: &Copy) -> u32 {
-    copy.first_chunk::<{ COPY_BYTES - 8 }>().map_or(0, |body| crc32c(body))
-}
 
 fn sealed(crc: u32) -> u64 {
     crc as u64 | (!crc as u64) << 32
 }
 
-fn decode(copy: &Copy) -> Option<ContextRecord> {
-    let mut words = [0; WORDS];
-    let (magic, body) = copy.as_chunks::<8>().0.split_first()?;
-    for (word, &bytes) in words.iter_mut().zip(body) {
-        *word = u64::from_le_bytes(bytes);
-    }
-    let seal = u64::from_le_bytes(*copy.last_chunk()?);
-    let whole = u64::from_le_bytes(*magic) == MAGIC && seal == sealed(crc_of(copy));
-    whole.then(|| ContextRecord::of(&words))
+/// Returns a copy's bytes without its seal, and the seal.
+fn parts(copy: &[u8]) -> Option<(&[u8], u64)> {
+    let (body, seal) = copy.split_last_chunk::<8>()?;
+    Some((body, u64::from_le_bytes(*seal)))
 }
 
-/// Writes both copies.
+fn encode(copy: &mut [u8], magic: u64, words: &[u64]) {
+    for (slot, word) in copy.as_chunks_mut::<8>().0.iter_mut().zip([magic].iter().chain(words)) {
+        *slot = word.to_le_bytes();
+    }
+    let crc = parts(copy).map_or(0, |(body, _)| crc32c(body));
+    if let Some(seal) = copy.last_chunk_mut() {
+        *seal = sealed(crc).to_le_bytes();
+    }
+}
+
+/// Reads a copy; returns whether it is whole. Otherwise the words are not changed.
+fn decode(copy: &[u8], magic: u64, words: &mut [u64]) -> bool {
+    let Some((body, seal)) = parts(copy) else { return false };
+    let Some((first, rest)) = body.as_chunks::<8>().0.split_first() else { return false };
+    let whole = u64::from_le_bytes(*first) == magic && seal == sealed(crc32c(body));
+    if whole {
+        words.iter_mut().zip(rest).for_each(|(word, bytes)| *word = u64::from_le_bytes(*bytes));
+    }
+    whole
+}
+
+fn write_words(block: &mut [u8], magic: u64, words: &[u64]) {
+    for copy in block.chunks_exact_mut(copy_bytes(words.len())).take(2) {
+        encode(copy, magic, words);
+    }
+}
+
+/// Returns whether a copy was damaged; `None` if both are.
+fn read_words(block: &[u8], magic: u64, words: &mut [u64]) -> Option<bool> {
+    let (first, second) = block.split_at_checked(copy_bytes(words.len()))?;
+    if decode(first, magic, words) {
+        // The words of the second copy are not used.
+        let seal = parts(second).is_some_and(|(body, seal)| seal == sealed(crc32c(body)));
+        return Some(!(seal && second.first_chunk() == Some(&magic.to_le_bytes())));
+    }
+    decode(second, magic, words).then_some(true)
+}
+
+/// Writes both copies of a context.
 pub(crate) fn write(head: &mut Head, record: &ContextRecord) {
-    let copy = encode(record);
-    for slot in head.as_chunks_mut().0 {
-        *slot = copy;
-    }
+    write_words(head, CONTEXT, &record.words());
 }
 
-/// Reads the record; `true` if a copy was damaged. The caller writes both copies at the end of every call. `None` if both are damaged.
+/// Reads a context; `true` if a copy was damaged. The caller writes both copies at the end of every call. `None` if both are damaged.
 pub(crate) fn read(head: &Head) -> Option<(ContextRecord, bool)> {
-    let [first, second] = head.as_chunks::<COPY_BYTES>().0 else { return None };
-    match (decode(first), decode(second)) {
-        (Some(record), second) => Some((record, second.is_none())),
-        (None, Some(record)) => Some((record, true)),
-        (None, None) => None,
-    }
+    let mut words = [0; WORDS];
+    let damaged = read_words(head, CONTEXT, &mut words)?;
+    Some((ContextRecord::of(&words), damaged))
+}
+
+/// Writes both copies of a job.
+pub(crate) fn write_job(block: &mut [u8], job: &TileJob) {
+    write_words(block, JOB, &job.to_words());
+}
+
+/// Reads the words of a job, as [`read`].
+pub(crate) fn read_job(block: &[u8]) -> Option<([u64; TileJob::WORDS], bool)> {
+    let mut words = [0; TileJob::WORDS];
+    let damaged = read_words(block, JOB, &mut words)?;
+    Some((words, damaged))
 }
 
 #[cfg(test)]
 mod tests {
     extern crate std;
     use super::*;
+
+    const COPY: usize = copy_bytes(WORDS);
 
     fn head() -> (ContextRecord, Head) {
         let mut head = [0; HEAD_BYTES];
@@ -98,11 +132,11 @@ mod tests {
     #[test]
     fn bits_flipped_in_both_copies_are_found() {
         let (_, clean) = head();
-        for bit in 0..8 * COPY_BYTES {
+        for bit in 0..8 * COPY {
             let mut head = clean;
             head[bit / 8] ^= 1 << (bit % 8);
             // The same bit in the other copy, as a fault of a bus line would change it.
-            head[COPY_BYTES + bit / 8] ^= 1 << (bit % 8);
+            head[COPY + bit / 8] ^= 1 << (bit % 8);
             assert_eq!(read(&head), None, "bit {bit}");
         }
         assert_eq!(read(&[0; HEAD_BYTES]), None);
@@ -113,10 +147,12 @@ mod tests {
     fn the_first_copy_holds_if_a_write_was_cut_short() {
         let (record, mut old) = head();
         let next = ContextRecord { calls: 78, ..record };
-        old[..COPY_BYTES].copy_from_slice(&encode(&next));
+        let mut first = [0; HEAD_BYTES];
+        write(&mut first, &next);
+        old[..COPY].copy_from_slice(&first[..COPY]);
         assert_eq!(read(&old), Some((next, false)));
         // Cut within the first copy: the second is still valid.
-        old[..COPY_BYTES / 2].fill(0);
+        old[..COPY / 2].fill(0);
         assert_eq!(read(&old), Some((record, true)));
     }
 }

@@ -84,6 +84,8 @@ statuses! {
     ELD_NOTICE_DROPPED = NOTICE, RUN, 2, "begun; the tile before was dropped unfinished";
     ELD_NOTICE_LIGHT_ASSUMED = NOTICE, TILE, 1, "begun; the tile does not show its light, so the light is assumed";
     ELD_NOTICE_DROPPED_LIGHT_ASSUMED = NOTICE, TILE, 2, "begun; the tile before was dropped unfinished, and the light is assumed";
+    ELD_NOTICE_COARSE = NOTICE, TILE, 3, "begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's";
+    ELD_NOTICE_DROPPED_COARSE = NOTICE, TILE, 4, "begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's";
     ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
 
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
@@ -95,6 +97,7 @@ statuses! {
     ELD_REFUSED_NO_TILE = REFUSED, CALL, 7, "no tile was begun";
     ELD_REFUSED_NOT_DONE = REFUSED, CALL, 8, "the tile is not finished";
     ELD_REFUSED_OTHER_TILE = REFUSED, CALL, 9, "the tile is the self test's where the caller's is asked for, or the other way round";
+    ELD_REFUSED_NOT_BEGUN = REFUSED, CALL, 11, "the tile is not begun yet: call eld_begin_step until it is";
     ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
 
     ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
@@ -117,15 +120,15 @@ statuses! {
     ELD_REFUSED_TILE_MASK = REFUSED, TILE, 2, "a byte of the mask is neither 0 nor 1";
     ELD_REFUSED_TILE_PIXEL = REFUSED, TILE, 3, "pixel_m or coarse_px is not finite and above 0";
     ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
-    ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "too few pixels of the tile count";
-    ELD_REFUSED_TILE_CONSTANT_IMAGE = REFUSED, TILE, 6, "the image has no contrast, or no light";
-    ELD_REFUSED_TILE_NO_RELIEF = REFUSED, TILE, 7, "the coarse DTM has no relief to scale the heights by, or more than 10^9 m";
+    ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
+    ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
     ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";
+    ELD_FAULT_HEIGHT = FAULT, RUN, 5, "the network gave a height that no ground has; the tile is lost";
     ELD_FAULT_INTERRUPTED = FAULT, RUN, 3, "the call before did not return; the tile is lost";
     ELD_FAULT_CONTEXT_LOST = FAULT, CONTEXT, 1, "no context there, or both its copies are damaged: call eld_init again";
     ELD_FAULT_CONTEXT_MOVED = FAULT, CONTEXT, 2, "the context is not where it was made: call eld_init again";

@@ -1,6 +1,8 @@
 //! Types shared by C and the library, with C names.
 #![allow(non_camel_case_types)]
 
+use core::ffi::c_void;
+
 /// Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
 pub type eld_status_t = u32;
 
@@ -11,7 +13,7 @@ pub struct eld_context_t {
 }
 
 /// Version of the header's interface, major << 16 | minor << 8 | patch. Compare with `eld_version()`.
-pub const ELD_VERSION: u32 = 0x0001_0000;
+pub const ELD_VERSION: u32 = 0x0002_0000;
 
 /// Light: the network works with any Sun and takes the image unchanged.
 pub const ELD_LIGHT_ANY: u32 = 0;
@@ -41,6 +43,25 @@ pub const ELD_PHASE_TILE_DONE: u32 = 2;
 pub const ELD_PHASE_SELF_TEST: u32 = 3;
 /// Phase: the self test is finished and can be checked.
 pub const ELD_PHASE_SELF_TEST_DONE: u32 = 4;
+
+/// Phase: `eld_begin_step` prepares a tile.
+pub const ELD_PHASE_PREPARING: u32 = 5;
+
+/// Pixels: a float in the processor's own byte order.
+pub const ELD_PIXELS_F32: u32 = 0;
+/// Pixels: a byte.
+pub const ELD_PIXELS_U8: u32 = 1;
+/// Pixels: two bytes, the low one first.
+pub const ELD_PIXELS_U16_LE: u32 = 2;
+/// Pixels: two bytes, the high one first.
+pub const ELD_PIXELS_U16_BE: u32 = 3;
+/// Pixels: twelve bits, two pixels in three bytes, the high bits first; a row begins with a byte.
+pub const ELD_PIXELS_U12_PACKED: u32 = 4;
+
+/// Flag of pixels: those with `null_code` are void.
+pub const ELD_PIXELS_HAS_NULL: u32 = 1;
+/// Flag of pixels: those with `saturated_from` or more are void.
+pub const ELD_PIXELS_HAS_SATURATED: u32 = 2;
 
 /// Properties and requirements of a model. All sizes are exact.
 #[repr(C)]
@@ -82,8 +103,32 @@ pub struct eld_model_info_t {
     pub range_margin: f32,
 }
 
-/// A tile in physical units. Maps are row-major, tile_rows * tile_cols samples, first row first; they are read during `eld_begin` only.
-/// Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are masked pixels.
+/// Pixels as the camera has them, perhaps within a larger frame. Brightness is `gain * code + offset`, relative to any unit.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct eld_pixels_t {
+    /// The first pixel, first row first. Any address is legal.
+    pub data: *const c_void,
+    /// Number of bytes from the first pixel on.
+    pub data_bytes: usize,
+    /// Bytes from a row to the next; 0 if rows follow each other without a gap.
+    pub row_bytes: usize,
+    /// One of `ELD_PIXELS_*`.
+    pub format: u32,
+    /// `ELD_PIXELS_HAS_NULL`, `ELD_PIXELS_HAS_SATURATED`, both or 0; 0 for floats.
+    pub flags: u32,
+    /// Brightness of a step of the code; 1 for floats that are brightness.
+    pub gain: f32,
+    /// Brightness of code 0.
+    pub offset: f32,
+    /// The code of a pixel without a value.
+    pub null_code: u32,
+    /// The smallest code of a saturated pixel.
+    pub saturated_from: u32,
+}
+
+/// A tile in physical units. Maps are row-major, tile_rows x tile_cols samples, first row first; they are read until the tile is begun.
+/// Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are voids.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct eld_tile_t {
@@ -97,12 +142,10 @@ pub struct eld_tile_t {
     pub sun_azimuth_deg: f32,
     /// Elevation of the Sun above the horizon, degrees; NaN if unknown.
     pub sun_elevation_deg: f32,
-    /// Must be 0.
-    pub reserved: u32,
+    /// 0: heights as the ground's `elunar predict` writes them. 1: the network decides about long and short waves, too (the paper).
+    pub network_alone: u32,
     /// Relative brightness.
-    pub image: *const f32,
-    /// Number of samples of the image.
-    pub image_len: usize,
+    pub image: eld_pixels_t,
     /// Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
     pub coarse_m: *const f32,
     /// Number of samples of the coarse DTM.

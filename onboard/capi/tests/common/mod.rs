@@ -5,10 +5,11 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::file::{seal_file, u32_at};
-use elunar_core::nn::{KnownSun, Lighting, Model, Progress, Runner, TileInput, TileLight, required, validity};
-use elunar_core::norm::LightFit;
-use elunar_core::photoclinometry::{Contrast, ExpectedErrors};
-use elunar_core::terrain::PixelSize;
+use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::samples::is_set;
+use elunar_core::{
+    KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required,
+};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -84,9 +85,8 @@ impl Tile {
             coarse_px: self.coarse_px,
             sun_azimuth_deg: self.sun[0],
             sun_elevation_deg: self.sun[1],
-            reserved: 0,
-            image: self.image.as_ptr(),
-            image_len: self.image.len(),
+            network_alone: 0,
+            image: floats(&self.image),
             coarse_m: self.coarse_m.as_ptr(),
             coarse_len: self.coarse_m.len(),
             valid: self.valid.as_ref().map_or(std::ptr::null(), |mask| mask.as_ptr()),
@@ -103,35 +103,44 @@ impl Tile {
     /// As [`Self::expected`], with the errors that heights and slopes are expected to have.
     pub(crate) fn expected_with_errors(&self) -> (Vec<f32>, Vec<u8>, ExpectedErrors) {
         let model = Model::new(nano()).unwrap();
+        let (shape, rules) = (model.tile(), model.input_rules());
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).unwrap();
-        let mask: Option<Vec<bool>> = self.valid.as_ref().map(|mask| mask.iter().map(|v| *v == 1).collect());
-        let mut fit = LightFit::default();
-        let pixel = PixelSize::square(f64::from(self.pixel_m));
-        let cell_px = LightFit::cell_px(self.coarse_px);
-        fit.add_masked(&self.image, &self.coarse_m, mask.as_deref(), COLS, pixel, cell_px);
-        let mut scratch = vec![0.0; runner.scratch_len()];
-        if model.illumination().is_guided() {
-            let (shape, coarse_px) = (model.tile(), self.coarse_px);
-            let contrast = Contrast::of_image(&self.image, mask.as_deref(), shape, coarse_px, &mut scratch).unwrap();
-            fit = fit.with_axis(contrast.axis());
-        }
-        let [azimuth_deg, elevation_deg] = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
-        let sun = KnownSun { azimuth_deg, elevation_deg };
-        let tile = TileInput {
-            image: &self.image,
-            coarse_m: &self.coarse_m,
-            valid: mask.as_deref(),
-            pixel_m: self.pixel_m,
-            coarse_px: self.coarse_px,
-            light: TileLight::Scene(Lighting::decide(model.illumination(), sun, &fit)),
+        // A masked pixel is a void of both maps.
+        let counts = |i: usize| self.valid.as_ref().is_none_or(|mask| mask[i] == 1);
+        let under_mask = |map: &[f32]| -> Vec<f32> {
+            map.iter().enumerate().map(|(i, v)| if counts(i) { *v } else { f32::NAN }).collect()
         };
-        let begun = runner.begin_metres(&tile, &mut scratch).unwrap();
-        while runner.step(STEP_MACS).unwrap() == Progress::Running {}
-        let (mut heights_m, mut valid) = (vec![0.0; PX], vec![false; PX]);
-        runner.heights(&begun.scale, &mut heights_m).unwrap();
-        validity(&self.image, &self.coarse_m, mask.as_deref(), &mut valid);
-        (heights_m, valid.iter().map(|v| *v as u8).collect(), begun.expected.unwrap())
+        let (image, coarse_m) = (under_mask(&self.image), under_mask(&self.coarse_m));
+        let [azimuth_deg, elevation_deg] = self.sun.map(|deg| (!deg.is_nan()).then_some(f64::from(deg)));
+        let light = TileLight::Own(KnownSun { azimuth_deg, elevation_deg });
+        let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: shape, light };
+        let (mut coarse, mut valid) = (vec![0.0; PX], vec![0; TileMemory::valid_len(shape)]);
+        let (mut scratch, mut lines) =
+            (vec![0.0; TileMemory::scratch_len(&rules, shape)], vec![0.0; TileMemory::lines_len(shape)]);
+        let mut memory =
+            TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
+        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: true };
+        let mut job = TileJob::new(how, rules, shape);
+        while job.prepare(&mut runner, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+        while job.run(&mut runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+        let valid = (0..PX).map(|i| u8::from(is_set(job.valid(&memory), i))).collect();
+        (job.heights_m(&memory).to_vec(), valid, job.expected().unwrap())
+    }
+}
+
+/// Returns floats as pixels for C.
+pub(crate) fn floats(map: &[f32]) -> eld_pixels_t {
+    eld_pixels_t {
+        data: map.as_ptr().cast(),
+        data_bytes: size_of_val(map),
+        row_bytes: 0,
+        format: ELD_PIXELS_F32,
+        flags: 0,
+        gain: 1.0,
+        offset: 0.0,
+        null_code: 0,
+        saturated_from: 0,
     }
 }
 
