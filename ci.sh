@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply test no_std boards checked asan miri backends vulkan cluster)
+everything=(format lint supply book test no_std boards checked asan miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -53,6 +53,16 @@ supply() {
     # Five packages fly; most of the list does not meet them.
     cargo deny "${how[@]}" --manifest-path "$flight" check --hide-inclusion-graph --allow license-not-encountered \
         --allow license-exception-not-encountered --allow advisory-not-detected --allow unmatched-skip-root "${checks[@]}"
+}
+
+# Links and anchors of all documents, and the documents as one book.
+book() {
+    docs/links.py
+    if ! command -v mdbook >/dev/null; then
+        echo "SKIPPED: book: mdbook is not here (cargo install mdbook --locked)"
+        return
+    fi
+    docs/book.py "$target"
 }
 
 # The network once more on the reference backend, which shares no kernel with the default one; unoptimised, because a small network is
@@ -205,7 +215,7 @@ fuzz() {
 
 # $1: a step. Whether it may still begin; says so if not.
 in_time() {
-    case "$1" in format | lint | supply | test) return ;; esac
+    case "$1" in format | lint | supply | book | test) return ;; esac
     [ "$(date +%s)" -le "${LATEST_START:-9999999999}" ] && return
     echo "SKIPPED: $1: the time for beginning a step is over (LATEST_START)"
     return 1
