@@ -1,9 +1,9 @@
 //! Filling of voids, so that the network sees plausible ground everywhere. The result is masked again afterwards (our choice; the paper
 //! does not mention voids).
 
-use crate::words::Words;
 use crate::error::{LengthError, same_length};
 use crate::part::{head_mut, item, put};
+use crate::words::Words;
 
 /// Fills every invalid (not finite) sample of a row-major map, `cols` wide, with the value of the nearest valid sample. Distance is counted
 /// in steps over 4 neighbours; of samples at the same distance, the first in reading order counts. Without a valid sample nothing changes.

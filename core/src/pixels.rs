@@ -113,7 +113,10 @@ impl Pixels<'_> {
         let line = format.row_bytes(cols);
         let last = rows.checked_sub(1).and_then(|last| last.checked_mul(row_bytes));
         let needed = last.and_then(|last| last.checked_add(line));
-        row_bytes >= line && needed.is_some_and(|needed| needed <= self.bytes.len()) && gain.is_finite() && offset.is_finite()
+        row_bytes >= line
+            && needed.is_some_and(|needed| needed <= self.bytes.len())
+            && gain.is_finite()
+            && offset.is_finite()
     }
 
     fn row(&self, row: usize) -> &[u8] {
@@ -124,7 +127,9 @@ impl Pixels<'_> {
     fn brightness(&self, row: &[u8], col: usize) -> f32 {
         match self.format.pixel(row, col) {
             Code::Float(v) if mask::is_real(v) => self.gain * v + self.offset,
-            Code::Number(code) if Some(code) != self.null_code && self.saturated_from.is_none_or(|from| code < from) => {
+            Code::Number(code)
+                if Some(code) != self.null_code && self.saturated_from.is_none_or(|from| code < from) =>
+            {
                 self.gain * code as f32 + self.offset
             }
             _ => f32::NAN,
@@ -162,7 +167,16 @@ mod tests {
 
     fn pixels(bytes: &[u8], format: PixelFormat) -> Pixels<'_> {
         let (shape, row_bytes) = (Shape::new(3, 5), format.row_bytes(5) + 2);
-        Pixels { bytes, shape, row_bytes, format, gain: 2.0, offset: -1.0, null_code: Some(7), saturated_from: Some(250) }
+        Pixels {
+            bytes,
+            shape,
+            row_bytes,
+            format,
+            gain: 2.0,
+            offset: -1.0,
+            null_code: Some(7),
+            saturated_from: Some(250),
+        }
     }
 
     #[test]
@@ -203,7 +217,9 @@ mod tests {
             }
             let mut line = [0.0; 3];
             pixels.read(6, &mut line);
-            assert!(line.iter().zip(&expected[6..]).all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()));
+            assert!(
+                line.iter().zip(&expected[6..]).all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan())
+            );
             pixels.read(15, &mut line);
             assert!(line.iter().all(|v| v.is_nan()) && pixels.at(99).is_nan());
         }

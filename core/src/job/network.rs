@@ -26,12 +26,7 @@ pub trait Network {
     ///
     /// # Errors
     /// The network's fault.
-    fn load_row(
-        &mut self,
-        map: InputMap,
-        row: usize,
-        samples: impl Fn(usize, &mut [f32]),
-    ) -> Result<(), Self::Fault>;
+    fn load_row(&mut self, map: InputMap, row: usize, samples: impl Fn(usize, &mut [f32])) -> Result<(), Self::Fault>;
 
     /// Starts the tile whose rows have been taken.
     ///

@@ -44,11 +44,7 @@ impl TileJob {
     }
 
     /// Takes a row of samples.
-    fn take<S: Samples, C: Samples>(
-        &mut self,
-        tile: &TileInput<S, C>,
-        memory: &mut TileMemory<'_>,
-    ) -> u64 {
+    fn take<S: Samples, C: Samples>(&mut self, tile: &TileInput<S, C>, memory: &mut TileMemory<'_>) -> u64 {
         let (row, cols, copies) = (self.unit as usize, self.tile.cols, !self.input.illumination.is_guided());
         if row == 0 {
             memory.valid.fill(0);
@@ -178,7 +174,8 @@ impl TileJob {
     fn axis(&mut self, image: impl Samples, scratch: &mut [f32]) -> Result<u64, NormError> {
         let plan = Photoclinometry::new(self.tile);
         // Darkness and sameness have no contrast. Only a guide has the memory for it.
-        let shading = self.brightness.shading(Contrast::ALONG_ROWS).ok().filter(|_| scratch.len() >= plan.scratch_len());
+        let shading =
+            self.brightness.shading(Contrast::ALONG_ROWS).ok().filter(|_| scratch.len() >= plan.scratch_len());
         let Some(shading) = shading else {
             self.to(Pass::Decide);
             return Ok(1);
@@ -202,7 +199,8 @@ impl TileJob {
         self.field = FieldWork::default();
         let weight = match self.input.illumination {
             Illumination::Any | Illumination::Northwest => {
-                self.lighting = if self.input.illumination == Illumination::Any { Lighting::NOT_ASKED } else { self.lighting };
+                self.lighting =
+                    if self.input.illumination == Illumination::Any { Lighting::NOT_ASKED } else { self.lighting };
                 IntensityRange::of_extent(self.brightness.extent)?;
                 self.to(Pass::LoadImage);
                 return Ok(1);
@@ -220,12 +218,7 @@ impl TileJob {
     }
 
     /// Measures what share of the contrast is relief, and then finds the relief.
-    fn guide(
-        &mut self,
-        image: impl Samples,
-        coarse_m: &[f32],
-        scratch: &mut [f32],
-    ) -> Result<u64, NormError> {
+    fn guide(&mut self, image: impl Samples, coarse_m: &[f32], scratch: &mut [f32]) -> Result<u64, NormError> {
         let (plan, coarse_px) = (Photoclinometry::new(self.tile), self.rules.coarse_px);
         let Some(form) = self.form else { return Err(NormError::ConstantImage) };
         let tile = GuideInput { image, coarse_m, mirror: self.mirror(), coarse_px, weight: form.weight };
@@ -263,7 +256,8 @@ impl TileJob {
         coarse_m: &[f32],
         scratch: &[f32],
     ) -> Result<u64, N::Fault> {
-        let (row, map) = (self.unit as usize, if self.pass == Pass::LoadImage { InputMap::Image } else { InputMap::Coarse });
+        let (row, map) =
+            (self.unit as usize, if self.pass == Pass::LoadImage { InputMap::Image } else { InputMap::Coarse });
         if (row, map) == (0, InputMap::Image) {
             network.begin()?;
         }
@@ -302,7 +296,8 @@ impl TileJob {
         if self.pass == Pass::Network {
             network.start()?;
         }
-        Ok((self.tile.cols * if map == InputMap::Image { 20 * self.input.illumination.image_maps() } else { 20 }) as u64)
+        Ok((self.tile.cols * if map == InputMap::Image { 20 * self.input.illumination.image_maps() } else { 20 })
+            as u64)
     }
 }
 

@@ -205,7 +205,9 @@ fn every_kind_of_input_gives_the_same_heights_for_every_budget() {
         let (job, heights_m, again, echo) = run(illumination, &tile, 1);
         assert_eq!((whole, bits), (job, again.clone()));
         assert_eq!(heights_m, expected);
-        assert!(heights_m.iter().all(|z| z.is_finite()) && echo.image.iter().chain(&echo.coarse).all(|v| v.is_finite()));
+        assert!(
+            heights_m.iter().all(|z| z.is_finite()) && echo.image.iter().chain(&echo.coarse).all(|v| v.is_finite())
+        );
         // Pixels beyond the scene are not valid.
         assert!((0..TILE.pixels()).all(|i| !is_set(&again, i) || i / TILE.cols < 40 && i % TILE.cols < 50));
         assert!(job.valid_px() > 1800 && job.valid_px() <= 2000, "{}", job.valid_px());
@@ -306,7 +308,8 @@ fn any_words_are_harmless() {
                 let (mut echo, mut lent) = (Echo::new(SLOPED_MAPS), Lent::new(&input, TILE));
                 let mut memory = lent.memory();
                 let ready = job.prepare(&mut echo, &tile, &mut memory, 20_000);
-                let ran = ready.and_then(|_| if job.is_prepared() { job.run(&mut echo, &mut memory, 20_000) } else { ready });
+                let ran =
+                    ready.and_then(|_| if job.is_prepared() { job.run(&mut echo, &mut memory, 20_000) } else { ready });
                 mad += usize::from(ran.is_err());
             }
         }

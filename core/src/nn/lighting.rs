@@ -1,8 +1,8 @@
 //! The light for a network: one rule for ground, flight, strips and training.
 
-use crate::words::Words;
 use super::input::Illumination;
 use crate::norm::{Light, LightEstimate, LightFit, Mirror};
+use crate::words::Words;
 
 /// Standard deviation of the logarithm of an assumed strength (our choice: as wide as that of Suns between 8 and 50 degrees).
 const ASSUMED_SPREAD: f32 = 0.9;

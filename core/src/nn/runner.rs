@@ -166,11 +166,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     /// Begins a tile. `image` and `coarse` write samples from an index on; all samples of a call are in one row.
-    fn load(
-        &mut self,
-        image: impl Fn(usize, &mut [f32]),
-        coarse: impl Fn(usize, &mut [f32]),
-    ) -> Result<(), RunError> {
+    fn load(&mut self, image: impl Fn(usize, &mut [f32]), coarse: impl Fn(usize, &mut [f32])) -> Result<(), RunError> {
         self.prepare()?;
         for row in 0..self.model.tile().rows {
             self.load_row(self.model.image_tensor(), row, &image)?;

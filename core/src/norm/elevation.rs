@@ -1,9 +1,9 @@
 //! Elevation normalisation and scale recovery (Eq. 1, 2 and 8).
 
-use crate::words::Words;
 use crate::error::same_length;
 use crate::mask::{self, Extent, Mean};
 use crate::norm::{NormError, RELIEF_EPS_M, RELIEF_MAX_M};
+use crate::words::Words;
 
 /// Upper end of the normalised elevation range in the paper, whose Eq. 1 gave 50 over its training tiles.
 pub const NR: f32 = 50.0;

@@ -4,10 +4,10 @@
 //! times the true amplitude and hardly any correlation with the ground. The directional share of an octave ([`Share`]) tells how much
 //! of the contrast's power is relief. So the amplitude of what a tile adds to its coarse DTM is kept by the share's square root (our choice).
 
-use crate::words::Words;
 use crate::error::{LengthError, same_length};
 use crate::part::{item, put};
 use crate::photoclinometry::Share;
+use crate::words::Words;
 
 /// The parts that are kept of what a tile adds to its coarse DTM, in waves of 2 to 4 and of 4 to 8 pixels. Longer waves are kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,7 +86,8 @@ impl FineWaves {
         let (removed, apart) = (1.0 - item(&self.kept, pass / 4), 1 + pass / 4);
         match pass % 4 {
             0 => heights_m.iter_mut().zip(added.iter()).for_each(|(z, a)| *z -= removed * a),
-            1 => (0..rows).for_each(|row| smooth(added, (row * cols, 1), apart, line.get_mut(..cols).unwrap_or_default())),
+            1 => (0..rows)
+                .for_each(|row| smooth(added, (row * cols, 1), apart, line.get_mut(..cols).unwrap_or_default())),
             2 => (0..cols).for_each(|col| smooth(added, (col, cols), apart, line.get_mut(..rows).unwrap_or_default())),
             _ => heights_m.iter_mut().zip(added.iter()).for_each(|(z, a)| *z += removed * a),
         }

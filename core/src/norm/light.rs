@@ -8,8 +8,8 @@
 //!
 //! [`Light`] is b, the *contrast of a unit slope*. It points away from the Sun, and is longer for a lower Sun.
 
-use crate::words::Words;
 use crate::tile::Shape;
+use crate::words::Words;
 
 /// Contrast of a unit slope along columns and along rows.
 ///

@@ -25,11 +25,11 @@ mod strength;
 pub use axis::Axis;
 pub(crate) use axis::DIRECTED_RELIEF;
 
-use crate::words::Words;
 use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
 use crate::norm::shading::Brightness;
 use crate::samples::Samples;
 use crate::terrain::PixelSize;
+use crate::words::Words;
 use cells::{COLUMNS, Cell, CellColumns, Places, Rectangle, mean_of};
 use strength::{Expected, Strength};
 
@@ -311,7 +311,12 @@ impl LightFit {
     }
 
     /// Adds the squares of some columns of cells from top to bottom: those of two by two cells at the left, and those of four by four.
-    fn add_columns(&mut self, columns: CellColumns<'_, impl Samples>, lit_mean: f64, [of_fine, of_long]: [f64; OCTAVES]) {
+    fn add_columns(
+        &mut self,
+        columns: CellColumns<'_, impl Samples>,
+        lit_mean: f64,
+        [of_fine, of_long]: [f64; OCTAVES],
+    ) {
         // Rows begin at every half cell. Cells of a square are two rows apart, and its halves four.
         let (mut rows, mut means) = ([[None; COLUMNS]; 3], [[None; 2]; 5]);
         for row in columns {

@@ -5,11 +5,11 @@
 //! network it gives a possible slope and its direction, independent of the Sun's elevation and azimuth (our choice; the paper gives the
 //! brightness, normalised to [0, 1], and the network must also find the Sun).
 
-use crate::words::Words;
 use super::light::Light;
 use crate::mask::{Extent, Mean};
 use crate::norm::NormError;
 use crate::samples::Samples;
+use crate::words::Words;
 
 /// The network's unit of slope: 0.1 (5.7 degrees), a typical slope on the Moon (our choice).
 pub const SLOPE_UNIT: f32 = 0.1;

@@ -1,6 +1,5 @@
 //! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
-use crate::words::Words;
 use super::{Contrast, FieldWork, LitTile, Photoclinometry, Relief, Share, Task};
 use crate::mask;
 use crate::norm::NormError;
@@ -9,6 +8,7 @@ use crate::norm::{ElevationScale, Light, Mirror, Shading};
 use crate::part::{head_mut, item};
 use crate::samples::{Samples, read_mirrored};
 use crate::tile::Shape;
+use crate::words::Words;
 
 /// Number of maps for the image: two components of slope, the relief, and its uncertainty.
 pub const MAPS: usize = 4;

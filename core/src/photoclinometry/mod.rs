@@ -26,8 +26,8 @@ pub use guide::{Guide, GuideInput, LIMIT, MAPS, SLOPED_MAPS, Weight};
 pub use share::{Contrast, OCTAVES, Share};
 
 use crate::error::LengthError;
-use crate::norm::{Light, Shading};
 use crate::mask::Mean;
+use crate::norm::{Light, Shading};
 use crate::part::{copy, head, head_mut, item, part, part_mut, put};
 use crate::tile::Shape;
 use core::ops::Range;
@@ -405,7 +405,14 @@ impl Photoclinometry {
     /// number, and w the weight of slopes; by the trust; and by the missing factors of the transforms.
     ///
     /// Block 0 has the first column, the others some rows each.
-    fn filter(&self, field: &mut [f32], [east, south]: [f32; 2], coarse_px: f32, (share, trust): (&Share, f32), block: usize) {
+    fn filter(
+        &self,
+        field: &mut [f32],
+        [east, south]: [f32; 2],
+        coarse_px: f32,
+        (share, trust): (&Share, f32),
+        block: usize,
+    ) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
         let scale = trust / (height * width) as f32;
         // At least one pixel, because level ground far from any coarse pixel has no scale of its own.

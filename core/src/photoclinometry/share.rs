@@ -12,13 +12,13 @@
 //! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
 //! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
 
-use crate::words::Words;
 use super::{LitTile, Photoclinometry, SMOOTHNESS};
 use crate::mask;
 use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
 use crate::part::{item, put};
 use crate::samples::Samples;
 use crate::tile::Shape;
+use crate::words::Words;
 use core::f32::consts::PI;
 
 /// Number of octaves: wavelengths from 2 to 512 pixels. Longer waves count with the last one.

@@ -1,9 +1,9 @@
 //! The work on a field in bounded units, in the order of the passes: flight software does one after another between its other duties.
 
-use crate::words::Words;
 use super::{COLUMNS, Field, LitTile, OCTAVES, Photoclinometry, Power, Share, TOGETHER, Way, transform};
 use crate::error::LengthError;
 use crate::mask::Mean;
+use crate::words::Words;
 
 /// What is found from a field.
 #[derive(Debug, Clone, Copy)]
@@ -11,10 +11,7 @@ pub(crate) enum Task<'a> {
     /// [`Photoclinometry::contrast`].
     Contrast,
     /// [`Photoclinometry::relief`].
-    Relief {
-        share: &'a Share,
-        trust: f32,
-    },
+    Relief { share: &'a Share, trust: f32 },
 }
 
 /// The position of the work on a field, and what was found so far.

@@ -1,11 +1,10 @@
 //! The network as data. [`config`] is its configuration and [`weights`] are its weights; [`published`] reads those of other projects.
-//! [`illumination`] is the light for which it is trained. [`export`] compiles configuration and weights into the model file of the int8
-//! runner, [`inspect`] reads that file, and [`shipped`] has two of them. [`job`] has the memory for a tile.
+//! [`illumination`] is the light for which it is trained, and [`sun`] checks the Sun's angles. [`export`] compiles configuration and weights into the
+//! model file of the int8 runner, [`inspect`] reads that file, and [`shipped`] has two of them. [`job`] has the memory for a tile.
 //!
 //! The arithmetic is in `elunar-learn` on floats, in `elunar-core` on integers.
 
 pub mod config;
-pub mod digest;
 pub mod export;
 pub mod fit;
 pub mod illumination;
@@ -15,4 +14,5 @@ mod names;
 pub mod preset;
 pub mod published;
 pub mod shipped;
+pub mod sun;
 pub mod weights;

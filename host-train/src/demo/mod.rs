@@ -14,10 +14,9 @@ mod shrink;
 mod tune;
 
 use console::Console;
+use elunar_base::{Error, Result, interrupt};
 use elunar_learn::train::recipe::Recipe;
 use elunar_net::config::{NetConfig, Preset, trained_network};
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use folder::Folder;
 use std::path::PathBuf;
 
@@ -95,7 +94,7 @@ impl Settings {
 }
 
 /// The Moons of a tour. Their seeds are far from the default seeds of `train` (small numbers, and
-/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that no network was trained on them before.
+/// [`elunar_data::source::VALIDATION_SEED`] above them), so that no network was trained on them before.
 #[derive(Debug, Clone, Copy)]
 struct Seeds {
     scene: u64,

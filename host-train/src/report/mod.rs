@@ -6,8 +6,8 @@ mod sections;
 
 use crate::experiment::{COMPARISON, Comparison};
 use crate::suite::results::{RESULTS, Results};
+use elunar_base::{Error, Result, atomic_write};
 use elunar_learn::train::run::RECORD;
-use elunar_raster::{Error, Result, atomic_write};
 use html::escaped;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ fn section(folder: &Path) -> Result<String> {
 mod tests {
     use super::*;
     use crate::suite::summary::tests::results;
-    use elunar_scene::picture::write_png;
+    use elunar_picture::write_png;
     use image::{GrayImage, Luma};
 
     #[test]

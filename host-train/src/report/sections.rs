@@ -5,9 +5,9 @@ use crate::experiment::train::TRAINING;
 use crate::experiment::{Comparison, TEST, table as comparison_tables};
 use crate::suite::results::{Results, SceneResult};
 use crate::suite::tables::{self, Table};
+use elunar_base::Result;
 use elunar_learn::train::curves::{CURVES, draw};
 use elunar_learn::train::run::Record;
-use elunar_raster::Result;
 use std::path::Path;
 
 /// Returns the section about a test suite.
@@ -18,9 +18,9 @@ pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
         .map(|method| {
             let anchored = if method.anchor { "; anchored to the coarse DTM" } else { "" };
             let aligned = match method.co_alignment {
-                elunar_scene::evaluate::CoAlignment::None => "",
-                elunar_scene::evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
-                elunar_scene::evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
+                elunar_evaluate::CoAlignment::None => "",
+                elunar_evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
+                elunar_evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
             };
             let (name, about) = (escaped(&method.name), escaped(&method.description));
             format!("<li>{name}: <code>{about}</code>{anchored}{aligned}</li>\n")

@@ -18,11 +18,11 @@ use crate::layout::{ALIGN_BYTES, Layout};
 use crate::record::ContextRecord;
 use crate::sealed::{HEAD_BYTES, Head};
 use crate::status::*;
+use crate::tile::CallerTile;
 use crate::types::*;
 use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
-use crate::tile::CallerTile;
 use elunar_core::nn::{Kernel, Model, TileLight, file};
 use elunar_core::pixels::{PixelFormat, Pixels};
 use elunar_core::tile::Shape;
@@ -154,7 +154,8 @@ unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_sta
     let Layout { job, valid, coarse, scratch, lines, arena } = layout;
     // SAFETY: the layout's ranges are inside the memory and do not overlap. Any bit pattern of the memory is a float.
     unsafe {
-        let floats = |part: &Range<usize>| slice_mut(memory.add(part.start).cast::<f32>(), part.len() / size_of::<f32>());
+        let floats =
+            |part: &Range<usize>| slice_mut(memory.add(part.start).cast::<f32>(), part.len() / size_of::<f32>());
         let tile = TileMemory {
             coarse_m: floats(coarse)?,
             valid: slice_mut(memory.add(valid.start), valid.len())?,
@@ -312,7 +313,11 @@ pub unsafe extern "C" fn eld_begin_step(
         }
         // SAFETY: the caller's promise.
         let image = pixels_of(&tile.image, shape, unsafe { slice(tile.image.data.cast(), tile.image.data_bytes) }?)?;
-        if tile.network_alone > 1 || tile.coarse_len != pixels || masked && tile.valid_len != pixels || !image.is_whole() {
+        if tile.network_alone > 1
+            || tile.coarse_len != pixels
+            || masked && tile.valid_len != pixels
+            || !image.is_whole()
+        {
             return Err(ELD_REFUSED_TILE_SIZE);
         }
         for map in &maps {
@@ -368,7 +373,15 @@ fn tile_crc(tile: &eld_tile_t) -> u32 {
     let eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from } = image;
     let numbers = [*network_alone, *format, *flags, *null_code, *saturated_from];
     let floats = [pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, gain, offset].map(|v| v.to_bits());
-    let places = [data.addr(), *data_bytes, *row_bytes, tile.coarse_m.addr(), tile.coarse_len, tile.valid.addr(), tile.valid_len];
+    let places = [
+        data.addr(),
+        *data_bytes,
+        *row_bytes,
+        tile.coarse_m.addr(),
+        tile.coarse_len,
+        tile.valid.addr(),
+        tile.valid_len,
+    ];
     let mut crc = file::Crc32c::default();
     numbers.iter().chain(&floats).for_each(|word| crc.update(&word.to_le_bytes()));
     places.iter().for_each(|place| crc.update(&(*place as u64).to_le_bytes()));

@@ -11,7 +11,7 @@ use super::file::{
     CHUNK_BYTES, Conv, ENTRY_BYTES, Entry, MAX_RECORDS, ModelError, OPERATOR_BYTES, Operator, RawModel, TENSOR_BYTES,
     groups, panelled, sealed, word,
 };
-use super::input::{InputRules, Illumination, TruthRange};
+use super::input::{Illumination, InputRules, TruthRange};
 use super::ops::{Constants, Prepared};
 use super::tensor::Tensor;
 use crate::tile::Shape;

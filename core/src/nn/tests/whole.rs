@@ -1,8 +1,8 @@
 //! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (a missing part fails a test
 //! of this crate, see [`crate::part`]).
 
-use crate::nn::file::{Content, Entry, Operator, Tensor, word};
 use crate::job::{Made, TileInput};
+use crate::nn::file::{Content, Entry, Operator, Tensor, word};
 use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileLight, required};
 use crate::norm::Light;
 use crate::tile::Shape;

@@ -2,16 +2,15 @@
 
 use crate::job::{Inputs, Opened, warn};
 use crate::outputs::{self as output, Target};
+use elunar_base::{Error, Result, interrupt};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
+use elunar_net::sun::check_sun;
 use elunar_raster::stated::Statements;
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
 use elunar_scene::predict::notices::{notice_of_heights, notices};
-use elunar_scene::predict::sun::check_sun;
 use elunar_scene::predict::{Input, Part, part_path};
 use elunar_scene::sfs::{Journal, Settings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! Picture of the int8 runner's memory during a tile: one rectangle per tensor.
 
+use elunar_base::{Error, Result};
 use elunar_net::inspect::model::{Plan, TensorLife};
-use elunar_raster::{Error, Result};
-use elunar_scene::picture::{Canvas, FONT};
+use elunar_picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -4,12 +4,13 @@ use super::neighbourhoods::{Change, SceneLight};
 use super::network::Model;
 use super::scene::{Band, Scene};
 use super::span::Span;
-use super::sun::check_sun;
 use super::tile::{Outcome, Rules, TileResult, TileWorker};
 use crate::mosaic::Mosaic;
+use elunar_base::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
-use elunar_raster::{Error, Raster, Result};
+use elunar_net::sun::check_sun;
+use elunar_raster::Raster;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -153,8 +154,9 @@ pub fn predict_span(
 ) -> Result<Tally> {
     let (whole, change) = (light.whole, light.change());
     let rules = Rules::new(model, light, scene, options);
-    let makers =
-        || -> Result<Box<dyn TileMaker + '_>> { Ok(Box::new(TileWorker::new(model.worker()?, model.tile(), rules.clone()))) };
+    let makers = || -> Result<Box<dyn TileMaker + '_>> {
+        Ok(Box::new(TileWorker::new(model.worker()?, model.tile(), rules.clone())))
+    };
     let cut =
         Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
     Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, span, keep, progress)? })

@@ -3,6 +3,7 @@
 use super::neighbourhoods::{Parts, SceneLight};
 use super::run::Progress;
 use super::survey::{Brightness, Survey};
+use elunar_base::{Error, Result};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
@@ -14,7 +15,7 @@ use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Crs, Error, GeoRef, Raster, Result, heights};
+use elunar_raster::{Crs, GeoRef, Raster, heights};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
@@ -287,7 +288,8 @@ impl Band {
     /// Cuts `window` (of the scene) out of the band and fills its gaps; `None` if it has no valid pixel.
     pub(crate) fn cut(&self, window: Window) -> Option<Cutout> {
         let ([image, coarse_m], inside) = (self.tile(window), self.inside(window));
-        let [mut image, mut coarse_m] = [image, coarse_m].map(|map| (0..map.len()).map(|i| map.at(i)).collect::<Vec<f32>>());
+        let [mut image, mut coarse_m] =
+            [image, coarse_m].map(|map| (0..map.len()).map(|i| map.at(i)).collect::<Vec<f32>>());
         let is_inside = |i: usize| i / window.cols < inside.rows && i % window.cols < inside.cols;
         let real = |(i, (v, z)): (usize, (&f32, &f32))| is_inside(i) && v.is_finite() && z.is_finite();
         let valid: Vec<bool> = image.iter().zip(&coarse_m).enumerate().map(real).collect();

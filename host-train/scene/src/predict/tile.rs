@@ -5,13 +5,13 @@ use super::neighbourhoods::SceneLight;
 use super::network::{Model, TileNetwork};
 use super::scene::{Band, Scene};
 use crate::mosaic::OverlapWeights;
+use elunar_base::{Error, Result};
 use elunar_core::job::{InputMap, JobError, Made, Network, TileInput, TileJob, TileRules};
 use elunar_core::nn::{InputRules, Progress, TileLight};
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::samples::{Samples, is_set};
 use elunar_core::tile::{Shape, Window};
 use elunar_net::job::{InputMaps, JobMemory};
-use elunar_raster::{Error, Result};
 
 /// Result of a tile.
 pub(crate) enum Outcome {

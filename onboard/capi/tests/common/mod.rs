@@ -7,9 +7,7 @@ use elunar_capi::types::*;
 use elunar_core::nn::file::{seal_file, u32_at};
 use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::samples::is_set;
-use elunar_core::{
-    KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required,
-};
+use elunar_core::{KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -148,8 +148,7 @@ fn guided(illumination: Illumination, weight: Weight) {
     let plan = Photoclinometry::new(Shape::new(shape.0, shape.1));
     let mut scratch = vec![0.0; plan.scratch_len()];
     let unmirrored = Mirror::default();
-    let tile =
-        GuideInput { image: &image[..], coarse_m: &heights, mirror: unmirrored, coarse_px: 30.0, weight };
+    let tile = GuideInput { image: &image[..], coarse_m: &heights, mirror: unmirrored, coarse_px: 30.0, weight };
     let guide = Guide::new(&plan, tile, &scale, light.mirrored(mirror), &mut scratch).unwrap();
     let (mut maps, mut pixels) = (vec![0.0; illumination.image_maps() * image.len()], vec![0.0; heights.len()]);
     if illumination == Illumination::Sloped {
