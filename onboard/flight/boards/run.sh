@@ -5,6 +5,7 @@
 #   ./run.sh an547 leon3         these
 #   ./run.sh --record [BOARD..]  and write their instruction counts into instructions.csv, their limits into BOARD/budget.toml
 #   ./run.sh --operators BOARD   print what each operator costs (as CSV; steps by single units, which costs some instructions)
+#   ./run.sh --calls BOARD..     run tiles through the C functions: print what each call costs at most (as CSV); the heights must be the host's
 #   ./run.sh --model M.eld ...   another model file; its figures are not compared
 #
 # A board passes if the model opens, every kernel's output is byte for byte the exporter's, no count in instructions.csv has risen
@@ -16,11 +17,12 @@ table="$boards_dir/instructions.csv"
 columns=board,kernel,tile,macs,instructions,instructions_per_mac
 max_rise_percent=3
 
-model="$root/host-train/models/nano.eld" compared=yes record=no operators=no features=() boards=()
+model="$root/host-train/models/nano.eld" compared=yes record=no operators=no calls=no features=() boards=()
 while [ $# -gt 0 ]; do
     case "$1" in
     --record) record=yes ;;
     --operators) operators=yes compared=no features=(--features per_operator) ;;
+    --calls) calls=yes compared=no features=(--features c_calls) ;;
     --model) [ $# -gt 1 ] || fail "--model: expected a file"; shift; model="$1" compared=no ;;
     -*) fail "expected --record, --operators, --model FILE or boards, found '$1'" ;;
     *) boards+=("$1") ;;
@@ -62,6 +64,21 @@ evaluate_operators() {
         END { flush_kernel() }' "$work/$board.counts" "$work/$board.log"
 }
 
+# What each C function costs at most, and in all.
+evaluate_calls() {
+    echo "board,function,calls,most_instructions,all_instructions"
+    awk -v board="$board" '
+        FNR == NR { count[NR] = $1; next }
+        { sub(/\r$/, "") }
+        $1 == "tile" && NF == 2 { of = "," $2 }
+        $1 == "call" { c = count[++n]; name = $2 of; calls[name]++; all[name] += c; if (c > most[name]) most[name] = c }
+        END { for (name in calls) printf("%s,%s,%d,%.0f,%.0f\n", board, name, calls[name], most[name], all[name]) }
+        ' "$work/$board.counts" "$work/$board.log" | sort
+}
+
+# The lines about tiles, which are the same on every machine.
+tiles() { tr -d '\r' <"$1" | grep -E '^tile .* sum '; }
+
 # Compares $work/BOARD.rows with the committed table; prints what is wrong.
 compare() {
     awk -F, -v max="$max_rise_percent" '
@@ -87,6 +104,9 @@ try() {
     run_counted "$(built elunar-demo)" "$model" "$work/$board.log" "$work/$board.counts" || status=$?
     reason="$(verdict "$status" "$work/$board.log")"
     if [ -n "$reason" ]; then :
+    elif [ "$calls" = yes ]; then
+        tiles "$work/$board.log" | cmp -s - "$work/host.tiles" || reason="other heights than on the host"
+        evaluate_calls >"$work/$board.rows"
     elif [ "$operators" = yes ]; then evaluate_operators >"$work/$board.rows"
     elif ! evaluate >"$work/$board.rows"; then reason="the counter saw other marks than the demo passed"
     elif [ "$record" = yes ]; then reason="$(budget record)"
@@ -107,7 +127,7 @@ conclude() {
         return
     fi
     touch "$work/$board.passed"
-    if [ "$operators" = yes ]; then
+    if [ "$operators$calls" != nono ]; then
         echo "PASS $board"
         cat "$work/$board.rows"
         return
@@ -118,6 +138,11 @@ conclude() {
 }
 
 build_counter
+if [ "$calls" = yes ]; then
+    cargo run --quiet --locked --manifest-path "$boards_dir/../Cargo.toml" --package elunar-demo --features c_calls --target-dir "$build/../flight" \
+        -- "$model" >"$work/host.log"
+    tiles "$work/host.log" >"$work/host.tiles"
+fi
 in_parallel try "${boards[@]}"
 
 if [ "$record" = yes ]; then
@@ -130,5 +155,5 @@ if [ "$record" = yes ]; then
     } >"$work/table"
     cp "$work/table" "$table"
 fi
-[ "$compared" = yes ] || echo "SKIPPED: comparing instruction counts and budgets: not the shipped model, or not a whole tile"
+[ "$compared$calls" != nono ] || echo "SKIPPED: comparing instruction counts and budgets: not the shipped model, or not a whole tile"
 for one in "${boards[@]}"; do [ -e "$work/$one.passed" ] || exit 1; done

@@ -37,7 +37,8 @@ pub(crate) fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let arena_bytes = Model::new(&bytes).map_or(0, |model| required(&model));
+    let more = if cfg!(feature = "c_calls") { 8 << 20 } else { 0 };
+    let arena_bytes = Model::new(&bytes).map_or(0, |model| required(&model)) + more;
     let passed = report::run(&bytes, &mut vec![0; arena_bytes], &mut Console);
     if passed { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

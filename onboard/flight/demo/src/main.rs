@@ -3,7 +3,8 @@
 //!
 //! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` is the memory map.
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
-//! 3. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
+//! 3. `c_calls` runs tiles through the C functions instead.
+//! 4. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
 //!    `../../proofs` and `../../boards`.
 //!
 //! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program, whose output is the reference.
@@ -12,6 +13,8 @@
 
 #[cfg(bare)]
 mod arch;
+#[cfg(feature = "c_calls")]
+mod c_calls;
 mod calls;
 #[cfg(not(bare))]
 mod hosted;

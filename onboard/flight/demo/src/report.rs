@@ -13,6 +13,12 @@ const STEP_MACS: u64 = if cfg!(feature = "per_operator") { 1 } else { 1 << 20 };
 /// Opens the model at the start of `memory` (which may be longer than the file), and runs its self test with the fastest kernel and, if
 /// that is another one, with the specification. Prints a line per run, and PASS or FAIL.
 pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> bool {
+    #[cfg(feature = "c_calls")]
+    if let Ok(model) = elunar_call_open(memory) {
+        let passed = crate::c_calls::run(model.raw().bytes(), arena, console);
+        let _ = writeln!(console, "{}", if passed { "PASS" } else { "FAIL" });
+        return passed;
+    }
     let mut opened = Err(ModelError::Header);
     let stack = depth(|| opened = elunar_call_open(memory));
     let passed = match opened {

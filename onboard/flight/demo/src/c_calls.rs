@@ -1,0 +1,214 @@
+//! The path of a tile through the C functions: five kinds of tiles, with marks around every call, so that the counter reports each call, and a
+//! checksum of what comes out, which is the same on every machine.
+
+use crate::mark::{elunar_count_start, elunar_count_stop};
+use core::fmt::Write;
+use elunar_capi::elunar_core::nn::file::Crc32c;
+use elunar_capi::ffi;
+use elunar_capi::status::{ELD_OK, ELD_RUNNING, FAULT, severity};
+use elunar_capi::types::{
+    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t, eld_status_t,
+    eld_tile_t,
+};
+
+/// Multiply-accumulates per call, as in the budgets.
+const BUDGET_MACS: u64 = 5_000_000;
+/// The code of a pixel without a value.
+const NULL_CODE: u16 = 0xffff;
+
+/// A kind of tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Under a Sun that is told.
+    Told,
+    /// With voids in both maps and a shadow, under an unknown Sun.
+    Voids,
+    /// With one brightness: it shows nothing.
+    Even,
+    /// Level ground, whose light is assumed.
+    Level,
+    /// With a coarse DTM of small pixels, which takes the fit of the light longest.
+    Fine,
+}
+
+/// The caller's memory.
+struct Own<'m> {
+    image: &'m mut [u16],
+    coarse_m: &'m mut [f32],
+    heights_m: &'m mut [f32],
+    valid: &'m mut [u8],
+}
+
+/// Runs all kinds of tiles; prints a line per call and per tile. Returns whether no call reported a fault.
+pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> bool {
+    let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+    // SAFETY: a slice and a structure of our own.
+    let checked = counted("eld_model_check", console, || unsafe {
+        ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info)
+    });
+    let pixels = (info.tile_rows * info.tile_cols) as usize;
+    let Some((context_memory, mut own)) = divided(memory, info.memory_bytes as usize, pixels) else {
+        let _ = writeln!(console, "ERROR: {} bytes of memory are too few", memory.len());
+        return false;
+    };
+    let mut context = core::ptr::null_mut();
+    // SAFETY: memory of our own, which lives as long as the context.
+    let made = counted("eld_init", console, || unsafe {
+        let (memory, bytes) = (context_memory.as_mut_ptr(), context_memory.len());
+        ffi::eld_init(memory.cast(), bytes, model.as_ptr().cast(), model.len(), &raw mut context)
+    });
+    if (checked, made) != (ELD_OK, ELD_OK) {
+        let _ = writeln!(console, "ERROR: {checked:#x} {made:#x}");
+        return false;
+    }
+    let kinds = [Kind::Told, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine];
+    // The network of a large tile takes long; one is enough to compare it.
+    let whole = |kind| kind == Kind::Told || pixels < 10_000;
+    let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
+    all.iter().all(|passed| *passed)
+}
+
+/// Calls a function between the marks and prints its name.
+fn counted(name: &str, console: &mut impl Write, call: impl FnOnce() -> eld_status_t) -> eld_status_t {
+    elunar_count_start();
+    let status = call();
+    elunar_count_stop();
+    let _ = writeln!(console, "call {name}");
+    status
+}
+
+/// Divides memory into that of the context and the caller's maps.
+fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&mut [u8], Own<'_>)> {
+    // SAFETY: any bits are numbers; what is not aligned is left out.
+    let memory = unsafe { memory.align_to_mut::<u64>().1 };
+    let (context, memory) = memory.split_at_mut_checked(context_bytes.div_ceil(8))?;
+    let (heights, memory) = memory.split_at_mut_checked(pixels.div_ceil(2))?;
+    let (coarse, memory) = memory.split_at_mut_checked(pixels.div_ceil(2))?;
+    let (image, valid) = memory.split_at_mut_checked(pixels.div_ceil(4))?;
+    // SAFETY: as above; numbers of eight bytes are aligned for shorter ones.
+    let (context, heights_m, coarse_m, image, valid) = unsafe {
+        let context = context.align_to_mut::<u8>().1;
+        (context, heights.align_to_mut::<f32>().1, coarse.align_to_mut::<f32>().1, image.align_to_mut::<u16>().1, valid.align_to_mut::<u8>().1)
+    };
+    let own = Own {
+        image: image.get_mut(..pixels)?,
+        coarse_m: coarse_m.get_mut(..pixels)?,
+        heights_m: heights_m.get_mut(..pixels)?,
+        valid: valid.get_mut(..pixels)?,
+    };
+    Some((context.get_mut(..context_bytes)?, own))
+}
+
+/// Runs a tile through all calls; prints its checksums.
+fn tile(
+    context: *mut eld_context_t,
+    kind: Kind,
+    cols: usize,
+    whole: bool,
+    own: &mut Own<'_>,
+    console: &mut impl Write,
+) -> bool {
+    paint(kind, cols, own);
+    let (azimuth, elevation) = if kind == Kind::Told { (315.0, 35.0) } else { (f32::NAN, f32::NAN) };
+    let image = eld_pixels_t {
+        data: own.image.as_ptr().cast(),
+        data_bytes: size_of_val(own.image),
+        row_bytes: 0,
+        format: ELD_PIXELS_U16_LE,
+        flags: ELD_PIXELS_HAS_NULL,
+        gain: 1.0,
+        offset: 0.0,
+        null_code: NULL_CODE.into(),
+        saturated_from: 0,
+    };
+    let tile = eld_tile_t {
+        struct_bytes: size_of::<eld_tile_t>() as u32,
+        pixel_m: 2.0,
+        coarse_px: if kind == Kind::Fine { 4.0 } else { 8.0 },
+        sun_azimuth_deg: azimuth,
+        sun_elevation_deg: elevation,
+        network_alone: 0,
+        image,
+        coarse_m: own.coarse_m.as_ptr(),
+        coarse_len: own.coarse_m.len(),
+        valid: core::ptr::null(),
+        valid_len: 0,
+    };
+    let _ = writeln!(console, "tile {kind:?}");
+    let mut repeat = |name: &str, call: &mut dyn FnMut() -> eld_status_t| loop {
+        let status = counted(name, console, &mut *call);
+        if status != ELD_RUNNING {
+            return status;
+        }
+    };
+    // SAFETY: a context and a tile of our own, here and below.
+    let begun = repeat("eld_begin_step", &mut || unsafe { ffi::eld_begin_step(context, &tile, BUDGET_MACS) });
+    let mut done = begun;
+    if whole && severity(begun) < 2 {
+        // SAFETY: as above.
+        done = repeat("eld_step", &mut || unsafe { ffi::eld_step(context, BUDGET_MACS) });
+        let (heights, valid) = ((own.heights_m.as_mut_ptr(), own.heights_m.len()), (own.valid.as_mut_ptr(), own.valid.len()));
+        // SAFETY: as above, and buffers of our own.
+        done = done.max(repeat("eld_output", &mut || unsafe { ffi::eld_output(context, heights.0, heights.1, valid.0, valid.1) }));
+    }
+    let mut errors = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
+    if whole {
+        // SAFETY: as above.
+        let _ = unsafe { ffi::eld_errors(context, &raw mut errors) };
+    }
+    let sum = checksum(own, &errors);
+    let _ = writeln!(console, "tile {kind:?} begun {begun:08x} done {done:08x} sum {:08x}", if whole { sum } else { 0 });
+    severity(begun) < FAULT && severity(done) < FAULT
+}
+
+/// Returns the checksum of heights, validity and expected errors.
+fn checksum(own: &Own<'_>, errors: &eld_errors_t) -> u32 {
+    let mut crc = Crc32c::default();
+    let eld_errors_t { height_m, slope, explained, dark_height_m, dark_slope, dark_below, .. } = *errors;
+    for value in own.heights_m.iter().chain(&[height_m, slope, explained, dark_height_m, dark_slope, dark_below]) {
+        crc.update(&value.to_bits().to_le_bytes());
+    }
+    crc.update(own.valid);
+    crc.value()
+}
+
+/// Makes rough ground of waves and its image, in numbers that are the same on every machine.
+fn paint(kind: Kind, cols: usize, own: &mut Own<'_>) {
+    let noise = |index: usize, salt: u32| {
+        let mixed = (index as u32).wrapping_mul(2_654_435_761).wrapping_add(salt.wrapping_mul(40_503));
+        (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519) >> 16
+    };
+    // A triangular wave of so many pixels, from 0 to 1.
+    let wave = |place: usize, length: usize| {
+        let phase = place % length;
+        phase.min(length - phase) as f32 / length as f32 * 2.0
+    };
+    let height = |row: usize, col: usize| {
+        9.0 * wave(row + 2 * col, 53) + 6.0 * wave(3 * row + 400 - col.min(400), 37) + 2.5 * wave(row * 2 + col, 17)
+    };
+    for (index, ((code, z), valid)) in own.image.iter_mut().zip(&mut *own.coarse_m).zip(&mut *own.valid).enumerate() {
+        let (row, col) = (index / cols, index % cols);
+        // Ground that rises to the south-east faces the Sun in the north-west.
+        let rise = height(row + 1, col + 1) - height(row, col);
+        let bright = 2000.0 + 900.0 * rise + (noise(index, 1) % 64) as f32;
+        let level = kind == Kind::Level;
+        *z = if level { -1900.0 } else { -1900.0 + height(row, col) };
+        *code = match kind {
+            Kind::Even => 1000,
+            Kind::Level => 2000 + (noise(index, 2) % 512) as u16,
+            // As numbers of 16 bits, whatever the processor's order of bytes.
+            _ => bright.clamp(40.0, 8000.0) as u16,
+        };
+        if kind == Kind::Voids {
+            match noise(index, 3) % 200 {
+                0 => *code = NULL_CODE,
+                1 => *z = f32::NAN,
+                _ if row > 20 && col < 12 => *code = 30,
+                _ => (),
+            }
+        }
+        *code = code.to_le();
+        *valid = 0;
+    }
+    own.heights_m.fill(0.0);
+}
