@@ -1,10 +1,10 @@
 //! Networks for the benchmarks: every preset with random weights, exported when needed, and a tile for them.
 
+use elunar_base::Result;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::init::initial_weights;
 use elunar_net::config::{NetConfig, Preset};
 use elunar_net::export::{CalibrationTile, Options, Precision, export};
-use elunar_raster::Result;
 use std::path::Path;
 
 /// Seed of the weights, on which time does not depend.

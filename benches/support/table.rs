@@ -1,6 +1,6 @@
 //! Tables: printed as Markdown, kept as CSV.
 
-use elunar_scene::table::to_csv;
+use elunar_base::table::to_csv;
 use std::path::{Path, PathBuf};
 
 /// Names the folder that tables are written to; else they lie in the target directory.

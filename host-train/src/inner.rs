@@ -1,6 +1,6 @@
 //! Folders within a command's folder that have an owner and a list of their own.
 
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 /// Checks that nothing lies at `path`, or a folder: what is written into it is written there, and not where a link leads.

@@ -1,6 +1,6 @@
 //! Settings in TOML files. An error is one line with file, line and reason.
 
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 mod support;
 
-use elunar_net::digest::sha256_hex;
+use elunar_base::digest::sha256_hex;
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, source};
 use std::path::Path;

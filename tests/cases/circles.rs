@@ -6,8 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The folders of sources.
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 10] = [
     "core/src",
+    "host-train/base/src",
     "host-train/elunar/src",
     "host-train/learn/src",
     "host-train/net/src",

@@ -1,7 +1,7 @@
 //! HTML elements of a page.
 
 use base64::Engine;
-use elunar_raster::{Result, read};
+use elunar_base::{Result, read};
 use std::path::PathBuf;
 
 /// A picture in a page.

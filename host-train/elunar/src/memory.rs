@@ -1,7 +1,7 @@
 //! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
 
 use crate::program::{JSON, NO_MEMORY, fail_once, kind_of};
-use elunar_raster::memory::is_fallible;
+use elunar_base::memory::is_fallible;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::{Cursor, Write};
 use std::sync::atomic::Ordering;

@@ -1,7 +1,7 @@
 //! The end of a program: one line for every error, and its exit code.
 
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt::outlive_file_limit;
+use elunar_base::interrupt::outlive_file_limit;
+use elunar_base::{Error, Result};
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};

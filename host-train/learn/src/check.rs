@@ -8,6 +8,7 @@ pub use kinks::Kinks;
 use crate::model::store;
 use crate::train::loss::{Elevation, LossWeights, terms};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_base::{Error, Result};
 use elunar_core::error::LengthError;
 use elunar_core::loss::hybrid::{ElevationTerm, add_gradient};
 use elunar_core::loss::{LossError, Pair};
@@ -15,7 +16,6 @@ use elunar_core::metrics::{HeightErrors, RelativeErrors};
 use elunar_core::tile::Shape;
 use elunar_net::config::config_of;
 use elunar_net::weights::{Array, Weights};
-use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -4,9 +4,9 @@ use crate::names::{IlluminationName, TruthRangeName};
 pub use crate::preset::Preset;
 use crate::preset::overlaid;
 use crate::weights::Weights;
+use elunar_base::{Error, Result};
 use elunar_core::nn::InputRules;
 pub use elunar_core::nn::{Illumination, TruthRange};
-use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Check that weights fit a configuration.
 
 use crate::weights::Weights;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -5,7 +5,6 @@
 //! The arithmetic is in `elunar-learn` on floats, in `elunar-core` on integers.
 
 pub mod config;
-pub mod digest;
 pub mod export;
 pub mod fit;
 pub mod illumination;

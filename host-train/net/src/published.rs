@@ -5,7 +5,7 @@
 //! which equals an input of the same grey value three times.
 
 use crate::weights::{Array, Weights};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 const PREFIX: &str = "image_encoder.swin.";

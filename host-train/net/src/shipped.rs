@@ -1,7 +1,7 @@
 //! The models that ride inside the programs. Where a command takes a model, `ground` and `nano` are these; every other path, and one of these
 //! words with a folder or an extension (`./ground`, `ground.eld`), is a file.
 
-use elunar_raster::{Result, read};
+use elunar_base::{Result, read};
 use std::path::Path;
 
 /// Name, file name and bytes of every shipped model.

@@ -1,6 +1,6 @@
 //! Named float tensors as in a file. The Burn network, the checker and the exporter exchange weights in this form.
 
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -92,6 +92,6 @@ impl Weights {
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        elunar_raster::atomic_write(path, &self.to_bytes())
+        elunar_base::atomic_write(path, &self.to_bytes())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::nodata::{self, Nodata};
 use super::source::{Info, Source, check_window};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_core::mask::is_real_i16;
 use elunar_core::tile::Window;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! File formats, recognised by the first bytes.
 
 use super::{npy, pds3};
-use crate::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
 

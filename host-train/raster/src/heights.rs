@@ -3,7 +3,7 @@
 use super::source::{self, Source};
 use super::stated::Statements;
 use super::{Raster, unit};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 /// Opens a raster of heights. Its samples are metres above the sphere: known units of length are converted, and heights without a unit are

@@ -2,7 +2,7 @@
 
 use super::source::{Info, Source};
 use super::{format::Format, geotiff};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 
 use super::binary::{Binary, Layout, Meaning, Sample};
 use super::source::{Info, Source};
-use crate::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! GDAL's side file of a raster, `NAME.aux.xml`. What it states is not applied here: one warning names it.
 
 use super::source::{Info, Source};
-use crate::{Result, read};
+use elunar_base::{Result, read};
 use elunar_core::tile::Window;
 use std::path::{Path, PathBuf};
 

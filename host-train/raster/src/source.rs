@@ -5,7 +5,7 @@ use super::mask::masked;
 use super::pam::told;
 use super::sun::StatedSun;
 use super::{GeoRef, Raster, geotiff, npy, pds3};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::Path;
 

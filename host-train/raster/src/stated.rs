@@ -4,7 +4,7 @@ use super::nodata::sample;
 use super::source::{Info, Source};
 use super::unit::metres_per;
 use super::{Crs, GeoRef};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 
 /// Unit of heights, as the user states it.

@@ -1,10 +1,10 @@
 //! The hillshade of any raster source, band by band. The result is that of `gdaldem hillshade` (Horn).
 
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::terrain::{PixelSize, Sun, hillshade};
 use elunar_core::tile::Window;
 use elunar_raster::source::Source;
-use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
 

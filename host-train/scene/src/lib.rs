@@ -10,16 +10,10 @@ pub mod diff;
 pub mod evaluate;
 pub mod hillshade;
 pub mod inspect;
-pub mod interrupt;
 pub mod lola;
 mod maps;
 pub mod mosaic;
 pub mod picture;
 pub mod predict;
 pub mod prepare;
-pub mod progress;
 pub mod sfs;
-pub mod table;
-
-/// What files name as their maker: both programs write the same ones.
-pub const SOFTWARE: &str = concat!("ELunarDTM ", env!("CARGO_PKG_VERSION"));

@@ -1,9 +1,9 @@
 //! `host-train average`: takes the mean of several weight files.
 
 use elunar::outputs as output;
+use elunar_base::{Error, Result};
 use elunar_net::config::config_of;
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// Options of `average`.

@@ -1,8 +1,8 @@
 //! `host-train check`: the network against a golden file, map by map.
 
+use elunar_base::{Error, Result};
 use elunar_learn::check::compare;
 use elunar_learn::model::backend::Backend;
-use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// Options of `check`.

@@ -1,7 +1,7 @@
 //! `host-train demo`: the tour.
 
 use crate::demo::{SHIPPED_MODEL, Settings, Start, run as tour};
-use elunar_raster::Result;
+use elunar_base::Result;
 use std::path::PathBuf;
 
 /// Options of `demo`.

@@ -1,7 +1,7 @@
 //! `host-train devices`: lists the devices of every backend.
 
+use elunar_base::Result;
 use elunar_learn::model::backend::Backend;
-use elunar_raster::Result;
 
 /// Options of `devices`.
 #[derive(Debug, clap::Args)]

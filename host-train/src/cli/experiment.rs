@@ -3,8 +3,7 @@
 use crate::config::Configuration;
 use crate::experiment::{self, Manner, table, train};
 use crate::suite::list::List;
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
+use elunar_base::{Error, Result, interrupt};
 use std::path::{Path, PathBuf};
 
 /// Options of `experiment`.

@@ -1,12 +1,11 @@
 //! `host-train faults`: measures the effect of bit flips on a tile.
 
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, atomic_write, interrupt, progress};
 use elunar_scene::picture::write_png;
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::Model as _;
-use elunar_scene::{interrupt, progress};
 use std::path::PathBuf;
 
 /// Options of `faults`.

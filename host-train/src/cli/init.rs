@@ -2,10 +2,10 @@
 
 use crate::config::Configuration;
 use elunar::outputs as output;
+use elunar_base::{Error, Result};
 use elunar_learn::model::init::{initial_weights, weights_for};
 use elunar_net::config::{Preset, config_of};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// Options of `init`.

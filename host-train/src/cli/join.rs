@@ -1,9 +1,9 @@
 //! `host-train join`: makes a DTM of parts. It is the command of `elunar`, extended to float networks.
 
 use elunar::cli::join as shared;
+use elunar_base::Result;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
-use elunar_raster::Result;
 
 /// Options of `join`.
 #[derive(Debug, clap::Args)]

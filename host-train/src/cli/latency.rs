@@ -1,9 +1,9 @@
 //! `host-train latency`: measures the time of a tile. It is the command of `elunar`, extended to float networks.
 
 use elunar::cli::latency as shared;
+use elunar_base::Result;
 use elunar_learn::float::{is_float, open};
 use elunar_learn::model::backend::Backend;
-use elunar_raster::Result;
 
 /// Options of `latency`.
 #[derive(Debug, clap::Args)]

@@ -17,7 +17,7 @@ pub mod train_speed;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use elunar::cli::{Shared, run_shared};
-use elunar_raster::Result;
+use elunar_base::Result;
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]

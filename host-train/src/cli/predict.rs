@@ -1,9 +1,9 @@
 //! `host-train predict`: makes a DTM from an image and a coarse DTM. It is the command of `elunar`, extended to float networks.
 
 use elunar::cli::predict as shared;
+use elunar_base::Result;
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
-use elunar_raster::Result;
 
 /// Options of `predict`.
 #[derive(Debug, clap::Args)]

@@ -2,7 +2,7 @@
 
 use crate::report;
 use elunar::outputs as output;
-use elunar_raster::Result;
+use elunar_base::Result;
 use std::path::{Path, PathBuf};
 
 /// Options of `report`.

@@ -3,9 +3,8 @@
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
 use crate::suite::{self, Baselines, SCENES, files, real, tables};
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result};
-use elunar_scene::{interrupt, progress};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, interrupt, progress};
 use std::path::{Path, PathBuf};
 
 /// Options of `suite`.

@@ -1,6 +1,8 @@
 //! `host-train train`: train a network.
 
 use crate::config::{Configuration, random_weights};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, atomic_write};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
@@ -10,8 +12,6 @@ use elunar_learn::train::run::{BEST, COMMAND, LAST, Outcome, PROFILE, RECORD, Re
 use elunar_net::config::{NetConfig, Preset, TruthRange, config_of};
 use elunar_net::published;
 use elunar_net::weights::Weights;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
 use std::collections::BTreeMap;

@@ -1,5 +1,6 @@
 //! `host-train train-speed`: measures training steps per second, and how fast their tiles are made.
 
+use elunar_base::{Error, Result};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::precision::Precision;
@@ -8,7 +9,6 @@ use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::speed;
 use elunar_net::config::{Preset, config_of, trained_network};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
 use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
 use elunar_scene::prepare::Split;
 use serde_json::json;

@@ -2,7 +2,7 @@
 
 use super::Configuration;
 use crate::toml_file::at_line;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 use toml::Spanned;

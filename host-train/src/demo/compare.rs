@@ -4,8 +4,9 @@ use super::console::say;
 use super::folder::{Folder, NAMES, PROFILE, error_file};
 use super::infer::Predicted;
 use super::scene::DemoScene;
+use elunar_base::{Error, Result};
+use elunar_raster::Raster;
 use elunar_raster::align::Named;
-use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::{Candidate, Comparison, Details, Scores, compare, table};
 use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 

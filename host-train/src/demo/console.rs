@@ -1,7 +1,6 @@
 //! Output of the tour: numbered steps with their times, and progress bars for long work.
 
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
+use elunar_base::{Error, Result, interrupt};
 use std::time::Instant;
 
 /// Prints and times the steps of a tour.

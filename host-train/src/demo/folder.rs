@@ -3,9 +3,9 @@
 use super::Start;
 use crate::inner::check_inner;
 use elunar::outputs::check_files;
+use elunar_base::output::{Owner, check_names};
+use elunar_base::{Error, Result};
 use elunar_learn::train::run::{self, RECORD, Record};
-use elunar_raster::output::{Owner, check_names};
-use elunar_raster::{Error, Result};
 use elunar_synth::{MANIFEST, scene_files};
 use std::path::{Path, PathBuf};
 

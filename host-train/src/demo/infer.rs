@@ -4,16 +4,15 @@ use super::Settings;
 use super::console::{minutes, say};
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL, dtm_file, shade_file};
 use super::scene::DemoScene;
+use elunar_base::progress::bar;
+use elunar_base::{Result, interrupt};
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::KnownSun;
-use elunar_raster::Result;
-use elunar_scene::interrupt;
 use elunar_scene::predict::job::light_text;
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::untrained::Untrained;
 use elunar_scene::predict::{DtmWriter, Options, Prediction, Provenance, predict};
-use elunar_scene::progress::bar;
 use std::ops::ControlFlow;
 use std::time::Instant;
 

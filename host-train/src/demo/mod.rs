@@ -14,10 +14,9 @@ mod shrink;
 mod tune;
 
 use console::Console;
+use elunar_base::{Error, Result, interrupt};
 use elunar_learn::train::recipe::Recipe;
 use elunar_net::config::{NetConfig, Preset, trained_network};
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use folder::Folder;
 use std::path::PathBuf;
 

@@ -3,15 +3,15 @@
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
 use super::{Seeds, Settings, tune};
+use elunar_base::progress::bar;
+use elunar_base::{Error, Result, atomic_write};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::config::config_of;
 use elunar_net::export::report::{Comparison, compare};
 use elunar_net::export::{Options, Precision, export};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::calibration::calibration_tiles;
-use elunar_scene::progress::bar;
 use elunar_synth::SceneEntry;
 
 /// Size of the int8 model, and its difference from float.

@@ -3,8 +3,8 @@
 use super::Comparison;
 use super::train::TRAINING;
 use crate::suite::tables::{Table, cross, learning, scenes, sums};
+use elunar_base::Result;
 use elunar_learn::train::curves::History;
-use elunar_raster::Result;
 use elunar_scene::picture::{Chart, Series, curves as draw};
 use std::path::Path;
 

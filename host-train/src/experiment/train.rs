@@ -3,6 +3,8 @@
 use super::COMMAND;
 use crate::config::Configuration;
 use crate::inner::check_inner;
+use elunar_base::output::{Owner, check_names};
+use elunar_base::{Error, Result, atomic_write, read};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -10,8 +12,6 @@ use elunar_learn::train::recipe::Target;
 use elunar_learn::train::run::{self, BEST, Record, Run, begun};
 use elunar_learn::train::validate::{Validation, ValidationSet};
 use elunar_net::weights::Weights;
-use elunar_raster::output::{Owner, check_names};
-use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;

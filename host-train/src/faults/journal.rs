@@ -3,8 +3,8 @@
 use super::outcome::Tried;
 use super::table::Results;
 use csv::StringRecord;
-use elunar_raster::output::open_growing;
-use elunar_raster::{Error, Result, read};
+use elunar_base::output::open_growing;
+use elunar_base::{Error, Result, read};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::Write as _;

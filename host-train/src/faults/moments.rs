@@ -1,11 +1,11 @@
 //! A clean run, and its memory at some moments.
 
+use elunar_base::digest::sha256_hex;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{
     Kernel, KnownSun, Model, Progress, RunError, Runner, Suspended, TileInput, TileLight, TileScale, Verdict, required,
 };
 use elunar_core::tile::Shape;
-use elunar_net::digest::sha256_hex;
-use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8::Int8Model;
 use elunar_scene::predict::network::Model as _;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
@@ -42,7 +42,7 @@ impl Moments {
     /// Returns the SHA-256 of the clean run's heights. A library with other results makes another campaign.
     #[must_use]
     pub fn digest(&self) -> String {
-        sha256_hex(&self.heights_m.iter().flat_map(|z| z.to_le_bytes()).collect::<Vec<_>>())
+        sha256_hex(self.heights_m.iter().flat_map(|z| z.to_le_bytes()).collect::<Vec<_>>())
     }
 
     /// Runs a tile of the synthetic Moon of `seed` and saves its memory at `count` moments. The first is directly after the start. The

@@ -2,7 +2,7 @@
 
 use super::injection::Target;
 use super::outcome::{Counts, Outcome, Tried};
-use elunar_raster::Result;
+use elunar_base::Result;
 use elunar_scene::picture::{Bars, bars};
 use image::RgbImage;
 use std::collections::BTreeMap;

@@ -6,8 +6,8 @@ mod sections;
 
 use crate::experiment::{COMPARISON, Comparison};
 use crate::suite::results::{RESULTS, Results};
+use elunar_base::{Error, Result, atomic_write};
 use elunar_learn::train::run::RECORD;
-use elunar_raster::{Error, Result, atomic_write};
 use html::escaped;
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 use super::html::{Picture, escaped, figure};
 use super::sections::html;
 use crate::suite::tables::Table;
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use std::path::{Path, PathBuf};
 
 /// The text of a record. Its first line is the title.

@@ -5,9 +5,9 @@ use crate::experiment::train::TRAINING;
 use crate::experiment::{Comparison, TEST, table as comparison_tables};
 use crate::suite::results::{Results, SceneResult};
 use crate::suite::tables::{self, Table};
+use elunar_base::Result;
 use elunar_learn::train::curves::{CURVES, draw};
 use elunar_learn::train::run::Record;
-use elunar_raster::Result;
 use std::path::Path;
 
 /// Returns the section about a test suite.

@@ -2,7 +2,8 @@
 //! use of one network at several scales, each DTM the next scale's coarse DTM.
 
 use super::real::means;
-use elunar_raster::{Raster, Result};
+use elunar_base::Result;
+use elunar_raster::Raster;
 use elunar_scene::predict::{Input, Scene};
 
 /// Image and coarse DTM, each on its own grid.

@@ -1,8 +1,9 @@
 //! A test suite as a file: its scenes, and the known facts about them.
 
 use crate::toml_file;
-use elunar_net::digest::sha256_hex;
-use elunar_raster::{Crs, Error, Result, read};
+use elunar_base::digest::sha256_hex;
+use elunar_base::{Error, Result, read};
+use elunar_raster::Crs;
 use elunar_scene::predict::sun::{check_azimuth, check_elevation};
 use elunar_synth::SynthOptions;
 use serde::Deserialize;

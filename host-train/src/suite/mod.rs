@@ -16,10 +16,10 @@ pub mod score;
 pub mod summary;
 pub mod tables;
 
+use elunar_base::output::Owner;
+use elunar_base::table::to_csv;
+use elunar_base::{Error, Result, atomic_write};
 use elunar_raster::geotiff::{WriteOptions, write};
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write};
-use elunar_scene::table::to_csv;
 use linear::Teacher;
 use list::List;
 use method::{Method, Usage};

@@ -2,8 +2,9 @@
 
 use super::files::map_file;
 use super::list::{Entry, List};
+use elunar_base::{Error, Result};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
-use elunar_raster::{Crs, Error, GeoRef, Raster, Result, source};
+use elunar_raster::{Crs, GeoRef, Raster, source};
 use std::path::Path;
 
 /// A data set: a folder with an image and a DTM of the same ground.

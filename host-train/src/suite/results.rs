@@ -1,6 +1,6 @@
 //! Results of a suite, as in `results.json`.
 
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores, Spectral};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -147,6 +147,6 @@ impl Results {
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(RESULTS);
         let text = serde_json::to_vec_pretty(self).map_err(|e| Error::broken(&path, e.to_string()))?;
-        elunar_raster::atomic_write(&path, &text)
+        elunar_base::atomic_write(&path, &text)
     }
 }

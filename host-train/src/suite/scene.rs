@@ -2,10 +2,11 @@
 
 use super::files::map_file;
 use super::list::Entry;
+use elunar_base::{Error, Result};
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Error, GeoRef, Raster, Result, heights, source};
+use elunar_raster::{GeoRef, Raster, heights, source};
 use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{COARSE_PIXEL_M, Moon, photograph};
 use std::path::{Path, PathBuf};

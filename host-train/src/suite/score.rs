@@ -3,9 +3,10 @@
 use super::method::Method;
 use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
 use super::scene::TestScene;
+use elunar_base::{Error, Result};
 use elunar_core::metrics::HeightErrors;
+use elunar_raster::Raster;
 use elunar_raster::align::Named;
-use elunar_raster::{Error, Raster, Result};
 use elunar_scene::evaluate::lowpass::high_pass;
 use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief, spectral};
 

@@ -2,8 +2,8 @@
 
 use super::results::{COARSE, MethodScores, Results};
 use super::summary::{Summary, summaries};
-use elunar_raster::Result;
-use elunar_scene::table::to_csv;
+use elunar_base::Result;
+use elunar_base::table::to_csv;
 
 /// A table of text: heading and rows of the same length.
 #[derive(Debug, Clone, PartialEq)]

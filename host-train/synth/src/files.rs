@@ -1,8 +1,9 @@
 //! Files of scenes: lunar GeoTIFFs, and a manifest from which they can be made again.
 
 use super::{COARSE_PIXEL_M, SynthOptions, SynthScene, TerrainKind};
+use elunar_base::{Result, atomic_write};
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster, Result, atomic_write};
+use elunar_raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -63,11 +64,10 @@ impl Manifest {
     /// Writes `manifest.json` into `folder`.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if the folder cannot be written.
+    /// [`elunar_base::Error::Io`] if the folder cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(MANIFEST);
-        let text =
-            serde_json::to_string_pretty(self).map_err(|e| elunar_raster::Error::broken(&path, e.to_string()))?;
+        let text = serde_json::to_string_pretty(self).map_err(|e| elunar_base::Error::broken(&path, e.to_string()))?;
         atomic_write(&path, text.as_bytes())
     }
 }
@@ -113,7 +113,7 @@ impl SynthScene {
     /// Writes `scene_NNNN_image.tif`, `_coarse.tif` and `_truth.tif` into `folder` and returns their manifest entry.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if a file cannot be written. Files written before it stay.
+    /// [`elunar_base::Error::Io`] if a file cannot be written. Files written before it stay.
     pub fn write(&self, folder: &Path) -> Result<SceneEntry> {
         let name = scene_name(self.index);
         let file = |what: &str| folder.join(file_name(&name, what));

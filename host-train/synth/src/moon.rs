@@ -8,7 +8,7 @@ use super::field::{Amplitudes, Plan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::smooth::smooth;
 use super::{SynthOptions, TerrainKind, albedo, boulder, landform};
-use elunar_raster::Result;
+use elunar_base::Result;
 use elunar_raster::resample::{PixelMap, resample_bicubic};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -31,7 +31,7 @@ const BASE_HEIGHT_M: [(f64, f64); 2] = [(-2000.0, 600.0), (300.0, 1200.0)];
 /// let tile = moon.tile(0);
 /// assert_eq!(tile.image.len(), 64 * 80);
 /// assert_eq!(tile.truth_m, moon.tile(0).truth_m);
-/// # Ok::<(), elunar_raster::Error>(())
+/// # Ok::<(), elunar_base::Error>(())
 /// ```
 pub struct Moon {
     seed: u64,
@@ -132,7 +132,7 @@ impl Moon {
     /// Makes the Moon of one seed.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Usage`] if an option is out of range.
+    /// [`elunar_base::Error::Usage`] if an option is out of range.
     pub fn new(seed: u64, options: SynthOptions) -> Result<Self> {
         options.validate()?;
         let tile_shop = Workshop::new(options.rows, options.cols, &options);
@@ -171,7 +171,7 @@ impl Moon {
     /// sizes are equal.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Usage`] if the size is out of range.
+    /// [`elunar_base::Error::Usage`] if the size is out of range.
     pub fn scene(&self, index: u64, rows: usize, cols: usize) -> Result<SynthScene> {
         SynthOptions { rows, cols, ..self.options.clone() }.validate()?;
         Ok(self.make(index, &Workshop::new(rows, cols, &self.options)))

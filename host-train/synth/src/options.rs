@@ -1,7 +1,7 @@
 //! Options of the synthetic Moon.
 
 use super::TerrainKind;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 
 use serde::{Deserialize, Serialize};
 

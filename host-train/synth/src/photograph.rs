@@ -2,7 +2,8 @@
 
 use super::camera::{BLUR_PX, Exposure};
 use super::light::{Sun, reflectance};
-use elunar_raster::{Error, Raster, Result};
+use elunar_base::{Error, Result};
+use elunar_raster::Raster;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

@@ -4,7 +4,7 @@ use super::manifest::uses_of;
 use crate::cluster::batch::{Counts, Manner, run as run_items};
 use crate::cluster::manifest::Manifest;
 use crate::cluster::{apart, foreign};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_scene::predict::span::PartOf;
 use std::path::PathBuf;
 use std::time::Duration;

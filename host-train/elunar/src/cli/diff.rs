@@ -2,9 +2,9 @@
 
 use super::input::read_heights;
 use crate::outputs as output;
+use elunar_base::{Error, Result};
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
-use elunar_raster::{Error, Result};
 use elunar_scene::diff::{Options, Statistics, difference};
 use elunar_scene::picture;
 use std::path::PathBuf;

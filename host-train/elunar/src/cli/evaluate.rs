@@ -2,7 +2,7 @@
 
 use super::input;
 use crate::outputs as output;
-use elunar_raster::Result;
+use elunar_base::Result;
 use elunar_raster::align::Interpolation;
 use elunar_scene::evaluate::{
     Details, Expected, Maps, NamedSource, Summary, calibration, json, octaves_picture, short_names, table,

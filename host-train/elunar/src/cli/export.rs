@@ -2,6 +2,7 @@
 
 use crate::outputs as output;
 use crate::picture::costs;
+use elunar_base::{Error, Result, atomic_write, progress};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::config::config_of;
@@ -15,12 +16,10 @@ use elunar_net::export::report::{Comparison, compare};
 use elunar_net::export::sensitivity::{self, Sensitivity};
 use elunar_net::export::{CalibrationTile, Options, Precision};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result, atomic_write};
 use elunar_scene::data::calibration::calibration_tiles;
 use elunar_scene::data::source::DataSpec;
 use elunar_scene::picture::write_png;
 use elunar_scene::prepare::Split;
-use elunar_scene::progress;
 use std::path::{Path, PathBuf};
 
 /// Seed of the synthetic tiles for calibration. No training run uses it by default.

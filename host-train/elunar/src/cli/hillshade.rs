@@ -2,12 +2,12 @@
 
 use super::input::heights;
 use crate::outputs as output;
+use elunar_base::{Error, Result, progress};
 use elunar_core::terrain::Sun;
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
-use elunar_raster::{Error, Result};
 use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
+use elunar_scene::picture;
 use elunar_scene::predict::sun::check_azimuth;
-use elunar_scene::{picture, progress};
 use std::path::PathBuf;
 
 /// Options of `hillshade`.

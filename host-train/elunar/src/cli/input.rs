@@ -1,7 +1,8 @@
 //! Inputs of commands.
 
+use elunar_base::Result;
 use elunar_raster::source::{self, Source};
-use elunar_raster::{Raster, Result, heights as raster};
+use elunar_raster::{Raster, heights as raster};
 use std::path::Path;
 
 /// Opens a raster of heights, and prints what was passed over in it.

@@ -1,9 +1,9 @@
 //! `elunar inspect`: describes a file.
 
 use crate::picture::arena;
+use elunar_base::Result;
 use elunar_net::inspect::plan_text;
 use elunar_net::shipped;
-use elunar_raster::Result;
 use elunar_scene::{inspect, picture};
 use std::path::PathBuf;
 

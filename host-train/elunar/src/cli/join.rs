@@ -2,7 +2,7 @@
 
 use super::predict;
 use crate::job;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_scene::predict::network::Model;
 use std::path::Path;
 

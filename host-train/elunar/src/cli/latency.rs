@@ -1,9 +1,9 @@
 //! `elunar latency`: measures the time of a tile.
 
+use elunar_base::quantile::quantile;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
-use elunar_raster::quantile::quantile;
-use elunar_raster::{Error, Result};
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::Model;
 use std::path::PathBuf;

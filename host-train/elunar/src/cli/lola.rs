@@ -1,12 +1,11 @@
 //! `elunar lola`: compares a DTM with laser altimeter tracks.
 
 use super::input::heights;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result, progress};
 use elunar_scene::lola::csv::{self, CsvFormat};
 use elunar_scene::lola::report::{ComparedTrack, Report, json, table};
 use elunar_scene::lola::shift::Ground;
 use elunar_scene::lola::track::{TRACK_GAP_S, split};
-use elunar_scene::progress;
 use std::path::PathBuf;
 
 /// Options of `lola`.

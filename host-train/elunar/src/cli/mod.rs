@@ -21,7 +21,7 @@ pub mod status;
 pub mod synth;
 
 use clap::{Parser, Subcommand};
-use elunar_raster::Result;
+use elunar_base::Result;
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]

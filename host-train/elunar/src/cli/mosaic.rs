@@ -2,13 +2,13 @@
 
 use super::input::heights;
 use crate::outputs as output;
+use elunar_base::{Error, Result, progress, read};
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
-use elunar_raster::{Crs, Error, MOON_RADIUS_M, Result, read};
+use elunar_raster::{Crs, MOON_RADIUS_M};
 use elunar_scene::body;
 use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
-use elunar_scene::progress;
 use std::path::{Path, PathBuf};
 
 /// Options of `mosaic`.

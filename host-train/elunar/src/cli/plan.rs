@@ -3,8 +3,8 @@
 use crate::cluster::item::Item;
 use crate::cluster::manifest::Manifest;
 use crate::cluster::plan::{Cluster, Costs, model_of, plan};
+use elunar_base::{Error, Result};
 use elunar_net::shipped;
-use elunar_raster::{Error, Result};
 use std::path::PathBuf;
 
 /// Options of `plan`.

@@ -1,7 +1,7 @@
 //! `elunar predict`: makes a DTM from an image and a coarse DTM.
 
 use crate::job::{self, Request};
-use elunar_raster::Result;
+use elunar_base::Result;
 use elunar_scene::predict::network::Model;
 use std::path::Path;
 

@@ -1,14 +1,13 @@
 //! `elunar prepare`: makes a training set from images, DTMs and coarse DTMs.
 
 use clap::ValueEnum;
+use elunar_base::{Error, Result, interrupt, progress};
 use elunar_net::illumination::KnownSun;
 use elunar_raster::align::Interpolation;
 use elunar_raster::stated::HeightUnit;
-use elunar_raster::{Error, Result};
 use elunar_scene::predict::sun::check_sun;
 use elunar_scene::prepare::list::{self, SceneFiles};
 use elunar_scene::prepare::{Manifest, Parameters, Split, run as prepare};
-use elunar_scene::{interrupt, progress};
 use std::path::{Path, PathBuf};
 
 /// Options of `prepare`.

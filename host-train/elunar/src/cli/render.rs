@@ -2,8 +2,8 @@
 
 use super::input::read_heights;
 use crate::outputs as output;
+use elunar_base::{Error, Result};
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Error, Result};
 use elunar_scene::picture;
 use elunar_scene::predict::sun::check_azimuth;
 use elunar_synth::photograph;

@@ -2,11 +2,10 @@
 
 use crate::job::{Inputs, Opened, warn};
 use crate::outputs::{self as output, Target};
+use elunar_base::{Error, Result, interrupt};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary, survey};

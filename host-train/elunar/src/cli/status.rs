@@ -7,8 +7,8 @@ use crate::cluster::status::{State, Status, done_list, read_logs};
 use crate::html::{Cell, document, escaped, table};
 use crate::outputs::Target;
 use crate::program;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, atomic_write};
 use std::path::{Path, PathBuf};
 
 /// Options of `status`.
@@ -73,7 +73,7 @@ pub fn run(args: Args) -> Result<()> {
 fn take(args: &Args, manifest: &Manifest) -> Result<Vec<Owner>> {
     let outputs = [(&args.done, "--done"), (&args.resubmit, "--resubmit"), (&args.html, "--html")];
     if let Some(path) = &args.resubmit {
-        let same = |path: &Path| std::path::absolute(elunar_raster::folder_of(path)).ok();
+        let same = |path: &Path| std::path::absolute(elunar_base::folder_of(path)).ok();
         if same(path) != same(&args.manifest) {
             let what = "--resubmit: a file beside the manifest expected, since paths start from its folder";
             return Err(Error::usage(format!("{what}, {} found", path.display())));

@@ -1,11 +1,9 @@
 //! `elunar synth`: writes synthetic scenes as GeoTIFFs.
 
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, SOFTWARE, interrupt, progress};
 use elunar_core::terrain::PixelSize;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result};
-use elunar_scene::SOFTWARE;
 use elunar_scene::picture::{Panel, hillshades, sheet, stretch, write_png};
-use elunar_scene::{interrupt, progress};
 use elunar_synth::{MANIFEST, Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind, scene_files};
 use rayon::prelude::*;
 use std::path::PathBuf;

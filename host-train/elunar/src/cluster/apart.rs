@@ -3,8 +3,8 @@
 use super::manifest::Manifest;
 use crate::outputs::Target;
 use crate::outputs::uses::{Clash, Uses};
+use elunar_base::{Error, Result};
 use elunar_net::shipped;
-use elunar_raster::{Error, Result};
 use std::fmt;
 use std::path::Path;
 

@@ -2,8 +2,7 @@
 
 use super::item::Item;
 use super::outcome::{Outcome, Verdict, now_s};
-use elunar_raster::{Error, Result, folder_of};
-use elunar_scene::interrupt;
+use elunar_base::{Error, Result, folder_of, interrupt};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -236,7 +235,7 @@ fn outcome(
         output: item.output.display().to_string(),
         start_s,
         seconds,
-        host: elunar_raster::output::host_name(),
+        host: elunar_base::output::host_name(),
         slot,
         chunk: manner.chunk.clone(),
         pixels,

@@ -3,7 +3,7 @@
 use super::item::Item;
 use crate::outputs::Target;
 use crate::outputs::beside::{FOREIGN, foreign};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_scene::predict::identity::states_a_job;
 use elunar_scene::predict::part_path;
 use std::path::Path;

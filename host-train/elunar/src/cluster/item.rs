@@ -3,9 +3,9 @@
 use crate::cli::predict;
 use crate::job;
 use clap::Parser;
+use elunar_base::Result;
+use elunar_base::read::refuse_address;
 use elunar_net::shipped;
-use elunar_raster::Result;
-use elunar_raster::read::refuse_address;
 use elunar_scene::predict::sun::check_sun;
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -176,7 +176,7 @@ impl Item {
     /// If an option is wrong, which [`Self::parse`] refuses.
     pub fn predict(&self, folder: &Path) -> Result<predict::Args> {
         let words = std::iter::once("predict".to_string()).chain(self.words(folder)?);
-        let line = Line::try_parse_from(words).map_err(|e| elunar_raster::Error::input(e.to_string()))?;
+        let line = Line::try_parse_from(words).map_err(|e| elunar_base::Error::input(e.to_string()))?;
         Ok(line.predict)
     }
 
@@ -202,7 +202,7 @@ impl Item {
                 Some(path) if is_path => Value::String(at(Path::new(path))),
                 _ => value.clone(),
             };
-            words.extend(option_words(name, &value).map_err(elunar_raster::Error::input)?);
+            words.extend(option_words(name, &value).map_err(elunar_base::Error::input)?);
         }
         Ok(words)
     }

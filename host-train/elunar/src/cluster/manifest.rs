@@ -1,7 +1,7 @@
 //! A manifest: JSON lines, one an image. All lines are checked before anything starts.
 
 use super::item::Item;
-use elunar_raster::{Error, Result, folder_of, read};
+use elunar_base::{Error, Result, folder_of, read};
 use elunar_scene::predict::span::PartOf;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

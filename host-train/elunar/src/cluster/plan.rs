@@ -1,8 +1,8 @@
 //! What a run will take, from costs that are measured on this machine.
 
 use super::item::Item;
+use elunar_base::{Error, Result};
 use elunar_core::tile::{Shape, Tiling};
-use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -3,7 +3,7 @@
 use super::item::Item;
 use super::manifest::Manifest;
 use super::outcome::{Outcome, Verdict};
-use elunar_raster::{Result, read};
+use elunar_base::{Result, read};
 use elunar_scene::predict::identity::has_its_sum;
 use elunar_scene::predict::sum_path;
 use serde::Serialize;

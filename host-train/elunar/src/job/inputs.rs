@@ -1,10 +1,11 @@
 //! The inputs of a job: image and coarse DTM, with what the user says about them.
 
 use super::words;
+use elunar_base::Result;
 use elunar_net::illumination::KnownSun;
+use elunar_raster::Crs;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
-use elunar_raster::{Crs, Result};
 use elunar_scene::predict::notices::check_exchange;
 use elunar_scene::predict::sun::KnownFrom;
 use elunar_scene::predict::{Input, Scene};

@@ -11,10 +11,9 @@ pub mod words;
 mod write;
 
 use crate::outputs::{self, beside};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, interrupt};
 use elunar_net::shipped;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result};
-use elunar_scene::interrupt;
 use elunar_scene::predict::job::{fill, survey};
 use elunar_scene::predict::network::Model;
 use elunar_scene::predict::record::Phases;

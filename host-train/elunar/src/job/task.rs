@@ -3,8 +3,8 @@
 use super::inputs::Opened;
 use super::request::Request;
 use super::words;
+use elunar_base::{Error, Result};
 use elunar_net::illumination::Lighting;
-use elunar_raster::{Error, Result};
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
 use elunar_scene::predict::job::survey;

@@ -1,8 +1,8 @@
 //! Options in plain words, for the metadata of outputs.
 
 use clap::ValueEnum;
+use elunar_base::digest::sha256_hex;
 use elunar_raster::Crs;
-use elunar_raster::content::sha256_of_text;
 
 /// Returns the name of a value as on the command line.
 pub fn name<T: ValueEnum>(value: &T) -> Option<String> {
@@ -19,7 +19,7 @@ pub fn number(value: Option<f64>) -> Option<String> {
 #[must_use]
 pub fn srs(crs: &Crs) -> String {
     // Only a hash sees the keys' own form.
-    let keys = sha256_of_text(&format!("{crs:?}"));
+    let keys = sha256_hex(format!("{crs:?}"));
     format!("{};keys:{}", crs.summary().replace(", ", ","), &keys[..16])
 }
 

@@ -3,8 +3,8 @@
 use super::request::Request;
 use super::task::Task;
 use super::{Done, Watch};
-use elunar_raster::Result;
-use elunar_raster::output::Owner;
+use elunar_base::Result;
+use elunar_base::output::Owner;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
 use elunar_scene::predict::job::{Files, ReadRows, finish, light_text, summary};
 use elunar_scene::predict::notices::{notice_of_heights, share_of_relief};

@@ -1,7 +1,7 @@
 //! What lies beside an output: a command replaces there what an earlier run wrote for the sake of that output, and nothing else.
 
 use super::target::Target;
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use elunar_scene::predict::identity::states_a_job;
 use elunar_scene::predict::rows::is_rows;
 use elunar_scene::predict::{is_survey, part_path, sum_path};

@@ -5,8 +5,8 @@ mod places;
 mod target;
 pub mod uses;
 
-use elunar_raster::output::{Owner, check_target};
-use elunar_raster::{Error, Result};
+use elunar_base::output::{Owner, check_target};
+use elunar_base::{Error, Result};
 use std::path::{Path, PathBuf};
 pub use target::Target;
 use uses::Uses;

@@ -1,6 +1,6 @@
 //! Where paths lead: folders by their whole paths, files by folder and name and by device and number.
 
-use elunar_raster::folder_of;
+use elunar_base::folder_of;
 use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Picture of the int8 runner's memory during a tile: one rectangle per tensor.
 
+use elunar_base::{Error, Result};
 use elunar_net::inspect::model::{Plan, TensorLife};
-use elunar_raster::{Error, Result};
 use elunar_scene::picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;

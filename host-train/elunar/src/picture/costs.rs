@@ -1,7 +1,7 @@
 //! Picture of a sensitivity.
 
+use elunar_base::Result;
 use elunar_net::export::sensitivity::{Effect, Layer, Sensitivity};
-use elunar_raster::Result;
 use elunar_scene::picture::{Bars, bars};
 use image::RgbImage;
 
@@ -11,7 +11,7 @@ const BARS: usize = 40;
 /// Draws a bar chart of the layers with the largest effect on slope.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Usage`] if no layer has an effect.
+/// [`elunar_base::Error::Usage`] if no layer has an effect.
 pub fn picture(sensitivity: &Sensitivity) -> Result<RgbImage> {
     let degrees = |effect: Option<Effect>| effect.map(|e| e.slope_rmse_deg);
     let line = |l: &&Layer| {

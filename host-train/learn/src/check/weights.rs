@@ -6,9 +6,9 @@ use crate::train::loss::{Elevation, LossWeights, terms};
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
+use elunar_base::{Error, Result};
 use elunar_net::config::config_of;
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Smallest scale of a tensor's gradient, as a share of the greatest gradient of all. Some gradients are zero but for rounding, such as those

@@ -4,7 +4,7 @@
 use burn::tensor::DeviceType;
 use burn::tensor::{Device, FloatDType, Tensor};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::panic::AssertUnwindSafe;
 
 /// A compute backend. Each is a Cargo feature of the same name.

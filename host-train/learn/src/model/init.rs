@@ -2,10 +2,10 @@
 
 use super::store::{outline, shapes};
 use burn::tensor::Device;
+use elunar_base::{Error, Result};
 use elunar_net::config::{Head, NetConfig};
 use elunar_net::fit::check_fit;
 use elunar_net::weights::{Array, Weights};
-use elunar_raster::{Error, Result};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};

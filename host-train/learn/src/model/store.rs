@@ -3,10 +3,10 @@
 use super::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_base::{Error, Result};
 use elunar_net::config::NetConfig;
 use elunar_net::fit::check_fit;
 use elunar_net::weights::{Array, Weights};
-use elunar_raster::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -11,9 +11,9 @@ use crate::model::init::normal_weights;
 use crate::model::store;
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
+use elunar_base::Result;
 use elunar_net::config::NetConfig;
 use elunar_net::weights::Weights;
-use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

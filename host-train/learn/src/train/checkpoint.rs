@@ -3,10 +3,10 @@
 use super::average::Average;
 use super::step::Trainer;
 use burn::optim::ModuleOptimizer;
-use elunar_net::digest::sha256_hex;
+use elunar_base::digest::sha256_hex;
+use elunar_base::output::remove_folder;
+use elunar_base::{Error, Result, atomic_write, read};
 use elunar_net::weights::Weights;
-use elunar_raster::output::remove_folder;
-use elunar_raster::{Error, Result, atomic_write, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -85,8 +85,8 @@ pub fn save(
         None => None,
     };
     let average = average.map(|average| average.weights.to_bytes());
-    let average_sha256 = average.as_ref().map(|bytes| sha256_hex(bytes));
-    let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(|bytes| sha256_hex(bytes)));
+    let average_sha256 = average.as_ref().map(sha256_hex);
+    let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(sha256_hex));
     let (weights_sha256, optimiser_sha256) = (sha256_hex(&weights), sha256_hex(&optimiser));
     let state = State { step, best_rmse, weights_sha256, optimiser_sha256, average_sha256, critic_sha256 };
     atomic_write(&fresh.join(WEIGHTS), &weights)?;

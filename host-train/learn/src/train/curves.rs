@@ -1,7 +1,7 @@
 //! Pictures of a run's two CSV files: training loss and validation.
 
 use super::journal::{STEPS, VALIDATIONS};
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use elunar_scene::picture;
 use elunar_scene::picture::{Chart, Panel, Series, plot, sheet};
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! The run's two CSV files, with one line per step and one per validation. On resume they are cut to the checkpoint's step.
 
 use super::validate::Validation;
-use elunar_raster::output::open_growing;
-use elunar_raster::{Error, Result, read};
+use elunar_base::output::open_growing;
+use elunar_base::{Error, Result, read};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ impl Csv {
                 _ => {}
             }
         }
-        elunar_raster::atomic_write(&path, text.as_bytes())?;
+        elunar_base::atomic_write(&path, text.as_bytes())?;
         let file = open_growing(&path)?;
         Ok(Self { path, file })
     }

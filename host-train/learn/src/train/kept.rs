@@ -1,7 +1,7 @@
 //! Normalised tiles that several steps use. Threads share them.
 
 use super::sample::Sample;
-use elunar_raster::Result;
+use elunar_base::Result;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -12,7 +12,7 @@ use crate::model::elunar::ELunarDtmNet;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 
 /// Devices, each with a part of the processor's threads.
 pub(super) struct Crew {

@@ -5,9 +5,9 @@ use super::elevation_only::ElevationOnly;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
 use crate::model::precision::Precision;
+use elunar_base::Result;
 use elunar_core::tile::TILE;
 use elunar_net::config::Preset;
-use elunar_raster::Result;
 use serde::{Deserialize, Serialize};
 
 /// Target of the training.

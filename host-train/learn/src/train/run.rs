@@ -14,11 +14,10 @@ use crate::model::backend::{Backend, on_processor};
 use crate::model::store;
 use crate::stopwatch::{Part, pause, time};
 use burn::module::Module;
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, interrupt, read};
 use elunar_net::config::NetConfig;
 use elunar_net::weights::Weights;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, read};
-use elunar_scene::interrupt;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -206,7 +205,7 @@ impl Run {
             None => {
                 self.checkpoint((0, None), average.as_ref(), &trainer)?;
                 let record = serde_json::to_vec_pretty(&self.record).expect("plain struct");
-                elunar_raster::atomic_write(&self.folder.join(RECORD), &record)?;
+                elunar_base::atomic_write(&self.folder.join(RECORD), &record)?;
             }
         }
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
@@ -289,7 +288,7 @@ pub fn begun(folder: &Path) -> bool {
 }
 
 fn progress(first: usize, steps: usize) -> ProgressBar {
-    let bar = elunar_scene::progress::bar("training", steps as u64, "steps").with_position(first as u64);
+    let bar = elunar_base::progress::bar("training", steps as u64, "steps").with_position(first as u64);
     bar.reset_eta();
     bar
 }

@@ -13,9 +13,9 @@ use crate::model::swin::depth::factors;
 use crate::stopwatch::{Part, time};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
+use elunar_base::{Error, Result};
 use elunar_net::config::{ImageEncoderKind, NetConfig, TruthRange};
 use elunar_net::weights::Weights;
-use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Image, coarse DTM and truth, each `[B, maps, H, W]`.

@@ -13,9 +13,9 @@ use crate::model::init::initial_weights;
 use crate::model::precision::Precision;
 use crate::model::store;
 use crate::testing::without_zeros;
+use elunar_base::Result;
 use elunar_net::config::{Illumination, NetConfig, Preset, miniature_network};
 use elunar_net::illumination::KnownSun;
-use elunar_raster::Result;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -162,7 +162,7 @@ struct Breaking;
 
 impl TileSource for Breaking {
     fn tile(&self, index: u64) -> Result<RawTile> {
-        if index < 8 { Ripples.tile(index) } else { Err(elunar_raster::Error::input("the disk is gone")) }
+        if index < 8 { Ripples.tile(index) } else { Err(elunar_base::Error::input("the disk is gone")) }
     }
 }
 
@@ -185,7 +185,7 @@ struct Absent;
 
 impl TileSource for Absent {
     fn tile(&self, _: u64) -> Result<RawTile> {
-        Err(elunar_raster::Error::input("killed"))
+        Err(elunar_base::Error::input("killed"))
     }
 }
 
@@ -228,9 +228,9 @@ fn a_run_killed_before_its_first_step_goes_on() {
 #[test]
 fn a_run_has_one_trainer_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
-    let owner = elunar_raster::output::Owner::of_folder(folder.path(), "test", []).unwrap();
+    let owner = elunar_base::output::Owner::of_folder(folder.path(), "test", []).unwrap();
     let refused = run(folder.path(), false, Some(1)).train().unwrap_err();
-    assert!(matches!(refused, elunar_raster::Error::Busy { .. }), "{refused}");
+    assert!(matches!(refused, elunar_base::Error::Busy { .. }), "{refused}");
     drop(owner);
     run(folder.path(), false, Some(1)).train().unwrap();
 }

@@ -7,13 +7,13 @@ use super::sample::{Sample, untrained_m};
 use super::source::TileSource;
 use crate::model::elunar::ELunarDtmNet;
 use burn::tensor::Device;
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, RelativeErrors, SlopeErrors};
 use elunar_core::norm::ElevationScale;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Shape;
 use elunar_net::config::{NetConfig, TruthRange};
-use elunar_raster::{Error, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,7 @@ use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use crate::config::{DTM_KERNELS, DecoderKind, Head, ImageEncoderKind, NetConfig, RESNET_BLOCKS};
 use crate::fit::check_fit;
 use crate::weights::Weights;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::float;
 use super::graph::Graph;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 
 /// One normalised tile, as input of the network.
 #[derive(Debug, Clone, PartialEq)]

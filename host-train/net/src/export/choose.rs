@@ -7,8 +7,8 @@ use super::graph::Graph;
 use super::report::{Comparison, compare};
 use super::sensitivity::Sensitivity;
 use crate::config::NetConfig;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{Model, required};
-use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::fmt;
 

@@ -8,9 +8,9 @@ use super::plan::order_and_plan;
 use super::quantise::{Program, quantise};
 use crate::config::NetConfig;
 use crate::weights::Weights;
+use elunar_base::{Error, Result};
 use elunar_core::nn::file::{Content, NONE, Operator};
 use elunar_core::nn::{Model, Progress, Runner, required};
-use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Seed of every self-test tile.

@@ -10,13 +10,13 @@ use super::float::gelu;
 use super::fold::fold;
 use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
 use super::pack::{Filter, IntegerFilter, Integers, pack};
+use elunar_base::{Error, Result};
 use elunar_core::nn::file::{
     self, Dtype, Edge, MAX_ADD_SHIFT, MEAN_FRACTION_BITS, NORM_FRACTION_BITS, Operator, Tensor,
 };
 use elunar_core::quant::lut::{CODE_TABLE_LEN, EXP_COARSE, EXP_FINE, LOGIT_BITS};
 use elunar_core::quant::params::{multiplier, shift_for};
 use elunar_core::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
-use elunar_raster::{Error, Result};
 use std::collections::HashMap;
 
 /// Number of columns of the output map that are computed together. It is the number of channels of the narrowest panel.

@@ -3,11 +3,11 @@
 use super::calibrate::CalibrationTile;
 use super::compile::Export;
 use super::float;
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_core::terrain::{PixelSize, slope_deg};
 use elunar_core::tile::Shape;
-use elunar_raster::{Error, Result};
 use std::fmt;
 
 /// Differences between the int8 runner and the float network.

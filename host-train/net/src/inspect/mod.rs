@@ -7,9 +7,9 @@ pub mod timing;
 pub use network::{model as plan_text, tensors};
 
 use crate::shipped;
+use elunar_base::{Error, Result};
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
-use elunar_raster::{Error, Result};
 use model::Plan;
 use std::path::Path;
 

@@ -1,11 +1,11 @@
 //! The plan of a model: its operators, the places of its tensors in the arena, and when each is in use.
 
 use super::timing::{Times, entry_macs};
-use crate::digest::sha256_hex;
+use elunar_base::digest::sha256_hex;
+use elunar_base::{Error, Result};
 use elunar_core::nn::file::{Dtype, NONE, Operator, Tensor};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::Shape;
-use elunar_raster::{Error, Result};
 use serde::Serialize;
 
 /// The figures of a model.

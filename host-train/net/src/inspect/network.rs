@@ -1,9 +1,9 @@
 //! Descriptions of model files and tensors.
 
 use super::model::{OperatorLine, Plan};
-use crate::digest::sha256_hex;
 use crate::weights::Weights;
-use elunar_raster::{Result, read};
+use elunar_base::digest::sha256_hex;
+use elunar_base::{Result, read};
 use std::path::Path;
 
 /// Describes the tensors of a safetensors file: weights, a golden case, or neither.

@@ -1,8 +1,8 @@
 //! Times of a tile's operators, measured on the self-test tile, one entry of the schedule at a time.
 
+use elunar_base::quantile::quantile;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
-use elunar_raster::quantile::quantile;
-use elunar_raster::{Error, Result};
 use serde::Serialize;
 use std::time::Instant;
 

@@ -13,7 +13,7 @@ pub use windowed::Onto;
 
 use super::source::{Info, Source, check_window};
 use super::{Projection, Raster};
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use map::Grid;
 use windowed::{Plan, lattice};

@@ -3,7 +3,8 @@
 use super::windowed::lattice;
 use super::{Interpolation, Onto};
 use crate::source::{Info, Source};
-use crate::{Crs, Error, GeoRef, Projection, Result};
+use crate::{Crs, GeoRef, Projection};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use std::sync::Arc;
 

@@ -3,8 +3,9 @@
 use super::map::{Grid, Map, is_cyclic};
 use super::sample::{Piece, Sampler};
 use super::{Interpolation, SAME_GRID_PX, bounds};
+use crate::GeoRef;
 use crate::source::{Info, Source};
-use crate::{Error, GeoRef, Result};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use rayon::prelude::*;
 use std::sync::Arc;

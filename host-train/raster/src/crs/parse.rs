@@ -3,7 +3,8 @@
 use super::build::Axes;
 use super::method::{Kind, Parameters};
 use super::{Crs, MOON_RADIUS_M, body};
-use crate::{Error, Projection, Result};
+use crate::Projection;
+use elunar_base::{Error, Result};
 use std::collections::BTreeMap;
 
 /// Bodies of `IAU_2015` codes: NAIF number, and radius of the sphere in metres (IAU working group, 2015).

@@ -70,7 +70,7 @@ fn a_chunk_beyond_the_limit_is_refused_before_it_is_decoded() {
         // Tiles have sides of multiples of 16.
         one_chunk(&path, most_rows + 16, packing, tiled);
         let error = open(&path).map(drop).unwrap_err();
-        assert!(matches!(error, crate::Error::Unsupported { .. }), "{error}");
+        assert!(matches!(error, elunar_base::Error::Unsupported { .. }), "{error}");
         let kind = if tiled { "tiles" } else { "strips" };
         let expected =
             format!("a.tif: not supported: {kind} of 4112 x 4096 pixels; at most 16777216 pixels in one expected");

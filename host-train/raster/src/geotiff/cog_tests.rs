@@ -3,7 +3,8 @@
 use super::pyramid::halve;
 use super::tests::{heights, same_bits, scratch};
 use super::*;
-use crate::{Error, Raster};
+use crate::Raster;
+use elunar_base::Error;
 use elunar_testing::oracle::{rasterio, rasterio_with};
 use std::path::Path;
 use std::process::Command;
@@ -90,7 +91,7 @@ fn wrong_amounts_of_rows_leave_no_file() {
     let path = folder.path().join("a.tif");
     let options = WriteOptions::heights("t");
     let create = || Writer::create(&path, 10, 4, None, &options).unwrap();
-    let refused = |result: crate::Result<()>| {
+    let refused = |result: elunar_base::Result<()>| {
         let error = result.unwrap_err();
         assert!(matches!(error, Error::Usage(_)) && error.to_string().contains("a.tif"), "{error}");
     };

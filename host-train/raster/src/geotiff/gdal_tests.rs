@@ -234,7 +234,7 @@ print(*made)
     assert!(names.len() >= 6, "{names:?}");
     for name in names {
         let error = read(folder.path().join(name).with_extension("tif")).expect_err(name);
-        assert!(matches!(error, crate::Error::Unsupported { .. }), "{name}: {error}");
+        assert!(matches!(error, elunar_base::Error::Unsupported { .. }), "{name}: {error}");
         assert!(!name.starts_with("lerc") || error.to_string().contains("gdal_translate"), "{error}");
         println!("{error}");
     }

@@ -2,7 +2,7 @@
 
 use super::lengths::amended;
 use super::overlaid::Overlaid;
-use crate::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use std::io::{ErrorKind, Seek as _};
 use std::path::{Path, PathBuf};
 use tiff::TiffError;

@@ -2,7 +2,7 @@
 
 use super::handle::Handle;
 use super::plain::SampleKind;
-use crate::Result;
+use elunar_base::Result;
 use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, PlanarConfiguration, Predictor, SampleFormat, Tag};

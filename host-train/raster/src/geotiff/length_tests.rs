@@ -114,7 +114,7 @@ fn all() -> Vec<f32> {
     (0..ROWS * COLS).map(|i| i as f32).collect()
 }
 
-fn opened(bytes: &[u8]) -> crate::Result<Vec<f32>> {
+fn opened(bytes: &[u8]) -> elunar_base::Result<Vec<f32>> {
     let folder = scratch();
     let path = folder.path().join("a.tif");
     std::fs::write(&path, bytes).unwrap();

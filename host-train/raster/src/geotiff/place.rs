@@ -2,7 +2,7 @@
 
 use super::super::{Crs, GeoRef, GeoTransform};
 use super::handle::Handle;
-use crate::Result;
+use elunar_base::Result;
 use tiff::tags::Tag;
 
 /// Tie points agree if they lie within this part of a pixel, since writers round them (our choice).

@@ -4,7 +4,7 @@
 //! memory, and the latter would take thousands of small steps.
 
 use super::handle::Handle;
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use tiff::decoder::DecodingResult;
 use tiff::tags::ByteOrder;

@@ -6,7 +6,7 @@ use super::super::{GeoRef, unit};
 use super::handle::Handle;
 use super::plain::SampleKind;
 use super::{metadata, tag};
-use crate::Result;
+use elunar_base::Result;
 use elunar_core::mask::is_real_i16;
 use tiff::decoder::DecodingResult;
 use tiff::tags::Tag;

@@ -1,7 +1,8 @@
 //! Files that were written are read, and broken files are refused.
 
 use super::*;
-use crate::{Crs, Error, GeoRef, Raster, source};
+use crate::{Crs, GeoRef, Raster, source};
+use elunar_base::Error;
 use std::path::{Path, PathBuf};
 
 pub(super) fn scratch() -> tempfile::TempDir {

@@ -3,7 +3,7 @@
 use super::super::Raster;
 use super::options::WriteOptions;
 use super::writer::Writer;
-use crate::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 /// Writes `raster` as a cloud-optimised GeoTIFF, whole or not at all. ([`Writer`] writes larger ones row by row.) Float files always have

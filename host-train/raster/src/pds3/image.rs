@@ -9,7 +9,7 @@ use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
 use super::value::{Kind, Value};
 use super::{Defect, Refusal, place, read_label, sun};
-use crate::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use elunar_core::tile::Window;
 use std::io::Read;
 use std::path::Path;

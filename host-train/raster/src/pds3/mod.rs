@@ -21,7 +21,7 @@ pub use label::{Block, Item};
 pub use pointer::label_beside;
 pub use value::{Kind, Value};
 
-use crate::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use std::fmt;
 use std::io::Read;
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::label::{Block, Item};
 use super::value::{Kind, Value};
 use super::{Defect, one_line, read_label};
-use crate::{Error, Result, folder_of};
+use elunar_base::{Error, Result, folder_of};
 use std::path::{Path, PathBuf};
 
 /// Target of an `^IMAGE`.

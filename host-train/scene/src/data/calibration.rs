@@ -2,11 +2,11 @@
 
 use super::sample::{RawTile, Sample};
 use super::source::TileSource;
+use elunar_base::{Error, Result};
 use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS};
 use elunar_net::config::NetConfig;
 use elunar_net::export::CalibrationTile;
 use elunar_net::export::calibrate::Ground;
-use elunar_raster::{Error, Result};
 
 /// Returns the tiles `first..first + count` of a source, normalised as `config` says.
 ///

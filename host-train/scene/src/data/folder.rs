@@ -2,10 +2,11 @@
 
 use super::sample::RawTile;
 use super::source::TileSource;
+use elunar_base::{Error, Result};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::illumination::KnownSun;
 use elunar_raster::align::{Interpolation, Named, onto, spacing_ratio};
-use elunar_raster::{Error, Raster, Result, heights, source};
+use elunar_raster::{Raster, heights, source};
 use std::path::{Path, PathBuf};
 
 /// The files of one scene.

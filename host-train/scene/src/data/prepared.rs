@@ -4,7 +4,7 @@ use super::sample::RawTile;
 use super::source::TileSource;
 use crate::prepare::shard::ShardFile;
 use crate::prepare::{Manifest, Split};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;

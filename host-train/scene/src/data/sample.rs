@@ -1,12 +1,12 @@
 //! One tile as input of the network: normalised image, coarse DTM and truth.
 
 use crate::maps::Maps;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{TileInput, TileLight, TileScale};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::Shape;
 use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_net::illumination::{KnownSun, Mirror, mirrored};
-use elunar_raster::{Error, Result};
 
 /// A tile in metres and relative brightness. A [`Sample`] is made from it.
 #[derive(Debug, Clone)]

@@ -2,9 +2,9 @@
 
 use super::sample::RawTile;
 use crate::prepare::{Manifest, Split};
+use elunar_base::Result;
 use elunar_net::illumination::KnownSun;
 use elunar_net::preset::Preset;
-use elunar_raster::Result;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

@@ -5,8 +5,9 @@ mod statistics;
 
 pub use statistics::{PERCENTILES, Statistics};
 
+use elunar_base::{Error, Result};
+use elunar_raster::Raster;
 use elunar_raster::align::{Interpolation, Named, onto};
-use elunar_raster::{Error, Raster, Result};
 
 /// Sign of the difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

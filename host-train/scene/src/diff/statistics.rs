@@ -1,8 +1,8 @@
 //! Statistics of a difference.
 
+use elunar_base::quantile::quantile;
 use elunar_core::metrics::HeightErrors;
 use elunar_core::metrics::height::LIMITS_M;
-use elunar_raster::quantile::quantile;
 use serde::Serialize;
 
 /// Percentages of [`Statistics::percentiles_m`].

@@ -3,11 +3,11 @@
 use super::View;
 use super::expected::{Expected, ORIGINS};
 use crate::picture::{Chart, Series, plot};
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::photoclinometry::Origin;
 use elunar_core::terrain::{PixelSize, gradient};
 use elunar_core::tile::Window;
-use elunar_raster::{Error, Result};
 use image::RgbImage;
 use serde_json::{Value, json};
 

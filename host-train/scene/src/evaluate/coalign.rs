@@ -5,7 +5,8 @@
 //! frequencies.
 
 use super::lowpass::LowPass;
-use elunar_raster::{Error, Raster, Result};
+use elunar_base::{Error, Result};
+use elunar_raster::Raster;
 use serde::{Deserialize, Serialize};
 
 /// How a DTM is aligned to the coarse DTM.

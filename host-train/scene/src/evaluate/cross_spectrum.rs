@@ -5,8 +5,9 @@
 //! blocks of one size, whose powers are added (Welch 1967).
 
 use super::fill::fill;
+use elunar_base::Result;
 use elunar_core::tile::Window;
-use elunar_raster::{Raster, Result};
+use elunar_raster::Raster;
 use rustfft::num_complex::Complex64;
 use rustfft::{FftDirection, FftPlanner};
 use std::f64::consts::TAU;

@@ -1,11 +1,11 @@
 //! The errors that `predict --uncertainty` expects, on the grid of a comparison.
 
+use elunar_base::{Error, Result};
 use elunar_core::photoclinometry::Origin;
 use elunar_core::tile::Window;
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::geotiff::open_band;
 use elunar_raster::source::{Info, Source};
-use elunar_raster::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -5,7 +5,7 @@
 
 use super::cross_spectrum::{transform, window};
 use super::fill::fill;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use rayon::prelude::*;
 use rustfft::FftDirection;
 use rustfft::num_complex::Complex64;

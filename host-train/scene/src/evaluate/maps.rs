@@ -3,11 +3,11 @@
 use super::lowpass::LowPass;
 use super::scores::{Band, Scores, TakeBand, scored};
 use crate::picture::ErrorMap;
+use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::Source;
-use elunar_raster::{Error, Result};
 use image::RgbImage;
 use std::sync::Arc;
 

@@ -29,9 +29,10 @@ pub use report::{Both, Summary, json, short_names, table};
 pub use scores::{PERCENTILES, Scores};
 pub use spectral::{Spectral, octaves_picture, spectral};
 
+use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_raster::Raster;
 use elunar_raster::align::{Interpolation, Named, onto};
-use elunar_raster::{Error, Raster, Result};
 use lowpass::LowPass;
 
 /// A DTM to be scored.

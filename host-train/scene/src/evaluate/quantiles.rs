@@ -107,7 +107,7 @@ impl Quantiles {
         }
     }
 
-    /// Returns the quantiles, linear between neighbours in order, as [`elunar_raster::quantile::quantile`]; `None` without values.
+    /// Returns the quantiles, linear between neighbours in order, as [`elunar_base::quantile::quantile`]; `None` without values.
     pub(super) fn of(&self) -> Option<Vec<f64>> {
         let count = self.count.filter(|count| *count > 0)?;
         let quantile = |share: &f64| {
@@ -169,7 +169,7 @@ fn cell_of(key: u64, bits: u32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_raster::quantile::quantile;
+    use elunar_base::quantile::quantile;
     use rand::{Rng, SeedableRng};
 
     const SHARES: [f64; 7] = [0.0, 0.01, 0.5, 0.68, 0.95, 0.999_999, 1.0];

@@ -2,10 +2,11 @@
 
 use super::lowpass::{LowPass, high_pass};
 use super::{Comparison, Scored};
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{Correlation, Facing, GradientErrors, HeightErrors};
 use elunar_core::terrain::{PixelSize, Sun, gradient, hillshade};
-use elunar_raster::{Error, Raster, Result};
+use elunar_raster::Raster;
 use serde::{Deserialize, Serialize};
 
 /// Image and Sun of a scene.

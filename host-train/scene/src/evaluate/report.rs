@@ -2,9 +2,9 @@
 
 use super::spectral::{Spectral, octaves_table};
 use super::{Comparison, Details, Maps, PERCENTILES, Scores};
+use elunar_base::Result;
 use elunar_core::metrics::height::LIMITS_M;
 use elunar_core::terrain::PixelSize;
-use elunar_raster::Result;
 use serde_json::{Value, json as value};
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,10 +1,11 @@
 //! The scores of one candidate.
 
 use super::quantiles::Quantiles;
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::{PixelSize, gradient};
-use elunar_raster::{Error, Raster, Result};
+use elunar_raster::Raster;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;

@@ -5,8 +5,8 @@ use super::octaves::{HalfCoherence, Octave, half_coherence, octaves};
 use super::registration::{Registration, registration};
 use super::{Comparison, Scored, View};
 use crate::picture::{Chart, Series, plot_log_x};
+use elunar_base::Result;
 use elunar_core::terrain::PixelSize;
-use elunar_raster::Result;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -96,7 +96,7 @@ pub(super) fn octaves_table(names: &[String], spectra: &[Option<Spectral>]) -> S
 /// Draws correlation, gain and amplitude of all candidates over the wavelength.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Input`] if no candidate has a spectrum.
+/// [`elunar_base::Error::Input`] if no candidate has a spectrum.
 pub fn octaves_picture(names: &[String], spectra: &[Option<Spectral>]) -> Result<RgbImage> {
     let curves: [Curve; 3] = [("correlation", |o| o.correlation), ("gain", |o| o.gain), ("amplitude", |o| o.amplitude)];
     let series: Vec<Series> = names

@@ -3,13 +3,14 @@
 mod raster;
 mod text;
 
+use elunar_base::{Error, Result};
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
 use elunar_net::inspect::model::Plan;
 use elunar_net::inspect::{self as network, is_model, is_safetensors};
 use elunar_net::shipped;
 use elunar_raster::format::{Format, head};
-use elunar_raster::{Error, Result, pds3, source};
+use elunar_raster::{pds3, source};
 use std::path::Path;
 
 /// Describes a file in several lines, without a newline at the end. If a label is valid but its image is not, `aside` gets the label.

@@ -1,8 +1,9 @@
 //! Description of a raster.
 
+use elunar_base::Result;
 use elunar_core::tile::Window;
 use elunar_raster::source::{Info, Source};
-use elunar_raster::{GeoRef, Projection, Result};
+use elunar_raster::{GeoRef, Projection};
 
 /// Greatest number of samples read. Larger rasters are sampled in whole rows at even distances.
 const MOST_SAMPLES: usize = 1 << 22;

@@ -1,8 +1,9 @@
 //! Descriptions of labels and tables.
 
 use crate::lola::{csv, track};
+use elunar_base::Result;
+use elunar_raster::MOON_RADIUS_M;
 use elunar_raster::pds3::Block;
-use elunar_raster::{MOON_RADIUS_M, Result};
 use std::path::Path;
 
 /// Keywords that identify a product.

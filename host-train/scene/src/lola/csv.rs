@@ -1,8 +1,8 @@
 //! Points from text: the PointPerRow tables of the LOLA RDR query, and any other table of longitude, latitude and height.
 
 use super::track::Point;
-use crate::table::{Row, Rows};
-use elunar_raster::{Error, Result, read};
+use elunar_base::table::{Row, Rows};
+use elunar_base::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
@@ -112,7 +112,7 @@ pub struct Table {
 /// Returns whether a line is the heading of a table that this module can read.
 #[must_use]
 pub fn is_heading(line: &str) -> bool {
-    let first = Rows::new(Path::new(""), line.as_bytes(), usize::MAX).next();
+    let first = Rows::new(Path::new(""), line.as_bytes(), usize::MAX).next_row();
     first.is_ok_and(|row| row.is_some_and(|row| CsvFormat::of_heading(&cells(&row)).is_some()))
 }
 
@@ -136,7 +136,7 @@ pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m:
     let mut rows = Rows::new(path, text, MOST_LINE_BYTES);
     // With a given format the first line may be a heading, which is skipped.
     let mut first = true;
-    while let Some(row) = rows.next()? {
+    while let Some(row) = rows.next_row()? {
         let cells = cells(&row);
         match (&format, std::mem::take(&mut first)) {
             (None, _) => {

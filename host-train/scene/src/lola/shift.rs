@@ -1,10 +1,11 @@
 //! The shift at which a track fits a DTM best, and the fit's error.
 
 use super::track::Point;
+use elunar_base::quantile::quantile;
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
-use elunar_raster::quantile::quantile;
 use elunar_raster::source::Source;
-use elunar_raster::{Error, GeoRef, Projection, Result};
+use elunar_raster::{GeoRef, Projection};
 use std::ops::Range;
 
 /// Steps per pixel of the search. The paper moves by half a pixel.

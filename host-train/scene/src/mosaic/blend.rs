@@ -1,6 +1,6 @@
 //! The weighted mean of overlapping tiles, row band by row band.
 
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::collections::VecDeque;
 
 /// Sums of one row: weight times height, and weight.

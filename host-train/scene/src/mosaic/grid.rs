@@ -1,8 +1,9 @@
 //! The grid of a mosaic. It contains all its DTMs.
 
 use super::meridian::{Range, narrowest, period, turns};
+use elunar_base::{Error, Result};
 use elunar_raster::source::{Info, Source};
-use elunar_raster::{Error, GeoRef, GeoTransform, Result};
+use elunar_raster::{GeoRef, GeoTransform};
 
 /// Pixels closer than this to those of a grid lie on it: writers round the corners of tiles, to five decimals of a degree and fewer (our
 /// choice).

@@ -2,9 +2,10 @@
 
 use super::grid::{Grid, Input, ON_GRID_PX};
 use super::weights::{WeightRules, grassfire};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
+use elunar_raster::GeoTransform;
 use elunar_raster::resample::PixelMap;
-use elunar_raster::{Error, GeoTransform, Result};
 use rayon::prelude::*;
 
 /// Positions closer than this, in pixels, to a row or column of pixel centres lie on it. Then no neighbour beyond it is read.

@@ -1,7 +1,7 @@
 //! Bar charts with horizontal bars, several values per line.
 
 use super::text::{Anchor, write};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use image::{Rgb, RgbImage};
 
 /// Width of the picture and of its column of names, pixels.

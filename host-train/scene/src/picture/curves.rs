@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use super::font::FONT;
 use super::write_png;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use image::RgbImage;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;

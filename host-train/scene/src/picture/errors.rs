@@ -2,8 +2,8 @@
 
 use super::check_size;
 use super::text::{Anchor, write};
+use elunar_base::Result;
 use elunar_core::metrics::height::LIMITS_M;
-use elunar_raster::Result;
 use image::{Rgb, RgbImage};
 
 /// Colours of positive errors, by class: white, orange, red, dark red.
@@ -17,7 +17,7 @@ const LEGEND_PX: u32 = 22;
 /// Pixels without an error are black.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Input`] if there are not `rows · cols` samples.
+/// [`elunar_base::Error::Input`] if there are not `rows · cols` samples.
 pub fn error_map(error_m: &[f32], rows: usize, cols: usize) -> Result<RgbImage> {
     check_size(error_m.len(), rows, cols)?;
     let mut map = ErrorMap::new(rows, cols)?;
@@ -36,7 +36,7 @@ impl ErrorMap {
     /// Starts a map.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Usage`] if it is too large for a picture.
+    /// [`elunar_base::Error::Usage`] if it is too large for a picture.
     pub fn new(rows: usize, cols: usize) -> Result<Self> {
         let (width, height) = check_size(rows.saturating_mul(cols), rows, cols)?;
         Ok(Self { picture: RgbImage::from_pixel(width, height + LEGEND_PX, Rgb([255; 3])), cols, drawn: 0 })

@@ -2,8 +2,8 @@
 
 use super::{check_size, percentiles};
 use crate::hillshade::{Shading, shade_all};
+use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
-use elunar_raster::{Error, Result};
 use image::{GrayImage, Luma};
 
 /// Shades a row-major DTM (metres) as `gdaldem hillshade -compute_edges` does: Sun from the north-west, 45° high. Pixels without a height are

@@ -2,7 +2,7 @@
 
 use super::canvas::Canvas;
 use super::font::FONT;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -23,8 +23,8 @@ pub use histogram::histogram;
 pub use relief::relief;
 pub use sheet::{Panel, sheet};
 
-use elunar_raster::quantile::nearest_rank;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_base::quantile::nearest_rank;
+use elunar_base::{Error, Result, atomic_write};
 use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
 use std::path::Path;

@@ -2,8 +2,8 @@
 
 use super::grey::hillshade;
 use super::{check_size, percentiles};
+use elunar_base::Result;
 use elunar_core::terrain::PixelSize;
-use elunar_raster::Result;
 use image::{Rgb, RgbImage};
 
 /// Colours from low to high, evenly spaced: violet, blue, green, yellow, white (after the LOLA colour maps).
@@ -20,7 +20,7 @@ const RAMP: [[f32; 3]; 6] = [
 /// `None` takes the DTM's own range. Pixels without a height are black.
 ///
 /// # Errors
-/// [`elunar_raster::Error::Input`] if there are not `rows · cols` samples.
+/// [`elunar_base::Error::Input`] if there are not `rows · cols` samples.
 pub fn relief(
     heights_m: &[f32],
     rows: usize,

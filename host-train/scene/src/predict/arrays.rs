@@ -3,7 +3,8 @@
 use super::network::Model;
 use super::run::{Options, predict};
 use super::scene::{Input, Scene};
-use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
+use elunar_base::{Error, Result};
+use elunar_raster::{Crs, GeoRef, Raster};
 use ndarray::{Array2, ArrayView2};
 use std::ops::ControlFlow;
 
@@ -30,7 +31,7 @@ use std::ops::ControlFlow;
 /// struct Coarse;
 ///
 /// impl TileNetwork for Coarse {
-///     fn predict(&mut self, _image: &[f32], coarse: &[f32], output: &mut [f32]) -> elunar_raster::Result<()> {
+///     fn predict(&mut self, _image: &[f32], coarse: &[f32], output: &mut [f32]) -> elunar_base::Result<()> {
 ///         output.copy_from_slice(coarse);
 ///         Ok(())
 ///     }
@@ -47,7 +48,7 @@ use std::ops::ControlFlow;
 ///     fn description(&self) -> String {
 ///         "the coarse DTM".into()
 ///     }
-///     fn worker(&self) -> elunar_raster::Result<Box<dyn TileNetwork + '_>> {
+///     fn worker(&self) -> elunar_base::Result<Box<dyn TileNetwork + '_>> {
 ///         Ok(Box::new(Coarse))
 ///     }
 /// }
@@ -60,7 +61,7 @@ use std::ops::ControlFlow;
 /// assert_eq!(heights_m.dim(), (40, 50));
 /// assert!(heights_m[[3, 4]].is_nan());
 /// assert!((heights_m[[20, 30]] - coarse_m[[20, 30]]).abs() < 1e-2);
-/// # Ok::<(), elunar_raster::Error>(())
+/// # Ok::<(), elunar_base::Error>(())
 /// ```
 pub fn predict_array(
     image: ArrayView2<'_, f32>,

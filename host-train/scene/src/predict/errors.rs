@@ -2,9 +2,10 @@
 
 use super::Provenance;
 use super::output::write_sum;
+use elunar_base::Result;
 use elunar_core::photoclinometry::Origin;
+use elunar_raster::GeoRef;
 use elunar_raster::geotiff::{WriteOptions, Writer};
-use elunar_raster::{GeoRef, Result};
 use std::path::{Path, PathBuf};
 
 /// Largest assumed error of a coarse DTM, metres: SLDEM2015's against LOLA is 3 to 4 m (Barker et al. 2016).

@@ -1,8 +1,9 @@
 //! What a job is: its inputs by their contents, the model and the options. The DTM states it, so that finished work is recognised anywhere.
 
-use crate::interrupt;
-use elunar_raster::content::{sha256, sha256_of_raster_while, sha256_of_text};
-use elunar_raster::{Result, geotiff, read};
+use elunar_base::digest::{sha256, sha256_hex};
+use elunar_base::{Result, interrupt, read};
+use elunar_raster::content::sha256_of_raster_while;
+use elunar_raster::geotiff;
 use std::path::{Path, PathBuf};
 
 /// Metadata item of a DTM with the identity of its job.
@@ -34,7 +35,7 @@ impl Identity {
     #[must_use]
     pub fn new(image_sha256: String, coarse_sha256: String, model: &str, options: String) -> Self {
         let version = env!("CARGO_PKG_VERSION");
-        let job = sha256_of_text(&format!("{version}\n{image_sha256}\n{coarse_sha256}\n{model}\n{options}\n"));
+        let job = sha256_hex(format!("{version}\n{image_sha256}\n{coarse_sha256}\n{model}\n{options}\n"));
         Self { image_sha256, coarse_sha256, options, job }
     }
 

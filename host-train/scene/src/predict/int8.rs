@@ -1,11 +1,11 @@
 //! An exported model file as a model for the tile loop.
 
 use super::network::{Model, TileNetwork};
+use elunar_base::digest::sha256_hex;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use elunar_core::tile::Shape;
-use elunar_net::digest::sha256_hex;
 use elunar_net::shipped;
-use elunar_raster::{Error, Result};
 use std::path::Path;
 
 /// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.

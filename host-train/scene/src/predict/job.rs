@@ -4,10 +4,9 @@ use super::errors::{ErrorsWriter, Origins};
 use super::identity::Identity;
 use super::tile::TileResult;
 use super::{DtmWriter, Part, Progress, Provenance, Scene, Survey, Tally};
-use crate::{interrupt, progress};
+use elunar_base::output::Owner;
+use elunar_base::{Result, interrupt, progress};
 use elunar_net::illumination::{LightSource, Lighting};
-use elunar_raster::Result;
-use elunar_raster::output::Owner;
 use std::ops::ControlFlow;
 use std::path::Path;
 

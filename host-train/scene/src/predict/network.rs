@@ -1,8 +1,8 @@
 //! Interface between the tile loop and a network, float or integer.
 
+use elunar_base::Result;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::Shape;
-use elunar_raster::Result;
 
 /// A loaded model. It is immutable; all threads share it.
 pub trait Model: Sync {

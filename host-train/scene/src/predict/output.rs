@@ -2,10 +2,11 @@
 
 use super::identity::{Identity, sum_path};
 use super::preview::Preview;
-use crate::{SOFTWARE, picture};
+use crate::picture;
+use elunar_base::{Error, Result, SOFTWARE, atomic_write};
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
-use elunar_raster::{Error, GeoRef, MOON_RADIUS_M, Raster, Result, atomic_write};
+use elunar_raster::{GeoRef, MOON_RADIUS_M, Raster};
 use std::path::{Path, PathBuf};
 
 /// Provenance of a DTM, for the file's metadata.
@@ -52,7 +53,7 @@ impl DtmWriter {
     /// Starts a DTM of `rows` x `cols` pixels.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if the file cannot be created.
+    /// [`elunar_base::Error::Io`] if the file cannot be created.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
         let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
         let Provenance { model, image, coarse, .. } = from;
@@ -74,7 +75,7 @@ impl DtmWriter {
     /// Adds whole rows.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if they cannot be written.
+    /// [`elunar_base::Error::Io`] if they cannot be written.
     pub fn add(&mut self, samples: &[f32]) -> Result<()> {
         rayon::join(|| self.preview.add(samples), || self.file.write_rows(samples)).1
     }
@@ -83,7 +84,7 @@ impl DtmWriter {
     /// comes before both files. `check` says whether the output is still ours; it is asked at the end.
     ///
     /// # Errors
-    /// [`elunar_raster::Error::Io`] if a file cannot be written. Then the DTM does not exist. Errors of `check` are passed on.
+    /// [`elunar_base::Error::Io`] if a file cannot be written. Then the DTM does not exist. Errors of `check` are passed on.
     pub fn finish(self, check: &dyn Fn() -> Result<()>) -> Result<()> {
         let shade = hillshade_path(&self.output);
         let (output, preview) = (self.output, self.preview);

@@ -1,8 +1,8 @@
 //! Finished rows of an unfinished prediction, on disk. The next run continues an interrupted run with them.
 
-use elunar_raster::content::sha256_of_text;
-use elunar_raster::output::{Staged, open_growing};
-use elunar_raster::{Error, Result, folder_of};
+use elunar_base::digest::sha256_hex;
+use elunar_base::output::{Staged, open_growing};
+use elunar_base::{Error, Result, folder_of};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -31,7 +31,7 @@ impl Part {
     }
 
     /// Opens the rows of the same job at `path` ([`part_path`]), or starts a new file. With `copied` it goes on with a copy: the run that wrote
-    /// the rows may still have the file open ([`elunar_raster::output::Owner::is_successor`]).
+    /// the rows may still have the file open ([`elunar_base::output::Owner::is_successor`]).
     ///
     /// # Errors
     /// [`Error::Usage`] if a link, no regular file or another file lies there; [`Error::Io`] if the file cannot be created or read.
@@ -161,7 +161,7 @@ pub fn part_path(output: &Path, folder: Option<&Path>) -> Result<PathBuf> {
         return Err(Error::usage(format!("--part-dir {}: a folder expected, none found", folder.display())));
     }
     let place = folder_of(output).canonicalize().map_err(Error::io(output))?;
-    let id = sha256_of_text(&place.join(&*name).to_string_lossy());
+    let id = sha256_hex(place.join(&*name).to_string_lossy().as_bytes());
     Ok(folder.join(format!("{name}.{}.part", &id[..16])))
 }
 

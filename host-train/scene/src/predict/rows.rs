@@ -1,8 +1,8 @@
 //! The finished rows of a part of a scene, compressed, in a file that appears whole. `join` makes the DTM of them.
 
 use super::span::PartOf;
-use elunar_raster::output::Staged;
-use elunar_raster::{Error, Result, read};
+use elunar_base::output::Staged;
+use elunar_base::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};

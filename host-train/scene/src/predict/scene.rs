@@ -3,6 +3,7 @@
 use super::neighbourhoods::{Parts, SceneLight};
 use super::run::Progress;
 use super::survey::{Brightness, Survey};
+use elunar_base::{Error, Result};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
 use elunar_core::norm::LightFit;
@@ -13,7 +14,7 @@ use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::{InMemory, Source};
 use elunar_raster::stated::Statements;
-use elunar_raster::{Crs, Error, GeoRef, Raster, Result, heights};
+use elunar_raster::{Crs, GeoRef, Raster, heights};
 use rayon::prelude::*;
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;

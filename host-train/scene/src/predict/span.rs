@@ -1,7 +1,7 @@
 //! Parts of a scene: whole rows that one machine makes, so that many machines share an image.
 
+use elunar_base::{Error, Result};
 use elunar_core::tile::{Tiling, Window};
-use elunar_raster::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Range;

@@ -1,8 +1,8 @@
 //! The Sun's angles: their ranges, and what the image's file states of them.
 
+use elunar_base::{Error, Result};
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_raster::sun::StatedSun;
-use elunar_raster::{Error, Result};
 
 /// Checks an azimuth: a finite number from -360 to 360 degrees. Messages call it `name`.
 ///

@@ -1,10 +1,9 @@
 //! The survey of a scene in a file, so that runs that share an image make it once.
 
 use super::survey::Survey;
-use crate::interrupt;
-use elunar_net::digest::sha256_hex;
-use elunar_raster::output::Owner;
-use elunar_raster::{Error, Result, atomic_write, read};
+use elunar_base::digest::sha256_hex;
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, atomic_write, interrupt, read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

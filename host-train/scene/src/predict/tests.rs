@@ -2,9 +2,10 @@
 
 use super::network::{Model, TileNetwork};
 use super::*;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
 use elunar_core::tile::Shape;
-use elunar_raster::{Crs, Error, GeoRef, Raster, Result};
+use elunar_raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
 /// Tile of the networks below.

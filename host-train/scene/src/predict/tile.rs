@@ -6,11 +6,11 @@ use super::network::{Model, TileNetwork};
 use super::scene::{Band, Cutout, Scene};
 use crate::maps::Maps;
 use crate::mosaic::OverlapWeights;
+use elunar_base::{Error, Result};
 use elunar_core::nn::{InputRules, Lighting, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
-use elunar_raster::{Error, Result};
 
 /// Farthest that a network's height may lie outside the coarse heights of its tile, metres (our choice: more than any relief of a body).
 const MOST_CHANGE_M: f32 = 1e6;

@@ -1,10 +1,10 @@
 //! The pipeline without training: a network that corrects nothing.
 
 use super::network::{Model, TileNetwork};
+use elunar_base::Result;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::{Shape, TILE};
 use elunar_net::config::{Preset, trained_network};
-use elunar_raster::Result;
 
 /// A model without weights. It returns the coarse DTM plus linear photoclinometry, as a network with a residual head does before its first
 /// step of training: that head gives 0. Its input is that of the `nano` preset: maps weighed, heights in pixels. What training adds to the

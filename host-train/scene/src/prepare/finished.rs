@@ -2,7 +2,7 @@
 
 use super::list::SceneFiles;
 use super::manifest::{MADE_BY, MANIFEST, Manifest, Parameters};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 /// Returns the manifest of `out` if the folder has one and a run with the same program, scenes and parameters wrote it. Scenes are compared
@@ -39,14 +39,14 @@ pub(super) fn find(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -
             return Err(other(&format!("with another site or Sun of {}", files.image.display())));
         }
         for (path, sha256) in [&files.image, &files.dtm, &files.coarse].into_iter().zip(&known.sha256) {
-            if elunar_raster::content::sha256(path)? != *sha256 {
+            if elunar_base::digest::sha256(path)? != *sha256 {
                 return Err(other(&format!("of another {}", path.display())));
             }
         }
     }
     for shard in manifest.splits.values().flat_map(|split| &split.shards) {
         let path = out.join(&shard.file);
-        if elunar_raster::content::sha256(&path)? != shard.sha256 {
+        if elunar_base::digest::sha256(&path)? != shard.sha256 {
             return Err(Error::broken(&path, format!("the bytes that {MANIFEST} names expected, others found")));
         }
     }

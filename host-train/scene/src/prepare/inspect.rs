@@ -3,10 +3,10 @@
 use super::manifest::{Parameters, Reason};
 use super::offset::{Offset, measure};
 use super::scene::{Maps, Scene};
+use elunar_base::Result;
 use elunar_core::norm::RELIEF_EPS_M;
 use elunar_core::terrain::Sun;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
-use elunar_raster::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -86,7 +86,7 @@ fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters
 /// Drops tiles with too large an offset. A tile without a measured offset gets the median of its scene; if there is no median, it is kept.
 fn drop_displaced(tiles: &mut [Tile], parameters: &Parameters) {
     let mut distances: Vec<f64> = tiles.iter().filter_map(|t| t.offset).map(|o| o.distance_px()).collect();
-    let median_px = elunar_raster::quantile::quantile(&mut distances, 0.5);
+    let median_px = elunar_base::quantile::quantile(&mut distances, 0.5);
     for tile in tiles.iter_mut().filter(|t| t.dropped.is_none()) {
         let distance_px = tile.offset.map(|o| o.distance_px()).or(median_px);
         if distance_px.is_some_and(|d| d > parameters.max_offset_px) {

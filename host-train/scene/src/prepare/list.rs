@@ -1,8 +1,8 @@
 //! Lists of the files of scenes.
 
 use crate::predict::sun::{check_azimuth, check_elevation};
-use crate::table::Rows;
-use elunar_raster::{Error, Result, read};
+use elunar_base::table::Rows;
+use elunar_base::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
     let text = read::text(path, read::MOST_BYTES)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut rows = Rows::new(path, text.as_bytes(), usize::MAX);
-    let head = rows.next()?.ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
+    let head = rows.next_row()?.ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
     let (number, header) = (head.line, head.cells());
     if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {
         let what = format!("line {number}: columns among {} expected, {unknown:?} found", COLUMNS.join(", "));
@@ -46,7 +46,7 @@ pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
         return Err(Error::broken(path, format!("line {number}: a column {missing} expected, none found")));
     }
     let mut scenes = vec![];
-    while let Some(row) = rows.next()? {
+    while let Some(row) = rows.next_row()? {
         let refuse = |what| Error::broken(path, format!("line {}: {what}", row.line));
         scenes.push(scene(folder, &header, &row.cells()).map_err(refuse)?);
     }

@@ -1,7 +1,7 @@
 //! Contents and provenance of a prepared folder.
 
 use super::list::SceneFiles;
-use elunar_raster::{Error, Result, read};
+use elunar_base::{Error, Result, read};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,9 +1,10 @@
 //! The offset between a DTM and its image. The DTM's hillshade, under the image's light, is moved over the image to the best agreement.
 
 use crate::hillshade::{Shading, shade_rows};
+use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
+use elunar_raster::Raster;
 use elunar_raster::source::InMemory;
-use elunar_raster::{Error, Raster, Result};
 
 /// Radius, in pixels, of the box whose mean is subtracted from both pictures. It removes albedo and slow changes of light.
 const BOX_PX: usize = 12;

@@ -9,16 +9,15 @@ use super::scene::{Reading, Scene};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, finished, pictures};
-use crate::interrupt;
 use crate::predict::sun::check_sun;
+use elunar_base::digest::{sha256, sha256_hex, sha256_while};
+use elunar_base::output::Owner;
+use elunar_base::{Error, Result, atomic_write, interrupt, read};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
-use elunar_net::digest::sha256_hex;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::align::Interpolation;
-use elunar_raster::content::{sha256, sha256_while};
-use elunar_raster::output::Owner;
+use elunar_raster::source;
 use elunar_raster::stated::HeightUnit;
-use elunar_raster::{Error, Result, atomic_write, read, source};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -239,7 +238,7 @@ fn check_sun_of(scene: &SceneFiles) -> Result<()> {
 fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
     let ratio = |t: &Tile| f64::from(t.relief_truth_m) / f64::from(t.relief_coarse_m);
     let mut ratios: Vec<f64> = tiles.iter().map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
-    match elunar_raster::quantile::quantile(&mut ratios, 0.5) {
+    match elunar_base::quantile::quantile(&mut ratios, 0.5) {
         Some(ratio) if !(1.0 / FAR_OFF..=FAR_OFF).contains(&ratio) => Err(Error::input(format!(
             "{}: about the relief of {} expected, 1/{ratio:.0} of it found: kilometres taken for metres? Say --coarse-unit km, or m",
             files.coarse.display(),
@@ -252,7 +251,7 @@ fn check_unit(files: &SceneFiles, tiles: &[Tile]) -> Result<()> {
 fn median_offset(tiles: &[Tile]) -> Option<[f64; 2]> {
     let median = |of: fn(&super::Offset) -> f64| {
         let mut values: Vec<f64> = tiles.iter().filter_map(|t| t.offset.as_ref()).map(of).collect();
-        elunar_raster::quantile::quantile(&mut values, 0.5)
+        elunar_base::quantile::quantile(&mut values, 0.5)
     };
     Some([median(|o| o.rows_px)?, median(|o| o.cols_px)?])
 }

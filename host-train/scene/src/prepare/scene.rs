@@ -2,13 +2,14 @@
 
 use super::list::SceneFiles;
 use crate::hillshade::pixel_of;
+use elunar_base::{Error, Result};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_raster::align::{Interpolation, Onto};
+use elunar_raster::heights;
 use elunar_raster::source::{self, Info, Source};
 use elunar_raster::stated::{HeightUnit, Statements};
-use elunar_raster::{Error, Result, heights};
 use std::path::Path;
 use std::sync::Arc;
 

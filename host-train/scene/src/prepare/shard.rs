@@ -15,9 +15,9 @@
 
 use crate::data::sample::RawTile;
 use crate::predict::sun::{check_azimuth, check_elevation};
+use elunar_base::{Error, Result, atomic_write, read};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::illumination::KnownSun;
-use elunar_raster::{Error, Result, atomic_write, read};
 use safetensors::tensor::{Dtype, Metadata, TensorView};
 use std::collections::HashMap;
 use std::fs::File;

@@ -1,7 +1,7 @@
 //! Training, validation and test never share ground. Whole sites go to one split, or whole blocks of a map.
 
 use super::manifest::Split;
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;

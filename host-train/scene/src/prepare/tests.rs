@@ -5,8 +5,9 @@ use super::manifest::{MANIFEST, Reason};
 use super::*;
 use crate::data::prepared::PreparedSource;
 use crate::data::source::{DataSpec, TileSource};
+use elunar_base::{Error, atomic_write};
+use elunar_raster::Raster;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Error, Raster, atomic_write};
 use elunar_synth::{Moon, SynthOptions, SynthScene};
 use indicatif::ProgressBar;
 use std::collections::BTreeMap;
@@ -34,7 +35,7 @@ fn files(folder: &Path, scene: &SynthScene, spoil: impl Fn(&mut Raster, &mut Ras
     }
 }
 
-fn prepared(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> elunar_raster::Result<Manifest> {
+fn prepared(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> elunar_base::Result<Manifest> {
     run(scenes, out, parameters, &ProgressBar::hidden())
 }
 

@@ -3,10 +3,10 @@
 use super::journal::{LevelLog, StepLog, TileLog};
 use super::settings::Settings;
 use crate::picture::{Chart, Series, plot, png_bytes};
-use crate::table::to_csv;
+use elunar_base::quantile::quantile;
+use elunar_base::table::to_csv;
+use elunar_base::{Error, Result, atomic_write};
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
-use elunar_raster::quantile::quantile;
-use elunar_raster::{Error, Result, atomic_write};
 use serde::Serialize;
 use std::path::Path;
 

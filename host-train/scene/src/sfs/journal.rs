@@ -3,12 +3,12 @@
 use super::level::Level;
 use super::solver::Step;
 use crate::predict::{Input, Scene};
+use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use elunar_raster::align::{Interpolation, Onto};
-use elunar_raster::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 

@@ -25,8 +25,9 @@ pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
 
 use crate::predict::span::Span;
 use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
+use elunar_base::{Error, Result};
 use elunar_core::tile::Shape;
-use elunar_raster::{Error, Raster, Result};
+use elunar_raster::Raster;
 
 /// Solves a scene as [`solve_rows`] does, in memory.
 ///

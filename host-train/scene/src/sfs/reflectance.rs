@@ -1,7 +1,7 @@
 //! Reflectance of a slope: Lunar–Lambert, seen from straight above, with its derivatives.
 
+use elunar_base::{Error, Result};
 use elunar_core::terrain::lunar_lambert_weight;
-use elunar_raster::{Error, Result};
 
 /// Direction to the Sun, and its Lunar–Lambert weight.
 #[derive(Debug, Clone, Copy, PartialEq)]

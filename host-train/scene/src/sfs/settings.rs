@@ -1,8 +1,8 @@
 //! Options of shape from shading.
 
 use super::reflectance::Light;
+use elunar_base::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
-use elunar_raster::{Error, Result};
 use serde::Serialize;
 
 /// Default weight of second derivatives, in pixels. Weights scale with the pixel, because ground and pixels enlarged alike give the same

@@ -7,9 +7,9 @@ use super::settings::Settings;
 use super::solver::{End, solve};
 use crate::mosaic::OverlapWeights;
 use crate::predict::{Band, Cutout, Outcome, TileMaker};
+use elunar_base::Result;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{Shape, Window};
-use elunar_raster::Result;
 use std::time::{Duration, Instant};
 
 /// Solves tiles on one thread.

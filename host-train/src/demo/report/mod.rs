@@ -14,7 +14,7 @@ use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
 use crate::report::html::Picture;
-use elunar_raster::{Error, Result, atomic_write};
+use elunar_base::{Error, Result, atomic_write};
 use elunar_scene::picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
 

@@ -5,8 +5,8 @@ mod grammar;
 mod images;
 mod mutations;
 
-use crate::Result;
 use crate::source::{Source, open};
+use elunar_base::Result;
 use std::path::{Path, PathBuf};
 
 /// Writes files into a folder and opens the first.

@@ -3,8 +3,8 @@
 use super::super::{Scene, Survey};
 use super::percent;
 use crate::body;
+use elunar_base::Result;
 use elunar_core::tile::Window;
-use elunar_raster::Result;
 
 /// Share of the image's valid pixels with a height below which a coarse DTM covers too little.
 const COVERED: f64 = 0.9;

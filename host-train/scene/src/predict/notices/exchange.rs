@@ -1,7 +1,7 @@
 //! Image and coarse DTM in each other's place.
 
 use super::super::{Input, Scene};
-use elunar_raster::{Error, Result};
+use elunar_base::{Error, Result};
 use std::path::Path;
 
 /// Pixels of a coarse DTM so many image pixels wide are as fine as the image's. Finer ones are refused in any case ([`Scene::new`]).

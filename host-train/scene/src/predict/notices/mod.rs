@@ -18,8 +18,8 @@ use super::job::Finished;
 use super::sun::KnownFrom;
 use super::{Scene, Survey};
 use crate::body;
+use elunar_base::Result;
 use elunar_net::illumination::Lighting;
-use elunar_raster::Result;
 use elunar_raster::source::Source;
 
 /// Returns the warnings about a scene, its survey, and the light that it is worked on under. `unit_stated` says that the user has stated the

@@ -1,7 +1,7 @@
 //! Files that appear whole or not at all.
 
 use super::target::check_target;
-use crate::content::sha256_of;
+use crate::digest::sha256_of;
 use crate::{Error, Result, folder_of};
 use std::fs::File;
 use std::io::Write;

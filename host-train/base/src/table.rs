@@ -1,13 +1,13 @@
 //! Tables as text, one row per line. The `csv` crate reads them with line numbers and writes them as CSV.
 
+use crate::{Error, Result};
 use csv::{ByteRecord, StringRecord, Terminator};
-use elunar_raster::{Error, Result};
 use std::io::{Chain, Read};
 use std::path::Path;
 
 /// The rows of a text, with cells between commas. Empty lines and lines that begin with # are left out. Quoting is off: a quotation mark is
 /// an ordinary character, so that a stray one does not join lines.
-pub(crate) struct Rows<'p, R> {
+pub struct Rows<'p, R> {
     path: &'p Path,
     most_line_bytes: usize,
     reader: csv::Reader<Chain<ShortLines<R>, &'static [u8]>>,
@@ -15,15 +15,15 @@ pub(crate) struct Rows<'p, R> {
 }
 
 /// A row that is not empty.
-pub(crate) struct Row {
+pub struct Row {
     /// Number of its line in the text, counted from 1.
-    pub(crate) line: usize,
+    pub line: usize,
     record: StringRecord,
 }
 
 impl<'p, R: Read> Rows<'p, R> {
     /// Makes a reader of the rows of `text`. Messages call the text `path`. Lines of `most_line_bytes` or more are refused.
-    pub(crate) fn new(path: &'p Path, text: R, most_line_bytes: usize) -> Self {
+    pub fn new(path: &'p Path, text: R, most_line_bytes: usize) -> Self {
         let mut builder = csv::ReaderBuilder::new();
         builder.has_headers(false).flexible(true).quoting(false).terminator(Terminator::Any(b'\n'));
         // The reader counts line ends. With this addition the last line has an end, too.
@@ -35,7 +35,7 @@ impl<'p, R: Read> Rows<'p, R> {
     ///
     /// # Errors
     /// [`Error::Io`] if the text cannot be read, [`Error::Broken`] for a line too long.
-    pub(crate) fn next(&mut self) -> Result<Option<Row>> {
+    pub fn next_row(&mut self) -> Result<Option<Row>> {
         while self.reader.read_byte_record(&mut self.record).map_err(|error| self.refusal(error))? {
             let line = self.reader.position().line() as usize - 1;
             let row = Row { line, record: StringRecord::from_byte_record_lossy(self.record.clone()) };
@@ -60,14 +60,16 @@ impl<'p, R: Read> Rows<'p, R> {
 
 impl Row {
     /// Returns the cells without surrounding blanks.
-    pub(crate) fn cells(&self) -> Vec<&str> {
+    #[must_use]
+    pub fn cells(&self) -> Vec<&str> {
         // Texts that were joined may have byte order marks inside.
         let first = self.record.iter().take(1).map(|cell| cell.trim_start_matches('\u{feff}'));
         first.chain(self.record.iter().skip(1)).map(str::trim).collect()
     }
 
     /// Returns the whole line without surrounding blanks.
-    pub(crate) fn text(&self) -> String {
+    #[must_use]
+    pub fn text(&self) -> String {
         let line = self.record.iter().collect::<Vec<_>>().join(",");
         line.trim_start_matches('\u{feff}').trim().into()
     }
@@ -132,7 +134,7 @@ mod tests {
     fn rows(text: &str, most: usize) -> Result<Vec<(usize, Vec<String>)>> {
         let mut rows = Rows::new(Path::new("t.csv"), text.as_bytes(), most);
         let mut found = vec![];
-        while let Some(row) = rows.next()? {
+        while let Some(row) = rows.next_row()? {
             found.push((row.line, row.cells().into_iter().map(String::from).collect()));
         }
         Ok(found)

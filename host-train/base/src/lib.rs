@@ -1,0 +1,21 @@
+//! What every crate on the ground needs. [`Error`] is the error type of all of them. [`mod@read`] opens inputs, and [`output`] writes outputs.
+//! [`table`] reads and writes tables. [`digest`] identifies files and jobs, and [`quantile`] has medians and percentiles. [`interrupt`] says
+//! whether the user has asked to stop, and [`progress`] shows how far a run is. [`memory`] marks allocations that may fail.
+
+pub mod digest;
+mod error;
+mod folder;
+pub mod interrupt;
+pub mod memory;
+pub mod output;
+pub mod progress;
+pub mod quantile;
+pub mod read;
+pub mod table;
+
+pub use error::{Error, Result};
+pub use folder::folder_of;
+pub use output::atomic_write;
+
+/// What files name as their maker: both programs write the same ones.
+pub const SOFTWARE: &str = concat!("ELunarDTM ", env!("CARGO_PKG_VERSION"));
