@@ -1,10 +1,10 @@
 //! The whole tour in a small size.
 
+use elunar_evaluate::{Candidate, compare};
 use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::run::Record;
 use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_raster::{align::Named, geotiff::read};
-use elunar_scene::evaluate::{Candidate, compare};
 use host_train::demo::{Settings, Start, run};
 use std::path::Path;
 

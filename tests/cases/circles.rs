@@ -6,12 +6,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The folders of sources.
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 13] = [
     "core/src",
     "host-train/base/src",
+    "host-train/data/src",
     "host-train/elunar/src",
+    "host-train/evaluate/src",
     "host-train/learn/src",
     "host-train/net/src",
+    "host-train/picture/src",
     "host-train/raster/src",
     "host-train/scene/src",
     "host-train/src",

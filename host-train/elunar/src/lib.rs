@@ -3,6 +3,7 @@
 pub mod cli;
 pub mod cluster;
 pub mod html;
+pub mod inspect;
 pub mod job;
 pub mod memory;
 pub mod outputs;

@@ -3,7 +3,7 @@
 use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, atomic_write, interrupt, progress};
-use elunar_scene::picture::write_png;
+use elunar_picture::write_png;
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::Model as _;
 use std::path::PathBuf;

@@ -4,6 +4,8 @@ use crate::config::{Configuration, random_weights};
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, atomic_write};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_data::prepare::Split;
+use elunar_data::source::{DataSpec, TileSource, VALIDATION_SEED};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -12,8 +14,6 @@ use elunar_learn::train::run::{BEST, COMMAND, LAST, Outcome, PROFILE, RECORD, Re
 use elunar_net::config::{NetConfig, Preset, TruthRange, config_of};
 use elunar_net::published;
 use elunar_net::weights::Weights;
-use elunar_scene::data::source::{DataSpec, TileSource, VALIDATION_SEED};
-use elunar_scene::prepare::Split;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -281,9 +281,9 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_data::prepare::Parameters;
+    use elunar_data::prepare::manifest::{FORMAT, MANIFEST};
     use elunar_net::config::trained_network;
-    use elunar_scene::prepare::Parameters;
-    use elunar_scene::prepare::manifest::{FORMAT, MANIFEST};
     use elunar_synth::SynthOptions;
     use serde_json::json;
 

@@ -1,6 +1,8 @@
 //! `host-train train-speed`: measures training steps per second, and how fast their tiles are made.
 
 use elunar_base::{Error, Result};
+use elunar_data::prepare::Split;
+use elunar_data::source::{DataSpec, VALIDATION_SEED};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::precision::Precision;
@@ -9,8 +11,6 @@ use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::speed;
 use elunar_net::config::{Preset, config_of, trained_network};
 use elunar_net::weights::Weights;
-use elunar_scene::data::source::{DataSpec, VALIDATION_SEED};
-use elunar_scene::prepare::Split;
 use serde_json::json;
 use std::path::PathBuf;
 

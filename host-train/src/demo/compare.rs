@@ -5,10 +5,10 @@ use super::folder::{Folder, NAMES, PROFILE, error_file};
 use super::infer::Predicted;
 use super::scene::DemoScene;
 use elunar_base::{Error, Result};
+use elunar_evaluate::{Candidate, Comparison, Details, Scores, compare, table};
+use elunar_picture::{Chart, Series, curves, error_map, write_png};
 use elunar_raster::Raster;
 use elunar_raster::align::Named;
-use elunar_scene::evaluate::{Candidate, Comparison, Details, Scores, compare, table};
-use elunar_scene::picture::{Chart, Series, curves, error_map, write_png};
 
 /// Result of the comparison.
 pub(super) struct Verdict {

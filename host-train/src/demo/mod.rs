@@ -94,7 +94,7 @@ impl Settings {
 }
 
 /// The Moons of a tour. Their seeds are far from the default seeds of `train` (small numbers, and
-/// [`elunar_scene::data::source::VALIDATION_SEED`] above them), so that no network was trained on them before.
+/// [`elunar_data::source::VALIDATION_SEED`] above them), so that no network was trained on them before.
 #[derive(Debug, Clone, Copy)]
 struct Seeds {
     scene: u64,

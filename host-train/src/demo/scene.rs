@@ -4,8 +4,8 @@ use super::console::say;
 use super::folder::{COARSE_SHADE, Folder, IMAGE, TRUTH_SHADE};
 use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
+use elunar_picture::{hillshade, stretch, write_png};
 use elunar_raster::{Raster, geotiff};
-use elunar_scene::picture::{hillshade, stretch, write_png};
 use elunar_scene::predict::{Input, Scene};
 use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions};
 

@@ -7,11 +7,11 @@ use elunar_base::progress::bar;
 use elunar_base::{Error, Result, atomic_write};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_data::calibration::calibration_tiles;
 use elunar_net::config::config_of;
 use elunar_net::export::report::{Comparison, compare};
 use elunar_net::export::{Options, Precision, export};
 use elunar_net::weights::Weights;
-use elunar_scene::data::calibration::calibration_tiles;
 use elunar_synth::SceneEntry;
 
 /// Size of the int8 model, and its difference from float.

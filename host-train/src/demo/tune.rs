@@ -4,6 +4,7 @@ use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
 use super::{Seeds, Settings, Start};
 use elunar_base::{Error, Result};
+use elunar_data::source::DataSpec;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
@@ -12,7 +13,6 @@ use elunar_learn::train::run::{BEST, Record, Run};
 use elunar_learn::train::validate::{Scores, Validation, ValidationSet};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::weights::Weights;
-use elunar_scene::data::source::DataSpec;
 use elunar_synth::{SceneEntry, SynthOptions};
 use std::path::{Path, PathBuf};
 

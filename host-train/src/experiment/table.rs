@@ -5,7 +5,7 @@ use super::train::TRAINING;
 use crate::suite::tables::{Table, cross, learning, scenes, sums};
 use elunar_base::Result;
 use elunar_learn::train::curves::History;
-use elunar_scene::picture::{Chart, Series, curves as draw};
+use elunar_picture::{Chart, Series, curves as draw};
 use std::path::Path;
 
 /// File name of the picture of all validations.

@@ -3,10 +3,10 @@
 use super::*;
 use crate::config::files;
 use crate::suite::results::{COARSE, UNTRAINED};
+use elunar_data::source::DataSpec;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::run::Run;
 use elunar_net::config::NetConfig;
-use elunar_scene::data::source::DataSpec;
 use elunar_synth::SynthOptions;
 use std::path::PathBuf;
 

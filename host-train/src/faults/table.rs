@@ -3,7 +3,7 @@
 use super::injection::Target;
 use super::outcome::{Counts, Outcome, Tried};
 use elunar_base::Result;
-use elunar_scene::picture::{Bars, bars};
+use elunar_picture::{Bars, bars};
 use image::RgbImage;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -46,7 +46,7 @@ fn section(folder: &Path) -> Result<String> {
 mod tests {
     use super::*;
     use crate::suite::summary::tests::results;
-    use elunar_scene::picture::write_png;
+    use elunar_picture::write_png;
     use image::{GrayImage, Luma};
 
     #[test]

@@ -18,9 +18,9 @@ pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
         .map(|method| {
             let anchored = if method.anchor { "; anchored to the coarse DTM" } else { "" };
             let aligned = match method.co_alignment {
-                elunar_scene::evaluate::CoAlignment::None => "",
-                elunar_scene::evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
-                elunar_scene::evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
+                elunar_evaluate::CoAlignment::None => "",
+                elunar_evaluate::CoAlignment::Fit => "; fitted to the coarse DTM",
+                elunar_evaluate::CoAlignment::LowPass => "; fitted to the coarse DTM, low frequencies exchanged",
             };
             let (name, about) = (escaped(&method.name), escaped(&method.description));
             format!("<li>{name}: <code>{about}</code>{anchored}{aligned}</li>\n")

@@ -12,9 +12,9 @@ use super::scene::TestScene;
 use elunar_base::{Error, Result};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_evaluate::linear::{Lesson, LinearFilter, contrast, in_pixels};
 use elunar_raster::Raster;
 use elunar_raster::align::{Interpolation, Named, onto};
-use elunar_scene::evaluate::linear::{Lesson, LinearFilter, contrast, in_pixels};
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions, TerrainKind};
 use rayon::prelude::*;
 

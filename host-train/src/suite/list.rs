@@ -3,8 +3,8 @@
 use crate::toml_file;
 use elunar_base::digest::sha256_hex;
 use elunar_base::{Error, Result, read};
+use elunar_net::sun::{check_azimuth, check_elevation};
 use elunar_raster::Crs;
-use elunar_scene::predict::sun::{check_azimuth, check_elevation};
 use elunar_synth::SynthOptions;
 use serde::Deserialize;
 use std::collections::BTreeSet;

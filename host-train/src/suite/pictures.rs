@@ -7,9 +7,9 @@ use super::score::Seen;
 use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
+use elunar_evaluate::Comparison;
+use elunar_picture::{Panel, error_map, hillshades, sheet, stretch, write_png};
 use elunar_raster::Raster;
-use elunar_scene::evaluate::Comparison;
-use elunar_scene::picture::{Panel, error_map, hillshades, sheet, stretch, write_png};
 use std::path::Path;
 
 /// Width of a panel, pixels, and number of panels per row.

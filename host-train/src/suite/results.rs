@@ -1,7 +1,7 @@
 //! Results of a suite, as in `results.json`.
 
 use elunar_base::{Error, Result, read};
-use elunar_scene::evaluate::{CoAlignment, ReliefScores, Scores, Spectral};
+use elunar_evaluate::{CoAlignment, ReliefScores, Scores, Spectral};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -5,10 +5,10 @@ use super::results::{COARSE, CrossResult, MethodScores, SceneResult};
 use super::scene::TestScene;
 use elunar_base::{Error, Result};
 use elunar_core::metrics::HeightErrors;
+use elunar_evaluate::lowpass::high_pass;
+use elunar_evaluate::{Candidate, Comparison, Light, compare, relief, spectral};
 use elunar_raster::Raster;
 use elunar_raster::align::Named;
-use elunar_scene::evaluate::lowpass::high_pass;
-use elunar_scene::evaluate::{Candidate, Comparison, Light, compare, relief, spectral};
 
 /// Results on a scene, with the DTMs for pictures.
 pub struct ScoredScene {

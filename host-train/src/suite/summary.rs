@@ -127,7 +127,7 @@ fn known(of: &[MethodScores], figure: impl Fn(&MethodScores) -> Option<f64>) -> 
 pub(crate) mod tests {
     use super::*;
     use crate::suite::results::{MethodInfo, SceneResult};
-    use elunar_scene::evaluate::{CoAlignment, HalfCoherence, Registration, ReliefScores, Scores, Spectral};
+    use elunar_evaluate::{CoAlignment, HalfCoherence, Registration, ReliefScores, Scores, Spectral};
 
     pub(crate) fn scores(method: &str, rmse_m: f64, slope: f64) -> MethodScores {
         let heights = Scores {

@@ -2,8 +2,8 @@
 #![no_main]
 
 use elunar_raster::MOON_RADIUS_M;
-use elunar_scene::lola::csv::parse;
 use std::path::Path;
+use elunar_evaluate::lola::csv::parse;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let Ok(table) = parse(Path::new("fuzz.csv"), bytes, None, MOON_RADIUS_M) {

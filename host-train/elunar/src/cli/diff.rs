@@ -3,10 +3,9 @@
 use super::input::read_heights;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
+use elunar_evaluate::diff::{Options, Statistics, difference};
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
-use elunar_scene::diff::{Options, Statistics, difference};
-use elunar_scene::picture;
 use std::path::PathBuf;
 
 /// Options of `diff`.
@@ -55,7 +54,7 @@ pub fn run(args: Args) -> Result<()> {
     let (a, b) = if args.reverse { (&second_name, &first_name) } else { (&first_name, &second_name) };
     let what = if args.absolute { format!("|{a} - {b}|") } else { format!("{a} - {b}") };
     if let Some(path) = &args.picture {
-        picture::write_png(path, picture::error_map(&made.samples, made.rows, made.cols)?)?;
+        elunar_picture::write_png(path, elunar_picture::error_map(&made.samples, made.rows, made.cols)?)?;
     }
     if let Some(path) = &args.output {
         let undo = |_: &Error| args.picture.iter().for_each(|picture| drop(std::fs::remove_file(picture)));

@@ -3,11 +3,10 @@
 use super::input;
 use crate::outputs as output;
 use elunar_base::Result;
-use elunar_raster::align::Interpolation;
-use elunar_scene::evaluate::{
+use elunar_evaluate::{
     Details, Expected, Maps, NamedSource, Summary, calibration, json, octaves_picture, short_names, table,
 };
-use elunar_scene::picture;
+use elunar_raster::align::Interpolation;
 use std::path::{Path, PathBuf};
 
 /// Options of `evaluate`.
@@ -69,14 +68,14 @@ pub fn run(args: Args) -> Result<()> {
     let view = maps.at_resolution()?;
     let calibration = expected.as_ref().map(|expected| calibration(&view, expected)).transpose()?;
     if let Some(path) = &args.error_map {
-        picture::write_png(path, view.error_map()?)?;
+        elunar_picture::write_png(path, view.error_map()?)?;
     }
     let details = Details { calibration, spectra: view.spectra()? };
     if let (Some(path), Some(found)) = (&args.reliability, &details.calibration) {
-        picture::write_png(path, found.picture()?)?;
+        elunar_picture::write_png(path, found.picture()?)?;
     }
     if let Some(path) = &args.spectra {
-        picture::write_png(path, octaves_picture(&short_names(&summary), &details.spectra)?)?;
+        elunar_picture::write_png(path, octaves_picture(&short_names(&summary), &details.spectra)?)?;
     }
     if args.json {
         println!("{}", json(summary, &details));

@@ -5,6 +5,9 @@ use crate::picture::costs;
 use elunar_base::{Error, Result, atomic_write, progress};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
+use elunar_data::calibration::calibration_tiles;
+use elunar_data::prepare::Split;
+use elunar_data::source::DataSpec;
 use elunar_net::config::config_of;
 use elunar_net::export::build::build;
 use elunar_net::export::calibrate::{Range, calibrate};
@@ -16,10 +19,7 @@ use elunar_net::export::report::{Comparison, compare};
 use elunar_net::export::sensitivity::{self, Sensitivity};
 use elunar_net::export::{CalibrationTile, Options, Precision};
 use elunar_net::weights::Weights;
-use elunar_scene::data::calibration::calibration_tiles;
-use elunar_scene::data::source::DataSpec;
-use elunar_scene::picture::write_png;
-use elunar_scene::prepare::Split;
+use elunar_picture::write_png;
 use std::path::{Path, PathBuf};
 
 /// Seed of the synthetic tiles for calibration. No training run uses it by default.

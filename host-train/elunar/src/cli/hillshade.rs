@@ -4,10 +4,9 @@ use super::input::heights;
 use crate::outputs as output;
 use elunar_base::{Error, Result, progress};
 use elunar_core::terrain::Sun;
+use elunar_net::sun::check_azimuth;
+use elunar_picture::shading::{Shading, pixel_of, shade_rows};
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
-use elunar_scene::hillshade::{Shading, pixel_of, shade_rows};
-use elunar_scene::picture;
-use elunar_scene::predict::sun::check_azimuth;
 use std::path::PathBuf;
 
 /// Options of `hillshade`.
@@ -98,7 +97,7 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::usage(what));
     }
     match target {
-        Target::Picture(bytes) => picture::write_png(&args.output, picture::grey(bytes, rows, cols)?)?,
+        Target::Picture(bytes) => elunar_picture::write_png(&args.output, elunar_picture::grey(bytes, rows, cols)?)?,
         Target::Raster(writer) => writer.finish()?,
     }
     println!("{}: {rows} x {cols} pixels, {valid} of them shaded", args.output.display());

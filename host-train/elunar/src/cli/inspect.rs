@@ -1,10 +1,10 @@
 //! `elunar inspect`: describes a file.
 
+use crate::inspect;
 use crate::picture::arena;
 use elunar_base::Result;
 use elunar_net::inspect::plan_text;
 use elunar_net::shipped;
-use elunar_scene::{inspect, picture};
 use std::path::PathBuf;
 
 /// Options of `inspect`.
@@ -61,7 +61,7 @@ pub fn run(args: Args) -> Result<()> {
     let kernel = super::latency::kernel(args.kernel.as_deref())?;
     let plan = inspect::plan(&args.file, args.time.then_some((kernel, args.tiles as usize)))?;
     if let Some(path) = &args.plan {
-        picture::write_png(path, arena(&plan)?)?;
+        elunar_picture::write_png(path, arena(&plan)?)?;
     }
     if args.json {
         println!("{}", plan.json()?);

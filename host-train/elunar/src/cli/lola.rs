@@ -2,10 +2,11 @@
 
 use super::input::heights;
 use elunar_base::{Error, Result, progress};
-use elunar_scene::lola::csv::{self, CsvFormat};
-use elunar_scene::lola::report::{ComparedTrack, Report, json, table};
-use elunar_scene::lola::shift::Ground;
-use elunar_scene::lola::track::{TRACK_GAP_S, split};
+use elunar_evaluate::lola::csv;
+use elunar_evaluate::lola::csv::CsvFormat;
+use elunar_evaluate::lola::report::{ComparedTrack, Report, json, table};
+use elunar_evaluate::lola::shift::Ground;
+use elunar_evaluate::lola::track::{TRACK_GAP_S, split};
 use std::path::PathBuf;
 
 /// Options of `lola`.

@@ -2,12 +2,12 @@
 
 use clap::ValueEnum;
 use elunar_base::{Error, Result, interrupt, progress};
+use elunar_data::prepare::list::SceneFiles;
+use elunar_data::prepare::{Manifest, Parameters, Split, list, run as prepare};
 use elunar_net::illumination::KnownSun;
+use elunar_net::sun::check_sun;
 use elunar_raster::align::Interpolation;
 use elunar_raster::stated::HeightUnit;
-use elunar_scene::predict::sun::check_sun;
-use elunar_scene::prepare::list::{self, SceneFiles};
-use elunar_scene::prepare::{Manifest, Parameters, Split, run as prepare};
 use std::path::{Path, PathBuf};
 
 /// Options of `prepare`.

@@ -3,9 +3,8 @@
 use super::input::read_heights;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
+use elunar_net::sun::check_azimuth;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_scene::picture;
-use elunar_scene::predict::sun::check_azimuth;
 use elunar_synth::photograph;
 use std::path::PathBuf;
 
@@ -59,7 +58,7 @@ pub fn run(args: Args) -> Result<()> {
         "png" => {
             let grey = |dn: f32| (255.0 * (dn - low) / (high - low).max(1.0)).round() as u8;
             let bytes = image.samples.iter().map(|&dn| grey(dn)).collect();
-            picture::write_png(&args.output, picture::grey(bytes, rows, cols)?)?;
+            elunar_picture::write_png(&args.output, elunar_picture::grey(bytes, rows, cols)?)?;
         }
         _ => {
             let options = WriteOptions::image(SampleType::U16, "image rendered from a DTM, relative DN")

@@ -3,7 +3,7 @@
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, SOFTWARE, interrupt, progress};
 use elunar_core::terrain::PixelSize;
-use elunar_scene::picture::{Panel, hillshades, sheet, stretch, write_png};
+use elunar_picture::{Panel, hillshades, sheet, stretch, write_png};
 use elunar_synth::{MANIFEST, Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind, scene_files};
 use rayon::prelude::*;
 use std::path::PathBuf;

@@ -6,7 +6,7 @@ use clap::Parser;
 use elunar_base::Result;
 use elunar_base::read::refuse_address;
 use elunar_net::shipped;
-use elunar_scene::predict::sun::check_sun;
+use elunar_net::sun::check_sun;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 
 use elunar_base::{Error, Result};
 use elunar_net::inspect::model::{Plan, TensorLife};
-use elunar_scene::picture::{Canvas, FONT};
+use elunar_picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};

@@ -2,7 +2,7 @@
 
 use elunar_base::Result;
 use elunar_net::export::sensitivity::{Effect, Layer, Sensitivity};
-use elunar_scene::picture::{Bars, bars};
+use elunar_picture::{Bars, bars};
 use image::RgbImage;
 
 /// Number of layers in a picture, those with the largest effect.

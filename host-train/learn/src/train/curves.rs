@@ -2,8 +2,7 @@
 
 use super::journal::{STEPS, VALIDATIONS};
 use elunar_base::{Error, Result, read};
-use elunar_scene::picture;
-use elunar_scene::picture::{Chart, Panel, Series, plot, sheet};
+use elunar_picture::{Chart, Panel, Series, plot, sheet};
 use std::path::Path;
 
 /// File name of the picture in a run's folder.
@@ -73,7 +72,7 @@ impl History {
             .map(|(title, y, series)| Ok(Panel::new("", plot(&Chart { title, x: "step", y, log_y: false }, series)?)))
             .collect();
         let panels = panels?;
-        if panels.is_empty() { Ok(()) } else { picture::write_png(path, sheet(&panels, 1, u32::MAX)) }
+        if panels.is_empty() { Ok(()) } else { elunar_picture::write_png(path, sheet(&panels, 1, u32::MAX)) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Training: data feed, loss, schedule, checkpoints, validation.
 //!
-//! [`run`] is the loop, and [`step`] is one step of it. [`feed`] makes normalised, cropped batches ([`elunar_scene::data`]). [`loss`] is
+//! [`run`] is the loop, and [`step`] is one step of it. [`feed`] makes normalised, cropped batches ([`elunar_data`]). [`loss`] is
 //! Eq. 5–7 on tensors. [`recipe`] has the hyper-parameters. [`adversarial`] trains against a critic. `parallel` divides a step between
 //! several devices. [`checkpoint`] allows a killed run to continue. [`validate`], [`journal`] and [`curves`] record the progress.
 //! [`speed`] measures steps and feed.
@@ -22,7 +22,7 @@ pub mod speed;
 pub mod step;
 pub mod validate;
 
-use elunar_scene::data::{sample, source};
+use elunar_data::{sample, source};
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,6 @@
 
 use super::identity::{Identity, sum_path};
 use super::preview::Preview;
-use crate::picture;
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
@@ -112,7 +111,10 @@ pub(super) fn write_sum(output: &Path, sum: &str) -> Result<()> {
 fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
     let unknown = || Error::usage(format!("{}: pixel size in metres unknown", path.display()));
     let (row_m, col_m) = dtm.pixel_m().ok_or_else(unknown)?;
-    picture::write_png(path, picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?)
+    elunar_picture::write_png(
+        path,
+        elunar_picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?,
+    )
 }
 
 /// Returns the path of the hillshade: `dtm_hillshade.png` beside `dtm.tif`. Another ending stays in the name, so that no two DTMs share one.

@@ -1,41 +1,9 @@
-//! The Sun's angles: their ranges, and what the image's file states of them.
+//! The Sun's angles, and what the image's file states of them.
 
-use elunar_base::{Error, Result};
+use elunar_base::Result;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
+use elunar_net::sun::{check_azimuth, check_elevation, check_sun};
 use elunar_raster::sun::StatedSun;
-
-/// Checks an azimuth: a finite number from -360 to 360 degrees. Messages call it `name`.
-///
-/// # Errors
-/// [`Error::Usage`] with the range and the number found.
-pub fn check_azimuth(name: &str, deg: f64) -> Result<()> {
-    // No range contains NaN.
-    if (-360.0..=360.0).contains(&deg) {
-        return Ok(());
-    }
-    Err(Error::usage(format!("{name}: a number from -360 to 360 degrees expected, found {deg}")))
-}
-
-/// Checks an elevation: above 0 and below 90 degrees. Under a Sun at the zenith brightness does not show the direction of a slope. Messages
-/// call it `name`.
-///
-/// # Errors
-/// [`Error::Usage`] with the range and the number found.
-pub fn check_elevation(name: &str, deg: f64) -> Result<()> {
-    if deg > 0.0 && deg < 90.0 {
-        return Ok(());
-    }
-    Err(Error::usage(format!("{name}: a number above 0 and below 90 degrees expected, found {deg}")))
-}
-
-/// Checks the known angles of a Sun. Messages call them by their options, `--sun-azimuth` and `--sun-elevation`.
-///
-/// # Errors
-/// As [`check_azimuth`] and [`check_elevation`].
-pub fn check_sun(sun: KnownSun) -> Result<()> {
-    sun.azimuth_deg.map_or(Ok(()), |deg| check_azimuth("--sun-azimuth", deg))?;
-    sun.elevation_deg.map_or(Ok(()), |deg| check_elevation("--sun-elevation", deg))
-}
 
 /// The known angles of the Sun, and where they are from.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -113,23 +81,5 @@ mod tests {
             "i.tif: the Sun's elevation in the file is not used: a number above 0 and below 90 degrees expected, found -2"
         );
         assert!(KnownFrom::new(known(None, Some(90.0)), "i.tif", file(None, None)).is_err());
-    }
-
-    #[test]
-    fn angles_out_of_range_are_named() {
-        let sun = |azimuth_deg, elevation_deg| check_sun(KnownSun { azimuth_deg, elevation_deg });
-        for (azimuth_deg, elevation_deg) in
-            [(None, None), (Some(-360.0), Some(1e-6)), (Some(360.0), Some(89.999)), (Some(0.0), None)]
-        {
-            assert!(sun(azimuth_deg, elevation_deg).is_ok(), "{azimuth_deg:?} {elevation_deg:?}");
-        }
-        for deg in [360.5, -361.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let text = sun(Some(deg), Some(30.0)).unwrap_err().to_string();
-            assert_eq!(text, format!("--sun-azimuth: a number from -360 to 360 degrees expected, found {deg}"));
-        }
-        for deg in [90.0, 0.0, -3.0, 91.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let text = sun(Some(10.0), Some(deg)).unwrap_err().to_string();
-            assert_eq!(text, format!("--sun-elevation: a number above 0 and below 90 degrees expected, found {deg}"));
-        }
     }
 }

@@ -4,13 +4,13 @@ use super::Options;
 use super::neighbourhoods::SceneLight;
 use super::network::{Model, TileNetwork};
 use super::scene::{Band, Cutout, Scene};
-use crate::maps::Maps;
 use crate::mosaic::OverlapWeights;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{InputRules, Lighting, TileInput, TileLight};
 use elunar_core::norm::Anchor;
 use elunar_core::photoclinometry::{Errors, ExpectedErrors};
 use elunar_core::tile::{Shape, Window};
+use elunar_net::input::InputMaps;
 
 /// Farthest that a network's height may lie outside the coarse heights of its tile, metres (our choice: more than any relief of a body).
 const MOST_CHANGE_M: f32 = 1e6;
@@ -131,12 +131,12 @@ impl<'a> TileWorker<'a> {
     }
 
     /// Prepares a tile; `None` for one without contrast or relief.
-    fn maps(&mut self, image: &[f32], coarse_m: &[f32], window: Window, light: Lighting) -> Result<Option<Maps>> {
+    fn maps(&mut self, image: &[f32], coarse_m: &[f32], window: Window, light: Lighting) -> Result<Option<InputMaps>> {
         let Rules { input, pixel_m, coarse_px, .. } = self.rules;
         let light = TileLight::Scene(light);
         // Filled pixels count in the ranges. They hold values of valid neighbours, so they hardly widen a range and need no clamping.
         let tile = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        match Maps::new(&input, window.shape(), &tile, &mut self.scratch) {
+        match InputMaps::new(&input, window.shape(), &tile, &mut self.scratch) {
             Ok(maps) => Ok(Some(maps)),
             Err(e) if e.nothing_to_see() => Ok(None),
             Err(e) => Err(Error::input(e.to_string())),
@@ -144,8 +144,8 @@ impl<'a> TileWorker<'a> {
     }
 
     /// Returns the heights of a normalised tile, metres.
-    fn predicted(&mut self, tile: Maps, coarse_m: &[f32], window: Window, light: Lighting) -> Result<Vec<f32>> {
-        let Maps { image, coarse, scale, .. } = tile;
+    fn predicted(&mut self, tile: InputMaps, coarse_m: &[f32], window: Window, light: Lighting) -> Result<Vec<f32>> {
+        let InputMaps { image, coarse, scale, .. } = tile;
         let mut heights_m = vec![0.0; coarse.len()];
         self.network.predict(&image, &coarse, &mut heights_m)?;
         scale.recover(window.shape(), &mut heights_m);

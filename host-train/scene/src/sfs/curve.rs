@@ -2,11 +2,11 @@
 
 use super::journal::{LevelLog, StepLog, TileLog};
 use super::settings::Settings;
-use crate::picture::{Chart, Series, plot, png_bytes};
 use elunar_base::quantile::quantile;
 use elunar_base::table::to_csv;
 use elunar_base::{Error, Result, atomic_write};
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
+use elunar_picture::{Chart, Series, plot, png_bytes};
 use serde::Serialize;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! The figures of a tour as JSON.
 
 use super::Story;
-use elunar_scene::evaluate::{Details, json as scores};
+use elunar_evaluate::{Details, json as scores};
 use serde_json::{Value, json};
 
 /// Returns all figures in one object, with units in the names.

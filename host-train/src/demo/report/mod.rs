@@ -15,7 +15,7 @@ use super::tune::{Tuned, curves};
 use super::{Seeds, Settings};
 use crate::report::html::Picture;
 use elunar_base::{Error, Result, atomic_write};
-use elunar_scene::picture::{Panel, sheet, write_png};
+use elunar_picture::{Panel, sheet, write_png};
 use std::path::{Path, PathBuf};
 
 /// All results of a tour.

@@ -6,8 +6,8 @@ use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL, NAMES};
 use crate::demo::{SHIPPED_MODEL, Start};
 use crate::report::html::{Cell, document, escaped, figure, table};
 use elunar_base::Result;
+use elunar_evaluate::Scores;
 use elunar_learn::train::validate::Scores as TileScores;
-use elunar_scene::evaluate::Scores;
 
 /// Returns the report as one HTML document.
 ///

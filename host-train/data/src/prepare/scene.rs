@@ -1,11 +1,11 @@
 //! One scene: three maps on the image's grid.
 
 use super::list::SceneFiles;
-use crate::hillshade::pixel_of;
 use elunar_base::{Error, Result};
 use elunar_core::norm::LightFit;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
+use elunar_picture::shading::pixel_of;
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::heights;
 use elunar_raster::source::{self, Info, Source};

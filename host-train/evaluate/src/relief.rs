@@ -135,7 +135,7 @@ fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::{Candidate, compare};
+    use crate::{Candidate, compare};
     use elunar_raster::align::Named;
     use elunar_raster::{Crs, GeoRef};
 

@@ -1,12 +1,12 @@
 //! One tile as input of the network: normalised image, coarse DTM and truth.
 
-use crate::maps::Maps;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{TileInput, TileLight, TileScale};
 use elunar_core::norm::Anchor;
 use elunar_core::tile::Shape;
 use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_net::illumination::{KnownSun, Mirror, mirrored};
+use elunar_net::input::InputMaps;
 
 /// A tile in metres and relative brightness. A [`Sample`] is made from it.
 #[derive(Debug, Clone)]
@@ -45,10 +45,8 @@ impl RawTile {
     }
 }
 
-/// Returns the heights of a tile without training, metres: its coarse DTM plus linear photoclinometry, as [`Untrained`] makes them. A tile
-/// that cannot be normalised keeps its coarse heights, as in a prediction.
-///
-/// [`Untrained`]: crate::predict::untrained::Untrained
+/// Returns the heights of a tile without training, metres: its coarse DTM plus linear photoclinometry, as the untrained model of
+/// `elunar-scene` makes them. A tile that cannot be normalised keeps its coarse heights, as in a prediction.
 #[must_use]
 pub fn untrained_m(tile: &RawTile) -> Vec<f32> {
     match Sample::new(&trained_network(Preset::Nano), tile) {
@@ -87,7 +85,8 @@ impl Sample {
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
         let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
         let input = TileInput { image, coarse_m, valid: None, pixel_m, coarse_px, light };
-        let Maps { image, coarse, scale, .. } = Maps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
+        let InputMaps { image, coarse, scale, .. } =
+            InputMaps::new(&rules, shape, &input, &mut vec![]).map_err(|e| bad(&e))?;
         let mut truth = vec![0.0; coarse.len()];
         let truth_scale = rules.truth_scale(&scale, truth_m).map_err(|e| bad(&e))?;
         truth_scale.normalise(shape, truth_m, &mut truth).map_err(|e| bad(&e))?;

@@ -1,8 +1,8 @@
 //! Lists of the files of scenes.
 
-use crate::predict::sun::{check_azimuth, check_elevation};
 use elunar_base::table::Rows;
 use elunar_base::{Error, Result, read};
+use elunar_net::sun::{check_azimuth, check_elevation};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -2,12 +2,12 @@
 
 use super::View;
 use super::expected::{Expected, ORIGINS};
-use crate::picture::{Chart, Series, plot};
 use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::photoclinometry::Origin;
 use elunar_core::terrain::{PixelSize, gradient};
 use elunar_core::tile::Window;
+use elunar_picture::{Chart, Series, plot};
 use image::RgbImage;
 use serde_json::{Value, json};
 
@@ -243,7 +243,7 @@ fn two_sided(probability: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Maps;
+    use crate::Maps;
     use elunar_raster::align::Interpolation;
     use elunar_raster::source::{InMemory, Source};
     use elunar_raster::{Crs, GeoRef, Raster};

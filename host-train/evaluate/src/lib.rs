@@ -1,12 +1,15 @@
-//! Scores of DTMs against a truth. All candidates are scored on the same pixels.
+//! Scores of DTMs against a truth. All candidates are scored on the same pixels. [`lola`] compares a DTM with laser tracks, and [`diff`]
+//! subtracts two DTMs.
 
 mod calibration;
 mod coalign;
 mod cross_spectrum;
 mod details;
+pub mod diff;
 mod expected;
 mod fill;
 pub mod linear;
+pub mod lola;
 pub mod lowpass;
 mod maps;
 mod octaves;

@@ -99,7 +99,7 @@ pub fn half_coherence(octaves: &[Octave]) -> Option<HalfCoherence> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::lowpass::LowPass;
+    use crate::lowpass::LowPass;
     use elunar_raster::Raster;
     use rand::{Rng, SeedableRng};
 

@@ -4,9 +4,9 @@ use super::cross_spectrum::CrossSpectrum;
 use super::octaves::{HalfCoherence, Octave, half_coherence, octaves};
 use super::registration::{Registration, registration};
 use super::{Comparison, Scored, View};
-use crate::picture::{Chart, Series, plot_log_x};
 use elunar_base::Result;
 use elunar_core::terrain::PixelSize;
+use elunar_picture::{Chart, Series, plot_log_x};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -122,7 +122,7 @@ pub fn octaves_picture(names: &[String], spectra: &[Option<Spectral>]) -> Result
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::{Candidate, Details, compare, json as report_json, table};
+    use crate::{Candidate, Details, compare, json as report_json, table};
     use elunar_raster::align::Named;
     use elunar_raster::{Crs, GeoRef, Raster};
 

@@ -13,11 +13,11 @@
 //! | `scene` | i32 `[N]` | number of the scene in the manifest |
 //! | `transform` | f64 `[N, 6]` | pixel-to-map transform in GDAL's order |
 
-use crate::data::sample::RawTile;
-use crate::predict::sun::{check_azimuth, check_elevation};
+use crate::sample::RawTile;
 use elunar_base::{Error, Result, atomic_write, read};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_net::illumination::KnownSun;
+use elunar_net::sun::{check_azimuth, check_elevation};
 use safetensors::tensor::{Dtype, Metadata, TensorView};
 use std::collections::HashMap;
 use std::fs::File;

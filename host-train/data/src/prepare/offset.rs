@@ -1,8 +1,8 @@
 //! The offset between a DTM and its image. The DTM's hillshade, under the image's light, is moved over the image to the best agreement.
 
-use crate::hillshade::{Shading, shade_rows};
 use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
+use elunar_picture::shading::{Shading, shade_rows};
 use elunar_raster::Raster;
 use elunar_raster::source::InMemory;
 

@@ -1,7 +1,7 @@
 //! Descriptions of labels and tables.
 
-use crate::lola::{csv, track};
 use elunar_base::Result;
+use elunar_evaluate::lola::{csv, track};
 use elunar_raster::MOON_RADIUS_M;
 use elunar_raster::pds3::Block;
 use std::path::Path;

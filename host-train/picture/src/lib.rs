@@ -1,6 +1,7 @@
 //! PNG pictures: images, hillshades, coloured relief, error maps, contact sheets and training curves.
 //!
-//! Pictures are drawn in memory. [`write_png`] writes them whole or not at all; [`png_bytes`] returns them for embedding.
+//! Pictures are drawn in memory. [`write_png`] writes them whole or not at all; [`png_bytes`] returns them for embedding. [`shading`] makes the
+//! hillshade of a raster of any size, in bands of rows.
 
 mod bars;
 mod canvas;
@@ -10,6 +11,7 @@ mod font;
 mod grey;
 mod histogram;
 mod relief;
+pub mod shading;
 mod sheet;
 mod text;
 

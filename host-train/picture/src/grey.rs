@@ -1,7 +1,7 @@
 //! Grey pictures.
 
 use super::{check_size, percentiles};
-use crate::hillshade::{Shading, shade_all};
+use crate::shading::{Shading, shade_all};
 use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
 use image::{GrayImage, Luma};

@@ -1,21 +1,22 @@
 //! A tile of a scene has the same bytes in training and in prediction, on the ground and in flight.
 
-use super::prepared::PreparedSource;
-use super::sample::{RawTile, Sample};
-use super::source::TileSource;
-use crate::predict::network::{Model, TileNetwork};
-use crate::predict::{Input, Options, Scene, int8, predict};
-use crate::prepare::list::SceneFiles;
-use crate::prepare::{self, Parameters, Split};
 use elunar_base::Result;
 use elunar_core::nn::{InputRules, Progress, Runner, TileInput, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
 use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
+use elunar_data::prepare::list::SceneFiles;
+use elunar_data::prepare::{self, Parameters, Split};
+use elunar_data::prepared::PreparedSource;
+use elunar_data::sample::{RawTile, Sample};
+use elunar_data::source::TileSource;
 use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
 use elunar_net::illumination::{KnownSun, LightSource, Mirror, mirrored};
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_raster::{GeoRef, Raster};
+use elunar_scene::predict::network::{Model, TileNetwork};
+use elunar_scene::predict::{Input, Options, Scene, int8, predict};
 use elunar_synth::{Moon, SynthOptions};
+use elunar_tests::repository;
 use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -174,7 +175,7 @@ fn training_tiles_are_served_tiles() {
 
 #[test]
 fn the_flight_runner_sees_training_tiles() {
-    let nano = int8::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap();
+    let nano = int8::open(&repository().join("host-train/models/nano.eld")).unwrap();
     let config = config(Illumination::Sloped, TruthRange::Pixel);
     assert_eq!(config.input_rules(), nano.input_rules());
     let folder = tempfile::tempdir().unwrap();

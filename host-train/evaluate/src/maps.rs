@@ -2,10 +2,10 @@
 
 use super::lowpass::LowPass;
 use super::scores::{Band, Scores, TakeBand, scored};
-use crate::picture::ErrorMap;
 use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
+use elunar_picture::ErrorMap;
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::Source;
 use image::RgbImage;
@@ -296,7 +296,7 @@ fn cut(map: &[f32], cols: usize, window: Window) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::{Candidate, compare, spectral};
+    use crate::{Candidate, compare, spectral};
     use elunar_raster::align::Named;
     use elunar_raster::source::InMemory;
     use elunar_raster::{Crs, GeoRef, Raster};
@@ -356,7 +356,7 @@ mod tests {
                 assert_eq!(view.scores().unwrap(), expected, "{resolution_m:?} {is_kept}");
                 assert_eq!(view.spectra().unwrap(), spectra, "{resolution_m:?} {is_kept}");
                 let errors = &whole.scored[0].error_m;
-                let picture = crate::picture::error_map(&errors.samples, errors.rows, errors.cols).unwrap();
+                let picture = elunar_picture::error_map(&errors.samples, errors.rows, errors.cols).unwrap();
                 assert_eq!(view.error_map().unwrap(), picture);
             }
         }

@@ -5,23 +5,23 @@ use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::tile::Shape;
 
 /// The network's input for one tile ([`TileMaps`]) and its scale recovery. Maps are row-major and mirrored as `scale` says.
-pub(crate) struct Maps {
+pub struct InputMaps {
     /// The image's maps, side by side in every pixel.
-    pub(crate) image: Vec<f32>,
+    pub image: Vec<f32>,
     /// The coarse DTM, normalised.
-    pub(crate) coarse: Vec<f32>,
+    pub coarse: Vec<f32>,
     /// Turns the network's output into metres.
-    pub(crate) scale: TileScale,
+    pub scale: TileScale,
     /// The expected errors; `None` unless the maps are weighed.
-    pub(crate) expected: Option<ExpectedErrors>,
+    pub expected: Option<ExpectedErrors>,
 }
 
-impl Maps {
+impl InputMaps {
     /// Makes the maps of a tile of this shape. `scratch` grows as needed and can be used again.
     ///
     /// # Errors
     /// As [`TileMaps::new`].
-    pub(crate) fn new(
+    pub fn new(
         rules: &InputRules,
         shape: Shape,
         tile: &TileInput<'_>,

@@ -3,8 +3,8 @@
 use super::list::SceneFiles;
 use super::manifest::{MANIFEST, Reason};
 use super::*;
-use crate::data::prepared::PreparedSource;
-use crate::data::source::{DataSpec, TileSource};
+use crate::prepared::PreparedSource;
+use crate::source::{DataSpec, TileSource};
 use elunar_base::{Error, atomic_write};
 use elunar_raster::Raster;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
