@@ -23,7 +23,7 @@ impl TileJob {
             Pass::Output => {
                 network.output(heights_m).map_err(JobError::Network)?;
                 self.to(Pass::Check);
-                8
+                20
             }
             Pass::Check => {
                 if let Some(scale) = self.scale() {
@@ -31,26 +31,26 @@ impl TileJob {
                 }
                 check(heights_m, coarse_m)?;
                 self.to(if self.rules.anchor { Pass::Anchor } else { Pass::Settle });
-                12
+                20
             }
             Pass::Anchor => {
                 Anchor::new(self.rules.coarse_px)
                     .unit(unit, heights_m, coarse_m, cols, aside, lines)
                     .map_err(JobError::Length)?;
                 self.next(Anchor::UNITS, Pass::Fine);
-                16
+                40
             }
             Pass::Fine => {
                 self.fine.unit(unit, heights_m, coarse_m, cols, aside, lines).map_err(JobError::Length)?;
                 self.next(if self.fine == FineWaves::WHOLE { 1 } else { FineWaves::UNITS }, Pass::Settle);
-                16
+                40
             }
             Pass::Settle => {
                 if self.input.illumination.is_weighed() {
                     self.lighting.settle(heights_m, coarse_m);
                 }
                 self.to(Pass::Finished);
-                4
+                8
             }
             _ => {
                 copy(heights_m, coarse_m);
@@ -60,7 +60,7 @@ impl TileJob {
                 }
                 self.made = Made::Coarse;
                 self.to(Pass::Finished);
-                12
+                40
             }
         };
         Ok(work * pixels as u64)

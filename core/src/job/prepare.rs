@@ -74,7 +74,7 @@ impl TileJob {
             self.made = Made::Empty;
             self.to(Pass::Finished);
         }
-        12 * cols as u64
+        80 * cols as u64
     }
 
     /// Fills voids of the coarse heights, then of the image's copy.
@@ -94,7 +94,7 @@ impl TileJob {
                 _ => self.to(Pass::Measure),
             }
         }
-        if has_gaps { 16 * FILLED_TOGETHER as u64 } else { 1 }
+        if has_gaps { 24 * FILLED_TOGETHER as u64 } else { 1 }
     }
 
     /// Finds light and maps of an image, and loads them.
@@ -143,7 +143,7 @@ impl TileJob {
                 }
             });
         }
-        Ok(16 * cols as u64)
+        Ok(80 * cols as u64)
     }
 
     /// Measures the brightness of a row's lit pixels.
@@ -153,7 +153,7 @@ impl TileJob {
         each(&image, first, cols, |v| self.brightness.lit.add(v, dark_below));
         let wants_fit = !is_decided(light) && Lighting::wants_fit(self.input.illumination, known(light));
         self.next(self.tile.rows, if wants_fit { Pass::Fit } else { Pass::Decide });
-        8 * cols as u64
+        60 * cols as u64
     }
 
     /// Fits the light to a column of squares of cells.
@@ -167,7 +167,7 @@ impl TileJob {
             part.add_to(&mut self.fit, &self.brightness, self.unit as usize);
         }
         self.next(columns, Pass::Axis);
-        32 * (self.tile.rows * cell_px) as u64
+        (self.tile.rows * (4600 + 190 * cell_px)) as u64
     }
 
     /// Measures the contrast of the image alone, which shows the line along which the Sun shines.
@@ -296,8 +296,8 @@ impl TileJob {
         if self.pass == Pass::Network {
             network.start()?;
         }
-        Ok((self.tile.cols * if map == InputMap::Image { 20 * self.input.illumination.image_maps() } else { 20 })
-            as u64)
+        let samples = if map == InputMap::Image { self.input.illumination.image_maps() } else { 1 };
+        Ok((50 * samples * self.tile.cols) as u64)
     }
 }
 

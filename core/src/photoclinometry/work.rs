@@ -97,13 +97,13 @@ impl Photoclinometry {
         let (height, width) = (self.rows.len(), self.cols.len());
         let (field, line) = (self.field_len(), TOGETHER * width);
         let (units, cost) = match pass {
-            Pass::Tables => (2, 150 * height.max(width)),
-            Pass::Fill => (self.tile.rows, 24 * width),
-            Pass::Level | Pass::MirrorCols | Pass::Clear | Pass::MirrorRows => (1, 3 * field),
-            Pass::Taper => (1, 6 * field),
-            Pass::RowsForward | Pass::RowsBackward => (self.tile.rows.div_ceil(TOGETHER), 40 * line),
-            Pass::ColumnsForward | Pass::ColumnsBackward => ((width / 2).div_ceil(COLUMNS), 40 * COLUMNS * height),
-            Pass::Power | Pass::Filter => (1 + height.div_ceil(TOGETHER), 30 * line),
+            Pass::Tables => (2, 2100 * height.max(width)),
+            Pass::Fill => (self.tile.rows, 80 * width),
+            Pass::Level | Pass::MirrorCols | Pass::Clear | Pass::MirrorRows => (1, 7 * field),
+            Pass::Taper => (1, 10 * field),
+            Pass::RowsForward | Pass::RowsBackward => (self.tile.rows.div_ceil(TOGETHER), 85 * line),
+            Pass::ColumnsForward | Pass::ColumnsBackward => ((width / 2).div_ceil(COLUMNS), 130 * COLUMNS * height),
+            Pass::Power | Pass::Filter => (1 + height.div_ceil(TOGETHER), 24 * line),
         };
         (units, cost as u64)
     }
