@@ -53,7 +53,7 @@ pub use error::RunError;
 pub use file::error::ModelError;
 pub use input::{Illumination, InputRules, TruthRange};
 pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
-pub use model::{Model, Verdict};
+pub use model::{Model, Validation, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
 pub use suspend::Suspended;
 #[doc(hidden)]

@@ -1,6 +1,6 @@
 //! The input of a network with a given light: four or eight maps for the image, and the coarse DTM plus the relief.
 
-use super::{Contrast, FieldWork, LitTile, Photoclinometry, Relief, Share, Task};
+use super::{Contrast, FieldWork, LitTile, Photoclinometry, Relief, Rows, Share, Task};
 use crate::mask;
 use crate::norm::NormError;
 use crate::norm::shading::SLOPE_UNIT;
@@ -160,7 +160,7 @@ impl GuideForm {
         &'a self,
         tile: &'a GuideInput<'_, S>,
         shape: Shape,
-    ) -> LitTile<'a, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])> {
+    ) -> LitTile<'a, impl Rows, impl Rows> {
         let brightness = move |row: usize, out: &mut [f32]| {
             read_mirrored(&tile.image, tile.mirror, row * shape.cols, shape, out);
             out.iter_mut().for_each(|v| *v = mask::real(*v));

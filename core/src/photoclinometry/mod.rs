@@ -59,6 +59,11 @@ pub struct Photoclinometry {
     cols: Order,
 }
 
+/// Writes rows of a map, by their number.
+pub trait Rows: Fn(usize, &mut [f32]) {}
+
+impl<T: Fn(usize, &mut [f32])> Rows for T {}
+
 /// A tile as its relief is found from it. `B` writes a row of the image, NaN where it is invalid; `C` writes a row of the coarse DTM in
 /// pixels.
 #[derive(Debug, Clone, Copy)]
@@ -104,7 +109,7 @@ impl Photoclinometry {
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn relief<'s>(
         &self,
-        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        tile: &LitTile<'_, impl Rows, impl Rows>,
         share: &Share,
         trust: f32,
         scratch: &'s mut [f32],
@@ -127,7 +132,7 @@ impl Photoclinometry {
     /// [`LengthError`] if `scratch` is shorter than [`Self::scratch_len`].
     pub fn contrast(
         &self,
-        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        tile: &LitTile<'_, impl Rows, impl Rows>,
         scratch: &mut [f32],
     ) -> Result<Contrast, LengthError> {
         let mut work = FieldWork::default();
@@ -172,13 +177,7 @@ impl Photoclinometry {
 
     /// Writes a row of the slope along the light that the coarse DTM does not explain into the tile's part of the field; NaN where the image is
     /// invalid, or a shadow hides the ground. Adds those of lit ground to `lit`. Rows come in order.
-    fn fill_row(
-        &self,
-        field: &mut [f32],
-        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
-        row: usize,
-        lit: &mut Mean,
-    ) {
+    fn fill_row(&self, field: &mut [f32], tile: &LitTile<'_, impl Rows, impl Rows>, row: usize, lit: &mut Mean) {
         let LitTile { brightness, coarse, shading, light, coarse_px } = tile;
         let ([east, south], strength) = (Self::direction(*light), light.strength());
         let dark_below = shading.dark_below();

@@ -12,7 +12,7 @@
 //! slope). Between the two it sets the weight of slopes in linear photoclinometry ([`Share::smoothness`]): with white noise n in the slope along
 //! the light, and slopes s in every direction, the best linear estimate (Wiener) has the weight n^2 / s^2 = (1 - share) / (2 share).
 
-use super::{LitTile, Photoclinometry, SMOOTHNESS};
+use super::{LitTile, Photoclinometry, Rows, SMOOTHNESS};
 use crate::mask;
 use crate::norm::{Axis, DIRECTED_RELIEF, Light, NormError, Shading};
 use crate::part::{item, put};
@@ -88,7 +88,7 @@ impl Contrast {
         shape: Shape,
         coarse_px: f32,
         shading: &'a Shading,
-    ) -> LitTile<'a, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])> {
+    ) -> LitTile<'a, impl Rows, impl Rows> {
         let brightness = move |row: usize, out: &mut [f32]| {
             image.read(row * shape.cols, out);
             out.iter_mut().for_each(|v| *v = mask::real(*v));

@@ -1,6 +1,6 @@
 //! The work on a field in bounded units, in the order of the passes: flight software does one after another between its other duties.
 
-use super::{COLUMNS, Field, LitTile, OCTAVES, Photoclinometry, Power, Share, TOGETHER, Way, transform};
+use super::{COLUMNS, Field, LitTile, OCTAVES, Photoclinometry, Power, Rows, Share, TOGETHER, Way, transform};
 use crate::error::LengthError;
 use crate::mask::Mean;
 use crate::words::Words;
@@ -75,7 +75,7 @@ impl Photoclinometry {
         &self,
         work: &mut FieldWork,
         task: &Task<'_>,
-        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        tile: &LitTile<'_, impl Rows, impl Rows>,
         scratch: &mut [f32],
     ) -> Result<Option<u64>, LengthError> {
         let passes = match task {
@@ -113,7 +113,7 @@ impl Photoclinometry {
         pass: Pass,
         work: &mut FieldWork,
         task: &Task<'_>,
-        tile: &LitTile<'_, impl Fn(usize, &mut [f32]), impl Fn(usize, &mut [f32])>,
+        tile: &LitTile<'_, impl Rows, impl Rows>,
         Field { field, row_roots, col_roots }: Field<'_>,
     ) {
         let unit = work.unit as usize;

@@ -77,6 +77,11 @@ impl<'a> RawModel<'a> {
         sum(self.chunk(index)) == u32_at(self.bytes, HEADER_BYTES + CHUNK_RECORD_BYTES * index as usize + 4)
     }
 
+    /// Returns whether both checksums of chunk `index` match.
+    pub(crate) fn chunk_is_whole(&self, index: u32) -> bool {
+        crc32c(self.chunk(index)) == self.chunk_crc(index) && self.chunk_holds(index, sum)
+    }
+
     pub(crate) fn header_holds(&self) -> bool {
         crc32c(part(self.bytes, 0, 4 * word::HEADER_CRC)) == self.word(word::HEADER_CRC)
     }
@@ -100,8 +105,7 @@ impl<'a> RawModel<'a> {
         if !self.head_holds() {
             return Err(ModelError::ChunkChecksum { chunk: u32::MAX });
         }
-        let holds = |&chunk: &u32| crc32c(self.chunk(chunk)) == self.chunk_crc(chunk) && self.chunk_holds(chunk, sum);
-        match (0..self.chunks()).find(|chunk| !holds(chunk)) {
+        match (0..self.chunks()).find(|chunk| !self.chunk_is_whole(*chunk)) {
             Some(chunk) => Err(ModelError::ChunkChecksum { chunk }),
             None => Ok(()),
         }

@@ -3,6 +3,7 @@
 mod validate;
 mod verdict;
 
+pub use validate::Validation;
 pub use verdict::Verdict;
 
 #[cfg(doc)]
@@ -49,12 +50,10 @@ impl<'a> Model<'a> {
     /// As [`Self::new`].
     #[doc(hidden)] // for tests
     pub fn new_counted(bytes: &'a [u8], work: &mut u64) -> Result<Self, ModelError> {
-        *work = 0;
-        let raw = RawModel::new(bytes)?;
-        raw.verify()?;
-        let mut model = Self::open(raw)?;
-        validate::validate(&mut model, work)?;
-        Ok(model)
+        let mut validation = Validation::default();
+        let validated = validation.advance(bytes, u64::MAX);
+        *work = validation.spent();
+        validated?.ok_or(ModelError::Work)
     }
 
     /// Finds the sections without validating their contents.

@@ -3,7 +3,7 @@
 
 use crate::job::{Made, TileInput};
 use crate::nn::file::{Content, Entry, Operator, Tensor, word};
-use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileLight, required};
+use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileLight, Validation, required};
 use crate::norm::Light;
 use crate::tile::Shape;
 use std::io::Write;
@@ -85,5 +85,33 @@ fn a_file_that_is_read_and_written_again_is_the_same_file() {
         content.write(&mut again).unwrap();
         assert!(again == bytes, "{}", file.display());
         assert_eq!(content.write(&mut again[1..]), None, "a byte too few");
+    }
+}
+
+#[test]
+fn a_validation_in_parts_is_the_same_validation() {
+    for file in files() {
+        let bytes = std::fs::read(&file).unwrap();
+        let mut work = 0;
+        let whole = Model::new_counted(&bytes, &mut work).unwrap().verdict();
+        for budget in [0, 3_000_000] {
+            let (mut validation, mut parts) = (Validation::default(), 0);
+            let model = loop {
+                // Between two calls it is words.
+                validation = Validation::from_words(validation.to_words()).unwrap();
+                parts += 1;
+                if let Some(model) = validation.advance(&bytes, budget).unwrap() {
+                    break model;
+                }
+            };
+            assert_eq!((model.verdict(), validation.spent()), (whole, work), "{}", file.display());
+            assert!(budget > 0 || parts > model.operator_count() + model.raw().chunks() as usize, "{parts}");
+        }
+        // A byte that changes before its part is read is found.
+        let mut spoilt = bytes.clone();
+        *spoilt.last_mut().unwrap() ^= 1;
+        let mut validation = Validation::default();
+        assert!(validation.advance(&bytes, 0).unwrap().is_none());
+        assert!(validation.advance(&spoilt, u64::MAX).is_err());
     }
 }

@@ -8,40 +8,48 @@ use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::item;
 
 impl Model<'_> {
-    /// Validates that no finished sum can overflow i32 with the stored weights (the K limit), and that filling is 0.
-    pub(super) fn check_conv_weights(&self, work: &Work, conv: &Conv, out: &Tensor) -> Result<(), OperatorFault> {
-        let bias = self.constant_slice(work, conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+    /// Validates that no finished sum of a panel of channels can overflow i32 with the stored weights (the K limit), and that filling is 0.
+    /// Returns whether there are more panels.
+    pub(super) fn check_conv_panel(&self, work: &Work, conv: &Conv, panel: usize) -> Result<bool, OperatorFault> {
+        let out = self.tensor(conv.out);
         let (first_source, second_source) = (self.tensor(conv.first), conv.second.map(|second| self.tensor(second)));
-        let mut at = conv.weights;
-        for (first, width) in panels(out.channels) {
-            // Largest sum of each kind; a pixel at a corner adds one variant of every kind.
-            let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
-            for variant in 0..conv.variants() {
-                let mut panel = Panel { first, width, channels: out.channels, sums: [0; PANEL], zeros: [0; PANEL] };
-                let (rows, cols) = conv.extent(variant);
-                for t in [Some(&first_source), second_source.as_ref()].into_iter().flatten() {
-                    let weights = self.constant_slice(work, at, rows, 4 * width * groups(cols * t.channels))?;
-                    panel.add(weights, t, cols)?;
-                    at += weights.len();
-                }
-                let Some(largest) = largest.get_mut(conv.variant_kind(variant)) else { continue };
-                let channels =
-                    largest.iter_mut().zip(panel.sums).zip(panel.zeros).take(width.min(out.channels - first));
-                for (channel, ((largest, sum), zero)) in channels.enumerate() {
-                    let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
-                    // Sums wrap, so the stored bias may have wrapped too.
-                    let bias = ((bias as i64 + zero) as i32).unsigned_abs() as u64;
-                    *largest = (*largest).max(sum + bias);
-                }
+        let sources = || [Some(&first_source), second_source.as_ref()].into_iter().flatten();
+        let of_row = |variant: usize, width: usize, t: &Tensor| 4 * width * groups(conv.extent(variant).1 * t.channels);
+        let bytes = |width: usize| -> usize {
+            let of = |variant| sources().map(|t| conv.extent(variant).0 * of_row(variant, width, t)).sum::<usize>();
+            (0..conv.variants()).map(of).sum()
+        };
+        let mut all = panels(out.channels);
+        let before = all.by_ref().take(panel).map(|(_, width)| bytes(width)).sum::<usize>();
+        let Some((first, width)) = all.next() else { return Ok(false) };
+        let bias = self.constant_slice(work, conv.bias, conv.variants() * out.channels, 4)?.as_chunks::<4>().0;
+        let mut at = conv.weights.saturating_add(before);
+        // Largest sum of each kind; a pixel at a corner adds one variant of every kind.
+        let mut largest = [[0u64; PANEL]; VARIANT_KINDS];
+        for variant in 0..conv.variants() {
+            let mut panel = Panel { first, width, channels: out.channels, sums: [0; PANEL], zeros: [0; PANEL] };
+            let (rows, cols) = conv.extent(variant);
+            for t in sources() {
+                let weights = self.constant_slice(work, at, rows, of_row(variant, width, t))?;
+                panel.add(weights, t, cols)?;
+                at += weights.len();
             }
-            for channel in 0..PANEL {
-                let sum = largest.iter().map(|kind| item(kind, channel)).sum::<u64>();
-                if sum > i32::MAX as u64 || !self.heights_are_finite(conv, out, first + channel, sum) {
-                    return Err(OperatorFault::Overflow);
-                }
+            let Some(largest) = largest.get_mut(conv.variant_kind(variant)) else { continue };
+            let channels = largest.iter_mut().zip(panel.sums).zip(panel.zeros).take(width.min(out.channels - first));
+            for (channel, ((largest, sum), zero)) in channels.enumerate() {
+                let bias = bias.get(variant * out.channels + first + channel).map_or(0, |&b| i32::from_le_bytes(b));
+                // Sums wrap, so the stored bias may have wrapped too.
+                let bias = ((bias as i64 + zero) as i32).unsigned_abs() as u64;
+                *largest = (*largest).max(sum + bias);
             }
         }
-        Ok(())
+        for channel in 0..PANEL {
+            let sum = largest.iter().map(|kind| item(kind, channel)).sum::<u64>();
+            if sum > i32::MAX as u64 || !self.heights_are_finite(conv, &out, first + channel, sum) {
+                return Err(OperatorFault::Overflow);
+            }
+        }
+        Ok(all.next().is_some())
     }
 
     /// Returns whether an f32 output stays within [`MAX_OUTPUT`] for sums up to `sum`. Its scales were read before.

@@ -1,4 +1,4 @@
-//! Validation of a file: header, tensors and operators one by one, then all of them together (`schedule.rs`).
+//! Validation of a file in parts: checksums, tensors and operators one by one, then all of them together (`schedule.rs`).
 
 mod attention;
 mod conv;
@@ -9,42 +9,212 @@ mod upsample;
 mod work;
 
 use super::Model;
-use crate::nn::file::{MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, Operator, OperatorFault, word};
+use crate::nn::file::{
+    MAX_EXTENT, MAX_SAMPLES, ModelError, NONE, OPERATOR_BYTES, Operator, OperatorFault, RawModel, word,
+};
 use crate::nn::input::{Illumination, TruthRange};
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::part;
 use crate::quant::{MULTIPLIER_LIMIT, SHIFT_LIMIT};
 use crate::tile::Shape;
+use crate::words::Words;
 use work::Work;
 
 /// Most reads of a tensor's record in the validation of one operator.
 const TENSOR_READS: usize = 20;
 
-/// Validates a model whose sections are found, and computes the memory and the work that a run needs. Adds its own work to `spent`, at
-/// most [`crate::nn::file::MAX_WORK`] for each byte of the file.
-pub(super) fn validate(model: &mut Model<'_>, spent: &mut u64) -> Result<(), ModelError> {
-    let work = Work::new(model.raw.bytes().len());
-    let checked = check(model, &work);
-    *spent = work.spent();
-    checked
+/// Cost of comparing a byte with its checksums, and of validating what counts as one in [`work`], in multiply-accumulates, as counted on a
+/// Cortex-M7.
+const COMPARED: u64 = 6;
+const VALIDATED: u64 = 20;
+
+/// A part of the validation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Stage {
+    /// The checksum of the list of checksums, then those of the chunks.
+    #[default]
+    Chunks,
+    Tensors,
+    Operators,
+    /// All of them together.
+    Schedule,
+    Done,
 }
 
-fn check(model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
-    // Both checksums were compared before.
-    work.spend(2 * model.raw.bytes().len())?;
-    model.check_tensors(work)?;
-    model.check_inputs()?;
-    for (index, record) in model.operators.iter().enumerate() {
-        work.spend(work::OPERATOR + TENSOR_READS * work::TENSOR)?;
-        let refuse = |reason| ModelError::Operator { operator: index as u32, reason };
+/// A validation that can be done in parts: plain numbers.
+///
+/// ```
+/// use elunar_core::nn::{Model, Validation};
+///
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../host-train/models/nano.eld");
+/// # let file = std::fs::read(path)?;
+/// let mut validation = Validation::default();
+/// // Each part costs about as much as five million multiply-accumulates.
+/// let model = loop {
+///     if let Some(model) = validation.advance(&file, 5_000_000)? {
+///         break model;
+///     }
+/// };
+/// assert_eq!(model.verdict(), Model::new(&file)?.verdict());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Validation {
+    stage: Stage,
+    /// Next chunk or operator, and next panel of its weights.
+    index: u32,
+    panel: u32,
+    /// Work so far.
+    spent: u64,
+    scratch_offset: usize,
+    scratch_bytes: usize,
+    sum_count: usize,
+    macs: u64,
+}
+
+impl Validation {
+    /// Number of words of a validation.
+    pub const WORDS: usize = 8;
+
+    /// Returns the validation as words.
+    #[must_use]
+    pub fn to_words(mut self) -> [u64; Self::WORDS] {
+        let mut words = [0; Self::WORDS];
+        self.visit(&mut Words::writing(&mut words));
+        words
+    }
+
+    /// Returns the validation of these words; `None` if they are not those of one.
+    #[must_use]
+    pub fn from_words(mut words: [u64; Self::WORDS]) -> Option<Self> {
+        let (mut validation, mut words) = (Self::default(), Words::reading(&mut words));
+        validation.visit(&mut words);
+        words.is_legal().then_some(validation)
+    }
+
+    fn visit(&mut self, words: &mut Words<'_>) {
+        use Stage::{Chunks, Done, Operators, Schedule, Tensors};
+        words.choice(&mut self.stage, &[Chunks, Tensors, Operators, Schedule, Done]);
+        words.u32(&mut self.index);
+        words.u32(&mut self.panel);
+        words.u64(&mut self.spent);
+        words.usize(&mut self.scratch_offset);
+        words.usize(&mut self.scratch_bytes);
+        words.usize(&mut self.sum_count);
+        words.u64(&mut self.macs);
+    }
+
+    /// Returns the work so far: at most [`crate::nn::file::MAX_WORK`] for each byte of the file.
+    pub(in crate::nn) fn spent(&self) -> u64 {
+        self.spent
+    }
+
+    /// Validates a part of a file of about so much cost, in multiply-accumulates, and at least a unit; returns the model when all is done. The
+    /// bytes are the same in every call.
+    ///
+    /// # Errors
+    /// As [`Model::new`].
+    pub fn advance<'a>(&mut self, bytes: &'a [u8], budget: u64) -> Result<Option<Model<'a>>, ModelError> {
+        let (raw, budget, mut cost) = (RawModel::new(bytes)?, budget.max(1), 0);
+        while self.stage == Stage::Chunks {
+            cost += self.compare(&raw)?;
+            if cost >= budget {
+                return Ok(None);
+            }
+        }
+        let mut model = Model::open(raw)?;
+        self.give(&mut model);
+        while self.stage != Stage::Done {
+            if cost >= budget {
+                return Ok(None);
+            }
+            let before = self.spent;
+            let work = Work::new(bytes.len(), self.spent);
+            let checked = self.unit(&mut model, &work);
+            self.take(&model, &work);
+            checked?;
+            cost += VALIDATED * (self.spent - before).max(1);
+        }
+        Ok(Some(model))
+    }
+
+    /// Compares the list of checksums, or a chunk; returns the cost.
+    fn compare(&mut self, raw: &RawModel<'_>) -> Result<u64, ModelError> {
+        if self.index == 0 && !raw.head_holds() {
+            return Err(ModelError::ChunkChecksum { chunk: u32::MAX });
+        }
+        if self.index < raw.chunks() {
+            if !raw.chunk_is_whole(self.index) {
+                return Err(ModelError::ChunkChecksum { chunk: self.index });
+            }
+            self.index += 1;
+        }
+        if self.index >= raw.chunks() {
+            (self.stage, self.index) = (Stage::Tensors, 0);
+        }
+        Ok(COMPARED * raw.body_offset().max(crate::nn::file::CHUNK_BYTES) as u64)
+    }
+
+    /// Validates tensors, a panel of an operator, or the schedule.
+    fn unit(&mut self, model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
+        match self.stage {
+            Stage::Tensors => {
+                // Both checksums were compared before.
+                work.spend(2 * model.raw.bytes().len())?;
+                model.check_tensors(work)?;
+                model.check_inputs()?;
+                self.stage = Stage::Operators;
+            }
+            Stage::Operators => match model.operators.get(self.index as usize) {
+                None => {
+                    model.check_output()?;
+                    self.stage = Stage::Schedule;
+                }
+                Some(record) => self.operator(model, work, record)?,
+            },
+            _ => {
+                schedule::check(model, work)?;
+                self.stage = Stage::Done;
+            }
+        }
+        Ok(())
+    }
+
+    /// Validates an operator, or the next panel of its weights.
+    fn operator(
+        &mut self,
+        model: &mut Model<'_>,
+        work: &Work,
+        record: &[u8; OPERATOR_BYTES],
+    ) -> Result<(), ModelError> {
+        let refuse = |reason| ModelError::Operator { operator: self.index, reason };
         let operator = Operator::decode(record).map_err(refuse)?;
-        model.check_operator(work, &operator).map_err(refuse)?;
+        if self.panel == 0 {
+            work.spend(work::OPERATOR + TENSOR_READS * work::TENSOR)?;
+            model.check_operator(work, &operator).map_err(refuse)?;
+        }
+        if let Operator::Conv(conv) = &operator
+            && model.check_conv_panel(work, conv, self.panel as usize).map_err(refuse)?
+        {
+            self.panel += 1;
+            return Ok(());
+        }
         let prepared = model.prepared(&operator);
         model.scratch_bytes = model.scratch_bytes.max(prepared.scratch_bytes());
         model.macs = model.macs.saturating_add(prepared.macs());
+        (self.index, self.panel) = (self.index + 1, 0);
+        Ok(())
     }
-    model.check_output()?;
-    schedule::check(model, work)
+
+    fn give(&self, model: &mut Model<'_>) {
+        (model.scratch_offset, model.scratch_bytes) = (self.scratch_offset, self.scratch_bytes);
+        (model.sum_count, model.macs) = (self.sum_count, self.macs);
+    }
+
+    fn take(&mut self, model: &Model<'_>, work: &Work) {
+        (self.scratch_offset, self.scratch_bytes) = (model.scratch_offset, model.scratch_bytes);
+        (self.sum_count, self.macs, self.spent) = (model.sum_count, model.macs, work.spent());
+    }
 }
 
 impl<'a> Model<'a> {

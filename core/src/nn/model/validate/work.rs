@@ -21,9 +21,9 @@ pub(super) struct Work {
 pub(super) struct TooMuch;
 
 impl Work {
-    /// Returns the account for a file of this length.
-    pub(super) fn new(file_bytes: usize) -> Self {
-        Self { limit: MAX_WORK * file_bytes as u64, spent: Cell::new(0) }
+    /// Returns the account for a file of this length, of which so much is spent.
+    pub(super) fn new(file_bytes: usize, spent: u64) -> Self {
+        Self { limit: MAX_WORK * file_bytes as u64, spent: Cell::new(spent) }
     }
 
     /// Counts work before it is done.
