@@ -243,43 +243,93 @@ pub unsafe extern "C" fn eld_init(
     model_bytes: usize,
     context: *mut *mut eld_context_t,
 ) -> eld_status_t {
-    let init = || {
-        // Not even NULL is written into the memory or the model, whether or not these are refused.
-        let result = span(context, 1)?;
-        for (pointer, len) in [(memory.cast_const(), memory_bytes), (model, model_bytes)] {
-            let wraps = |overlap| bytes_of(pointer, len).err().unwrap_or(overlap);
-            apart(&reach(pointer, len), &result).map_err(wraps)?;
+    // SAFETY: the caller's promise.
+    status_of(unsafe { init((memory, memory_bytes), (model, model_bytes), None, context) })
+}
+
+/// As `eld_init`, a piece of about `budget_macs` multiply-accumulates at a time. `*context` is NULL at the first call. `ELD_RUNNING`: call again
+/// with the same arguments and unchanged memory and model; `*context` is no context yet. Every other status is that of `eld_init`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_init_step(
+    memory: *mut c_void,
+    memory_bytes: usize,
+    model: *const c_void,
+    model_bytes: usize,
+    budget_macs: u64,
+    context: *mut *mut eld_context_t,
+) -> eld_status_t {
+    // SAFETY: the caller's promise.
+    status_of(unsafe { init((memory, memory_bytes), (model, model_bytes), Some(budget_macs), context) })
+}
+
+/// Makes a context, at once or with a budget.
+///
+/// # Safety
+/// The caller's promise holds for all pointers.
+unsafe fn init(
+    (memory, memory_bytes): (*mut c_void, usize),
+    (model, model_bytes): (*const c_void, usize),
+    budget_macs: Option<u64>,
+    context: *mut *mut eld_context_t,
+) -> Outcome {
+    // Not even NULL is written into the memory or the model, whether or not these are refused.
+    let result = span(context, 1)?;
+    for (pointer, len) in [(memory.cast_const(), memory_bytes), (model, model_bytes)] {
+        let wraps = |overlap| bytes_of(pointer, len).err().unwrap_or(overlap);
+        apart(&reach(pointer, len), &result).map_err(wraps)?;
+    }
+    // SAFETY: not NULL and aligned; the caller promises that it is writable, and readable for `eld_init_step`.
+    let token = if budget_macs.is_some() { unsafe { context.read() } } else { core::ptr::null_mut() };
+    // SAFETY: as above.
+    unsafe { context.write(core::ptr::null_mut()) };
+    let (home, source) = (bytes_of(memory, memory_bytes)?, bytes_of(model, model_bytes)?);
+    apart(&home, &source)?;
+    if !home.start.is_multiple_of(ALIGN_BYTES) {
+        return Err(ELD_REFUSED_MEMORY_ALIGNMENT);
+    }
+    // SAFETY: the caller's promise.
+    let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
+    let (validated, layout) = match budget_macs {
+        None => info::open(bytes)?,
+        Some(_) if memory_bytes < HEAD_BYTES => return Err(ELD_REFUSED_MEMORY_SHORT),
+        Some(budget_macs) => {
+            let goes_on = core::ptr::eq(token.cast::<c_void>(), memory);
+            // SAFETY: as long as a head; `Head` is an array of bytes; the caller promises that the memory is not shared.
+            let head = unsafe { &mut *memory.cast::<Head>() };
+            match begin::init_step(
+                head,
+                [home.start, memory_bytes, source.start, model_bytes],
+                bytes,
+                goes_on,
+                budget_macs,
+            )? {
+                Some(found) => found,
+                None => {
+                    // SAFETY: as above.
+                    unsafe { context.write(memory.cast()) };
+                    return Ok(ELD_RUNNING);
+                }
+            }
         }
-        // SAFETY: not NULL and aligned; the caller promises that it is writable.
-        unsafe { context.write(core::ptr::null_mut()) };
-        let (home, source) = (bytes_of(memory, memory_bytes)?, bytes_of(model, model_bytes)?);
-        apart(&home, &source)?;
-        if !home.start.is_multiple_of(ALIGN_BYTES) {
-            return Err(ELD_REFUSED_MEMORY_ALIGNMENT);
-        }
-        // SAFETY: the caller's promise.
-        let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
-        let (validated, layout) = info::open(bytes)?;
-        if memory_bytes < layout.bytes() {
-            return Err(ELD_REFUSED_MEMORY_SHORT);
-        }
-        // Every byte is written before any is read, because memory with error correction may contain words that were never written.
-        // SAFETY: within the lent memory.
-        unsafe { memory.cast::<u8>().write_bytes(0, layout.bytes()) };
-        let record = ContextRecord {
-            home: memory.expose_provenance() as u64,
-            home_bytes: layout.bytes() as u64,
-            model: model.expose_provenance() as u64,
-            verdict: validated.verdict(),
-            ..ContextRecord::default()
-        };
-        // SAFETY: the layout is longer than the head; `Head` is an array of bytes; the caller promises that the memory is not shared.
-        Context::make(unsafe { &mut *memory.cast::<Head>() }, record);
-        // SAFETY: as above.
-        unsafe { context.write(memory.cast()) };
-        Ok(ELD_OK)
     };
-    status_of(init())
+    if memory_bytes < layout.bytes() {
+        return Err(ELD_REFUSED_MEMORY_SHORT);
+    }
+    // Every byte is written before any is read, because memory with error correction may contain words that were never written.
+    // SAFETY: within the lent memory.
+    unsafe { memory.cast::<u8>().write_bytes(0, layout.bytes()) };
+    let record = ContextRecord {
+        home: memory.expose_provenance() as u64,
+        home_bytes: layout.bytes() as u64,
+        model: model.expose_provenance() as u64,
+        verdict: validated.verdict(),
+        ..ContextRecord::default()
+    };
+    // SAFETY: the layout is longer than the head; `Head` is an array of bytes; the caller promises that the memory is not shared.
+    Context::make(unsafe { &mut *memory.cast::<Head>() }, record);
+    // SAFETY: as above.
+    unsafe { context.write(memory.cast()) };
+    Ok(ELD_OK)
 }
 
 /// Begins a tile: validates, fills and normalises it, finds its light, and prepares for the first step. `tile->struct_bytes` must be set. The

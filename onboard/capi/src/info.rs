@@ -7,7 +7,7 @@ use crate::types::{
     ELD_LIGHT_NORTHWEST, ELD_LIGHT_SLOPED, ELD_LIGHT_WEIGHED, eld_model_info_t, eld_status_t,
 };
 use elunar_core::nn::file::{OperatorFault, VERSION, u32_at, word};
-use elunar_core::nn::{Illumination, Model, ModelError, TruthRange};
+use elunar_core::nn::{Illumination, Model, ModelError, TruthRange, Validation};
 use elunar_core::tile::Shape;
 
 /// Validates a file.
@@ -15,9 +15,23 @@ use elunar_core::tile::Shape;
 /// # Errors
 /// The status of the first error found.
 pub(crate) fn open(bytes: &[u8]) -> Result<(Model<'_>, Layout), eld_status_t> {
-    let model = Model::new(bytes).map_err(|error| model_status(error, bytes))?;
+    let all = go_on(&mut Validation::default(), bytes, u64::MAX)?;
+    all.ok_or(ELD_REFUSED_MODEL_WORK)
+}
+
+/// Validates a part of a file; returns the model when all is done.
+///
+/// # Errors
+/// As [`open`].
+pub(crate) fn go_on<'m>(
+    validation: &mut Validation,
+    bytes: &'m [u8],
+    budget_macs: u64,
+) -> Result<Option<(Model<'m>, Layout)>, eld_status_t> {
+    let validated = validation.advance(bytes, budget_macs).map_err(|error| model_status(error, bytes))?;
+    let Some(model) = validated else { return Ok(None) };
     let layout = Layout::of(&model).ok_or(ELD_REFUSED_MODEL_SIZE)?;
-    Ok((model, layout))
+    Ok(Some((model, layout)))
 }
 
 /// Returns the properties and requirements of a validated model.

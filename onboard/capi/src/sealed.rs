@@ -9,6 +9,7 @@
 
 use crate::record::{ContextRecord, WORDS};
 use elunar_core::TileJob;
+use elunar_core::nn::Validation;
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
@@ -71,7 +72,8 @@ fn write_words(block: &mut [u8], magic: u64, words: &[u64]) {
 
 /// Returns whether a copy was damaged; `None` if both are.
 fn read_words(block: &[u8], magic: u64, words: &mut [u64]) -> Option<bool> {
-    let (first, second) = block.split_at_checked(copy_bytes(words.len()))?;
+    let len = copy_bytes(words.len());
+    let (first, second) = block.get(..2 * len)?.split_at_checked(len)?;
     if decode(first, magic, words) {
         // The words of the second copy are not used.
         let seal = parts(second).is_some_and(|(body, seal)| seal == sealed(crc32c(body)));
@@ -102,6 +104,23 @@ pub(crate) fn read_job(block: &[u8]) -> Option<([u64; TileJob::WORDS], bool)> {
     let mut words = [0; TileJob::WORDS];
     let damaged = read_words(block, JOB, &mut words)?;
     Some((words, damaged))
+}
+
+/// Words of an initialisation in progress: addresses and lengths of memory and model, the header's checksum, and the validation's words.
+pub(crate) type Beginning = [u64; 5 + Validation::WORDS];
+
+/// "ELDINI" and its version.
+const INIT: u64 = u64::from_le_bytes(*b"ELDINI\x00\x01");
+
+/// Writes both copies of an initialisation at the place of the context.
+pub(crate) fn write_init(head: &mut Head, words: &Beginning) {
+    write_words(head, INIT, words);
+}
+
+/// Reads an initialisation; `None` if there is none, or both copies are damaged.
+pub(crate) fn read_init(head: &Head) -> Option<Beginning> {
+    let mut words = [0; 5 + Validation::WORDS];
+    read_words(head, INIT, &mut words).map(|_| words)
 }
 
 #[cfg(test)]

@@ -53,9 +53,9 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
     };
     let mut context = core::ptr::null_mut();
     // SAFETY: memory of our own, which lives as long as the context.
-    let made = counted("eld_init", console, || unsafe {
+    let made = repeated("eld_init_step", console, &mut || unsafe {
         let (memory, bytes) = (context_memory.as_mut_ptr(), context_memory.len());
-        ffi::eld_init(memory.cast(), bytes, model.as_ptr().cast(), model.len(), &raw mut context)
+        ffi::eld_init_step(memory.cast(), bytes, model.as_ptr().cast(), model.len(), BUDGET_MACS, &raw mut context)
     });
     if (checked, made) != (ELD_OK, ELD_OK) {
         let _ = writeln!(console, "ERROR: {checked:#x} {made:#x}");
@@ -77,6 +77,16 @@ fn counted(name: &str, console: &mut impl Write, call: impl FnOnce() -> eld_stat
     status
 }
 
+/// Calls a function until it is done, as [`counted`].
+fn repeated(name: &str, console: &mut impl Write, call: &mut dyn FnMut() -> eld_status_t) -> eld_status_t {
+    loop {
+        let status = counted(name, console, &mut *call);
+        if status != ELD_RUNNING {
+            return status;
+        }
+    }
+}
+
 /// Divides memory into that of the context and the caller's maps.
 fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&mut [u8], Own<'_>)> {
     // SAFETY: any bits are numbers; what is not aligned is left out.
@@ -88,7 +98,13 @@ fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&m
     // SAFETY: as above; numbers of eight bytes are aligned for shorter ones.
     let (context, heights_m, coarse_m, image, valid) = unsafe {
         let context = context.align_to_mut::<u8>().1;
-        (context, heights.align_to_mut::<f32>().1, coarse.align_to_mut::<f32>().1, image.align_to_mut::<u16>().1, valid.align_to_mut::<u8>().1)
+        (
+            context,
+            heights.align_to_mut::<f32>().1,
+            coarse.align_to_mut::<f32>().1,
+            image.align_to_mut::<u16>().1,
+            valid.align_to_mut::<u8>().1,
+        )
     };
     let own = Own {
         image: image.get_mut(..pixels)?,
@@ -135,21 +151,19 @@ fn tile(
         valid_len: 0,
     };
     let _ = writeln!(console, "tile {kind:?}");
-    let mut repeat = |name: &str, call: &mut dyn FnMut() -> eld_status_t| loop {
-        let status = counted(name, console, &mut *call);
-        if status != ELD_RUNNING {
-            return status;
-        }
-    };
+    let mut repeat = |name: &str, call: &mut dyn FnMut() -> eld_status_t| repeated(name, console, call);
     // SAFETY: a context and a tile of our own, here and below.
     let begun = repeat("eld_begin_step", &mut || unsafe { ffi::eld_begin_step(context, &tile, BUDGET_MACS) });
     let mut done = begun;
     if whole && severity(begun) < 2 {
         // SAFETY: as above.
         done = repeat("eld_step", &mut || unsafe { ffi::eld_step(context, BUDGET_MACS) });
-        let (heights, valid) = ((own.heights_m.as_mut_ptr(), own.heights_m.len()), (own.valid.as_mut_ptr(), own.valid.len()));
+        let (heights, valid) =
+            ((own.heights_m.as_mut_ptr(), own.heights_m.len()), (own.valid.as_mut_ptr(), own.valid.len()));
         // SAFETY: as above, and buffers of our own.
-        done = done.max(repeat("eld_output", &mut || unsafe { ffi::eld_output(context, heights.0, heights.1, valid.0, valid.1) }));
+        done = done.max(repeat("eld_output", &mut || unsafe {
+            ffi::eld_output(context, heights.0, heights.1, valid.0, valid.1)
+        }));
     }
     let mut errors = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
     if whole {
@@ -157,7 +171,8 @@ fn tile(
         let _ = unsafe { ffi::eld_errors(context, &raw mut errors) };
     }
     let sum = checksum(own, &errors);
-    let _ = writeln!(console, "tile {kind:?} begun {begun:08x} done {done:08x} sum {:08x}", if whole { sum } else { 0 });
+    let _ =
+        writeln!(console, "tile {kind:?} begun {begun:08x} done {done:08x} sum {:08x}", if whole { sum } else { 0 });
     severity(begun) < FAULT && severity(done) < FAULT
 }
 

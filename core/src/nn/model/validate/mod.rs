@@ -61,9 +61,9 @@ enum Stage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Validation {
     stage: Stage,
-    /// Next chunk or operator, and next panel of its weights.
+    /// Next chunk or operator, and next part of its weights.
     index: u32,
-    panel: u32,
+    part: u32,
     /// Work so far.
     spent: u64,
     scratch_offset: usize,
@@ -96,7 +96,7 @@ impl Validation {
         use Stage::{Chunks, Done, Operators, Schedule, Tensors};
         words.choice(&mut self.stage, &[Chunks, Tensors, Operators, Schedule, Done]);
         words.u32(&mut self.index);
-        words.u32(&mut self.panel);
+        words.u32(&mut self.part);
         words.u64(&mut self.spent);
         words.usize(&mut self.scratch_offset);
         words.usize(&mut self.scratch_bytes);
@@ -155,7 +155,7 @@ impl Validation {
         Ok(COMPARED * raw.body_offset().max(crate::nn::file::CHUNK_BYTES) as u64)
     }
 
-    /// Validates tensors, a panel of an operator, or the schedule.
+    /// Validates tensors, a part of an operator, or the schedule.
     fn unit(&mut self, model: &mut Model<'_>, work: &Work) -> Result<(), ModelError> {
         match self.stage {
             Stage::Tensors => {
@@ -180,7 +180,7 @@ impl Validation {
         Ok(())
     }
 
-    /// Validates an operator, or the next panel of its weights.
+    /// Validates an operator, or the next part of its weights.
     fn operator(
         &mut self,
         model: &mut Model<'_>,
@@ -189,20 +189,20 @@ impl Validation {
     ) -> Result<(), ModelError> {
         let refuse = |reason| ModelError::Operator { operator: self.index, reason };
         let operator = Operator::decode(record).map_err(refuse)?;
-        if self.panel == 0 {
+        if self.part == 0 {
             work.spend(work::OPERATOR + TENSOR_READS * work::TENSOR)?;
             model.check_operator(work, &operator).map_err(refuse)?;
         }
         if let Operator::Conv(conv) = &operator
-            && model.check_conv_panel(work, conv, self.panel as usize).map_err(refuse)?
+            && model.check_conv_weights(work, conv, self.part as usize).map_err(refuse)?
         {
-            self.panel += 1;
+            self.part += 1;
             return Ok(());
         }
         let prepared = model.prepared(&operator);
         model.scratch_bytes = model.scratch_bytes.max(prepared.scratch_bytes());
         model.macs = model.macs.saturating_add(prepared.macs());
-        (self.index, self.panel) = (self.index + 1, 0);
+        (self.index, self.part) = (self.index + 1, 0);
         Ok(())
     }
 
@@ -311,11 +311,13 @@ impl<'a> Model<'a> {
 
     /// Returns constants that will be read once.
     fn constant_slice(&self, work: &Work, offset: usize, count: usize, size: usize) -> Result<&'a [u8], OperatorFault> {
-        let end = offset as u64 + count as u64 * size as u64;
-        if end > self.constants.0.len() as u64 {
-            return Err(OperatorFault::Constants);
-        }
-        work.spend(end as usize - offset)?;
-        Ok(part(self.constants.0, offset, end as usize - offset))
+        let len = usize::try_from(count as u64 * size as u64).map_err(|_| OperatorFault::Constants)?;
+        work.spend(self.constants_from(offset, len)?.len())?;
+        self.constants_from(offset, len)
+    }
+
+    fn constants_from(&self, offset: usize, len: usize) -> Result<&'a [u8], OperatorFault> {
+        let exists = offset.checked_add(len).is_some_and(|end| end <= self.constants.0.len());
+        if exists { Ok(part(self.constants.0, offset, len)) } else { Err(OperatorFault::Constants) }
     }
 }
