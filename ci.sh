@@ -181,6 +181,10 @@ has_boards() {
 boards() {
     has_boards || return 0
     onboard/flight/boards/run.sh
+    # The path of a tile through the C functions: two boards of each size of words and order of bytes that there is.
+    local six=(an500 rv32 leon3 e500 rv64 zcu102)
+    onboard/flight/boards/run.sh --calls "${six[@]}"
+    onboard/flight/boards/run.sh --calls --model tests/golden/provoked/guided.eld "${six[@]}"
     onboard/flight/proofs/run.sh
 }
 

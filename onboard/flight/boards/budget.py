@@ -5,6 +5,7 @@
     budget.py record BUDGET ELF LOG ROWS     writes the budget anew: what was measured, and a margin
     budget.py print BUDGET ELF LOG ROWS      prints what was measured
     budget.py table instructions.csv         prints what is recorded of all boards, as the table of ../../docs/budgets.md
+    budget.py calls calls.csv                prints the longest call of each C function, as the table there
 
 ELF is the linked demo, LOG what it printed, ROWS the instruction counts of ../boards/run.sh, the fastest kernel first."""
 import os
@@ -111,13 +112,31 @@ def table(counts_path):
     return rows
 
 
+def calls(path):
+    """The longest call of each function, over all tiles."""
+    most, functions = {}, []
+    with open(path, encoding="utf-8") as file:
+        for line in file.read().splitlines()[1:]:
+            board, function, _, _, count, _ = line.split(",")
+            functions += [function] if function not in functions else []
+            row = most.setdefault(board, {})
+            row[function] = max(row.get(function, 0), int(count))
+    rows = ["| board | " + " | ".join(f"`{name}`" for name in functions) + " |", "|---|" + "---|" * len(functions)]
+    for board, row in most.items():
+        rows.append(f"| `{board}` | " + " | ".join(f"{row[name] / 1e6:.1f}" for name in functions) + " |")
+    return rows
+
+
 def main(arguments):
     """See the top."""
+    if len(arguments) == 2 and arguments[0] == "calls":
+        print("\n".join(calls(arguments[1])))
+        return
     if len(arguments) == 2 and arguments[0] == "table":
         print("\n".join(table(arguments[1])))
         return
     if len(arguments) != 5 or arguments[0] not in ("compare", "record", "print"):
-        sys.exit("ERROR: expected budget.py compare|record|print BUDGET ELF LOG ROWS, or budget.py table COUNTS")
+        sys.exit("ERROR: expected budget.py compare|record|print BUDGET ELF LOG ROWS, or budget.py table|calls COUNTS")
     action, path, *measured = arguments
     used = measure(*measured)
     if action == "record":
