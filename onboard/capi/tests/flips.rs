@@ -106,7 +106,7 @@ fn flipped_validity_bits_are_reported() {
     assert_eq!(context.begin(&tile), ELD_OK);
     context.finish();
     let clean = context.memory.clone();
-    let first = 8 * context.head_bytes().next_multiple_of(64);
+    let first = 8 * context.parts().valid.start;
     for bit in (first..first + PX).step_by(997) {
         context.flip(bit);
         assert_eq!(context.output(), Err(ELD_FAULT_VALIDITY), "bit {bit}");

@@ -145,8 +145,8 @@ fn a_refused_tile_leaves_the_one_at_work() {
     let (tile, mut context) = (Tile::golden(), Context::new(nano()));
     assert_eq!(context.begin(&tile), ELD_OK);
     assert_eq!(context.step(STEP_MACS), ELD_RUNNING);
-    let constant = Tile { image: vec![3.0; PX], ..tile.clone() };
-    assert_eq!(context.begin(&constant), ELD_REFUSED_TILE_CONSTANT_IMAGE);
+    let no_ground = Tile { pixel_m: 0.0, ..tile.clone() };
+    assert_eq!(context.begin(&no_ground), ELD_REFUSED_TILE_PIXEL);
     let masked = Tile { valid: Some(vec![0; PX]), ..tile.clone() };
     assert_eq!(context.begin(&masked), ELD_REFUSED_TILE_MASKED);
     context.finish();

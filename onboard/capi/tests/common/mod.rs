@@ -9,6 +9,7 @@ use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::samples::is_set;
 use elunar_core::{KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -156,6 +157,16 @@ pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
     if status == ELD_OK { Ok(info) } else { Err(status) }
 }
 
+/// Byte ranges of the lent memory of nano, behind the context.
+pub(crate) struct Parts {
+    pub(crate) job: Range<usize>,
+    pub(crate) valid: Range<usize>,
+    pub(crate) coarse: Range<usize>,
+    pub(crate) scratch: Range<usize>,
+    pub(crate) lines: Range<usize>,
+    pub(crate) arena: Range<usize>,
+}
+
 /// A context with its lent memory.
 pub(crate) struct Context {
     pub(crate) memory: Vec<u64>,
@@ -193,6 +204,16 @@ impl Context {
     pub(crate) fn begin(&mut self, tile: &Tile) -> eld_status_t {
         // SAFETY: a context and a tile of our own, here and below.
         unsafe { ffi::eld_begin(self.handle, &tile.c()) }
+    }
+
+    pub(crate) fn begin_step(&mut self, tile: &eld_tile_t, budget_macs: u64) -> eld_status_t {
+        // SAFETY: a context of our own; the caller's maps live.
+        unsafe { ffi::eld_begin_step(self.handle, tile, budget_macs) }
+    }
+
+    pub(crate) fn abort(&mut self) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_abort(self.handle) }
     }
 
     pub(crate) fn step(&mut self, budget_macs: u64) -> eld_status_t {
@@ -251,6 +272,26 @@ impl Context {
         // SAFETY: as above.
         let status = unsafe { ffi::eld_telemetry(self.handle, &raw mut out) };
         (out, status)
+    }
+
+    /// Returns the places of the parts of the lent memory, from sizes that the core tells: `elunar_capi::layout`, a second time.
+    pub(crate) fn parts(&mut self) -> Parts {
+        let model = Model::new(nano()).unwrap();
+        let (tile, rules) = (model.tile(), model.input_rules());
+        let mut end = self.head_bytes();
+        let mut next = |bytes: usize| {
+            let start = end.next_multiple_of(64);
+            end = start + bytes;
+            start..end
+        };
+        Parts {
+            job: next(2 * 8 * (TileJob::WORDS + 2)),
+            valid: next(TileMemory::valid_len(tile)),
+            coarse: next(4 * tile.pixels()),
+            scratch: next(4 * TileMemory::scratch_len(&rules, tile)),
+            lines: next(8 * TileMemory::lines_len(tile)),
+            arena: next(required(&model)),
+        }
     }
 
     /// Returns the number of bytes of both copies of the context. They begin with the same bytes and have the same length.
