@@ -48,6 +48,7 @@ pub(crate) struct Tile {
     pub(crate) pixel_m: f32,
     pub(crate) coarse_px: f32,
     pub(crate) sun: [f32; 2],
+    pub(crate) network_alone: bool,
 }
 
 impl Tile {
@@ -63,6 +64,7 @@ impl Tile {
             pixel_m: 2.0,
             coarse_px: 29.61,
             sun: [189.488_53, 25.614_722],
+            network_alone: false,
         };
         assert_eq!([tile.image.len(), tile.coarse_m.len(), tile.valid.as_ref().unwrap().len()], [PX; 3]);
         tile
@@ -84,7 +86,7 @@ impl Tile {
             coarse_px: self.coarse_px,
             sun_azimuth_deg: self.sun[0],
             sun_elevation_deg: self.sun[1],
-            network_alone: 0,
+            network_alone: self.network_alone.into(),
             image: floats(&self.image),
             coarse_m: self.coarse_m.as_ptr(),
             coarse_len: self.coarse_m.len(),
@@ -119,7 +121,7 @@ impl Tile {
             (vec![0.0; TileMemory::scratch_len(&rules, shape)], vec![0.0; TileMemory::lines_len(shape)]);
         let mut memory =
             TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
-        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: true };
+        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: !self.network_alone };
         let mut job = TileJob::new(how, rules, shape);
         while job.prepare(&mut runner, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
         while job.run(&mut runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}
