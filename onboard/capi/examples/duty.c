@@ -43,7 +43,6 @@ eld_status_t duty_cycle(void) {
     case SERVICE_IDLE:
         if (platform_next_tile(&tile)) {
             tile.struct_bytes = sizeof tile;
-            tile.reserved = 0;
             status = service_give(&service, &tile);
             break;
         }

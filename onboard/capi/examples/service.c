@@ -18,10 +18,17 @@ service_action_t service_action(eld_status_t status) {
     }
 }
 
-/* Begins the tile or the self test that the state names. */
+/* Does a piece of the preparation of the tile. */
+static eld_status_t prepare(service_t *service, uint64_t budget_macs) {
+    eld_status_t status = eld_begin_step(service->context, &service->tile, budget_macs);
+    service->begun = ELD_WORKED(status) && status != ELD_RUNNING;
+    return status;
+}
+
+/* Begins the tile or the self test that the state names: of a tile the smallest piece, which refuses what is wrong with its structure. */
 static eld_status_t begin(service_t *service) {
     service->attempts++;
-    return service->state == SERVICE_SELF_TEST ? eld_self_test_begin(service->context) : eld_begin(service->context, &service->tile);
+    return service->state == SERVICE_SELF_TEST ? eld_self_test_begin(service->context) : prepare(service, 1);
 }
 
 static void settle(service_t *service) {
@@ -31,6 +38,8 @@ static void settle(service_t *service) {
 
 static void drop(service_t *service) {
     service->drops++;
+    /* The next tile may be in the same buffers, with the same structure: it must not go on with what is prepared. */
+    (void)eld_abort(service->context);
     service->has_tile = 0;
     settle(service);
 }
@@ -102,6 +111,16 @@ eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes
     return begin_first(service, SERVICE_SELF_TEST);
 }
 
+eld_pixels_t service_floats(const void *map, size_t bytes) {
+    eld_pixels_t pixels;
+    memset(&pixels, 0, sizeof pixels);
+    pixels.data = map;
+    pixels.data_bytes = bytes;
+    pixels.format = ELD_PIXELS_F32;
+    pixels.gain = 1.0f;
+    return pixels;
+}
+
 eld_status_t service_give(service_t *service, const eld_tile_t *tile) {
     if (service->state != SERVICE_IDLE) return ELD_REFUSED_NOT_DONE;
     service->tile = *tile;
@@ -132,6 +151,7 @@ eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scru
         settle(service);
         return service->has_tile ? begin_first(service, SERVICE_TILE) : status;
     case SERVICE_TILE:
+        if (!service->begun) return respond(service, prepare(service, budget_macs));
         status = eld_step(service->context, budget_macs);
         if (ELD_WORKED(status) && status != ELD_RUNNING) service->state = SERVICE_READY;
         return respond(service, status);

@@ -25,7 +25,7 @@ typedef enum {
     SERVICE_WANTS_MODEL, /* the model has changed in memory: load it again, then call service_model_reloaded */
     SERVICE_SELF_TEST,   /* the self test is in progress */
     SERVICE_IDLE,        /* ready for a tile; cycles scrub the model */
-    SERVICE_TILE,        /* a tile is in progress */
+    SERVICE_TILE,        /* a tile is prepared or in progress */
     SERVICE_READY,       /* a tile is done: call service_take */
     SERVICE_FAILED       /* the self test failed twice, the second time with the model loaded again: do not use the heights */
 } service_state_t;
@@ -42,6 +42,7 @@ typedef struct {
     service_state_t state;
     unsigned attempts;   /* attempts for the current tile or self test */
     int has_tile;        /* a tile is waiting or in progress */
+    int begun;           /* the tile is prepared: eld_step follows eld_begin_step */
     int doubted;         /* the self test has failed once */
     eld_status_t status; /* the latest status */
     uint32_t drops;      /* tiles dropped: refused, or given up after SERVICE_ATTEMPTS faults */
@@ -50,10 +51,15 @@ typedef struct {
 /* Validates the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile in progress begins again. */
 eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes);
 
-/* Takes a tile; refused (ELD_REFUSED_NOT_DONE) except in SERVICE_IDLE. Its maps must stay valid until SERVICE_READY or SERVICE_IDLE. */
+/* Describes an image of floats. */
+eld_pixels_t service_floats(const void *map, size_t bytes);
+
+/* Takes a tile; refused (ELD_REFUSED_NOT_DONE) except in SERVICE_IDLE. Its maps must stay valid and unchanged until SERVICE_READY or
+ * SERVICE_IDLE. Only the smallest piece of its preparation is done: ELD_RUNNING. Cycles do the rest. */
 eld_status_t service_give(service_t *service, const eld_tile_t *tile);
 
-/* Does one bounded piece of work: a step of budget_macs while a tile or self test is in progress, else scrub_bytes of scrubbing. */
+/* Does one bounded piece of work: budget_macs of preparation or of a step while a tile or self test is in progress, else scrub_bytes of
+ * scrubbing. */
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes);
 
 /* Compares up to max_bytes of the model with its checksums; refused (ELD_REFUSED_NOT_DONE) without a context or a model. */

@@ -1,7 +1,7 @@
 /* ELunarDTM, the flight runner: one orbiter image and a coarse DTM in, a DTM at the image's resolution out.
  *
- *     eld_model_check -> eld_init -> eld_begin -> eld_step ... eld_step -> eld_output
- *                                        eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *     eld_model_check -> eld_init -> eld_begin, or eld_begin_step ... -> eld_step ... -> eld_output
+ *                                    eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
  *
  * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
  *
@@ -45,6 +45,8 @@
 
 #define ELD_NOTICE_LIGHT_ASSUMED          UINT32_C(0x40040001) /**< begun; the tile does not show its light, so the light is assumed */
 #define ELD_NOTICE_DROPPED_LIGHT_ASSUMED  UINT32_C(0x40040002) /**< begun; the tile before was dropped unfinished, and the light is assumed */
+#define ELD_NOTICE_COARSE                 UINT32_C(0x40040003) /**< begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's */
+#define ELD_NOTICE_DROPPED_COARSE         UINT32_C(0x40040004) /**< begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's */
 
 #define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
 
@@ -57,6 +59,7 @@
 #define ELD_REFUSED_NO_TILE               UINT32_C(0x80010007) /**< no tile was begun */
 #define ELD_REFUSED_NOT_DONE              UINT32_C(0x80010008) /**< the tile is not finished */
 #define ELD_REFUSED_OTHER_TILE            UINT32_C(0x80010009) /**< the tile is the self test's where the caller's is asked for, or the other way round */
+#define ELD_REFUSED_NOT_BEGUN             UINT32_C(0x8001000b) /**< the tile is not begun yet: call eld_begin_step until it is */
 #define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
 
 #define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
@@ -79,9 +82,8 @@
 #define ELD_REFUSED_TILE_MASK             UINT32_C(0x80040002) /**< a byte of the mask is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_PIXEL            UINT32_C(0x80040003) /**< pixel_m or coarse_px is not finite and above 0 */
 #define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
-#define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< too few pixels of the tile count */
-#define ELD_REFUSED_TILE_CONSTANT_IMAGE   UINT32_C(0x80040006) /**< the image has no contrast, or no light */
-#define ELD_REFUSED_TILE_NO_RELIEF        UINT32_C(0x80040007) /**< the coarse DTM has no relief to scale the heights by, or more than 10^9 m */
+#define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
+#define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
 
@@ -90,6 +92,7 @@
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
 #define ELD_FAULT_DATA_CHANGED            UINT32_C(0xc0050004) /**< a map of the tile has changed in memory; the tile is lost: begin it again */
+#define ELD_FAULT_HEIGHT                  UINT32_C(0xc0050005) /**< the network gave a height that no ground has; the tile is lost */
 #define ELD_FAULT_INTERRUPTED             UINT32_C(0xc0050003) /**< the call before did not return; the tile is lost */
 
 #define ELD_FAULT_CONTEXT_LOST            UINT32_C(0xc0060001) /**< no context there, or both its copies are damaged: call eld_init again */
@@ -99,7 +102,7 @@
 /**
  * Version of the header's interface, major << 16 | minor << 8 | patch. Compare with `eld_version()`.
  */
-#define ELD_VERSION 65536
+#define ELD_VERSION 131072
 
 /**
  * Light: the network works with any Sun and takes the image unchanged.
@@ -167,6 +170,46 @@
 #define ELD_PHASE_SELF_TEST_DONE 4
 
 /**
+ * Phase: `eld_begin_step` prepares a tile.
+ */
+#define ELD_PHASE_PREPARING 5
+
+/**
+ * Pixels: a float in the processor's own byte order.
+ */
+#define ELD_PIXELS_F32 0
+
+/**
+ * Pixels: a byte.
+ */
+#define ELD_PIXELS_U8 1
+
+/**
+ * Pixels: two bytes, the low one first.
+ */
+#define ELD_PIXELS_U16_LE 2
+
+/**
+ * Pixels: two bytes, the high one first.
+ */
+#define ELD_PIXELS_U16_BE 3
+
+/**
+ * Pixels: twelve bits, two pixels in three bytes, the high bits first; a row begins with a byte.
+ */
+#define ELD_PIXELS_U12_PACKED 4
+
+/**
+ * Flag of pixels: those with `null_code` are void.
+ */
+#define ELD_PIXELS_HAS_NULL 1
+
+/**
+ * Flag of pixels: those with `saturated_from` or more are void.
+ */
+#define ELD_PIXELS_HAS_SATURATED 2
+
+/**
  * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
@@ -198,7 +241,7 @@ typedef struct {
      */
     uint32_t tile_cols;
     /**
-     * Number of maps for the image: 1, or 4 for a network with a given light.
+     * Number of maps for the image: 1, 4 with `ELD_LIGHT_GIVEN` or `ELD_LIGHT_WEIGHED`, 8 with `ELD_LIGHT_SLOPED`.
      */
     uint32_t image_maps;
     /**
@@ -252,8 +295,50 @@ typedef struct {
 } eld_model_info_t;
 
 /**
- * A tile in physical units. Maps are row-major, tile_rows * tile_cols samples, first row first; they are read during `eld_begin` only.
- * Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are masked pixels.
+ * Pixels as the camera has them, perhaps within a larger frame. Brightness is `gain * code + offset`, relative to any unit.
+ */
+typedef struct {
+    /**
+     * The first pixel, first row first. Any address is legal.
+     */
+    const void *data;
+    /**
+     * Number of bytes from the first pixel on.
+     */
+    size_t data_bytes;
+    /**
+     * Bytes from a row to the next; 0 if rows follow each other without a gap.
+     */
+    size_t row_bytes;
+    /**
+     * One of `ELD_PIXELS_*`.
+     */
+    uint32_t format;
+    /**
+     * `ELD_PIXELS_HAS_NULL`, `ELD_PIXELS_HAS_SATURATED`, both or 0; 0 for floats.
+     */
+    uint32_t flags;
+    /**
+     * Brightness of a step of the code; 1 for floats that are brightness.
+     */
+    float gain;
+    /**
+     * Brightness of code 0.
+     */
+    float offset;
+    /**
+     * The code of a pixel without a value.
+     */
+    uint32_t null_code;
+    /**
+     * The smallest code of a saturated pixel.
+     */
+    uint32_t saturated_from;
+} eld_pixels_t;
+
+/**
+ * A tile in physical units. Maps are row-major, tile_rows x tile_cols samples, first row first; they are read until the tile is begun.
+ * Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are voids.
  */
 typedef struct {
     /**
@@ -277,17 +362,13 @@ typedef struct {
      */
     float sun_elevation_deg;
     /**
-     * Must be 0.
+     * 0: heights as the ground's `elunar predict` writes them. 1: the network decides about long and short waves, too (the paper).
      */
-    uint32_t reserved;
+    uint32_t network_alone;
     /**
      * Relative brightness.
      */
-    const float *image;
-    /**
-     * Number of samples of the image.
-     */
-    size_t image_len;
+    eld_pixels_t image;
     /**
      * Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
      */
@@ -335,7 +416,7 @@ typedef struct {
      */
     float dark_slope;
     /**
-     * A pixel is dark if its brightness in `eld_tile_t` is below this.
+     * A pixel is dark if its brightness (`gain * code + offset`) is below this.
      */
     float dark_below;
 } eld_errors_t;
@@ -472,11 +553,21 @@ eld_status_t eld_init(void *memory,
                       eld_context_t **context);
 
 /**
- * Validates and normalises a tile and prepares for the first step. `tile->struct_bytes` must be set. The maps are not needed after this
- * call. A tile in progress is dropped, with a notice. If the new tile is refused, the old one continues.
+ * Begins a tile: validates, fills and normalises it, finds its light, and prepares for the first step. `tile->struct_bytes` must be set. The
+ * maps are not needed after this call, which does all of the work at once; `eld_begin_step` does it in pieces. A tile in progress is dropped,
+ * with a notice; if the new tile is refused, it continues.
  */
 eld_status_t eld_begin(eld_context_t *context,
                        const eld_tile_t *tile);
+
+/**
+ * Begins a tile as `eld_begin` does, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with the same
+ * structure, and unchanged maps; any other structure begins another tile. If the maps have changed, call `eld_abort` first: a structure with
+ * the same fields goes on. Every other status is that of `eld_begin`.
+ */
+eld_status_t eld_begin_step(eld_context_t *context,
+                            const eld_tile_t *tile,
+                            uint64_t budget_macs);
 
 /**
  * Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
@@ -487,8 +578,13 @@ eld_status_t eld_step(eld_context_t *context,
                       uint64_t budget_macs);
 
 /**
+ * Gives the tile or the self test up, whether it is prepared, in progress or finished. `ELD_NOTICE_DROPPED` if it was not finished.
+ */
+eld_status_t eld_abort(eld_context_t *context);
+
+/**
  * Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each height 1 if it is valid, 0 where image or coarse
- * DTM are invalid. `valid` may be NULL with length 0. May be called again until the next tile begins.
+ * DTM are void; heights there are filled. `valid` may be NULL with length 0. May be called again until the next tile begins.
  */
 eld_status_t eld_output(eld_context_t *context,
                         float *heights_m,
@@ -497,8 +593,8 @@ eld_status_t eld_output(eld_context_t *context,
                         size_t valid_len);
 
 /**
- * Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused if the
- * model's light is not `ELD_LIGHT_WEIGHED`. Reads only the context.
+ * Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused unless the
+ * model's light is `ELD_LIGHT_WEIGHED` or `ELD_LIGHT_SLOPED`. Reads only the context.
  */
 eld_status_t eld_errors(eld_context_t *context,
                         eld_errors_t *out);

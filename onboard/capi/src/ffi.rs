@@ -342,7 +342,8 @@ pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld
 }
 
 /// Begins a tile as `eld_begin` does, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with the same
-/// structure, and unchanged maps; any other structure begins another tile. Every other status is that of `eld_begin`.
+/// structure, and unchanged maps; any other structure begins another tile. If the maps have changed, call `eld_abort` first: a structure with
+/// the same fields goes on. Every other status is that of `eld_begin`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin_step(
     context: *mut eld_context_t,
@@ -461,7 +462,7 @@ pub unsafe extern "C" fn eld_step(context: *mut eld_context_t, budget_macs: u64)
     unsafe { with_model(context, |context, model, lent| run::step(context, model, lent, budget_macs)) }
 }
 
-/// Gives the tile up, whether it is prepared, in progress or finished.
+/// Gives the tile or the self test up, whether it is prepared, in progress or finished. `ELD_NOTICE_DROPPED` if it was not finished.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_abort(context: *mut eld_context_t) -> eld_status_t {
     // SAFETY: the caller's promise.
@@ -469,7 +470,7 @@ pub unsafe extern "C" fn eld_abort(context: *mut eld_context_t) -> eld_status_t 
 }
 
 /// Copies the finished tile: heights in metres above the 1737.4 km sphere, and for each height 1 if it is valid, 0 where image or coarse
-/// DTM are invalid. `valid` may be NULL with length 0. May be called again until the next tile begins.
+/// DTM are void; heights there are filled. `valid` may be NULL with length 0. May be called again until the next tile begins.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_output(
     context: *mut eld_context_t,
@@ -504,8 +505,8 @@ pub unsafe extern "C" fn eld_output(
     unsafe { with_model(context, output) }
 }
 
-/// Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused if the
-/// model's light is not `ELD_LIGHT_WEIGHED`. Reads only the context.
+/// Copies the errors that the finished tile's heights and slopes are expected to have. `out->struct_bytes` must be set. Refused unless the
+/// model's light is `ELD_LIGHT_WEIGHED` or `ELD_LIGHT_SLOPED`. Reads only the context.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_errors(context: *mut eld_context_t, out: *mut eld_errors_t) -> eld_status_t {
     let errors = |context: &mut Context<'_>| {

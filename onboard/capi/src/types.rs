@@ -75,7 +75,7 @@ pub struct eld_model_info_t {
     pub tile_rows: u32,
     /// Columns of a tile.
     pub tile_cols: u32,
-    /// Number of maps for the image: 1, or 4 for a network with a given light.
+    /// Number of maps for the image: 1, 4 with `ELD_LIGHT_GIVEN` or `ELD_LIGHT_WEIGHED`, 8 with `ELD_LIGHT_SLOPED`.
     pub image_maps: u32,
     /// Light that the network knows: one of `ELD_LIGHT_*`.
     pub light: u32,
@@ -172,7 +172,7 @@ pub struct eld_errors_t {
     pub dark_height_m: f32,
     /// Of slopes of dark pixels along either axis, metres per metre.
     pub dark_slope: f32,
-    /// A pixel is dark if its brightness in `eld_tile_t` is below this.
+    /// A pixel is dark if its brightness (`gain * code + offset`) is below this.
     pub dark_below: f32,
 }
 

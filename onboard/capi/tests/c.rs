@@ -76,7 +76,8 @@ fn structures_are_laid_out_alike() {
     }
     lay_out! {
         eld_model_info_t { struct_bytes, memory_bytes, largest_unit_macs, header_crc, range_margin }
-        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, reserved, image, image_len, coarse_m, coarse_len, valid, valid_len }
+        eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from }
+        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
     }

@@ -177,7 +177,7 @@ fn a_missing_model_is_told_and_tried_ever_more_seldom() {
     );
     let events = events(&said);
     let started = events.iter().find(|event| event.0 == 1).unwrap().1;
-    assert!(started.starts_with("ELUNAR: no model: slot 1: cannot be opened; library 1."), "{started}");
+    assert!(started.starts_with("ELUNAR: no model: slot 1: cannot be opened; library 2."), "{started}");
     assert!(said.contains("\nevent 1 type 3: "), "{said}");
     // Of 28 events about files before the reset sixteen pass, and the next two after it.
     let reset = events.iter().position(|event| event.0 == 3).unwrap();

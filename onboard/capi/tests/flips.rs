@@ -101,12 +101,80 @@ fn rubbish_instead_of_a_context_is_reported() {
 }
 
 #[test]
+fn every_flipped_bit_of_the_job_is_repaired() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    let job = context.parts().job;
+    let (mut bit, mut flips) = (8 * job.start, 0);
+    // Bits all over the words, in every phase that uses the job.
+    let mut next = |context: &mut Context| {
+        context.flip(bit);
+        bit += 53;
+        if bit >= 8 * job.end {
+            bit = 8 * job.start + (bit - 8 * job.end);
+        }
+        flips += 1;
+    };
+    assert_eq!(context.begin_step(&tile.c(), 1), ELD_RUNNING);
+    loop {
+        next(&mut context);
+        match context.begin_step(&tile.c(), STEP_MACS / 50) {
+            ELD_RUNNING => {}
+            status => break assert_eq!(status, ELD_NOTICE_REPAIRED),
+        }
+    }
+    loop {
+        next(&mut context);
+        match context.step(STEP_MACS) {
+            ELD_RUNNING => {}
+            status => break assert_eq!(status, ELD_NOTICE_REPAIRED),
+        }
+    }
+    let counters = context.telemetry();
+    assert_eq!((counters.context_repairs, counters.faults), (flips, 0));
+    assert!(flips > 100);
+    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
+}
+
+#[test]
+fn flipped_heights_are_reported() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    assert_eq!(context.begin(&tile), ELD_OK);
+    context.finish();
+    let (clean, first) = (context.memory.clone(), 8 * context.parts().scratch.start);
+    for bit in (first..first + 32 * PX).step_by(32_771) {
+        context.flip(bit);
+        assert_eq!(context.output(), Err(ELD_FAULT_DATA_CHANGED), "bit {bit}");
+        context.memory.copy_from_slice(&clean);
+    }
+    assert!(context.output().is_ok());
+}
+
+#[test]
+fn flipped_coarse_heights_are_reported() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    let coarse = context.parts().coarse;
+    assert_eq!(context.begin(&tile), ELD_OK);
+    let clean = context.memory.clone();
+    for bit in (8 * coarse.start..8 * coarse.end).step_by(131_101) {
+        context.flip(bit);
+        let mut status = ELD_RUNNING;
+        while status == ELD_RUNNING {
+            status = context.step(u64::MAX >> 1);
+        }
+        assert_eq!(status, ELD_FAULT_DATA_CHANGED, "bit {bit}");
+        context.memory.copy_from_slice(&clean);
+    }
+    context.finish();
+    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
+}
+
+#[test]
 fn flipped_validity_bits_are_reported() {
     let (tile, mut context) = (Tile::golden(), Context::new(nano()));
     assert_eq!(context.begin(&tile), ELD_OK);
     context.finish();
     let clean = context.memory.clone();
-    let first = 8 * context.head_bytes().next_multiple_of(64);
+    let first = 8 * context.parts().valid.start;
     for bit in (first..first + PX).step_by(997) {
         context.flip(bit);
         assert_eq!(context.output(), Err(ELD_FAULT_VALIDITY), "bit {bit}");

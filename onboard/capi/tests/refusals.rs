@@ -66,6 +66,14 @@ fn output_of(
     unsafe { ffi::eld_output(context.handle, heights_m, heights_len, valid, valid_len) }
 }
 
+/// Returns a tile that is prepared in a context.
+fn preparing() -> (Tile, Context) {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    assert_eq!(context.begin_step(&tile.c(), STEP_MACS / 10), ELD_RUNNING);
+    assert_eq!(context.telemetry().phase, ELD_PHASE_PREPARING);
+    (tile, context)
+}
+
 fn finished() -> Context {
     let mut context = begun();
     context.finish();
@@ -106,11 +114,6 @@ fn interrupt(context: &mut Context) {
     }
 }
 
-/// Returns the offset of the validity bits: the first cache line behind the context.
-fn validity_at(context: &mut Context) -> usize {
-    context.head_bytes().next_multiple_of(64)
-}
-
 /// Steps until a tile is done or lost; returns the status.
 fn to_the_end(context: &mut Context) -> eld_status_t {
     loop {
@@ -142,6 +145,21 @@ const CASES: &[Case] = &[
         assert_eq!((counted.tiles_dropped, counted.lights_assumed), (1, 1));
         status
     }),
+    (ELD_NOTICE_COARSE, "one brightness", || {
+        begin_tile(|tile| tile.image = vec![100.0; PX])
+    }),
+    (ELD_NOTICE_COARSE, "level ground for a model that scales by relief", || {
+        begin_small("int8.eld", |tile| tile.coarse_m.fill(-1900.0)).1
+    }),
+    (ELD_NOTICE_DROPPED_COARSE, "one brightness, begun over a tile at work", || {
+        let mut context = begun();
+        let status = context.begin(&Tile { image: vec![100.0; PX], ..Tile::golden() });
+        assert_eq!(context.telemetry().tiles_dropped, 1);
+        status
+    }),
+    (ELD_RUNNING, "a tile in preparation", || Context::new(nano()).begin_step(&Tile::golden().c(), 1)),
+    (ELD_NOTICE_DROPPED, "abort while a tile is prepared", || preparing().1.abort()),
+    (ELD_NOTICE_DROPPED, "abort while a tile is at work", || begun().abort()),
     (ELD_NOTICE_REPAIRED, "a bit of the context flips", || {
         let mut context = finished();
         context.flip(99);
@@ -151,6 +169,8 @@ const CASES: &[Case] = &[
         let mut none = Context { memory: vec![], handle: null_mut() };
         let all = [
             none.begin(&Tile::golden()),
+            none.begin_step(&Tile::golden().c(), 1),
+            none.abort(),
             none.step(1),
             none.output().unwrap_err(),
             none.scrub(1),
@@ -175,7 +195,7 @@ const CASES: &[Case] = &[
     }),
     // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no tile", || unsafe { ffi::eld_begin(Context::new(nano()).handle, null()) }),
-    (ELD_REFUSED_NULL, "no image", || begin_with(|tile| tile.image = null())),
+    (ELD_REFUSED_NULL, "no image", || begin_with(|tile| tile.image.data = null())),
     (ELD_REFUSED_NULL, "no coarse DTM", || begin_with(|tile| tile.coarse_m = null())),
     (ELD_REFUSED_NULL, "a mask of length only", || begin_with(|tile| tile.valid = null())),
     (ELD_REFUSED_NULL, "no heights", || output_of(&finished(), null_mut(), PX, null_mut(), 0)),
@@ -185,7 +205,9 @@ const CASES: &[Case] = &[
     }),
     // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no name", || unsafe { ffi::eld_kernel_name(null_mut(), 64) }),
-    (ELD_REFUSED_ALIGNMENT, "an odd image", || begin_with(|tile| tile.image = tile.image.wrapping_byte_add(1))),
+    (ELD_REFUSED_ALIGNMENT, "an odd coarse DTM", || {
+        begin_with(|tile| tile.coarse_m = tile.coarse_m.wrapping_byte_add(1))
+    }),
     (ELD_REFUSED_ALIGNMENT, "odd heights", || {
         output_of(&finished(), vec![0.0; PX + 1].as_mut_ptr().wrapping_byte_add(2), PX, null_mut(), 0)
     }),
@@ -200,7 +222,7 @@ const CASES: &[Case] = &[
         unsafe { ffi::eld_model_check(nano().as_ptr().cast(), usize::MAX, &raw mut needs) }
     }),
     (ELD_REFUSED_LENGTH, "endless memory", || init(vec![0u64; 9].as_mut_ptr(), usize::MAX - 8, nano())),
-    (ELD_REFUSED_LENGTH, "an endless image", || begin_with(|tile| tile.image_len = usize::MAX / 2)),
+    (ELD_REFUSED_LENGTH, "an endless image", || begin_with(|tile| tile.image.data_bytes = usize::MAX / 2 + 1)),
     (ELD_REFUSED_STRUCT_BYTES, "an info of another version", || {
         let mut needs = eld_model_info_t { struct_bytes: 8, ..info(nano()).unwrap() };
         // SAFETY: a structure of the test.
@@ -221,7 +243,8 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_OVERLAP, "the image within the lent memory", || {
         let (tile, context) = (Tile::golden(), Context::new(nano()));
-        let c = eld_tile_t { image: context.memory.as_ptr().cast(), ..tile.c() };
+        let mut c = tile.c();
+        c.image.data = context.memory.as_ptr().cast();
         // SAFETY: a context of the test, refused before the maps are read.
         unsafe { ffi::eld_begin(context.handle, &c) }
     }),
@@ -265,6 +288,11 @@ const CASES: &[Case] = &[
     (ELD_REFUSED_NO_TILE, "step before begin", || Context::new(nano()).step(1)),
     (ELD_REFUSED_NO_TILE, "output before begin", || Context::new(nano()).output().unwrap_err()),
     (ELD_REFUSED_NO_TILE, "self test checked before it began", || Context::new(nano()).self_test_check()),
+    (ELD_REFUSED_NO_TILE, "abort before begin", || Context::new(nano()).abort()),
+    (ELD_REFUSED_NOT_BEGUN, "step while a tile is prepared", || preparing().1.step(1)),
+    (ELD_REFUSED_NOT_DONE, "output while a tile is prepared", || preparing().1.output().unwrap_err()),
+    (ELD_REFUSED_NOT_DONE, "errors while a tile is prepared", || preparing().1.errors().unwrap_err()),
+    (ELD_REFUSED_OTHER_TILE, "a tile that is prepared as a self test", || preparing().1.self_test_check()),
     (ELD_REFUSED_NOT_DONE, "output before done", || begun().output().unwrap_err()),
     (ELD_REFUSED_NOT_DONE, "self test checked before done", || {
         let mut context = Context::new(nano());
@@ -341,10 +369,20 @@ const CASES: &[Case] = &[
             m[constants + place..constants + place + 4].copy_from_slice(&1e35f32.to_le_bytes());
         }))
     }),
-    (ELD_REFUSED_TILE_SIZE, "an image too short", || begin_with(|tile| tile.image_len -= 1)),
+    (ELD_REFUSED_TILE_SIZE, "an image too short", || begin_with(|tile| tile.image.data_bytes -= 1)),
+    (ELD_REFUSED_TILE_SIZE, "rows that overlap", || begin_with(|tile| tile.image.row_bytes = 4 * COLS - 1)),
+    (ELD_REFUSED_TILE_SIZE, "rows beyond the frame", || begin_with(|tile| tile.image.row_bytes = 4 * COLS + 1)),
+    (ELD_REFUSED_TILE_SIZE, "rows beyond the address space", || begin_with(|tile| tile.image.row_bytes = usize::MAX)),
+    (ELD_REFUSED_TILE_FORMAT, "no format", || begin_with(|tile| tile.image.format = 5)),
+    (ELD_REFUSED_TILE_FORMAT, "floats with a code", || begin_with(|tile| tile.image.flags = ELD_PIXELS_HAS_NULL)),
+    (ELD_REFUSED_TILE_FORMAT, "a flag that does not exist", || {
+        begin_with(|tile| (tile.image.format, tile.image.flags) = (ELD_PIXELS_U8, 4))
+    }),
+    (ELD_REFUSED_TILE_FORMAT, "a gain of NaN", || begin_with(|tile| tile.image.gain = f32::NAN)),
+    (ELD_REFUSED_TILE_FORMAT, "an infinite offset", || begin_with(|tile| tile.image.offset = f32::INFINITY)),
     (ELD_REFUSED_TILE_SIZE, "a coarse DTM too long", || begin_tile(|tile| tile.coarse_m.push(0.0))),
     (ELD_REFUSED_TILE_SIZE, "a mask without length", || begin_with(|tile| tile.valid_len = 0)),
-    (ELD_REFUSED_TILE_SIZE, "a reserved word in use", || begin_with(|tile| tile.reserved = 1)),
+    (ELD_REFUSED_TILE_SIZE, "a network that is neither alone nor not", || begin_with(|tile| tile.network_alone = 2)),
     (ELD_REFUSED_TILE_MASK, "a mask of 2", || begin_tile(|tile| tile.valid.as_mut().unwrap()[77] = 2)),
     (ELD_REFUSED_TILE_PIXEL, "a pixel without size", || begin_with(|tile| tile.pixel_m = 0.0)),
     (ELD_REFUSED_TILE_PIXEL, "a coarse pixel of NaN", || begin_with(|tile| tile.coarse_px = f32::NAN)),
@@ -361,9 +399,20 @@ const CASES: &[Case] = &[
             tile.coarse_m[PX / 2..].fill(f32::NAN);
         })
     }),
-    (ELD_REFUSED_TILE_CONSTANT_IMAGE, "one brightness", || begin_tile(|tile| tile.image = vec![100.0; PX])),
-    (ELD_REFUSED_TILE_NO_RELIEF, "level ground for a model that scales by relief", || {
-        begin_small("int8.eld", |tile| tile.coarse_m.fill(-1900.0)).1
+    (ELD_REFUSED_TILE_MASKED, "every pixel saturated", || {
+        begin_with(|tile| {
+            let all = ELD_PIXELS_HAS_SATURATED;
+            (tile.image.format, tile.image.flags, tile.image.saturated_from) = (ELD_PIXELS_U16_LE, all, 0);
+        })
+    }),
+    (ELD_REFUSED_TILE_MASKED, "pixels that vanish while a tile is prepared", || {
+        let (mut tile, mut context) = (Tile::golden(), Context::new(nano()));
+        tile.image[..COLS].fill(f32::NAN);
+        assert_eq!(context.begin_step(&tile.c(), 1), ELD_RUNNING);
+        tile.image.fill(f32::NAN);
+        let status = context.begin(&tile);
+        assert_eq!(context.telemetry().phase, ELD_PHASE_EMPTY);
+        status
     }),
     (ELD_FAULT_MODEL_CHANGED, "a weight changes after init", || {
         let (mut model, mut context) = own_model();
@@ -422,9 +471,37 @@ const CASES: &[Case] = &[
         assert_eq!(to_the_end(&mut context), ELD_OK, "begun again, it comes out");
         status
     }),
+    (ELD_FAULT_DATA_CHANGED, "a height changes", || {
+        let mut context = finished();
+        let at = context.parts().scratch.start;
+        context.flip(8 * at + 12_345);
+        let status = context.output().unwrap_err();
+        assert_eq!(context.output(), Err(ELD_REFUSED_NO_TILE), "the tile is lost");
+        status
+    }),
+    (ELD_FAULT_HEIGHT, "a network that adds ten thousand kilometres", || {
+        // The context outlives this block.
+        let mut context = Context::new(small::model().leak());
+        let image = (0..small::PX).map(|i| (i * 7 % 11) as f32).collect();
+        let coarse_m = (0..small::PX).map(|i| 1e8 * (i % 5) as f32).collect();
+        let begun = context.begin(&Tile { image, coarse_m, valid: None, coarse_px: 4.0, ..Tile::golden() });
+        assert!(worked(begun), "{:?}", text(begun));
+        let status = to_the_end(&mut context);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        status
+    }),
+    (ELD_FAULT_RUN, "both copies of the job are damaged", || {
+        let mut context = begun();
+        let job = context.parts().job;
+        context.flip(8 * job.start + 99);
+        context.flip(8 * (job.start + job.len() / 2) + 99);
+        let status = context.step(1);
+        assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
+        status
+    }),
     (ELD_FAULT_VALIDITY, "a validity bit flips", || {
         let mut context = finished();
-        let at = validity_at(&mut context);
+        let at = context.parts().valid.start;
         context.flip(8 * at + 12_345);
         let status = context.output().unwrap_err();
         assert_eq!(context.output(), Err(ELD_REFUSED_NO_TILE), "the tile is lost");

@@ -28,6 +28,249 @@ fn heights_and_validity_are_the_cores() {
     assert_eq!(context.step(1), ELD_OK);
 }
 
+/// Begins, runs and reads a tile.
+fn heights_of(tile: &eld_tile_t) -> (Vec<f32>, Vec<u8>) {
+    let mut context = Context::new(nano());
+    let begun = context.begin_step(tile, u64::MAX);
+    assert!(worked(begun) && begun != ELD_RUNNING, "{:?}", text(begun));
+    context.finish();
+    context.output().unwrap()
+}
+
+fn assert_same(found: &(Vec<f32>, Vec<u8>), expected: &(Vec<f32>, Vec<u8>), what: &str) {
+    assert!(bits(&found.0) == bits(&expected.0) && found.1 == expected.1, "{what}: other bytes");
+}
+
+/// Returns codes of the golden image, from 1 to `most`.
+fn codes(tile: &Tile, most: f32) -> Vec<u32> {
+    let real = || tile.image.iter().copied().filter(|v| v.is_finite() && v.abs() < 1e30);
+    let (low, high) = real().fold((f32::MAX, f32::MIN), |(low, high), v| (low.min(v), high.max(v)));
+    let code = |v: &f32| if v.is_finite() { 1 + ((v - low) / (high - low) * (most - 1.0)) as u32 } else { 1 };
+    tile.image.iter().map(code).collect()
+}
+
+/// Returns a frame of rows of these codes, with `margin` bytes of rubbish before each row and behind it.
+fn frame(codes: &[u32], format: u32, margin: usize) -> Vec<u8> {
+    let row = |codes: &[u32]| -> Vec<u8> {
+        match format {
+            ELD_PIXELS_U8 => codes.iter().map(|code| *code as u8).collect(),
+            ELD_PIXELS_U16_LE => codes.iter().flat_map(|code| (*code as u16).to_le_bytes()).collect(),
+            ELD_PIXELS_U16_BE => codes.iter().flat_map(|code| (*code as u16).to_be_bytes()).collect(),
+            ELD_PIXELS_U12_PACKED => {
+                let pair = |pair: &[u32]| [pair[0] >> 4, (pair[0] & 15) << 4 | pair[1] >> 8, pair[1] & 255];
+                codes.chunks(2).flat_map(pair).map(|byte| byte as u8).collect()
+            }
+            _ => codes.iter().flat_map(|code| (*code as f32).to_ne_bytes()).collect(),
+        }
+    };
+    let rubbish = || std::iter::repeat_n(0xEE, margin);
+    codes.chunks(COLS).flat_map(|codes| rubbish().chain(row(codes)).chain(rubbish())).collect()
+}
+
+#[test]
+fn every_pixel_format_gives_the_heights_of_floats() {
+    use std::collections::HashMap;
+    let mut known: HashMap<u32, (Vec<f32>, Vec<u8>)> = HashMap::new();
+    let (gain, offset) = (0.25, 3.0);
+    for (format, most) in [
+        (ELD_PIXELS_U8, 255.0),
+        (ELD_PIXELS_U12_PACKED, 4095.0),
+        (ELD_PIXELS_U16_LE, 4095.0),
+        (ELD_PIXELS_U16_BE, 4095.0),
+        (ELD_PIXELS_F32, 4095.0),
+    ] {
+        let mut tile = Tile::golden();
+        let mut codes = codes(&tile, most);
+        // Lost packets have code 0; the brightest pixels are saturated.
+        codes[5 * COLS..5 * COLS + 40].fill(0);
+        let saturated_from = (most * 0.9) as u32;
+        let is_void = |code: u32| code == 0 || code >= saturated_from;
+        let expected = known.entry(most as u32).or_insert_with(|| {
+            let image = codes.iter().map(|code| if is_void(*code) { f32::NAN } else { gain * *code as f32 + offset });
+            tile.image = image.collect();
+            tile.expected()
+        });
+        assert!(codes.iter().filter(|code| is_void(**code)).count() > 40);
+        let is_float = format == ELD_PIXELS_F32;
+        for margin in [0, 1, 22] {
+            let mut frame = frame(&codes, format, margin);
+            if is_float {
+                // Floats have no codes: their voids are not real.
+                for (row, codes) in frame.chunks_mut(4 * COLS + 2 * margin).zip(codes.chunks(COLS)) {
+                    for (col, _) in codes.iter().enumerate().filter(|(_, code)| is_void(**code)) {
+                        row[margin + 4 * col..][..4].copy_from_slice(&f32::INFINITY.to_ne_bytes());
+                    }
+                }
+            }
+            let (first, row_bytes) = (&frame[margin..frame.len() - margin], frame.len() / ROWS);
+            let mut c = tile.c();
+            c.image = eld_pixels_t {
+                data: first.as_ptr().cast(),
+                data_bytes: first.len(),
+                row_bytes: if margin == 0 { 0 } else { row_bytes },
+                format,
+                flags: if is_float { 0 } else { ELD_PIXELS_HAS_NULL | ELD_PIXELS_HAS_SATURATED },
+                gain,
+                offset,
+                null_code: 0,
+                saturated_from,
+            };
+            assert_same(&heights_of(&c), expected, &format!("format {format}, margin {margin}"));
+        }
+    }
+}
+
+#[test]
+fn codes_count_only_with_their_flags() {
+    let tile = Tile::golden();
+    let codes = codes(&tile, 255.0);
+    let bytes = frame(&codes, ELD_PIXELS_U8, 0);
+    let with = |flags: u32| {
+        let mut c = tile.c();
+        c.image = eld_pixels_t { format: ELD_PIXELS_U8, flags, null_code: 1, saturated_from: 200, ..floats(&[]) };
+        (c.image.data, c.image.data_bytes) = (bytes.as_ptr().cast(), bytes.len());
+        let valid = heights_of(&c).1;
+        valid.iter().map(|v| usize::from(*v)).sum::<usize>()
+    };
+    let none = with(0);
+    let (null, saturated) = (with(ELD_PIXELS_HAS_NULL), with(ELD_PIXELS_HAS_SATURATED));
+    let both = with(ELD_PIXELS_HAS_NULL | ELD_PIXELS_HAS_SATURATED);
+    assert!(null < none && saturated < none && none - both == (none - null) + (none - saturated));
+}
+
+#[test]
+fn a_tile_begun_in_pieces_is_the_one_begun_at_once() {
+    for tile in [Tile::golden(), Tile::other()] {
+        let (expected, c) = (tile.expected(), tile.c());
+        for budget in [1, 5_000_000, u64::MAX] {
+            let mut context = Context::new(nano());
+            let mut pieces = 0;
+            let begun = loop {
+                match context.begin_step(&c, budget) {
+                    ELD_RUNNING => pieces += 1,
+                    status => break status,
+                }
+                assert_eq!(context.telemetry().phase, ELD_PHASE_PREPARING);
+            };
+            assert_eq!(begun, context_begin(&tile), "{budget}");
+            assert!(match budget {
+                1 => pieces > 5 * ROWS,
+                5_000_000 => pieces > 2 && pieces < 100,
+                _ => pieces == 0,
+            }, "{pieces} pieces of {budget}");
+            context.finish();
+            assert_same(&context.output().unwrap(), &expected, &format!("budget {budget}"));
+        }
+    }
+}
+
+/// Returns the status of a tile that is begun at once.
+fn context_begin(tile: &Tile) -> eld_status_t {
+    Context::new(nano()).begin(tile)
+}
+
+#[test]
+fn another_structure_begins_another_tile() {
+    let (tile, other, mut context) = (Tile::golden(), Tile::other(), Context::new(nano()));
+    assert_eq!(context.begin_step(&tile.c(), STEP_MACS), ELD_RUNNING);
+    // A structure that is refused leaves the tile in preparation.
+    assert_eq!(context.begin_step(&eld_tile_t { pixel_m: 0.0, ..tile.c() }, 1), ELD_REFUSED_TILE_PIXEL);
+    assert_eq!(context.begin_step(&eld_tile_t { sun_elevation_deg: 95.0, ..tile.c() }, 1), ELD_REFUSED_TILE_SUN);
+    assert_eq!(context.begin_step(&tile.c(), 1), ELD_RUNNING);
+    assert_eq!(context.telemetry().tiles_dropped, 0);
+    // Another tile takes its place; the notice comes when that is begun.
+    assert_eq!(context.begin_step(&other.c(), 1), ELD_RUNNING);
+    assert_eq!(context.telemetry().tiles_dropped, 1);
+    assert_eq!(context.begin_step(&other.c(), u64::MAX), ELD_NOTICE_DROPPED);
+    context.finish();
+    assert_same(&context.output().unwrap(), &other.expected(), "other");
+    // Every field of the structure makes another tile.
+    let changes: [fn(&mut eld_tile_t); 5] = [
+        |tile| tile.coarse_px += 1.0,
+        |tile| tile.sun_azimuth_deg += 1.0,
+        |tile| tile.network_alone = 1,
+        |tile| tile.image.gain = 2.0,
+        |tile| (tile.valid, tile.valid_len) = (std::ptr::null(), 0),
+    ];
+    for change in changes {
+        let mut changed = tile.c();
+        change(&mut changed);
+        let before = context.telemetry().tiles_dropped;
+        assert_eq!(context.begin_step(&tile.c(), 1), ELD_RUNNING);
+        assert_eq!(context.begin_step(&changed, 1), ELD_RUNNING);
+        assert_eq!(context.telemetry().tiles_dropped, before + 1);
+        assert_eq!(context.abort(), ELD_NOTICE_DROPPED);
+    }
+}
+
+#[test]
+fn a_tile_is_given_up_in_every_phase() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    let reach: [(u32, eld_status_t, fn(&mut Context, &Tile)); 5] = [
+        (ELD_PHASE_PREPARING, ELD_NOTICE_DROPPED, |context, tile| {
+            assert_eq!(context.begin_step(&tile.c(), STEP_MACS), ELD_RUNNING);
+        }),
+        (ELD_PHASE_TILE, ELD_NOTICE_DROPPED, |context, tile| {
+            assert_eq!((context.begin(tile), context.step(STEP_MACS)), (ELD_OK, ELD_RUNNING));
+        }),
+        (ELD_PHASE_TILE_DONE, ELD_OK, |context, tile| {
+            assert_eq!(context.begin(tile), ELD_OK);
+            context.finish();
+        }),
+        (ELD_PHASE_SELF_TEST, ELD_NOTICE_DROPPED, |context, _| assert_eq!(context.self_test_begin(), ELD_OK)),
+        (ELD_PHASE_SELF_TEST_DONE, ELD_OK, |context, _| {
+            assert_eq!(context.self_test_begin(), ELD_OK);
+            context.finish();
+        }),
+    ];
+    let mut dropped = 0;
+    for (phase, expected, reach) in reach {
+        reach(&mut context, &tile);
+        assert_eq!(context.telemetry().phase, phase);
+        assert_eq!(context.abort(), expected, "phase {phase}");
+        dropped += u64::from(expected == ELD_NOTICE_DROPPED);
+        let after = context.telemetry();
+        assert_eq!((after.phase, after.valid_px, after.tiles_dropped), (ELD_PHASE_EMPTY, 0, dropped));
+        assert_eq!((context.abort(), context.step(1)), (ELD_REFUSED_NO_TILE, ELD_REFUSED_NO_TILE));
+        assert_eq!(context.output(), Err(ELD_REFUSED_NO_TILE));
+    }
+    // The same structure begins anew, without the notice of a tile that was dropped before.
+    assert_eq!(context.begin(&tile), ELD_OK);
+    context.finish();
+    assert_same(&context.output().unwrap(), &tile.expected(), "after all");
+}
+
+#[test]
+fn a_tile_that_shows_nothing_keeps_its_coarse_heights() {
+    let tile = Tile { image: vec![50.0; PX], ..Tile::golden() };
+    for budget in [1, u64::MAX] {
+        let mut context = Context::new(nano());
+        let begun = std::iter::repeat_with(|| context.begin_step(&tile.c(), budget)).find(|s| *s != ELD_RUNNING);
+        assert_eq!(begun, Some(ELD_NOTICE_COARSE));
+        context.finish();
+        let found = context.output().unwrap();
+        assert_same(&found, &tile.expected(), "coarse");
+        let valid = found.1.iter().filter(|v| **v == 1).count();
+        assert!(valid > PX / 2 && context.telemetry().valid_px as usize == valid);
+        for (i, z) in found.0.iter().enumerate() {
+            assert!(z.is_finite() && (found.1[i] == 0 || *z == tile.coarse_m[i]));
+        }
+        assert_eq!(context.errors().unwrap().explained, 0.0);
+        // No light was needed.
+        assert_eq!(context.telemetry().lights_assumed, 0);
+    }
+}
+
+#[test]
+fn the_network_alone_makes_other_heights() {
+    let mut tile = Tile::golden();
+    let usual = tile.expected();
+    tile.network_alone = true;
+    let alone = tile.expected();
+    assert!(bits(&usual.0) != bits(&alone.0) && usual.1 == alone.1);
+    assert_same(&heights_of(&tile.c()), &alone, "alone");
+}
+
 #[test]
 fn expected_errors_are_the_cores() {
     for tile in [Tile::golden(), Tile::other()] {
@@ -145,8 +388,8 @@ fn a_refused_tile_leaves_the_one_at_work() {
     let (tile, mut context) = (Tile::golden(), Context::new(nano()));
     assert_eq!(context.begin(&tile), ELD_OK);
     assert_eq!(context.step(STEP_MACS), ELD_RUNNING);
-    let constant = Tile { image: vec![3.0; PX], ..tile.clone() };
-    assert_eq!(context.begin(&constant), ELD_REFUSED_TILE_CONSTANT_IMAGE);
+    let no_ground = Tile { pixel_m: 0.0, ..tile.clone() };
+    assert_eq!(context.begin(&no_ground), ELD_REFUSED_TILE_PIXEL);
     let masked = Tile { valid: Some(vec![0; PX]), ..tile.clone() };
     assert_eq!(context.begin(&masked), ELD_REFUSED_TILE_MASKED);
     context.finish();

@@ -25,7 +25,7 @@
 #define ELUNAR_APP_MODEL_BYTES (6u << 20)
 #endif
 #ifndef ELUNAR_APP_MEMORY_BYTES
-#define ELUNAR_APP_MEMORY_BYTES (1u << 21)
+#define ELUNAR_APP_MEMORY_BYTES (9u << 18)
 #endif
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)

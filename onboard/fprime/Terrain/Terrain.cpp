@@ -210,8 +210,7 @@ void Terrain ::tileIn_handler(FwIndexType, const Fw::Buffer& image, const Fw::Bu
     tile.coarse_px = coarse_px;
     tile.sun_azimuth_deg = sun_azimuth_deg;
     tile.sun_elevation_deg = sun_elevation_deg;
-    tile.image = reinterpret_cast<const float*>(this->m_image.getData());
-    tile.image_len = this->m_image.getSize() / sizeof(float);
+    tile.image = service_floats(this->m_image.getData(), this->m_image.getSize());
     tile.coarse_m = reinterpret_cast<const float*>(this->m_coarse.getData());
     tile.coarse_len = this->m_coarse.getSize() / sizeof(float);
     const eld_status_t status = service_give(&this->m_service, &tile);

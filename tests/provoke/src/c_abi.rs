@@ -45,6 +45,10 @@ pub struct Tally {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
     Empty,
+    /// A tile is prepared: a good one by its number, or another.
+    Preparing {
+        good: Option<usize>,
+    },
     /// A good tile by its number, or another tile.
     Tile {
         good: Option<usize>,
@@ -64,6 +68,8 @@ struct Slot {
     handle: *mut eld_context_t,
     info: eld_model_info_t,
     phase: Phase,
+    /// The tile that is prepared.
+    prepared: Option<Tile>,
     /// Whether nothing was ever damaged except one copy of the context.
     whole: bool,
     macs: u64,
@@ -91,9 +97,18 @@ impl Tile {
             coarse_px: 9.0,
             sun_azimuth_deg: 70.0 * number as f32,
             sun_elevation_deg: if number == 2 { f32::NAN } else { 30.0 },
-            reserved: 0,
-            image: null(),
-            image_len: 0,
+            network_alone: 0,
+            image: eld_pixels_t {
+                data: null(),
+                data_bytes: 0,
+                row_bytes: 0,
+                format: ELD_PIXELS_F32,
+                flags: 0,
+                gain: 1.0,
+                offset: 0.0,
+                null_code: 0,
+                saturated_from: 0,
+            },
             coarse_m: null(),
             coarse_len: 0,
             valid: null(),
@@ -103,7 +118,7 @@ impl Tile {
     }
 
     fn pointed(mut self) -> Self {
-        (self.c.image, self.c.image_len) = (self.image.as_ptr(), self.image.len());
+        (self.c.image.data, self.c.image.data_bytes) = (self.image.as_ptr().cast(), size_of_val(&self.image[..]));
         (self.c.coarse_m, self.c.coarse_len) = (self.coarse_m.as_ptr(), self.coarse_m.len());
         (self.c.valid, self.c.valid_len) = self.mask.as_ref().map_or((null(), 0), |mask| (mask.as_ptr(), mask.len()));
         self
@@ -113,25 +128,33 @@ impl Tile {
     fn odd(mut self, reader: &mut Reader<'_>, memory: *const u64) -> Self {
         let (how, value) = (reader.byte(), reader.word());
         let (at, float) = (value as usize % self.image.len(), f32::from_bits(reader.word()));
-        match how % 16 {
-            0 => self.c.image = null(),
+        match how % 20 {
+            0 => self.c.image.data = null(),
             1 => self.c.coarse_m = self.c.coarse_m.wrapping_byte_add(1 + at % 3),
-            2 => self.c.image_len = reader.size(1 << 20),
+            2 => self.c.image.data_bytes = reader.size(4 * self.image.len()),
             3 => self.c.coarse_len = reader.size(1 << 20),
             4 => self.c.valid_len = reader.size(1 << 20),
             5 => self.c.struct_bytes = value,
-            6 => self.c.reserved = value,
+            6 => self.c.network_alone = value % 3,
             7 => self.c.pixel_m = float,
             8 => self.c.coarse_px = float,
             9 => (self.c.sun_azimuth_deg, self.c.sun_elevation_deg) = (float, f32::from_bits(reader.word())),
-            10 => self.c.image = memory.cast(),
+            10 => self.c.image.data = memory.cast(),
             11 => self.image[..=at].fill(float),
             12 => self.coarse_m[at..].fill(float),
             13 => self.image.fill(float),
             14 => self.mask = Some(vec![value as u8; self.image.len()]),
+            15 => (self.c.image.gain, self.c.image.offset) = (float, f32::from_bits(reader.word())),
+            16 => (self.c.image.format, self.c.image.row_bytes) = (value % 6, reader.size(1 << 10)),
+            // Any bytes are codes.
+            17 => (self.c.image.format, self.c.image.null_code) = (1 + value % 4, value >> 20),
+            18 => {
+                (self.c.image.format, self.c.image.flags) = (1 + value % 4, value >> 8 & 7);
+                (self.c.image.null_code, self.c.image.saturated_from) = (value >> 16, reader.word() >> 16);
+            }
             _ => self.mask.get_or_insert(vec![1; self.image.len()])[at] = value as u8,
         }
-        if how % 16 >= 14 { self.pointed() } else { self }
+        if matches!(how % 20, 14 | 19) { self.pointed() } else { self }
     }
 }
 
@@ -164,7 +187,7 @@ impl Slot {
         let words = if info.memory_bytes > LARGEST { 0 } else { (info.memory_bytes as usize).div_ceil(8) };
         let memory = vec![GUARD_WORD; words + 2 * GUARD];
         let (phase, handle) = (Phase::Empty, null_mut());
-        let mut slot = Self { memory, model, sound, handle, info, phase, whole: true, macs: 0 };
+        let mut slot = Self { memory, model, sound, handle, info, phase, prepared: None, whole: true, macs: 0 };
         let status = if words == 0 { ELD_REFUSED_MEMORY_SHORT } else { slot.init(info.memory_bytes as usize, 0) };
         if status == ELD_OK { Ok(slot) } else { Err(status) }
     }
@@ -322,25 +345,54 @@ impl Play<'_> {
         slot.guarded();
         if slot.whole {
             let known = slot.sound.is_some() || status != ELD_FAULT_SELF_TEST;
+            // Heights beyond all ground come of any tile but a good one, and of changed weights.
+            let good = matches!(slot.phase, Phase::Tile { good: Some(_), .. }) && slot.sound.is_some();
+            let known = known && (good || status != ELD_FAULT_HEIGHT);
             assert!(severity(status) != FAULT || !known, "a sound context reports {:?}", text(status));
+            if status == ELD_FAULT_HEIGHT {
+                slot.phase = Phase::Empty;
+            }
         }
         Some(slot)
     }
 
     fn begin(&mut self, slot: &mut Slot) -> eld_status_t {
-        let how = self.reader.byte();
+        let (how, pieces) = (self.reader.byte(), self.reader.byte());
+        let budget = [1, 1 << 12, 1 << 20, u64::MAX, u64::MAX, u64::MAX, u64::MAX, u64::MAX][pieces as usize % 8];
+        let goes_on = matches!(slot.phase, Phase::Preparing { .. }) && pieces & 8 == 0 || pieces > 240;
+        if let (Some(tile), true) = (&slot.prepared, goes_on) {
+            // Goes on with a tile that is prepared; with one that was prepared before another call took its place, it begins again.
+            let c = tile.c;
+            let good = match slot.phase {
+                Phase::Preparing { good } => good,
+                _ => None,
+            };
+            return Self::begin_step(slot, &c, budget, good);
+        }
         let good = how as usize / 8 % TILES;
         let mut tile = Tile::good(good, slot.shape());
         let odd = how % 8 < 4;
         if odd {
             tile = tile.odd(&mut self.reader, slot.memory[GUARD..].as_ptr());
         }
-        // SAFETY: a context of the test; wrong fields of the tile are refused before they are used.
-        let status = unsafe { ffi::eld_begin(slot.handle, &tile.c) };
+        let c = tile.c;
+        let status = Self::begin_step(slot, &c, budget, (!odd).then_some(good));
         assert!(odd || worked(status) || !slot.whole || slot.sound.is_none(), "a good tile: {:?}", text(status));
-        if worked(status) {
-            slot.phase = Phase::Tile { good: (!odd).then_some(good), done: false };
+        if status == ELD_RUNNING {
+            slot.prepared = Some(tile);
         }
+        status
+    }
+
+    fn begin_step(slot: &mut Slot, tile: &eld_tile_t, budget: u64, good: Option<usize>) -> eld_status_t {
+        // SAFETY: a context of the test; wrong fields of the tile are refused before they are used.
+        let status = unsafe { ffi::eld_begin_step(slot.handle, tile, budget) };
+        if status == ELD_RUNNING {
+            slot.phase = Phase::Preparing { good };
+        } else if worked(status) {
+            slot.phase = Phase::Tile { good, done: false };
+        }
+        assert!(budget < u64::MAX || status != ELD_RUNNING, "all work at once");
         status
     }
 
@@ -355,11 +407,13 @@ impl Play<'_> {
         slot.macs = slot.macs.saturating_add(budget.min(slot.info.tile_macs).max(slot.info.largest_unit_macs));
         if slot.whole {
             assert_eq!(status == ELD_REFUSED_NO_TILE, slot.phase == Phase::Empty, "{:?}", text(status));
+            let preparing = matches!(slot.phase, Phase::Preparing { .. });
+            assert_eq!(status == ELD_REFUSED_NOT_BEGUN, preparing, "{:?}", text(status));
         }
         let finished = worked(status) && status != ELD_RUNNING;
         match &mut slot.phase {
             Phase::Tile { done, .. } | Phase::SelfTest { done } => *done |= finished,
-            Phase::Empty => {}
+            Phase::Empty | Phase::Preparing { .. } => {}
         }
         status
     }
@@ -370,7 +424,7 @@ impl Play<'_> {
             match (slot.phase, found) {
                 (Phase::Empty, found) => assert_eq!(found, Err(ELD_REFUSED_NO_TILE)),
                 (Phase::SelfTest { .. }, found) => assert_eq!(found, Err(ELD_REFUSED_OTHER_TILE)),
-                (Phase::Tile { done: false, .. }, found) => assert_eq!(found, Err(ELD_REFUSED_NOT_DONE)),
+                (Phase::Preparing { .. } | Phase::Tile { done: false, .. }, found) => assert_eq!(found, Err(ELD_REFUSED_NOT_DONE)),
                 (Phase::Tile { good, done: true }, found) => {
                     let crc = found.expect("a finished tile");
                     if let (Some(model), Some(tile)) = (slot.sound, good) {
@@ -384,7 +438,19 @@ impl Play<'_> {
     }
 
     fn self_test(&mut self, slot: &mut Slot) -> eld_status_t {
-        if self.reader.byte().is_multiple_of(2) {
+        let how = self.reader.byte();
+        if how % 8 == 7 {
+            // SAFETY: a context of the test.
+            let status = unsafe { ffi::eld_abort(slot.handle) };
+            if slot.whole {
+                assert_eq!(status == ELD_REFUSED_NO_TILE, slot.phase == Phase::Empty, "{:?}", text(status));
+            }
+            if worked(status) {
+                slot.phase = Phase::Empty;
+            }
+            return status;
+        }
+        if how.is_multiple_of(2) {
             // SAFETY: a context of the test.
             let status = unsafe { ffi::eld_self_test_begin(slot.handle) };
             if worked(status) {
@@ -408,6 +474,7 @@ impl Play<'_> {
         if slot.whole {
             let phase = match slot.phase {
                 Phase::Empty => ELD_PHASE_EMPTY,
+                Phase::Preparing { .. } => ELD_PHASE_PREPARING,
                 Phase::Tile { done, .. } => ELD_PHASE_TILE + done as u32,
                 Phase::SelfTest { done } => ELD_PHASE_SELF_TEST + done as u32,
             };
@@ -438,6 +505,9 @@ impl Play<'_> {
             [
                 ffi::eld_begin(null_mut(), null()),
                 ffi::eld_begin(slot.handle, null()),
+                ffi::eld_begin_step(null_mut(), null(), 1),
+                ffi::eld_begin_step(slot.handle, null(), 1),
+                ffi::eld_abort(null_mut()),
                 ffi::eld_step(null_mut(), 1),
                 ffi::eld_output(slot.handle, null_mut(), len, null_mut(), len),
                 ffi::eld_output(handle, short.as_mut_ptr(), if len == px { 0 } else { len }, null_mut(), 0),
@@ -449,7 +519,7 @@ impl Play<'_> {
         };
         for (number, status) in statuses.into_iter().enumerate() {
             self.count(status);
-            assert!(number == 8 || !worked(status), "call {number}: {:?}", text(status));
+            assert!(number == 11 || !worked(status), "call {number}: {:?}", text(status));
         }
         slot.guarded();
         Some(slot)

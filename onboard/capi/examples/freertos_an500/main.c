@@ -62,8 +62,7 @@ int platform_next_tile(eld_tile_t *tile) {
     tile->coarse_px = 29.61f;
     tile->sun_azimuth_deg = 189.488525f;
     tile->sun_elevation_deg = 25.614722f;
-    tile->image = (const float *)0x60800000;
-    tile->image_len = DUTY_PX;
+    tile->image = service_floats((const void *)0x60800000, DUTY_PX * sizeof(float));
     tile->coarse_m = (const float *)0x60900000;
     tile->coarse_len = DUTY_PX;
     return 1;

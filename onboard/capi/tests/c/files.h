@@ -39,8 +39,9 @@ static eld_tile_t golden_tile(const char *folder) {
     tile.coarse_px = 29.61f;
     tile.sun_azimuth_deg = 189.48853f;
     tile.sun_elevation_deg = 25.614722f;
-    tile.image = (const float *)read_file(folder, "/image.f32", &bytes);
-    tile.image_len = bytes / sizeof(float);
+    tile.image.data = read_file(folder, "/image.f32", &tile.image.data_bytes);
+    tile.image.format = ELD_PIXELS_F32;
+    tile.image.gain = 1.0f;
     tile.coarse_m = (const float *)read_file(folder, "/coarse_m.f32", &bytes);
     tile.coarse_len = bytes / sizeof(float);
     tile.valid = (const uint8_t *)read_file(folder, "/valid.u8", &tile.valid_len);

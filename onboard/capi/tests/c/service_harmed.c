@@ -18,19 +18,22 @@ static void expect(const char *what, unsigned long found, unsigned long expected
     exit(1);
 }
 
-/* Returns the bytes of a copy of the context; both copies begin with the same bytes. */
-static size_t copy_bytes(void) {
+/* Returns the bytes of a copy of what is kept twice from a byte on; both copies begin with the same bytes. */
+static size_t copy_bytes(size_t from) {
     size_t at;
-    for (at = 1; at < 64; at++) {
-        if (memory[at] == memory[0]) return 8 * at;
+    for (at = 1; at < 256; at++) {
+        if (memory[from / 8 + at] == memory[from / 8]) return 8 * at;
     }
-    fail("context", "expected two copies");
+    fail("memory", "expected two copies");
     return 0;
 }
 
+/* Returns the byte where the part behind two copies begins: at a cache line. */
+static size_t behind(size_t from) { return (from + 2 * copy_bytes(from) + 63) / 64 * 64; }
+
 static void harm_context(void) {
     uint8_t *bytes = (uint8_t *)memory;
-    size_t copy = copy_bytes();
+    size_t copy = copy_bytes(0);
     bytes[20] ^= 1;
     bytes[copy + 30] ^= 1;
 }
@@ -70,8 +73,9 @@ static void distrust(const eld_tile_t *tile) {
 }
 
 int main(int argc, char **argv) {
-    eld_tile_t tile, dark;
+    eld_tile_t tile, dark, spoilt;
     float *one;
+    uint8_t *mask;
     size_t px, i;
     if (argc != 3 && argc != 4) fail("usage", "service_harmed MODEL FOLDER [OUT]");
     model = (uint8_t *)read_file("", argv[1], &model_bytes);
@@ -81,6 +85,7 @@ int main(int argc, char **argv) {
     px = (size_t)info.tile_rows * info.tile_cols;
     memory = (uint64_t *)malloc((size_t)info.memory_bytes + 8);
     heights_m = (float *)malloc(px * sizeof(float));
+    mask = (uint8_t *)malloc(px);
     if (argc == 3) {
         distrust(&tile);
         return 0;
@@ -90,7 +95,7 @@ int main(int argc, char **argv) {
     boot();
 
     /* Both copies of the context are damaged: the service goes down and starts again, and the tile begins again. */
-    expect("give", service_give(&service, &tile), ELD_OK);
+    expect("give", service_give(&service, &tile), ELD_RUNNING);
     service_cycle(&service, info.largest_unit_macs, 0);
     harm_context();
     service_cycle(&service, info.largest_unit_macs, 0);
@@ -101,9 +106,9 @@ int main(int argc, char **argv) {
     take();
 
     /* A validity bit of a finished tile is damaged: the tile is computed again when it is taken, and can be taken then. */
-    expect("give", service_give(&service, &tile), ELD_OK);
+    expect("give", service_give(&service, &tile), ELD_RUNNING);
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
-    ((uint8_t *)memory)[2 * copy_bytes() / 64 * 64 + 64 + 100] ^= 1;
+    ((uint8_t *)memory)[behind(behind(0)) + 100] ^= 1; /* behind the context and the tile's job */
     expect("a lost tile", ELD_WORKED(service_take(&service, heights_m, NULL)), 1);
     expect("again", service.state, SERVICE_TILE);
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
@@ -113,11 +118,33 @@ int main(int argc, char **argv) {
     one = (float *)malloc(px * sizeof(float));
     for (i = 0; i < px; i++) one[i] = 1.0f;
     dark = tile;
-    dark.image = one;
-    expect("dark", service_give(&service, &dark), ELD_REFUSED_TILE_CONSTANT_IMAGE);
+    dark.image = service_floats(one, px * sizeof(float));
+    dark.pixel_m = 0.0f;
+    expect("no ground", service_give(&service, &dark), ELD_REFUSED_TILE_PIXEL);
     expect("dropped", service.drops, 1);
-    expect("give", service_give(&service, &tile), ELD_OK);
+    expect("give", service_give(&service, &tile), ELD_RUNNING);
     expect("give twice", service_give(&service, &tile), ELD_REFUSED_NOT_DONE);
+    if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
+    take();
+
+    /* An image without light: the heights are those of the coarse DTM. */
+    dark.pixel_m = tile.pixel_m;
+    expect("dark", service_give(&service, &dark), ELD_RUNNING);
+    while (service.state == SERVICE_TILE && !service.begun) service_cycle(&service, info.largest_unit_macs, 0);
+    expect("coarse", service.status, ELD_NOTICE_COARSE);
+    if (!cycles_to(SERVICE_READY)) fail("dark", eld_status_text(service.status));
+    take();
+
+    /* A mask that is spoilt during the preparation: the tile is dropped, and the next one in the same buffers begins anew. */
+    spoilt = tile;
+    spoilt.valid = mask;
+    memset(mask, 1, px);
+    expect("give", service_give(&service, &spoilt), ELD_RUNNING);
+    mask[px - 1] = 7;
+    expect("spoilt", service_cycle(&service, 1, 0), ELD_REFUSED_TILE_MASK);
+    expect("dropped", service.drops, 2);
+    memcpy(mask, tile.valid, px);
+    expect("give", service_give(&service, &spoilt), ELD_RUNNING);
     if (!cycles_to(SERVICE_READY)) fail("tile", eld_status_text(service.status));
     take();
 

@@ -19,7 +19,7 @@ static void *reversed(const void *map, size_t samples) {
 }
 
 int main(int argc, char **argv) {
-    size_t model_bytes, px, i, passes = 0;
+    size_t model_bytes, px, i, passes = 0, pieces = 0;
     const void *model;
     eld_model_info_t info;
     eld_tile_t tiles[2];
@@ -40,7 +40,7 @@ int main(int argc, char **argv) {
 
     tiles[0] = golden_tile(argv[2]);
     tiles[1] = tiles[0];
-    tiles[1].image = (const float *)reversed(tiles[0].image, px);
+    tiles[1].image.data = reversed(tiles[0].image.data, px);
     tiles[1].coarse_m = (const float *)reversed(tiles[0].coarse_m, px);
     tiles[1].valid = NULL;
     tiles[1].valid_len = 0;
@@ -55,7 +55,9 @@ int main(int argc, char **argv) {
         while (eld_step(contexts[i], info.tile_macs / 4) == ELD_RUNNING) {
         }
         check("self test", eld_self_test_check(contexts[i]));
-        check("begin", eld_begin(contexts[i], &tiles[i]));
+        /* The first tile is begun at once, the second in pieces. */
+        while (i == 1 && eld_begin_step(contexts[i], &tiles[i], info.largest_unit_macs) == ELD_RUNNING) pieces++;
+        if (i == 0) check("begin", eld_begin(contexts[i], &tiles[i]));
     }
     for (;;) {
         eld_status_t first = eld_step(contexts[0], info.largest_unit_macs);
@@ -66,6 +68,7 @@ int main(int argc, char **argv) {
         passes++;
         if (first != ELD_RUNNING && second != ELD_RUNNING) break;
     }
+    if (pieces < 2) fail("begin", "expected pieces");
     valid = (uint8_t *)malloc(px);
     check("output", eld_output(contexts[0], heights_m[0], px, valid, px));
     check("output", eld_output(contexts[1], heights_m[1], px, NULL, 0));

@@ -9,6 +9,7 @@ use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::samples::is_set;
 use elunar_core::{KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -47,6 +48,7 @@ pub(crate) struct Tile {
     pub(crate) pixel_m: f32,
     pub(crate) coarse_px: f32,
     pub(crate) sun: [f32; 2],
+    pub(crate) network_alone: bool,
 }
 
 impl Tile {
@@ -62,6 +64,7 @@ impl Tile {
             pixel_m: 2.0,
             coarse_px: 29.61,
             sun: [189.488_53, 25.614_722],
+            network_alone: false,
         };
         assert_eq!([tile.image.len(), tile.coarse_m.len(), tile.valid.as_ref().unwrap().len()], [PX; 3]);
         tile
@@ -83,7 +86,7 @@ impl Tile {
             coarse_px: self.coarse_px,
             sun_azimuth_deg: self.sun[0],
             sun_elevation_deg: self.sun[1],
-            network_alone: 0,
+            network_alone: self.network_alone.into(),
             image: floats(&self.image),
             coarse_m: self.coarse_m.as_ptr(),
             coarse_len: self.coarse_m.len(),
@@ -118,7 +121,7 @@ impl Tile {
             (vec![0.0; TileMemory::scratch_len(&rules, shape)], vec![0.0; TileMemory::lines_len(shape)]);
         let mut memory =
             TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
-        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: true };
+        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: !self.network_alone };
         let mut job = TileJob::new(how, rules, shape);
         while job.prepare(&mut runner, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
         while job.run(&mut runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}
@@ -154,6 +157,16 @@ pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
     // SAFETY: a slice and a structure of our own.
     let status = unsafe { ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info) };
     if status == ELD_OK { Ok(info) } else { Err(status) }
+}
+
+/// Byte ranges of the lent memory of nano, behind the context.
+pub(crate) struct Parts {
+    pub(crate) job: Range<usize>,
+    pub(crate) valid: Range<usize>,
+    pub(crate) coarse: Range<usize>,
+    pub(crate) scratch: Range<usize>,
+    pub(crate) lines: Range<usize>,
+    pub(crate) arena: Range<usize>,
 }
 
 /// A context with its lent memory.
@@ -193,6 +206,16 @@ impl Context {
     pub(crate) fn begin(&mut self, tile: &Tile) -> eld_status_t {
         // SAFETY: a context and a tile of our own, here and below.
         unsafe { ffi::eld_begin(self.handle, &tile.c()) }
+    }
+
+    pub(crate) fn begin_step(&mut self, tile: &eld_tile_t, budget_macs: u64) -> eld_status_t {
+        // SAFETY: a context of our own; the caller's maps live.
+        unsafe { ffi::eld_begin_step(self.handle, tile, budget_macs) }
+    }
+
+    pub(crate) fn abort(&mut self) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_abort(self.handle) }
     }
 
     pub(crate) fn step(&mut self, budget_macs: u64) -> eld_status_t {
@@ -251,6 +274,26 @@ impl Context {
         // SAFETY: as above.
         let status = unsafe { ffi::eld_telemetry(self.handle, &raw mut out) };
         (out, status)
+    }
+
+    /// Returns the places of the parts of the lent memory, from sizes that the core tells: `elunar_capi::layout`, a second time.
+    pub(crate) fn parts(&mut self) -> Parts {
+        let model = Model::new(nano()).unwrap();
+        let (tile, rules) = (model.tile(), model.input_rules());
+        let mut end = self.head_bytes();
+        let mut next = |bytes: usize| {
+            let start = end.next_multiple_of(64);
+            end = start + bytes;
+            start..end
+        };
+        Parts {
+            job: next(2 * 8 * (TileJob::WORDS + 2)),
+            valid: next(TileMemory::valid_len(tile)),
+            coarse: next(4 * tile.pixels()),
+            scratch: next(4 * TileMemory::scratch_len(&rules, tile)),
+            lines: next(8 * TileMemory::lines_len(tile)),
+            arena: next(required(&model)),
+        }
     }
 
     /// Returns the number of bytes of both copies of the context. They begin with the same bytes and have the same length.

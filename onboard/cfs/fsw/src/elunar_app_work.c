@@ -69,12 +69,11 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
     Given.coarse_px         = Tile->CoarsePx;
     Given.sun_azimuth_deg   = Tile->SunAzimuthDeg;
     Given.sun_elevation_deg = Tile->SunElevationDeg;
-    Given.image             = Image;
-    Given.image_len         = Found[0] / sizeof(float);
+    /* A file of another length is not this tile's image; the library refuses one that is too short. */
+    Given.image             = service_floats(Image, Found[0] == Px * sizeof(float) ? Found[0] : 0);
     Given.coarse_m          = CoarseM;
     Given.coarse_len        = Found[1] / sizeof(float);
     memcpy(ELUNAR_APP_Data.OutputFile, Tile->OutputFile, sizeof ELUNAR_APP_Data.OutputFile);
-    /* The library refuses other lengths than the tile's. */
     if (!ELUNAR_APP_Tell(service_give(Service, &Given))) {
         TellState();
         return false;

@@ -6,13 +6,19 @@ use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Region, SelfTestPassed, Slot, SlotError, SlotRecord, Slots, Storage, StorageError,
 };
 use elunar_capi::elunar_core::nn::{
-    Begun, Kernel, Model, ModelError, Progress, RunError, Runner, TileError, TileInput, TileScale, required, validity,
+    InputRules, Kernel, Lighting, Model, ModelError, Progress, RunError, Runner, required,
 };
+use elunar_capi::elunar_core::photoclinometry::ExpectedErrors;
+use elunar_capi::elunar_core::pixels::Pixels;
+use elunar_capi::elunar_core::samples::{Masked, Samples};
 use elunar_capi::elunar_core::strip::{
     LineErrors, Next, PostGrid, Posts, Strip, StripError, StripMemory, StripPaused, StripPlan, StripSettings,
 };
 use elunar_capi::elunar_core::terrain::TerrainError;
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
+use elunar_capi::elunar_core::job::TileScale;
+use elunar_capi::elunar_core::tile::Shape;
+use elunar_capi::elunar_core::{JobError, Made, TileInput, TileJob, TileMemory, TileRules};
 
 unsafe extern "C" {
     /// Not defined anywhere: a program that refers to it does not link. Its argument is the panic's location, so that the location stays in
@@ -94,17 +100,39 @@ root! {
     elunar_root_begin(runner: &mut Runner<'_, '_>, image: &[f32], coarse: &[f32]) -> Result<(), RunError> {
         runner.begin(image, coarse)
     }
-    elunar_root_begin_metres(runner: &mut Runner<'_, '_>, tile: &TileInput<'_>, scratch: &mut [f32])
-        -> Result<Begun, TileError> { runner.begin_metres(tile, scratch) }
     elunar_root_begin_self_test(runner: &mut Runner<'_, '_>) -> Result<(), RunError> { runner.begin_self_test() }
     elunar_root_step(runner: &mut Runner<'_, '_>, macs: u64) -> Result<Progress, RunError> { runner.step(macs) }
     elunar_root_output(runner: &Runner<'_, '_>, out: &mut [f32]) -> Result<(), RunError> { runner.output(out) }
-    elunar_root_heights(runner: &Runner<'_, '_>, scale: &TileScale, out_m: &mut [f32]) -> Result<(), RunError> {
-        runner.heights(scale, out_m)
+    elunar_root_job(rules: TileRules, input: InputRules, tile: Shape) -> TileJob { TileJob::new(rules, input, tile) }
+    elunar_root_job_lens(input: &InputRules, tile: Shape) -> [usize; 3] {
+        [TileMemory::valid_len(tile), TileMemory::scratch_len(input, tile), TileMemory::lines_len(tile)]
     }
-    elunar_root_validity(image: &[f32], coarse_m: &[f32], valid: Option<&[bool]>, out: &mut [bool]) -> () {
-        validity(image, coarse_m, valid, out)
+    elunar_root_job_prepare(
+        job: &mut TileJob, runner: &mut Runner<'_, '_>, tile: &TileInput<&[f32], &[f32]>, memory: &mut TileMemory<'_>, macs: u64
+    ) -> Result<Progress, JobError<RunError>> { job.prepare(runner, tile, memory, macs) }
+    elunar_root_job_prepare_pixels(
+        job: &mut TileJob, runner: &mut Runner<'_, '_>, tile: &TileInput<Masked<'_, Pixels<'_>>, &[f32]>, memory: &mut TileMemory<'_>,
+        macs: u64
+    ) -> Result<Progress, JobError<RunError>> { job.prepare(runner, tile, memory, macs) }
+    elunar_root_job_run(job: &mut TileJob, runner: &mut Runner<'_, '_>, memory: &mut TileMemory<'_>, macs: u64)
+        -> Result<Progress, JobError<RunError>> { job.run(runner, memory, macs) }
+    elunar_root_job_give_up(job: &mut TileJob) -> () { job.give_up() }
+    elunar_root_job_results(job: &TileJob) -> (Option<Made>, usize, Lighting, Option<ExpectedErrors>, Option<TileScale>) {
+        (job.made(), job.valid_px(), job.lighting(), job.expected(), job.scale())
     }
+    elunar_root_job_heights(job: &TileJob, memory: &TileMemory<'_>, out_m: &mut [f32], valid: &mut [u8]) -> () {{
+        out_m.iter_mut().zip(job.heights_m(memory)).for_each(|(to, z)| *to = *z);
+        valid.iter_mut().zip(job.valid(memory)).for_each(|(to, bits)| *to = *bits);
+    }}
+    elunar_root_job_words(job: TileJob) -> [u64; TileJob::WORDS] { job.to_words() }
+    elunar_root_job_of_words(words: [u64; TileJob::WORDS], input: InputRules, tile: Shape) -> Option<TileJob> {
+        TileJob::from_words(words, input, tile)
+    }
+    elunar_root_pixels(pixels: &Pixels<'_>, first: usize, out: &mut [f32]) -> bool {{
+        pixels.read(first, out);
+        pixels.is_whole()
+    }}
+    elunar_root_scale_recover(scale: &TileScale, tile: Shape, heights: &mut [f32]) -> () { scale.recover(tile, heights) }
     elunar_root_check(runner: &mut Runner<'_, '_>) -> Result<u32, RunError> {
         runner.check_self_test().and_then(|()| runner.output_crc())
     }

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <cstdlib>
 namespace Elunar {
-static U64 s_memory[(1u << 21) / 8u];
+static U64 s_memory[(9u << 18) / 8u];
 static U8 s_model[6u << 20];
 static const U32 PX = 256u * 320u;
 static F32 s_image[PX], s_coarse[PX], s_heights[PX * 5 / 4];
