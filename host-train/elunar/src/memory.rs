@@ -1,8 +1,9 @@
 //! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
 
-use crate::program::{JSON, NO_MEMORY, fail_once, kind_of};
+use crate::program::{JSON, NO_MEMORY, fail_once, kind_of, with_said};
 use elunar_base::memory::is_fallible;
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::fmt::{Arguments, Write as _};
 use std::io::{Cursor, Write};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -25,10 +26,12 @@ fn granted(at: *mut u8, bytes: usize) -> *mut u8 {
 fn end(bytes: usize) -> ! {
     if fail_once(NO_MEMORY, format_args!("not enough memory: the system refused {bytes} bytes")) {
         #[cfg(unix)]
-        object(bytes);
+        object(format_args!("not enough memory: the system refused {bytes} bytes"));
     } else {
-        // Another thread has begun to say why the program ends.
+        // Another thread has begun to say why the program ends; or this one has, and memory is refused on its way out.
         std::thread::sleep(Duration::from_millis(100));
+        #[cfg(unix)]
+        with_said(object);
     }
     #[cfg(unix)]
     #[allow(unsafe_code)]
@@ -42,20 +45,34 @@ fn end(bytes: usize) -> ! {
 
 /// Prints the object of the error, if JSON is asked for. Nothing is allocated, and the library's buffer is left alone: this thread may hold it.
 #[cfg(unix)]
-fn object(bytes: usize) {
+fn object(message: Arguments<'_>) {
     if !JSON.load(Ordering::Relaxed) {
         return;
     }
-    let mut text = Cursor::new([0; 256]);
+    let mut text = Cursor::new([0; 1024]);
     let (code, kind) = (NO_MEMORY, kind_of(NO_MEMORY));
-    let message = format_args!("not enough memory: the system refused {bytes} bytes");
-    // The words have no character that JSON escapes, and fit.
-    let _ = writeln!(text, "{{\"error\":{{\"code\":{code},\"kind\":\"{kind}\",\"message\":\"{message}\"}}}}");
+    let _ = write!(text, "{{\"error\":{{\"code\":{code},\"kind\":\"{kind}\",\"message\":\"")
+        .and_then(|()| write!(Escaped(&mut text), "{message}").map_err(std::io::Error::other))
+        .and_then(|()| writeln!(text, "\"}}}}"));
     let length = text.position() as usize;
     #[allow(unsafe_code)]
     // SAFETY: the first `length` bytes of the array are initialised, and 1 is standard output, or an error that is ignored.
     unsafe {
         libc::write(1, text.get_ref().as_ptr().cast(), length);
+    }
+}
+
+/// Text within a string of JSON.
+struct Escaped<'t>(&'t mut Cursor<[u8; 1024]>);
+
+impl std::fmt::Write for Escaped<'_> {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        for c in text.chars() {
+            // Control characters have been replaced before.
+            let escape = if matches!(c, '"' | '\\') { "\\" } else { "" };
+            write!(self.0, "{escape}{c}").map_err(|_| std::fmt::Error)?;
+        }
+        Ok(())
     }
 }
 

@@ -174,6 +174,16 @@ fn line(what: Arguments<'_>) {
     };
 }
 
+/// Passes on what was said, if the program ends for want of memory and nobody is writing it. Allocates nothing.
+pub(crate) fn with_said(pass_on: impl FnOnce(Arguments<'_>)) {
+    if PANICKED.load(Ordering::SeqCst) == NO_MEMORY
+        && let Ok(said) = SAID.try_lock()
+        && !said.is_empty()
+    {
+        pass_on(format_args!("{said}"));
+    }
+}
+
 /// Says in one line what the first panic means. Later ones are its consequences.
 fn say(panic: &PanicHookInfo<'_>) {
     let text = panic.payload_as_str().unwrap_or("unknown").replace('\n', " ");
