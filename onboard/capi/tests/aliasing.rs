@@ -289,7 +289,11 @@ fn heights_are_finite_whatever_the_coarse_heights() {
                     beyond += 1;
                     continue;
                 }
-                assert_eq!(eld_output(rig.context, heights.as_mut_ptr(), PX, valid.as_mut_ptr(), PX), ELD_OK, "{size:e}");
+                assert_eq!(
+                    eld_output(rig.context, heights.as_mut_ptr(), PX, valid.as_mut_ptr(), PX),
+                    ELD_OK,
+                    "{size:e}"
+                );
             }
             accepted += 1;
             assert!(heights.iter().all(|h| h.is_finite()), "{size:e}: {heights:?}");

@@ -17,11 +17,10 @@ fn filled(page: &str, name: &str, text: &str) -> String {
     format!("{before}{begin}{text}<!-- end -->{after}")
 }
 
-/// Returns the table of all boards; `None` without Python, which prints it.
-fn boards() -> Option<String> {
+/// Returns the table of all boards, or of the calls; `None` without Python, which prints it.
+fn boards(what: [&str; 2]) -> Option<String> {
     let folder = repository().join("onboard/flight/boards");
-    let printed =
-        Command::new("python3").arg("budget.py").args(["table", "instructions.csv"]).current_dir(folder).output();
+    let printed = Command::new("python3").arg("budget.py").args(what).current_dir(folder).output();
     match printed {
         Ok(out) if out.status.success() => Some(String::from_utf8(out.stdout).unwrap()),
         Ok(out) => panic!("budget.py: {}", String::from_utf8_lossy(&out.stderr)),
@@ -60,7 +59,10 @@ fn model() -> String {
 fn the_page_has_the_tables_that_are_printed() {
     let page = read(PAGE);
     let mut expected = filled(&page, "model", &model());
-    if let Some(boards) = boards() {
+    if let Some(calls) = boards(["calls", "calls.csv"]) {
+        expected = filled(&expected, "calls", &calls);
+    }
+    if let Some(boards) = boards(["table", "instructions.csv"]) {
         let folders = std::fs::read_dir(repository().join("onboard/flight/boards")).unwrap();
         let budgets = folders.filter(|entry| entry.as_ref().unwrap().path().join("budget.toml").is_file()).count();
         assert!(budgets >= 10 && boards.lines().count() == 2 + budgets, "a row for every board");

@@ -145,9 +145,7 @@ const CASES: &[Case] = &[
         assert_eq!((counted.tiles_dropped, counted.lights_assumed), (1, 1));
         status
     }),
-    (ELD_NOTICE_COARSE, "one brightness", || {
-        begin_tile(|tile| tile.image = vec![100.0; PX])
-    }),
+    (ELD_NOTICE_COARSE, "one brightness", || begin_tile(|tile| tile.image = vec![100.0; PX])),
     (ELD_NOTICE_COARSE, "level ground for a model that scales by relief", || {
         begin_small("int8.eld", |tile| tile.coarse_m.fill(-1900.0)).1
     }),

@@ -153,11 +153,14 @@ fn a_tile_begun_in_pieces_is_the_one_begun_at_once() {
                 assert_eq!(context.telemetry().phase, ELD_PHASE_PREPARING);
             };
             assert_eq!(begun, context_begin(&tile), "{budget}");
-            assert!(match budget {
-                1 => pieces > 5 * ROWS,
-                5_000_000 => pieces > 2 && pieces < 100,
-                _ => pieces == 0,
-            }, "{pieces} pieces of {budget}");
+            assert!(
+                match budget {
+                    1 => pieces > 5 * ROWS,
+                    5_000_000 => pieces > 2 && pieces < 100,
+                    _ => pieces == 0,
+                },
+                "{pieces} pieces of {budget}"
+            );
             context.finish();
             assert_same(&context.output().unwrap(), &expected, &format!("budget {budget}"));
         }

@@ -424,7 +424,9 @@ impl Play<'_> {
             match (slot.phase, found) {
                 (Phase::Empty, found) => assert_eq!(found, Err(ELD_REFUSED_NO_TILE)),
                 (Phase::SelfTest { .. }, found) => assert_eq!(found, Err(ELD_REFUSED_OTHER_TILE)),
-                (Phase::Preparing { .. } | Phase::Tile { done: false, .. }, found) => assert_eq!(found, Err(ELD_REFUSED_NOT_DONE)),
+                (Phase::Preparing { .. } | Phase::Tile { done: false, .. }, found) => {
+                    assert_eq!(found, Err(ELD_REFUSED_NOT_DONE))
+                }
                 (Phase::Tile { good, done: true }, found) => {
                     let crc = found.expect("a finished tile");
                     if let (Some(model), Some(tile)) = (slot.sound, good) {
