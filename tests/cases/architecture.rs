@@ -88,6 +88,7 @@ const EDGES: [(&str, &[&str]); 17] = [
             "elunar-learn",
             "host-train",
             "elunar-provoke",
+            "elunar-capi",
         ],
     ),
     (

@@ -2,6 +2,7 @@
 //! interfaces of the runner, the slots and the terrain maps beside the C functions. Never part of a flight archive.
 #![allow(unsafe_code)]
 
+use elunar_capi::elunar_core::job::TileScale;
 use elunar_capi::elunar_core::nn::slots::{
     Boot, ModelId, Region, SelfTestPassed, Slot, SlotError, SlotRecord, Slots, Storage, StorageError,
 };
@@ -16,7 +17,6 @@ use elunar_capi::elunar_core::strip::{
 };
 use elunar_capi::elunar_core::terrain::TerrainError;
 use elunar_capi::elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, TerrainLines};
-use elunar_capi::elunar_core::job::TileScale;
 use elunar_capi::elunar_core::tile::Shape;
 use elunar_capi::elunar_core::{JobError, Made, TileInput, TileJob, TileMemory, TileRules};
 

@@ -1,0 +1,280 @@
+//! A tile has the same heights, validity and expected errors, byte for byte, by the C functions, as a strip of one tile, and as a scene of
+//! that size. A strip and a scene are given their light before. A tile fits its own over filled heights, the survey of a scene over the
+//! heights that are known: without voids of the coarse DTM the lights are the same.
+#![allow(unsafe_code)] // C functions
+
+use elunar_capi::ffi;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+use elunar_core::nn::{KnownSun, LightSource, Lighting, Model, Progress, Runner, TileLight, required};
+use elunar_core::photoclinometry::{ExpectedErrors, Origin};
+use elunar_core::strip::{LineErrors, Next, Strip, StripMemory, StripPlan, StripSettings};
+use elunar_core::tile::Shape;
+use elunar_core::{TileInput, TileJob, TileMemory, TileRules};
+use elunar_raster::{Crs, GeoRef, Raster};
+use elunar_scene::predict::{Input, Options, Scene, int8, predict_rows};
+use elunar_tests::repository;
+use std::ops::ControlFlow;
+
+const SHAPE: Shape = Shape::new(256, 320);
+const PX: usize = SHAPE.rows * SHAPE.cols;
+const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 29.61, anchor: true };
+
+/// A tile in physical units, voids NaN.
+struct Tile {
+    what: &'static str,
+    image: Vec<f32>,
+    coarse_m: Vec<f32>,
+    sun: KnownSun,
+}
+
+/// What a tile becomes. Heights of pixels that are not valid are NaN; errors are those of every valid pixel: of height and slope, share
+/// explained, whether dark.
+struct Made {
+    heights_m: Vec<f32>,
+    valid: Vec<bool>,
+    errors: Vec<[f32; 4]>,
+}
+
+impl Made {
+    /// Makes the results of a whole tile: heights everywhere, and errors for it.
+    fn of_tile(tile: &Tile, mut heights_m: Vec<f32>, valid: Vec<bool>, expected: ExpectedErrors) -> Self {
+        heights_m.iter_mut().zip(&valid).filter(|(_, valid)| !**valid).for_each(|(z, _)| *z = f32::NAN);
+        let at = |v: &f32| {
+            let errors = expected.at(*v);
+            [errors.height_m, errors.slope, errors.explained, errors.dark]
+        };
+        Self { heights_m, valid, errors: tile.image.iter().map(at).collect() }
+    }
+}
+
+fn golden() -> Tile {
+    let folder = repository().join("tests/golden/flight_tile");
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    let floats = |name: &str| read(name).as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect::<Vec<f32>>();
+    let (mut image, mut coarse_m) = (floats("image.f32"), floats("coarse_m.f32"));
+    for (i, valid) in read("valid.u8").into_iter().enumerate() {
+        let real = |v: f32| v.is_finite() && v.abs() < 1e30;
+        for map in [&mut image, &mut coarse_m] {
+            map[i] = if valid == 1 && real(map[i]) { map[i] } else { f32::NAN };
+        }
+    }
+    let sun = KnownSun { azimuth_deg: Some(f64::from(189.488_53_f32)), elevation_deg: Some(f64::from(25.614_722_f32)) };
+    Tile { what: "the golden tile", image, coarse_m, sun }
+}
+
+fn tiles() -> [Tile; 6] {
+    let unknown = KnownSun::default();
+    let mut holes = Tile { what: "voids and shadows", ..golden() };
+    for i in 0..PX {
+        let (row, col) = (i / SHAPE.cols, i % SHAPE.cols);
+        // Craters in shadow, lost blocks of the image, voids of the coarse DTM.
+        if (row % 90).pow(2) + (col % 110).pow(2) < 400 {
+            holes.image[i] *= 0.02;
+        }
+        if row % 64 > 57 && col % 100 < 31 {
+            holes.image[i] = f32::NAN;
+        }
+        if (row + 2 * col) % 173 < 6 {
+            holes.coarse_m[i] = f32::NAN;
+        }
+    }
+    let light = Tile { what: "a tile without light", image: vec![50.0; PX], ..golden() };
+    let level = Tile { what: "an assumed azimuth", coarse_m: vec![-1900.0; PX], sun: unknown, ..golden() };
+    let mut whole = Tile { what: "a tile without voids", ..golden() };
+    for map in [&mut whole.image, &mut whole.coarse_m] {
+        (1..PX).filter(|i| map[*i].is_nan()).collect::<Vec<_>>().into_iter().for_each(|i| map[i] = map[i - 1]);
+        (0..PX).rev().filter(|i| map[*i].is_nan()).collect::<Vec<_>>().into_iter().for_each(|i| map[i] = map[i + 1]);
+    }
+    [whole, golden(), Tile { what: "a fitted azimuth", sun: unknown, ..golden() }, holes, light, level]
+}
+
+fn known(deg: Option<f64>) -> f32 {
+    deg.map_or(f32::NAN, |deg| deg as f32)
+}
+
+/// Makes a tile by the C functions.
+fn through_c(model: &[u8], tile: &Tile) -> Made {
+    let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+    let image = eld_pixels_t {
+        data: tile.image.as_ptr().cast(),
+        data_bytes: 4 * PX,
+        row_bytes: 0,
+        format: ELD_PIXELS_F32,
+        flags: 0,
+        gain: 1.0,
+        offset: 0.0,
+        null_code: 0,
+        saturated_from: 0,
+    };
+    let c = eld_tile_t {
+        struct_bytes: size_of::<eld_tile_t>() as u32,
+        pixel_m: RULES.pixel_m,
+        coarse_px: RULES.coarse_px,
+        sun_azimuth_deg: known(tile.sun.azimuth_deg),
+        sun_elevation_deg: known(tile.sun.elevation_deg),
+        network_alone: 0,
+        image,
+        coarse_m: tile.coarse_m.as_ptr(),
+        coarse_len: PX,
+        valid: std::ptr::null(),
+        valid_len: 0,
+    };
+    let (mut heights_m, mut valid) = (vec![0.0; PX], vec![7; PX]);
+    let mut errors = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
+    let mut context = std::ptr::null_mut();
+    // SAFETY: buffers of the test, as long as it says.
+    unsafe {
+        let model_bytes = model.len();
+        let model = model.as_ptr().cast();
+        assert_eq!(ffi::eld_model_check(model, model_bytes, &raw mut info), ELD_OK);
+        let mut memory = vec![0u64; info.memory_bytes.div_ceil(8) as usize];
+        let bytes = info.memory_bytes as usize;
+        assert_eq!(ffi::eld_init(memory.as_mut_ptr().cast(), bytes, model, model_bytes, &raw mut context), ELD_OK);
+        let finish = |call: &mut dyn FnMut() -> eld_status_t| loop {
+            match call() {
+                ELD_RUNNING => {}
+                status => break assert!(worked(status), "{:?}", text(status)),
+            }
+        };
+        finish(&mut || ffi::eld_begin_step(context, &raw const c, 3_000_000));
+        finish(&mut || ffi::eld_step(context, 50_000_000));
+        assert_eq!(ffi::eld_output(context, heights_m.as_mut_ptr(), PX, valid.as_mut_ptr(), PX), ELD_OK);
+        assert_eq!(ffi::eld_errors(context, &raw mut errors), ELD_OK);
+        drop(memory);
+    }
+    let eld_errors_t { height_m, slope, explained, dark_height_m, dark_slope, dark_below, .. } = errors;
+    let expected = ExpectedErrors::from_values([height_m, slope, explained, dark_height_m, dark_slope, dark_below]);
+    Made::of_tile(tile, heights_m, valid.iter().map(|v| *v == 1).collect(), expected)
+}
+
+/// Returns the light that a tile finds itself.
+fn own_light(model: Model<'_>, tile: &Tile) -> Lighting {
+    let (rules, mut arena) = (model.input_rules(), vec![0; required(&model)]);
+    let (mut coarse, mut valid) = (vec![0.0; PX], vec![0; TileMemory::valid_len(SHAPE)]);
+    let mut scratch = vec![0.0; TileMemory::scratch_len(&rules, SHAPE)];
+    let mut lines = vec![0.0; TileMemory::lines_len(SHAPE)];
+    let mut memory = TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
+    let light = TileLight::Own(tile.sun);
+    let input = TileInput { image: &tile.image[..], coarse_m: &tile.coarse_m[..], inside: SHAPE, light };
+    let mut runner = Runner::new(model, &mut arena).unwrap();
+    let mut job = TileJob::new(RULES, rules, SHAPE);
+    assert_eq!(job.prepare(&mut runner, &input, &mut memory, u64::MAX).unwrap(), Progress::Done);
+    job.lighting()
+}
+
+/// Makes a tile as a strip of one tile.
+fn as_strip(model: Model<'_>, tile: &Tile, light: Lighting) -> (Made, Vec<u8>) {
+    let settings = StripSettings {
+        cols: SHAPE.cols,
+        ring_lines: StripPlan::least_lines(&model),
+        overlap_px: 32,
+        pixel_m: RULES.pixel_m,
+        coarse_px: RULES.coarse_px,
+        anchor: RULES.anchor,
+        light,
+        expected_errors: true,
+    };
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let (mut arena, mut bits) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
+    let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut bits };
+    let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
+    let mut made = Made { heights_m: Vec::new(), valid: Vec::new(), errors: Vec::new() };
+    let (mut line_m, mut height_m, mut slope) = (vec![0.0; SHAPE.cols], vec![0.0; SHAPE.cols], vec![0.0; SHAPE.cols]);
+    let (mut origin, mut origins) = (vec![0; SHAPE.cols], Vec::new());
+    for (image, coarse_m) in tile.image.chunks(SHAPE.cols).zip(tile.coarse_m.chunks(SHAPE.cols)) {
+        strip.push_line(image, coarse_m).unwrap();
+    }
+    strip.finish();
+    while strip.wants() != Next::Done {
+        strip.step(1 << 22);
+        loop {
+            let errors = LineErrors { height_m: &mut height_m, slope: &mut slope, origin: &mut origin };
+            if strip.take_line_with(&mut line_m, errors).unwrap().is_none() {
+                break;
+            }
+            made.heights_m.extend(&line_m);
+            made.valid.extend(line_m.iter().map(|z| !z.is_nan()));
+            made.errors.extend(height_m.iter().zip(&slope).map(|(z, s)| [*z, *s, 0.0, 0.0]));
+            origins.extend(&origin);
+        }
+    }
+    assert_eq!((strip.counters().last_fault, made.heights_m.len()), (None, PX));
+    (made, origins)
+}
+
+/// Makes a tile as a scene of its size; returns it with the light that the scene was made with.
+fn as_scene(path: &std::path::Path, tile: &Tile) -> (Made, Lighting) {
+    let side_m = f64::from(RULES.pixel_m);
+    let georef = GeoRef { transform: [0.0, side_m, 0.0, 0.0, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let input = |name: &str, samples: &[f32]| {
+        let Shape { rows, cols } = SHAPE;
+        Input::in_memory(name, Raster { rows, cols, samples: samples.to_vec(), georef: Some(georef.clone()) })
+    };
+    let mut scene = Scene::new(input("image", &tile.image), input("coarse DTM", &tile.coarse_m)).unwrap();
+    scene.coarse_px = RULES.coarse_px;
+    let model = int8::open(path).unwrap();
+    let overlap_px = Options::overlap_for(SHAPE);
+    let options =
+        Options { overlap_px, anchor: RULES.anchor, sun: tile.sun, expected_errors: true, ..Options::default() };
+    let light = scene.light_for(model.model().illumination(), tile.sun).unwrap().whole;
+    let mut rows = Vec::new();
+    let keep = &mut |row: &[f32]| {
+        rows.push(row.to_vec());
+        Ok(())
+    };
+    predict_rows(&scene, &model, &options, 0, keep, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let mut made = Made { heights_m: Vec::new(), valid: Vec::new(), errors: Vec::new() };
+    for row in rows.iter().flat_map(|rows| rows.chunks(5 * SHAPE.cols)) {
+        let maps: Vec<&[f32]> = row.chunks(SHAPE.cols).collect();
+        made.heights_m.extend(maps[0]);
+        made.valid.extend(maps[0].iter().map(|z| !z.is_nan()));
+        made.errors.extend((0..SHAPE.cols).map(|col| [1, 2, 3, 4].map(|map: usize| maps[map][col])));
+    }
+    (made, light)
+}
+
+/// Compares two results bit for bit, of the errors the first `errors` at valid pixels.
+fn compare(what: &str, found: &Made, expected: &Made, errors: usize) {
+    assert!(found.valid == expected.valid, "{what}: validity");
+    let differ = |i: &usize| found.valid[*i] && found.heights_m[*i].to_bits() != expected.heights_m[*i].to_bits();
+    let count = (0..PX).filter(differ).count();
+    assert_eq!(count, 0, "{what}: heights differ");
+    for i in (0..PX).filter(|i| found.valid[*i]) {
+        let (a, b) = (found.errors[i], expected.errors[i]);
+        let same = a.iter().zip(&b).take(errors).all(|(a, b)| a.to_bits() == b.to_bits());
+        assert!(same, "{what}: errors of pixel {i}: {a:?}, {b:?}");
+    }
+}
+
+#[test]
+fn c_strip_and_scene_make_the_same_bytes() {
+    let path = repository().join("host-train/models/nano.eld");
+    let bytes = std::fs::read(&path).unwrap();
+    let (mut sources, mut alike) = (Vec::new(), Vec::new());
+    for tile in tiles() {
+        let expected = through_c(&bytes, &tile);
+        let valid = expected.valid.iter().filter(|valid| **valid).count();
+        assert!(valid > PX / 2, "{}: {valid} pixels", tile.what);
+        let light = own_light(Model::new(&bytes).unwrap(), &tile);
+        sources.push(light.source);
+        let (strip, origins) = as_strip(Model::new(&bytes).unwrap(), &tile, light);
+        compare(&format!("{}, strip", tile.what), &strip, &expected, 2);
+        for (i, origin) in origins.iter().enumerate().filter(|(i, _)| expected.valid[*i]) {
+            let [.., explained, dark] = expected.errors[i];
+            assert_eq!(*origin, Origin::of(explained, dark) as u8, "{}: pixel {i}", tile.what);
+        }
+        let (scene, of_scene) = as_scene(&path, &tile);
+        alike.push(light == of_scene);
+        if light == of_scene {
+            compare(&format!("{}, scene", tile.what), &scene, &expected, 4);
+        }
+        let (strip, _) = as_strip(Model::new(&bytes).unwrap(), &tile, of_scene);
+        compare(&format!("{}, strip and scene", tile.what), &strip, &scene, 2);
+    }
+    use LightSource::{Assumed, Fitted, Given};
+    assert_eq!(sources, [Given, Given, Fitted, Given, Given, Assumed]);
+    // Without voids, without light, and level.
+    assert_eq!(alike, [true, false, false, false, true, true]);
+}
