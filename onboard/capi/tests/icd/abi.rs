@@ -142,24 +142,29 @@ fn structures_are_laid_out_as_described() {
 #[test]
 #[cfg(target_pointer_width = "64")]
 fn the_tile_is_laid_out_as_described_on_32_bits_too() {
+    let pixels =
+        layout!(eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from });
+    compare_layout("eld_pixels_t", &pixels, size_of::<eld_pixels_t>(), 2);
     let tile = layout!(eld_tile_t {
         struct_bytes,
         pixel_m,
         coarse_px,
         sun_azimuth_deg,
         sun_elevation_deg,
-        reserved,
+        network_alone,
         image,
-        image_len,
         coarse_m,
         coarse_len,
         valid,
         valid_len,
     });
     compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
-    // On 32 bits all its fields have four bytes.
-    let narrow: Vec<u64> = table(section(&page(), "`eld_tile_t`")).iter().map(|row| number(&row[1])).collect();
-    assert_eq!(narrow, (0..tile.len() as u64).map(|i| 4 * i).collect::<Vec<_>>());
+    // On 32 bits all fields have four bytes, and the image nine of them.
+    let narrow = |name: &str| table(section(&page(), name)).iter().map(|row| number(&row[1])).collect::<Vec<u64>>();
+    assert_eq!(narrow("`eld_pixels_t`"), (0..pixels.len() as u64).map(|i| 4 * i).collect::<Vec<_>>());
+    let image = tile.iter().position(|field| field.1 == "image").unwrap();
+    let expected = (0..tile.len()).map(|i| 4 * (i + if i > image { pixels.len() - 1 } else { 0 }) as u64);
+    assert_eq!(narrow("`eld_tile_t`"), expected.collect::<Vec<_>>());
     assert!(page().contains(&format!(
         "version {}.{}.{} (`ELD_VERSION`",
         ELD_VERSION >> 16,
