@@ -209,7 +209,8 @@ fn another_structure_begins_another_tile() {
 #[test]
 fn a_tile_is_given_up_in_every_phase() {
     let (tile, mut context) = (Tile::golden(), Context::new(nano()));
-    let reach: [(u32, eld_status_t, fn(&mut Context, &Tile)); 5] = [
+    type Reach = (u32, eld_status_t, fn(&mut Context, &Tile));
+    let reach: [Reach; 5] = [
         (ELD_PHASE_PREPARING, ELD_NOTICE_DROPPED, |context, tile| {
             assert_eq!(context.begin_step(&tile.c(), STEP_MACS), ELD_RUNNING);
         }),
