@@ -553,6 +553,17 @@ eld_status_t eld_init(void *memory,
                       eld_context_t **context);
 
 /**
+ * As `eld_init`, a piece of about `budget_macs` multiply-accumulates at a time. `*context` is NULL at the first call. `ELD_RUNNING`: call again
+ * with the same arguments and unchanged memory and model; `*context` is no context yet. Every other status is that of `eld_init`.
+ */
+eld_status_t eld_init_step(void *memory,
+                           size_t memory_bytes,
+                           const void *model,
+                           size_t model_bytes,
+                           uint64_t budget_macs,
+                           eld_context_t **context);
+
+/**
  * Begins a tile: validates, fills and normalises it, finds its light, and prepares for the first step. `tile->struct_bytes` must be set. The
  * maps are not needed after this call, which does all of the work at once; `eld_begin_step` does it in pieces. A tile in progress is dropped,
  * with a notice; if the new tile is refused, it continues.
