@@ -580,22 +580,3 @@ fn every_status_is_reached() {
     }
     println!("{} statuses in {} ways", reached.len(), CASES.len());
 }
-
-#[test]
-fn a_refused_call_changes_nothing_of_the_tile() {
-    let tile = Tile::golden();
-    let mut context = begun();
-    let mut status = ELD_RUNNING;
-    while status == ELD_RUNNING {
-        status = context.step(STEP_MACS);
-        // All these calls are refused while a tile is in progress.
-        if status == ELD_RUNNING {
-            assert_eq!(context.output(), Err(ELD_REFUSED_NOT_DONE));
-        }
-        assert_eq!(context.self_test_check(), ELD_REFUSED_OTHER_TILE);
-        assert_eq!(output_of(&context, null_mut(), PX, null_mut(), 0), ELD_REFUSED_NULL);
-        // SAFETY: the test passes NULL.
-        assert_eq!(unsafe { ffi::eld_begin(context.handle, null()) }, ELD_REFUSED_NULL);
-    }
-    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
-}

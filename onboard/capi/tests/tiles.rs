@@ -458,3 +458,26 @@ fn versions_names_and_sizes_are_told() {
     assert_eq!(text, elunar_core::nn::Kernel::best().name().as_bytes());
     println!("{} bytes of memory, largest unit {} macs", needs.memory_bytes, needs.largest_unit_macs);
 }
+
+#[test]
+fn a_refused_call_changes_nothing_of_the_tile() {
+    let tile = Tile::golden();
+    let mut context = Context::new(nano());
+    assert_eq!(context.begin(&tile), ELD_OK);
+    let mut status = ELD_RUNNING;
+    while status == ELD_RUNNING {
+        status = context.step(STEP_MACS);
+        // All these calls are refused while a tile is in progress.
+        if status == ELD_RUNNING {
+            assert_eq!(context.output(), Err(ELD_REFUSED_NOT_DONE));
+        }
+        assert_eq!(context.self_test_check(), ELD_REFUSED_OTHER_TILE);
+        let null = std::ptr::null_mut();
+        // SAFETY: the test passes NULL.
+        let output = unsafe { ffi::eld_output(context.handle, null, PX, null.cast(), 0) };
+        // SAFETY: as above.
+        let begin = unsafe { ffi::eld_begin(context.handle, std::ptr::null()) };
+        assert_eq!((output, begin), (ELD_REFUSED_NULL, ELD_REFUSED_NULL));
+    }
+    assert_eq!(bits(&context.output().unwrap().0), bits(&tile.expected().0));
+}
