@@ -1,7 +1,7 @@
 //! One tile from samples to heights: the order of all steps, for every caller.
 //!
 //! ```text
-//! prepare   take samples, fill voids, find the light, make the maps of the guide, load them into the network
+//! prepare   take samples, fit the light, fill voids, make the maps of the guide, load them into the network
 //! run       the network; then heights in metres, anchored to the coarse DTM, weighed, settled on it
 //! ```
 //!
@@ -103,12 +103,15 @@ pub enum Made {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Pass {
     Take,
+    /// The fit of the light, to samples that are not filled, as that of a scene.
+    Seen,
+    SeenLit,
+    Fit,
+    Axis,
     FillCoarse,
     FillImage,
     Measure,
     Lit,
-    Fit,
-    Axis,
     Decide,
     Weigh,
     Relief,
@@ -179,7 +182,7 @@ impl TileJob {
         }
     }
 
-    /// Prepares a tile: takes its samples, fills voids, finds its light, normalises it as in the network's training and loads it. Does at least
+    /// Prepares a tile: takes its samples, fits its light, fills voids, normalises it as in the network's training and loads it. Does at least
     /// one unit of work, and further ones until their cost, about that of so many multiply-accumulates, reaches `budget`. `tile` and `memory`
     /// are the same in all calls.
     ///

@@ -2,10 +2,12 @@
 
 use super::error::nothing_to_see;
 use super::{InputMap, JobError, Made, Network, Pass, TileInput, TileJob, TileMemory};
+use crate::error::LengthError;
 use crate::mask;
 use crate::nn::{Illumination, KnownSun, LightSource, Lighting, TileLight, TruthRange};
 use crate::norm::intensity::IntensityRange;
 use crate::norm::light_fit::FitPart;
+use crate::norm::shading::Brightness;
 use crate::norm::{ElevationScale, FineWaves, LightFit, NormError};
 use crate::part::{head, head_mut, item, part, part_mut, put};
 use crate::photoclinometry::{
@@ -29,6 +31,9 @@ impl TileJob {
     ) -> Result<u64, JobError<N::Fault>> {
         match self.pass {
             Pass::Take => Ok(self.take(tile, memory)),
+            Pass::Seen | Pass::SeenLit | Pass::Fit | Pass::Axis => {
+                self.look(tile.image, memory).map_err(JobError::Length)
+            }
             Pass::FillCoarse | Pass::FillImage => Ok(self.fill(memory)),
             _ if self.input.illumination.is_guided() => {
                 let TileMemory { coarse_m, valid, scratch, .. } = memory;
@@ -70,9 +75,12 @@ impl TileJob {
             }
         }
         self.next(self.tile.rows, Pass::FillCoarse);
+        let wants_fit = !is_decided(tile.light) && Lighting::wants_fit(self.input.illumination, known(tile.light));
         if self.pass == Pass::FillCoarse && self.valid_px == 0 {
             self.made = Made::Empty;
             self.to(Pass::Finished);
+        } else if self.pass == Pass::FillCoarse && wants_fit && self.made != Made::Coarse {
+            self.to(Pass::Seen);
         }
         80 * cols as u64
     }
@@ -108,9 +116,7 @@ impl TileJob {
     ) -> Result<u64, JobError<N::Fault>> {
         let seen = match self.pass {
             Pass::Measure => self.measure(image, coarse_m),
-            Pass::Lit => Ok(self.measure_lit(light, image)),
-            Pass::Fit => Ok(self.fit(image, coarse_m)),
-            Pass::Axis => self.axis(image, scratch),
+            Pass::Lit => Ok(self.measure_lit(image, Pass::Decide)),
             Pass::Decide => self.decide(light),
             Pass::Weigh | Pass::Relief => self.guide(image, coarse_m, scratch),
             _ => return self.load(network, image, coarse_m, scratch).map_err(JobError::Network),
@@ -147,13 +153,31 @@ impl TileJob {
     }
 
     /// Measures the brightness of a row's lit pixels.
-    fn measure_lit(&mut self, light: TileLight, image: impl Samples) -> u64 {
+    fn measure_lit(&mut self, image: impl Samples, then: Pass) -> u64 {
         let cols = self.tile.cols;
         let (first, dark_below) = (self.unit as usize * cols, self.brightness.dark_below());
         each(&image, first, cols, |v| self.brightness.lit.add(v, dark_below));
-        let wants_fit = !is_decided(light) && Lighting::wants_fit(self.input.illumination, known(light));
-        self.next(self.tile.rows, if wants_fit { Pass::Fit } else { Pass::Decide });
+        self.next(self.tile.rows, then);
         60 * cols as u64
+    }
+
+    /// Fits the light to samples that are not filled yet.
+    fn look(&mut self, image: impl Samples, memory: &mut TileMemory<'_>) -> Result<u64, LengthError> {
+        let cols = self.tile.cols;
+        Ok(match self.pass {
+            Pass::Seen => {
+                each(&image, self.unit as usize * cols, cols, |v| self.brightness.add(v));
+                self.next(self.tile.rows, Pass::SeenLit);
+                60 * cols as u64
+            }
+            Pass::SeenLit => self.measure_lit(image, Pass::Fit),
+            Pass::Fit => self.fit(image, memory.coarse_m),
+            _ => {
+                // The copy of the image is in the first part, if there is one.
+                let first = if self.input.illumination.is_guided() { 0 } else { self.tile.pixels() };
+                self.axis(image, memory.scratch.get_mut(first..).unwrap_or_default())?
+            }
+        })
     }
 
     /// Fits the light to a column of squares of cells.
@@ -171,22 +195,28 @@ impl TileJob {
     }
 
     /// Measures the contrast of the image alone, which shows the line along which the Sun shines.
-    fn axis(&mut self, image: impl Samples, scratch: &mut [f32]) -> Result<u64, NormError> {
+    fn axis(&mut self, image: impl Samples, scratch: &mut [f32]) -> Result<u64, LengthError> {
         let plan = Photoclinometry::new(self.tile);
         // Darkness and sameness have no contrast. Only a guide has the memory for it.
         let shading =
             self.brightness.shading(Contrast::ALONG_ROWS).ok().filter(|_| scratch.len() >= plan.scratch_len());
         let Some(shading) = shading else {
-            self.to(Pass::Decide);
+            self.seen();
             return Ok(1);
         };
         let level = Contrast::level(&image, self.tile, self.rules.coarse_px, &shading);
         let cost = plan.advance(&mut self.field, &Task::Contrast, &level, scratch)?;
         if cost.is_none() {
             self.fit = self.fit.with_axis(plan.measured(&self.field).axis());
-            self.to(Pass::Decide);
+            self.seen();
         }
         Ok(cost.unwrap_or(1))
+    }
+
+    /// Ends the fit.
+    fn seen(&mut self) {
+        (self.brightness, self.field) = (Brightness::NONE, FieldWork::default());
+        self.to(Pass::FillCoarse);
     }
 
     /// Decides the light.
@@ -196,7 +226,6 @@ impl TileJob {
             // Decided for a network that does not ask: no angle is known.
             _ => Lighting::decide(self.input.illumination, known(light), &self.fit),
         };
-        self.field = FieldWork::default();
         let weight = match self.input.illumination {
             Illumination::Any | Illumination::Northwest => {
                 self.lighting =

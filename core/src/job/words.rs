@@ -7,11 +7,11 @@ use crate::photoclinometry::{ExpectedErrors, GuideForm};
 use crate::tile::Shape;
 use crate::words::Words;
 
-const PASSES: [Pass; 20] = {
+const PASSES: [Pass; 22] = {
     use Pass::*;
     [
-        Take, FillCoarse, FillImage, Measure, Lit, Fit, Axis, Decide, Weigh, Relief, LoadImage, LoadCoarse, Network,
-        Output, Check, Anchor, Fine, Settle, Keep, Finished,
+        Take, Seen, SeenLit, Fit, Axis, FillCoarse, FillImage, Measure, Lit, Decide, Weigh, Relief, LoadImage,
+        LoadCoarse, Network, Output, Check, Anchor, Fine, Settle, Keep, Finished,
     ]
 };
 

@@ -58,9 +58,9 @@ pub(crate) fn begin(
     model: Model<'_>,
     mut lent: Lent<'_>,
     tile: &CallerTile<'_>,
-    budget: u64,
+    budget: Option<u64>,
 ) -> Outcome {
-    let goes_on = context.record.tile == PREPARING && context.record.tile_crc == tile.crc;
+    let goes_on = budget.is_some() && context.record.tile == PREPARING && context.record.tile_crc == tile.crc;
     if !goes_on {
         let rules = tile.rules;
         if ![rules.pixel_m, rules.coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
@@ -81,7 +81,7 @@ pub(crate) fn begin(
     }
     let mut job = job.unwrap_or_else(|| TileJob::new(tile.rules, model.input_rules(), model.tile()));
     let mut runner = runner(record, model, lent.arena)?;
-    let prepared = job.prepare(&mut runner, &tile.input(), &mut lent.tile, budget);
+    let prepared = job.prepare(&mut runner, &tile.input(), &mut lent.tile, budget.unwrap_or(u64::MAX));
     record.suspended = runner.suspend();
     let prepared = prepared.map_err(|error| lost(record, job_status(error)))?;
     write_job(lent.job, &job);

@@ -338,7 +338,7 @@ unsafe fn init(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_begin(context: *mut eld_context_t, tile: *const eld_tile_t) -> eld_status_t {
     // SAFETY: the caller's promise.
-    unsafe { eld_begin_step(context, tile, u64::MAX) }
+    unsafe { begin_tile(context, tile, None) }
 }
 
 /// Begins a tile as `eld_begin` does, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with the same
@@ -350,6 +350,15 @@ pub unsafe extern "C" fn eld_begin_step(
     tile: *const eld_tile_t,
     budget_macs: u64,
 ) -> eld_status_t {
+    // SAFETY: the caller's promise.
+    unsafe { begin_tile(context, tile, Some(budget_macs)) }
+}
+
+/// Begins a tile from the start and at once, or goes on with a budget.
+///
+/// # Safety
+/// The caller's promise holds for all pointers.
+unsafe fn begin_tile(context: *mut eld_context_t, tile: *const eld_tile_t, budget_macs: Option<u64>) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
         apart_from_ours(&context.record, &span(tile, 1)?)?;
         // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
