@@ -408,7 +408,7 @@ const CASES: &[Case] = &[
         tile.image[..COLS].fill(f32::NAN);
         assert_eq!(context.begin_step(&tile.c(), 1), ELD_RUNNING);
         tile.image.fill(f32::NAN);
-        let status = context.begin(&tile);
+        let status = context.begin_step(&tile.c(), u64::MAX);
         assert_eq!(context.telemetry().phase, ELD_PHASE_EMPTY);
         status
     }),
