@@ -13,6 +13,8 @@
 //!    [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
+//! [`job`] does all of this in order, a bounded piece at a time, from [`samples`] in any form ([`pixels`]): it is what every caller drives.
+//!
 //! For a camera that delivers lines, [`strip`] does all of this line by line: [`resample`] brings the coarse DTM onto the image's grid,
 //! [`fill`] fills voids, [`overlap`] gives the weights for blending tiles.
 //!

@@ -72,7 +72,7 @@ impl TileJob {
             (_, Made::Empty) => (),
             // What is left is to take the samples and to fill voids.
             (Pass::Take | Pass::FillCoarse | Pass::FillImage, _) => self.made = Made::Coarse,
-            (Pass::Seen | Pass::SeenLit | Pass::Fit | Pass::Axis, _) => {
+            (Pass::FitMeasure | Pass::FitLit | Pass::Fit | Pass::Axis, _) => {
                 self.made = Made::Coarse;
                 self.to(Pass::FillCoarse);
             }

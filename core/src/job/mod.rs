@@ -104,8 +104,8 @@ pub enum Made {
 enum Pass {
     Take,
     /// The fit of the light, to samples that are not filled, as that of a scene.
-    Seen,
-    SeenLit,
+    FitMeasure,
+    FitLit,
     Fit,
     Axis,
     FillCoarse,

@@ -31,19 +31,19 @@ impl TileJob {
     ) -> Result<u64, JobError<N::Fault>> {
         match self.pass {
             Pass::Take => Ok(self.take(tile, memory)),
-            Pass::Seen | Pass::SeenLit | Pass::Fit | Pass::Axis => {
-                self.look(tile.image, memory).map_err(JobError::Length)
+            Pass::FitMeasure | Pass::FitLit | Pass::Fit | Pass::Axis => {
+                self.fit_unit(tile.image, memory).map_err(JobError::Length)
             }
             Pass::FillCoarse | Pass::FillImage => Ok(self.fill(memory)),
             _ if self.input.illumination.is_guided() => {
                 let TileMemory { coarse_m, valid, scratch, .. } = memory;
-                self.see(network, tile.light, Masked { samples: tile.image, bits: valid }, coarse_m, scratch)
+                self.maps_unit(network, tile.light, Masked { samples: tile.image, bits: valid }, coarse_m, scratch)
             }
             _ => {
                 // The image was copied, so that its voids could be filled.
                 let TileMemory { coarse_m, scratch, .. } = memory;
                 let (image, scratch) = scratch.split_at_mut_checked(self.tile.pixels()).unwrap_or_default();
-                self.see(network, tile.light, &*image, coarse_m, scratch)
+                self.maps_unit(network, tile.light, &*image, coarse_m, scratch)
             }
         }
     }
@@ -80,7 +80,7 @@ impl TileJob {
             self.made = Made::Empty;
             self.to(Pass::Finished);
         } else if self.pass == Pass::FillCoarse && wants_fit && self.made != Made::Coarse {
-            self.to(Pass::Seen);
+            self.to(Pass::FitMeasure);
         }
         80 * cols as u64
     }
@@ -106,7 +106,7 @@ impl TileJob {
     }
 
     /// Finds light and maps of an image, and loads them.
-    fn see<N: Network, S: Samples>(
+    fn maps_unit<N: Network, S: Samples>(
         &mut self,
         network: &mut N,
         light: TileLight,
@@ -162,15 +162,15 @@ impl TileJob {
     }
 
     /// Fits the light to samples that are not filled yet.
-    fn look(&mut self, image: impl Samples, memory: &mut TileMemory<'_>) -> Result<u64, LengthError> {
+    fn fit_unit(&mut self, image: impl Samples, memory: &mut TileMemory<'_>) -> Result<u64, LengthError> {
         let cols = self.tile.cols;
         Ok(match self.pass {
-            Pass::Seen => {
+            Pass::FitMeasure => {
                 each(&image, self.unit as usize * cols, cols, |v| self.brightness.add(v));
-                self.next(self.tile.rows, Pass::SeenLit);
+                self.next(self.tile.rows, Pass::FitLit);
                 60 * cols as u64
             }
-            Pass::SeenLit => self.measure_lit(image, Pass::Fit),
+            Pass::FitLit => self.measure_lit(image, Pass::Fit),
             Pass::Fit => self.fit(image, memory.coarse_m),
             _ => {
                 // The copy of the image is in the first part, if there is one.
@@ -201,20 +201,20 @@ impl TileJob {
         let shading =
             self.brightness.shading(Contrast::ALONG_ROWS).ok().filter(|_| scratch.len() >= plan.scratch_len());
         let Some(shading) = shading else {
-            self.seen();
+            self.end_fit();
             return Ok(1);
         };
         let level = Contrast::level(&image, self.tile, self.rules.coarse_px, &shading);
         let cost = plan.advance(&mut self.field, &Task::Contrast, &level, scratch)?;
         if cost.is_none() {
             self.fit = self.fit.with_axis(plan.measured(&self.field).axis());
-            self.seen();
+            self.end_fit();
         }
         Ok(cost.unwrap_or(1))
     }
 
     /// Ends the fit.
-    fn seen(&mut self) {
+    fn end_fit(&mut self) {
         (self.brightness, self.field) = (Brightness::NONE, FieldWork::default());
         self.to(Pass::FillCoarse);
     }

@@ -10,7 +10,7 @@ use crate::words::Words;
 const PASSES: [Pass; 22] = {
     use Pass::*;
     [
-        Take, Seen, SeenLit, Fit, Axis, FillCoarse, FillImage, Measure, Lit, Decide, Weigh, Relief, LoadImage,
+        Take, FitMeasure, FitLit, Fit, Axis, FillCoarse, FillImage, Measure, Lit, Decide, Weigh, Relief, LoadImage,
         LoadCoarse, Network, Output, Check, Anchor, Fine, Settle, Keep, Finished,
     ]
 };

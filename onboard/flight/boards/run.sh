@@ -26,7 +26,7 @@ while [ $# -gt 0 ]; do
     --operators) operators=yes compared=no features=(--features per_operator) ;;
     --calls) calls=yes features=(--features c_calls) ;;
     --model) [ $# -gt 1 ] || fail "--model: expected a file"; shift; model="$1" compared=no ;;
-    -*) fail "expected --record, --operators, --model FILE or boards, found '$1'" ;;
+    -*) fail "expected --record, --operators, --calls, --model FILE or boards, found '$1'" ;;
     *) boards+=("$1") ;;
     esac
     shift

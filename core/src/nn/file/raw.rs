@@ -7,7 +7,7 @@ use crate::nn::crc::crc32c;
 use crate::nn::sum::sum;
 use crate::part::{head, part};
 
-/// Bytes with a valid header; the chunks are not validated until [`RawModel::verify`].
+/// Bytes with a valid header; the chunks are validated with the model ([`crate::nn::Validation`]).
 #[derive(Debug, Clone, Copy)]
 pub struct RawModel<'a> {
     bytes: &'a [u8],
@@ -95,20 +95,6 @@ impl<'a> RawModel<'a> {
     /// Returns the whole file.
     pub fn bytes(&self) -> &'a [u8] {
         self.bytes
-    }
-
-    /// Validates every checksum.
-    ///
-    /// # Errors
-    /// [`ModelError::ChunkChecksum`] for the first chunk that does not match.
-    pub fn verify(&self) -> Result<(), ModelError> {
-        if !self.head_holds() {
-            return Err(ModelError::ChunkChecksum { chunk: u32::MAX });
-        }
-        match (0..self.chunks()).find(|chunk| !self.chunk_is_whole(*chunk)) {
-            Some(chunk) => Err(ModelError::ChunkChecksum { chunk }),
-            None => Ok(()),
-        }
     }
 
     /// Returns a section of the body, from the header word of its offset and its length in bytes.
